@@ -16,6 +16,13 @@ from .paths.timing import Timing as Timing
 
 # The problem
 from .dynamics.redundancy import Redundancy as Redundancy
+from .robot.shapes import Box as Box
+from .robot.shapes import Cylinder as Cylinder
+from .robot.shapes import Sphere as Sphere
+from .paths.scene import Corridor as Corridor
+from .paths.scene import Scene as Scene
+from .paths.scene_body import SceneBody as SceneBody
+from .paths.tumbling import Tumbling as Tumbling
 from .motion.margin import Margin as Margin
 from .motion.problem import Problem as Problem
 from .io.scenario import load_scenario as load_scenario

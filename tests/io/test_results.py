@@ -14,9 +14,9 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.errors import InputError
+from freefloat.io.differences import differences
 from freefloat.io.files import written_beside
 from freefloat.io.hdf5 import AlteredFileError
-from freefloat.io.results import differences
 from freefloat.planning.attitude_map import AttitudeMap, Ball, BoundaryPoint, NearAttitude, Peak
 from freefloat.planning.heading_arcs import RangeLimitCause
 from freefloat.planning.heading_map import HeadingMap

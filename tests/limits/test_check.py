@@ -163,13 +163,13 @@ def test_each_limit_violated_alone():
     """A motion keeps limits equal to its largest values; each made tighter is violated alone."""
     motion = planar_motion(load_scenario("planar_3dof/parabola").problem())
     just = all_limits(motion)
-    checker = LimitChecker(motion.problem.model, just)
+    checker = LimitChecker(motion.problem, just)
     assert [result.kept for result in checker.results(motion)] == [True] * 4
     assert checker.first_violation(motion) is None
     for name, factor in (("joint_rate", 0.99), ("joint_torque", 0.99), ("base_rate", 0.99),
                          ("clearance", 1.01)):  # fmt: skip
         limits = replace(just, **{name: getattr(just, name) * factor})
-        tighter = LimitChecker(motion.problem.model, limits)
+        tighter = LimitChecker(motion.problem, limits)
         violated = [result.limit for result in tighter.results(motion) if not result.kept]
         assert violated == [name]
         first = tighter.first_violation(motion)
@@ -196,7 +196,7 @@ def test_the_stretched_motion_just_keeps_the_limit(name):
     motion = planar_motion(problem)
     limits = {"joint_rate": np.array([0.1, 0.02, 0.05]), "base_rate": 0.01,
               "joint_torque": np.array([0.2, 0.01, 0.003])}  # fmt: skip
-    checker = LimitChecker(problem.model, Limits(**{name: limits[name]}))
+    checker = LimitChecker(problem, Limits(**{name: limits[name]}))
     factor = needed_stretch(checker.results(motion))
     assert factor > 1.2
     longer = replace(problem, path=TimedPath(problem.path.path, Timing(100.0 * factor)))
@@ -234,7 +234,7 @@ def test_a_motion_that_ends_where_it_begins_keeps_no_rate():
     motion = spatial_motion()
     still = Motion(motion.problem, Ending.SINGULAR, motion.times[:1], motion.attitudes[:1],
                    motion.joints[:1])  # fmt: skip
-    checker = LimitChecker(motion.problem.model, Limits(np.ones(6), np.ones(6), 1.0, 0.0))
+    checker = LimitChecker(motion.problem, Limits(np.ones(6), np.ones(6), 1.0, 0.0))
     result = {result.limit: result for result in checker.results(still)}
     for kind in (LimitKind.JOINT_RATE, LimitKind.BASE_RATE, LimitKind.JOINT_TORQUE):
         assert result[kind].worst == np.inf
@@ -263,4 +263,4 @@ def test_limits_that_are_none_are_refused(key, value):
 
 def test_limits_of_another_number_of_joints_are_refused(spatial):
     with pytest.raises(InputError, match=r"limits\.joint_torque.*q1, q2"):
-        LimitChecker(spatial.problem.model, Limits(joint_torque=np.ones(5)))
+        LimitChecker(spatial.problem, Limits(joint_torque=np.ones(5)))

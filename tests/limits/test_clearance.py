@@ -8,8 +8,9 @@ import pytest
 
 from freefloat.errors import ModelError
 from freefloat.io.scenario import load_scenario
-from freefloat.limits.clearance import TOLERANCE, CollisionPairs, clearance
+from freefloat.limits.clearance import TOLERANCE, clearance
 from freefloat.limits.collision import collision_shapes
+from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.integration import integrate_motion
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import heading_quaternion

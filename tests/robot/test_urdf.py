@@ -12,9 +12,9 @@ from hypothesis import given
 from scipy.spatial.transform import Rotation
 
 from freefloat.errors import ModelError
-from freefloat.robot.description import Box, Cylinder, MeshFile, Sphere
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import example_robots, models_folder
+from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
 from freefloat.robot.urdf import parse_urdf
 from freefloat.robot.validation import read_urdf
 from tests.robots import Robot, inertial_text, joint_text, link_text, robots

@@ -12,11 +12,11 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from freefloat.robot.description import Box, Cylinder, Sphere
 from freefloat.robot.meshes import Mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import examples_folder, find_robot
 from freefloat.robot.parts import Spacecraft
+from freefloat.robot.shapes import Box, Cylinder, Sphere
 from freefloat.so3 import Pose
 from freefloat.visualization.visuals import RobotVisuals, Visual, robot_visuals
 from tests.robots import (

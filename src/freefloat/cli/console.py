@@ -45,6 +45,7 @@ _LIMITS = {
     "clearance": "clearance [m]",
     "pointing": "pointing [rad]",
     "base_turn": "base turn [rad]",
+    "corridor": "corridor [rad, m]",
 }
 
 

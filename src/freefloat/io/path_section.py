@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.summary import frames_at
 from freefloat.errors import InputError
+from freefloat.io.orientation_section import quaternion_of, rotation_of
 from freefloat.io.schema import (
     AttitudeSection,
     FollowSection,
-    OrientationSection,
     PathFrame,
     PathSection,
 )
@@ -33,7 +33,7 @@ from freefloat.paths.orientation import (
 from freefloat.paths.path import EndEffectorPath, parse_samples
 from freefloat.planning.plan import Search
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, Pose, axes_rotation, rotation_matrix, unit_quaternion
+from freefloat.so3 import Pose
 
 _CURVES = ("line", "polynomial", "arc", "waypoints", "samples")
 """Keys of curves."""
@@ -142,10 +142,10 @@ def _rotated(law: OrientationLaw, curve: Curve, frame: Pose) -> OrientationSplin
 def _law(section: AttitudeSection, curve: Curve, frame: Pose) -> OrientationLaw:
     R = frame.rotation
     if section.fixed is not None:
-        return FixedOrientation(R @ _rotation(section.fixed, "attitude.fixed"))
+        return FixedOrientation(R @ rotation_of(section.fixed, "attitude.fixed"))
     if section.slerp is not None:
-        start = R @ _rotation(section.slerp.start, "attitude.slerp.from")
-        return SlerpOrientation(start, R @ _rotation(section.slerp.end, "attitude.slerp.to"))
+        start = R @ rotation_of(section.slerp.start, "attitude.slerp.from")
+        return SlerpOrientation(start, R @ rotation_of(section.slerp.end, "attitude.slerp.to"))
     if section.point_at is not None:
         point_at = section.point_at
         with file_keys(curve="attitude.point_at"):
@@ -154,16 +154,6 @@ def _law(section: AttitudeSection, curve: Curve, frame: Pose) -> OrientationLaw:
     follow = cast(FollowSection, section.follow)  # exactly one of the four is given
     with file_keys(curve="attitude.follow", normal="attitude.follow.normal"):
         return DirectedOrientation.follow(curve, follow.axis, R @ np.array(follow.normal))
-
-
-def _rotation(section: OrientationSection, key: str) -> Array:
-    """Axes of an orientation in the frame of the path, shape (3, 3)."""
-    if section.quaternion is not None:
-        return rotation_matrix(unit_quaternion(f"{key}.quaternion", section.quaternion))
-    if section.rpy is not None:
-        return np.asarray(Rotation.from_euler("xyz", section.rpy).as_matrix())
-    first, second = (section.axes or {}).items()
-    return axes_rotation(f"{key}.axes", first, second)
 
 
 def section_of(path: EndEffectorPath) -> tuple[dict[str, Any], str | None]:
@@ -212,9 +202,9 @@ def _attitude_section(law: OrientationLaw) -> dict[str, Any]:
     if isinstance(law, FreeOrientation):
         return {}
     if isinstance(law, FixedOrientation):
-        content = {"fixed": _quaternion(law.axes)}
+        content = {"fixed": quaternion_of(law.axes)}
     elif isinstance(law, SlerpOrientation):
-        content = {"slerp": {"from": _quaternion(law.start), "to": _quaternion(law.end)}}
+        content = {"slerp": {"from": quaternion_of(law.start), "to": quaternion_of(law.end)}}
     elif isinstance(law, DirectedOrientation) and law.target is not None:
         content = {"point_at": {"target": law.target.tolist(), "axis": law.axis}}
     elif isinstance(law, DirectedOrientation):
@@ -222,11 +212,6 @@ def _attitude_section(law: OrientationLaw) -> dict[str, Any]:
     else:
         raise _inexpressible("path.attitude", law)
     return {"attitude": content}
-
-
-def _quaternion(axes: Array) -> list[float]:
-    quaternion: list[float] = Rotation.from_matrix(axes).as_quat().tolist()
-    return quaternion
 
 
 def _inexpressible(key: str, value: object) -> InputError:

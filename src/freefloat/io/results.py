@@ -7,19 +7,17 @@ document of the record; Python, MATLAB and other readers of HDF5 can open it.
 from __future__ import annotations
 
 import json
-import math
 import os
 import platform
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from freefloat.errors import InputError
 from freefloat.io import plan_file
+from freefloat.io.differences import differences
 from freefloat.io.hdf5 import (
     TEXT,
     AlteredFileError,
@@ -29,13 +27,13 @@ from freefloat.io.hdf5 import (
     write_hdf5,
 )
 from freefloat.io.scenario import Scenario, parse_scenario, scenario_of
+from freefloat.io.scene_section import parse_shapes, shapes_text
 from freefloat.io.singularity_file import read_singularity_map, write_singularity_map
 from freefloat.motion.motion import Motion
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import read_urdf
-from freefloat.verification.tolerances import magnitude_range
 from freefloat.workspace.singularity_map import SingularityMap
 
 if TYPE_CHECKING:  # compiled kernels are slow to import
@@ -56,8 +54,6 @@ _SOFTWARE = ("freefloat", "pin", "numpy", "scipy")
 _ACCEPTED = f"a plan, motion or map file of freefloat (-o), format {FORMAT_VERSION}"
 _INVALID = (InputError, KeyError, ValueError, IndexError, TypeError, OSError)
 """Errors of reading a file whose content does not fit together; HDF5 raises OSError."""
-_RELATIVE, _ABSOLUTE = 1e-6, 1e-9
-"""Deviation of a number in a document from the same number of its record: rounding."""
 
 
 def _functions(kind: str) -> tuple[Callable[..., None], Callable[..., Result]]:
@@ -126,7 +122,9 @@ def _describe(result: Any, scenario: Scenario | None) -> Scenario:
         None if search is None else scenario.search(),
         None if limits is None else scenario.limits(),
     )
-    return scenario if posed.text == described.text else described
+    if posed.text != described.text:
+        return described
+    return replace(scenario, shapes=described.shapes)
 
 
 def _write_origin(file: Any, model: FreeFloatingModel, scenario: Scenario | None) -> None:
@@ -139,6 +137,7 @@ def _write_origin(file: Any, model: FreeFloatingModel, scenario: Scenario | None
         "scenario": scenario and scenario.text,
         "scenario_file": scenario and str(scenario.source),
         "samples": scenario and scenario.samples,
+        "scene": shapes_text(scenario.shapes) if scenario and scenario.shapes else None,
         "robot": model.description.text,
         "robot_file": os.path.abspath(model.description.source),
         "held": json.dumps(dict(model.fixed_joints)),
@@ -246,53 +245,10 @@ def _read_scenario(file: Any) -> Scenario:
     """The scenario of a file, with the robot of the file."""
     model = _read_robot(file)
     samples = read_text(file, "samples") if "samples" in file else ""
+    shapes = parse_shapes(read_text(file, "scene")) if "scene" in file else {}
     source = Path(read_text(file, "scenario_file"))
-    scenario = parse_scenario(read_text(file, "scenario"), source, samples, model)
+    scenario = parse_scenario(read_text(file, "scenario"), source, samples, model, shapes)
     robot = scenario.content.robot
     if (robot.end_effector, robot.held) != (model.end_effector, dict(model.fixed_joints)):
         raise ValueError("its robot is not that of its scenario")
     return scenario
-
-
-def differences(
-    stated: Any, recomputed: Any, key: str = "", errors: bool = False
-) -> Iterator[tuple[str, Any, Any]]:
-    """Numbers, truth values and lengths in which a document differs from that of its record.
-
-    Texts are not compared, nor keys that only one of the two has.
-
-    Args:
-        stated: The document in a file.
-        recomputed: The document of the record.
-        key: Key path of both.
-        errors: Whether they are errors, of which only the order of magnitude is compared.
-
-    Yields:
-        Key path, stated and recomputed value.
-    """
-    if isinstance(stated, dict) and isinstance(recomputed, dict):
-        for name in (name for name in stated if name in recomputed):
-            inner = f"{key}.{name}" if key else name
-            residuals = name == "residuals"
-            yield from differences(stated[name], recomputed[name], inner, errors or residuals)
-    elif isinstance(stated, list) and isinstance(recomputed, list):
-        if len(stated) != len(recomputed):
-            yield key, stated, recomputed
-            return
-        if key.endswith("attitude") and np.dot(stated, recomputed) < 0.0:  # of opposite sign
-            recomputed = [-value for value in recomputed]
-        for index, pair in enumerate(zip(stated, recomputed, strict=True)):
-            yield from differences(*pair, f"{key}[{index}]", errors)
-    elif not _agree(stated, recomputed, errors):
-        yield key, stated, recomputed
-
-
-def _agree(stated: Any, recomputed: Any, errors: bool) -> bool:
-    if isinstance(stated, str) and isinstance(recomputed, str):
-        return True
-    if not {type(stated), type(recomputed)} <= {int, float}:
-        return type(stated) is type(recomputed) and bool(stated == recomputed)
-    if errors:
-        low, high = magnitude_range(recomputed)
-        return bool(low <= stated <= high)
-    return math.isclose(stated, recomputed, rel_tol=_RELATIVE, abs_tol=_ABSOLUTE)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -17,21 +16,21 @@ from freefloat.dynamics.global_maximum import guaranteed_magnitude
 from freefloat.dynamics.joint_space import largest_magnitude
 from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
 from freefloat.dynamics.redundancy import Redundancy, Toward
-from freefloat.errors import InputError, did_you_mean
+from freefloat.io.limits_section import limits_content, limits_of
 from freefloat.io.path_section import frame_of, path_of, section_of
 from freefloat.io.robot_section import RobotFile
-from freefloat.io.schema import JointLimits, ScenarioFile
+from freefloat.io.scene_section import FileShapes, file_shapes, scene_content
+from freefloat.io.schema import ScenarioFile
 from freefloat.io.yaml import error_context, file_keys, parse_yaml, read_text, validated
 from freefloat.limits.limits import Limits
 from freefloat.motion.margin import Margin
-from freefloat.motion.pointing import PointingLimit
 from freefloat.motion.problem import Problem
 from freefloat.paths.path import samples_text
 from freefloat.paths.timing import Stop, TimedPath, Timing
-from freefloat.planning.plan import Search, degrees
+from freefloat.planning.plan import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_robot, find_scenario
-from freefloat.so3 import Array, frozen, unit_quaternion
+from freefloat.so3 import frozen, unit_quaternion
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +43,7 @@ class Scenario:
         content: Its data.
         samples: Text of the CSV file of its path, if it has one.
         robot: The robot, if it does not come from the files that the scenario names.
+        shapes: Shapes of bodies of the scene, by name, likewise.
     """
 
     source: Path
@@ -51,6 +51,7 @@ class Scenario:
     content: ScenarioFile = field(repr=False)
     samples: str | None = field(default=None, repr=False)
     robot: FreeFloatingModel | None = field(default=None, repr=False)
+    shapes: FileShapes = field(default_factory=dict, repr=False)
 
     def urdf(self) -> Path:
         """URDF file of the robot, before anything is assembled with it."""
@@ -95,7 +96,8 @@ class Scenario:
                 redundancy = Redundancy(**content.redundancy.model_dump(exclude_none=True))
             timed = TimedPath(path, timing)
             momentum, margin = np.array(content.momentum), Margin(measure, value)
-            return Problem(model, timed, content.task, momentum, margin, redundancy)
+            scene = content.scene.to_scene(self.source.parent, self.shapes)
+            return Problem(model, timed, content.task, momentum, margin, redundancy, scene=scene)
 
     def _largest_magnitude(self, measure: SingularityMeasure) -> float:
         """Largest magnitude of a measure, guaranteed for det A unless the arm is redundant."""
@@ -132,53 +134,14 @@ class Scenario:
         Raises:
             InputError: If a joint is unknown, or the URDF lacks a limit that is taken from it.
         """
-        section = self.content.limits
-        bodies = self.model().bodies[1:]
         with self.error_context("limits."):
-            speeds = {str(body.joint): body.rated_speed for body in bodies}
-            efforts = {str(body.joint): body.rated_effort for body in bodies}
-            return Limits(
-                _joint_limits("joint_rate", section.joint_rate, speeds),
-                _joint_limits("joint_torque", section.joint_torque, efforts),
-                section.base_rate,
-                section.clearance,
-                tuple(self._pointing()),
-                section.base_turn_deg and float(np.radians(section.base_turn_deg)),
-            )
-
-    def _pointing(self) -> Iterator[PointingLimit]:
-        for k, entry in enumerate(self.content.limits.pointing):
-            with self.error_context(f"limits.pointing.{k}."):
-                angle = float(np.radians(entry.angle_deg))
-                target = entry.target.model_dump()
-                limit = PointingLimit(entry.body, np.array(entry.axis), angle, entry.keep, **target)
-                limit.require_body(self.model(), "body")
-                yield limit
+            return limits_of(self.content.limits, self.model())
 
     def error_context(
         self, prefix: str = "", only: str | None = None
     ) -> AbstractContextManager[None]:
         """Context in which errors name this file, see :func:`freefloat.io.yaml.error_context`."""
         return error_context(self.source, prefix, only)
-
-
-def _joint_limits(key: str, values: JointLimits | None, rated: dict[str, float]) -> Array | None:
-    """Limits by joint, infinite for joints that a map leaves out; None without limits."""
-    if values is None:
-        return None
-    if values == "urdf":
-        unknown = [joint for joint, value in rated.items() if not np.isfinite(value)]
-        if unknown:
-            problem = f"the URDF has none for {', '.join(unknown)}"
-            raise InputError(key, problem, "a number, or a map from joint to number")
-        return np.array(list(rated.values()))
-    if isinstance(values, dict):
-        for joint in values:
-            if joint not in rated:
-                problem = f"there is no such moving joint{did_you_mean(joint, rated)}"
-                raise InputError(f"{key}.{joint}", problem, ", ".join(rated))
-        return np.array([values.get(joint, np.inf) for joint in rated])
-    return np.full(len(rated), values)
 
 
 def load_scenario(name: str | Path | dict[str, Any]) -> Scenario:
@@ -225,6 +188,7 @@ def parse_scenario(
     source: Path,
     samples: str | None = None,
     robot: FreeFloatingModel | None = None,
+    shapes: FileShapes | None = None,
 ) -> Scenario:
     """Scenario of a text.
 
@@ -233,6 +197,7 @@ def parse_scenario(
         source: The file: named in errors, and the folder of the files that the text names.
         samples: Text of the CSV file of its path; default: read from the file.
         robot: The robot; default: that of the files that the scenario names.
+        shapes: Shapes of bodies of the scene, likewise.
 
     Raises:
         InputError: As for :func:`load_scenario`.
@@ -240,7 +205,7 @@ def parse_scenario(
     content = validated(ScenarioFile, parse_yaml(text, source), source, text)
     if content.path.samples is not None and samples is None:
         samples = samples_text(source.parent / content.path.samples)
-    return Scenario(source, text, content, samples, robot)
+    return Scenario(source, text, content, samples, robot, shapes or {})
 
 
 def scenario_of(
@@ -258,6 +223,7 @@ def scenario_of(
     margin = problem.margin
     search = search or Search(joints=problem.start_joints)
     limits = limits or Limits()
+    shapes = file_shapes(problem.scene)
     path, samples = section_of(problem.path.path)
     sections: dict[str, dict[str, Any]] = {
         "robot": {
@@ -273,13 +239,8 @@ def scenario_of(
         },
         "margin": {"measure": margin.measure.name, "value": float(margin.threshold)},
         "search": search.to_dict(),
-        "limits": {
-            **{key: _limit_map(model.joint_names, getattr(limits, key)) for key in _JOINT_LIMITS},
-            "base_rate": limits.base_rate and float(limits.base_rate),
-            "clearance": limits.clearance and float(limits.clearance),
-            "pointing": [limit.to_dict() for limit in limits.pointing],
-            "base_turn_deg": degrees(limits.base_turn),
-        },
+        "limits": limits_content(limits, model.joint_names),
+        "scene": scene_content(problem.scene),
     }
     if problem.redundancy is not None:
         sections["redundancy"] = _redundancy_section(problem.redundancy)
@@ -287,18 +248,7 @@ def scenario_of(
     for name, section in sections.items():
         content[name] = {key: value for key, value in section.items() if value is not None}
     text = yaml.safe_dump(content, sort_keys=False)
-    return parse_scenario(text, Path("scenario.yaml"), samples, model)
-
-
-_JOINT_LIMITS = ("joint_rate", "joint_torque")
-
-
-def _limit_map(joints: tuple[str, ...], values: Array | None) -> dict[str, float] | None:
-    """Finite limits by joint."""
-    if values is None:
-        return None
-    pairs = zip(joints, values.tolist(), strict=True)
-    return {joint: value for joint, value in pairs if np.isfinite(value)}
+    return parse_scenario(text, Path("scenario.yaml"), samples, model, shapes)
 
 
 def _redundancy_section(redundancy: Redundancy) -> dict[str, Any]:

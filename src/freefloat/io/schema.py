@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from freefloat.dynamics.measures import MeasureName
 from freefloat.dynamics.momentum import Task
@@ -18,12 +18,13 @@ from freefloat.io.field_types import (
     Number,
     Positive,
     Quaternion,
-    RollPitchYaw,
     Section,
     Vector,
     exactly_one_of,
 )
+from freefloat.io.orientation_section import Orientation
 from freefloat.io.robot_section import RobotSection
+from freefloat.io.scene_section import SceneSection
 from freefloat.motion.pointing import Keep
 from freefloat.paths.timing import TimeLaw
 from freefloat.planning.plan import FEWEST_SAMPLES, Objective
@@ -60,31 +61,6 @@ class ArcSection(Section):
     """First point [m]."""
     angle_deg: Number
     """Angle [degrees]."""
-
-
-Axes = Annotated[dict[Literal["x", "y", "z"], Vector], Field(min_length=2, max_length=2)]
-
-
-class OrientationSection(Section):
-    """An orientation: quaternion, roll-pitch-yaw angles or two axes."""
-
-    quaternion: Quaternion | None = None
-    """x, y, z, w."""
-    rpy: RollPitchYaw | None = None
-    """Roll, pitch, yaw about the inertial x, y, z axes in this order [rad]."""
-    axes: Axes | None = None
-    """Inertial directions of two of its axes x, y, z; the first one is exact."""
-
-    _exactly_one = exactly_one_of("quaternion", "rpy", "axes")
-
-
-Orientation = Annotated[
-    OrientationSection,
-    BeforeValidator(
-        lambda value: {"quaternion": value} if isinstance(value, list) else value,
-        json_schema_input_type=OrientationSection | Quaternion,
-    ),
-]
 
 
 class SlerpSection(Section):
@@ -270,7 +246,8 @@ class LimitsSection(Section):
     base_rate: Positive | None = None
     """Magnitude of the spacecraft's angular velocity [rad/s]."""
     clearance: NotNegative | None = None
-    """Smallest distance [m] between bodies that are not neighbours; 0: no contact."""
+    """Smallest distance [m] between bodies that are not neighbours, and between the robot and the
+    bodies of the scene; 0: no contact."""
     pointing: list[PointingSection] = Field(default=[])
     """Axes of links that stay inside or outside cones."""
     base_turn_deg: Annotated[float, Field(strict=True, gt=0.0, le=180.0)] | None = None
@@ -279,7 +256,7 @@ class LimitsSection(Section):
 
 
 class ScenarioFile(Section):
-    """A scenario: robot, task, momentum, path, timing, margin, search and limits."""
+    """A scenario: robot, task, momentum, path, timing, margin, search, limits and scene."""
 
     robot: RobotSection
     task: Task
@@ -293,3 +270,4 @@ class ScenarioFile(Section):
     """For redundant arms only; default: joint rates of minimum norm."""
     search: SearchSection = SearchSection()
     limits: LimitsSection = LimitsSection()
+    scene: SceneSection = SceneSection()

@@ -1,192 +1,36 @@
 """The smallest distance between bodies along a motion, found by branch and bound.
 
 Between two configurations the distance of a pair changes by at most the path lengths of its joints
-times their levers. Intervals in which the distance may fall below the smallest one known are
-bisected until none is left, so that no contact between samples is missed.
+times their levers; that of a pair with a body of the scene by those of the two bodies' frames.
+Intervals in which the distance may fall below the smallest one known are bisected until none is
+left, so that no contact between samples is missed.
 """
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-import pinocchio as pin
 from numpy.polynomial import chebyshev
 from scipy.optimize import minimize_scalar
+from scipy.spatial.transform import Rotation
 
-from freefloat.errors import ModelError
-from freefloat.limits.collision import CollisionShape, collision_shapes
+from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.motion import Motion
-from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, IntArray, low_discrepancy
+from freefloat.motion.panels import TO_COEFFICIENTS
+from freefloat.paths.scene import Scene
+from freefloat.paths.tumbling import Tumbling
+from freefloat.so3 import Array, IntArray, Pose, without_jumps
 
 TOLERANCE = 1e-4
 """Bound of the error before the final refinement [m]."""
 _PARTS = 16
-"""Parts of a panel in each of which the joint speeds are bounded."""
+"""Parts of a panel in each of which speeds are bounded."""
 _ROUNDING = 1e-9
 """Rounding error of distances [m]."""
 _STARTS = 2
 """Initial intervals of a panel."""
-_CONFIGURATIONS = 1024
-"""Sampled configurations; pairs that are too near in all of them are left out."""
-_BASE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
-
-
-class CollisionPairs:
-    """Pairs of shapes on different bodies, and their distances.
-
-    Links that a moving joint connects are left out. So are pairs at most the clearance apart in
-    each of 1024 sampled configurations; they are not checked and are named in :attr:`left_out`.
-
-    Attributes:
-        pairs: Indices of two shapes each, the first on the body nearer to the spacecraft, (P, 2).
-        left_out: Pairs of links that are always too near, ``"a - b: why"``, and links with mass
-            but without shape, ``"a: why"``.
-        links_left_out: Links of these pairs.
-    """
-
-    def __init__(
-        self, model: FreeFloatingModel, clearance: float = 0.0, hulls: Collection[str] = ()
-    ) -> None:
-        """Choose the pairs of a robot that can be farther apart than a clearance [m].
-
-        Args:
-            model: The robot.
-            clearance: The clearance [m].
-            hulls: Links whose meshes are not divided into convex parts.
-
-        Raises:
-            ModelError: If a shape cannot be read, or there is no pair.
-        """
-        self._model, self._shapes = model, collision_shapes(model, hulls)
-        connected = {frozenset((joint.parent, joint.child)) for joint in model.moving_joints}
-        candidates = np.array([
-            (i, j) if a.body < b.body else (j, i)
-            for (i, a), (j, b) in itertools.combinations(enumerate(self._shapes), 2)
-            if a.body != b.body and frozenset((a.link, b.link)) not in connected
-        ], dtype=np.int64).reshape(-1, 2)  # fmt: skip
-        self._geometry = self._geometry_model(candidates)
-        near = self._always_near(len(candidates), clearance)
-        self.pairs: IntArray = candidates[~near]
-        self._numbers = np.flatnonzero(~near)
-        names = set(map(self._links, self.pairs))
-        self.links_left_out = {self._shapes[index].link for index in candidates[near].ravel()}
-        shaped = {shape.link for shape in self._shapes}
-        self.left_out = tuple(sorted({
-            f"{name}: {'parts are ' if name in names else ''}always too near"
-            for name in map(self._links, candidates[near])
-        })) + tuple(
-            f"{link.name}: without shape"
-            for link in model.description.links if link.mass > 0.0 and link.name not in shaped
-        )  # fmt: skip
-        if not len(self.pairs):
-            problem = "the robot has no two shapes that could collide"
-            accepted = "a URDF with <collision> or <visual> shapes"
-            if near.any():
-                problem = f"no two shapes of the robot are ever farther than {clearance:g} m apart"
-                accepted = "a smaller distance"
-            source = model.description.source
-            raise ModelError("limits.clearance", problem, accepted, source)
-
-    def name(self, pair: int) -> str:
-        """Links of a pair, ``"a - b"``."""
-        return self._links(self.pairs[pair])
-
-    def _links(self, pair: Sequence[int] | IntArray) -> str:
-        return " - ".join(self._shapes[index].link for index in pair)
-
-    def distances(self, joints: npt.ArrayLike, pairs: IntArray) -> Array:
-        """Distances of pairs in a configuration.
-
-        Args:
-            joints: Joint values [rad or m], shape (n,).
-            pairs: Indices into :attr:`pairs`, shape (K,).
-
-        Returns:
-            [m], shape (K,); of shapes that overlap, minus the penetration depth.
-        """
-        return self._distances(joints, self._numbers[pairs])
-
-    def _distances(self, joints: npt.ArrayLike, candidates: IntArray) -> Array:
-        """Distances of candidate pairs [m], shape (K,)."""
-        model, (shapes, data) = self._model, self._geometry
-        q = np.concatenate([_BASE, np.asarray(joints)])
-        pin.updateGeometryPlacements(model.pin_model, model.scratch, shapes, data, q)
-        pairs = candidates.tolist()
-        return np.array([pin.computeDistance(shapes, data, pair).min_distance for pair in pairs])
-
-    def _geometry_model(self, pairs: IntArray) -> tuple[Any, Any]:
-        """Pinocchio's geometry model with collision pairs, and its data."""
-        geometry = pin.GeometryModel()
-        for number, shape in enumerate(self._shapes):
-            pose = pin.SE3(shape.placement.rotation, shape.placement.position)
-            geometry.addGeometryObject(
-                pin.GeometryObject(f"{number}", shape.body + 1, pose, shape.geometry)
-            )
-        for first, second in pairs.tolist():
-            geometry.addCollisionPair(pin.CollisionPair(first, second))
-        return geometry, geometry.createData()
-
-    def _always_near(self, count: int, clearance: float) -> npt.NDArray[np.bool_]:
-        """Which candidates are at most the clearance apart in all sampled configurations."""
-        near = np.arange(count)
-        lower, upper = self._model.joint_ranges
-        low = np.where(np.isfinite(lower), lower, -np.pi)
-        high = np.where(np.isfinite(upper), upper, np.pi)
-        for fraction in low_discrepancy(_CONFIGURATIONS, self._model.dof):
-            if not len(near):
-                break
-            near = near[self._distances(low + fraction * (high - low), near) <= clearance]
-        return np.isin(np.arange(count), near)
-
-    def levers(self, strokes: Array) -> Array:
-        """Bounds of the derivatives of the distances by the joint values.
-
-        A revolute joint moves the nearest points by no more than their distance from its axis; of
-        the two shapes the nearer one counts, because only their relative motion matters.
-
-        Args:
-            strokes: Largest magnitudes of the prismatic joints' values [m], shape (n,).
-
-        Returns:
-            [m/rad or m/m], shape (P, n).
-        """
-        reach = np.array([self._reach(shape, strokes) for shape in self._shapes])
-        first, second = self.pairs.T
-        bodies = np.array([shape.body for shape in self._shapes])
-        joints = np.arange(1, self._model.dof + 1)
-        between = (joints > bodies[first][:, None]) & (joints <= bodies[second][:, None])
-        revolute = np.minimum(reach[first], reach[second])
-        return np.where(between, np.where(self._model.prismatic, 1.0, revolute), 0.0)
-
-    def _reach(self, shape: CollisionShape, strokes: Array) -> Array:
-        """Bounds of the distances of a shape's points from every joint axis [m], shape (n,)."""
-        arm = self._model.bodies[1:]
-        steps = np.array([np.linalg.norm(body.placement.position) for body in arm])
-        lengths = steps + np.where(self._model.prismatic, strokes, 0.0)
-        radius = np.linalg.norm(shape.points, axis=1).max()
-        reach = np.empty(len(arm))
-        for k, body in enumerate(arm, start=1):
-            if k == shape.body:
-                reach[k - 1] = _from_axis(shape.points, body.axis)
-            elif k == shape.body + 1:
-                pose = body.placement
-                points = shape.points - pose.position
-                reach[k - 1] = _from_axis(points, pose.rotation @ body.axis)
-            else:
-                reach[k - 1] = radius + lengths[min(k, shape.body) : max(k, shape.body)].sum()
-        return reach
-
-
-def _from_axis(points: Array, axis: Array) -> float:
-    """Distance of the farthest point from an axis through the origin [m]."""
-    across = points - np.outer(points @ axis, axis)
-    return float(np.linalg.norm(across, axis=1).max())
 
 
 @dataclass(frozen=True)
@@ -215,8 +59,12 @@ def clearance(
         below: Distances of interest [m]; a larger result need not be the smallest.
         decide_only: End the search at the first distance below that.
     """
-    edges, lengths = _path_lengths(motion)
+    edges = np.linspace(0.0, motion.panels, _PARTS * motion.panels + 1)
+    lengths = _path_lengths(motion.coefficients[:, :, 5:], 1)
     levers = pairs.levers(np.abs(motion.joints).max(axis=0))
+    if pairs.scene.bodies:
+        lengths = np.hstack([lengths, _frame_path_lengths(motion, pairs.scene, edges)])
+        levers = np.hstack([levers, pairs.frame_levers()])
     every, panels = np.arange(len(pairs.pairs)), float(motion.panels)
     places = np.linspace(0.0, panels, _STARTS * motion.panels + 1)
     middle, pair = np.repeat(places, len(every)), np.tile(every, len(places))
@@ -261,22 +109,69 @@ def _distances(motion: Motion, pairs: CollisionPairs, places: Array, pair: IntAr
     unique, number = np.unique(places, return_inverse=True)
     order = np.argsort(number, kind="stable")
     groups = np.split(order, np.cumsum(np.bincount(number, minlength=len(unique)))[:-1])
-    for joints, group in zip(motion.evaluate(unique)[2], groups, strict=True):
-        distances[group] = pairs.distances(joints, pair[group])
+    states = zip(*motion.evaluate(unique), groups, strict=True)
+    for t, attitude, joints, group in states:
+        poses = pairs.scene.poses(t, motion.problem.path)
+        distances[group] = pairs.distances(joints, pair[group], attitude, poses)
     return distances
 
 
-def _path_lengths(motion: Motion) -> tuple[Array, Array]:
-    """Bounds of the joints' path lengths: places (K,) and lengths from the start [rad or m] (K, n).
+def _path_lengths(coefficients: Array, size: int) -> Array:
+    """Bounds of the path lengths of vectors from the start of a motion to the ends of its parts.
 
-    In each part of a panel a joint's speed is at most that at the faster end plus its largest
-    acceleration times half the part.
+    In each part of a panel a speed is at most that at the faster end plus the largest acceleration
+    times half the part.
+
+    Args:
+        coefficients: Chebyshev coefficients of the C components, shape (panels, 9, C).
+        size: Number of components of a vector.
+
+    Returns:
+        Shape (parts + 1, C / size).
     """
-    edges = np.linspace(0.0, motion.panels, _PARTS * motion.panels + 1)
     x = np.linspace(-1.0, 1.0, _PARTS + 1)
-    c = np.moveaxis(motion.coefficients[:, :, 5:], 1, 0)
-    speeds = np.abs(np.moveaxis(chebyshev.chebval(x, chebyshev.chebder(c)), -1, 1))
-    accelerations = np.abs(chebyshev.chebval(x, chebyshev.chebder(c, 2))).max(axis=-1)
+    c = np.moveaxis(coefficients, 1, 0)
+    count = c.shape[-1] // size
+
+    def magnitudes(order: int) -> Array:
+        values = np.moveaxis(chebyshev.chebval(x, chebyshev.chebder(c, order)), -1, 1)
+        vectors = values.reshape(*values.shape[:2], count, size)
+        return np.abs(values) if size == 1 else np.linalg.norm(vectors, axis=-1)
+
+    speeds, accelerations = magnitudes(1), magnitudes(2).max(axis=1)
     fastest = np.maximum(speeds[:, :-1], speeds[:, 1:]) + accelerations[:, None] / _PARTS
-    steps = (fastest * 2.0 / _PARTS).reshape(-1, c.shape[-1])
-    return edges, np.vstack([np.zeros(c.shape[-1]), np.cumsum(steps, axis=0)])
+    steps = (fastest * 2.0 / _PARTS).reshape(-1, count)
+    return np.vstack([np.zeros(count), np.cumsum(steps, axis=0)])
+
+
+def _frame_path_lengths(motion: Motion, scene: Scene, edges: Array) -> Array:
+    """The same of the F frames of the robot's bodies and the scene's, at panel coordinates.
+
+    Inside panels frames follow the polynomials through their poses at the nodes, except those of
+    tumbling bodies, whose rate is bounded.
+
+    Returns:
+        Path lengths [m] and, from column F on, angles [rad], shape (parts + 1, 2 F).
+    """
+
+    def lengths(poses: Sequence[Pose]) -> Array:
+        positions = np.array([pose.position for pose in poses])
+        rotations = Rotation.from_matrix([pose.rotation for pose in poses])
+        values = np.hstack([positions, without_jumps(rotations.as_quat())])
+        c = TO_COEFFICIENTS @ values[motion.panel_nodes]
+        return np.hstack([_path_lengths(c[:, :, :3], 3), 2.0 * _path_lengths(c[:, :, 3:], 4)])
+
+    problem = motion.problem
+    nodes = zip(motion.attitudes, motion.joints, strict=True)
+    robot = [problem.model.body_poses(attitude, joints) for attitude, joints in nodes]
+    frames = [lengths(poses) for poses in zip(*robot, strict=True)]
+    elapsed = np.abs(motion.evaluate(edges)[0] - motion.times[0])
+    for body in scene.bodies:
+        if body.motion == "target":
+            frames.append(lengths([problem.path.pose(t) @ body.pose for t in motion.times]))
+            continue
+        rate = com = 0.0
+        if isinstance(body.motion, Tumbling):
+            rate, com = body.motion.largest_rate, float(np.linalg.norm(body.motion.com))
+        frames.append(np.outer(rate * elapsed, [com, 1.0]))
+    return np.stack(frames, axis=-1).reshape(len(edges), -1)

@@ -1,10 +1,10 @@
-"""Collision shapes of a robot: primitives, and meshes as approximate convex decompositions."""
+"""Collision shapes of robots and scenes: primitives, meshes in approximately convex parts."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -14,9 +14,11 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from freefloat.errors import ModelError
-from freefloat.robot.description import Box, Cylinder, LinkShape, MeshFile, Sphere, corners
+from freefloat.paths.scene import Scene
+from freefloat.robot.description import LinkShape
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import MeshFileError, find_mesh
+from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere, corners
 from freefloat.so3 import Array, IntArray, Pose
 
 _MOST = 6
@@ -26,7 +28,7 @@ _CUTS = (0.2, 0.35, 0.5, 0.65, 0.8)
 _GAIN = 0.03
 """Volume that a cut has to save, as a fraction of the whole hull's."""
 _MOST_SHAPES = 1000
-"""Shapes of a robot: each is compared with every other."""
+"""Shapes of a robot or a body: each is compared with every other."""
 _THICKNESS = 1e-6
 """Thickness given to flat meshes [m]."""
 
@@ -36,14 +38,15 @@ _Solid = tuple[Any, Array]
 
 @dataclass(frozen=True, eq=False)
 class CollisionShape:
-    """A convex shape of a link, or a convex part of one.
+    """A convex shape of a link or a body of a scene, or a convex part of one.
 
     Attributes:
-        link: Name of the link.
-        body: The rigid body that it is part of: 0 is the spacecraft, k is moved by joint k.
-        placement: Its frame in the body's joint frame.
+        link: Name of the link or the body.
+        body: The rigid body that it is part of: 0 is the spacecraft, k is moved by joint k; the
+            bodies of a scene follow.
+        placement: Its frame in the body's frame, of a robot the joint frame.
         geometry: The coal geometry.
-        points: Vertices of a polytope around it, in the body's joint frame [m], shape (V, 3).
+        points: Vertices of a polytope around it, in the body's frame [m], shape (V, 3).
     """
 
     link: str
@@ -67,26 +70,63 @@ def collision_shapes(
     """
     source, shapes = model.description.source, list[CollisionShape]()
     count = sum(len(link.collisions or link.visuals) for link in model.description.links)
+    _require_few(count, source)
+    for link in model.description.links:
+        body, pose = model.link_places[link.name]
+        placed = [
+            replace(shape, origin=pose @ shape.origin) for shape in link.collisions or link.visuals
+        ]
+        most = 1 if link.name in hulls else _MOST
+        shapes += _convex_shapes(f"link {link.name}", link.name, body, placed, source, most)
+    return tuple(shapes)
+
+
+def scene_shapes(
+    scene: Scene, first: int, hulls: Collection[str] = ()
+) -> tuple[CollisionShape, ...]:
+    """Collision shapes of the bodies of a scene, whose names are those of the links.
+
+    Args:
+        scene: The scene.
+        first: Number of its first body.
+        hulls: Bodies whose meshes are not divided into convex parts.
+
+    Raises:
+        ModelError: If a shape cannot be read.
+    """
+    shapes = list[CollisionShape]()
+    for number, body in enumerate(scene.bodies, start=first):
+        most = 1 if body.name in hulls else _MOST
+        parts = body.shapes("collision")
+        _require_few(len(parts), body.source)
+        owner = f"scene body {body.name}"
+        shapes += _convex_shapes(owner, body.name, number, parts, body.source, most)
+    return tuple(shapes)
+
+
+def _require_few(count: int, source: str) -> None:
+    """Raise a ModelError for too many shapes."""
     if count > _MOST_SHAPES:
         problem, accepted = f"{count:,} collision shapes", f"at most {_MOST_SHAPES:,}"
         raise ModelError("limits.clearance", problem, accepted, source)
-    for link in model.description.links:
-        body, pose = model.link_places[link.name]
-        for shape in link.collisions or link.visuals:
-            try:
-                solids = _solids(shape, source, 1 if link.name in hulls else _MOST)
-            except MeshFileError as error:
-                accepted = "a box, cylinder or sphere of positive size, or a readable mesh file"
-                key = f"link {link.name}: <{shape.kind}>"
-                mesh = shape.geometry
-                name = f" from {mesh.filename}" if isinstance(mesh, MeshFile) else ""
-                problem = f"no collision shape{name}: {error}"
-                raise ModelError(key, problem, accepted, source) from None
-            at = pose @ shape.origin
-            for geometry, points in solids:
-                vertices = points @ at.rotation.T + at.position
-                shapes.append(CollisionShape(link.name, body, at, geometry, vertices))
-    return tuple(shapes)
+
+
+def _convex_shapes(
+    owner: str, name: str, body: int, shapes: Iterable[LinkShape], source: str, most: int
+) -> Iterator[CollisionShape]:
+    """Convex shapes of a link or a body of a scene; shapes are placed in the body's frame."""
+    for shape in shapes:
+        try:
+            solids = _solids(shape, source, most)
+        except MeshFileError as error:
+            accepted = "a box, cylinder or sphere of positive size, or a readable mesh file"
+            mesh = shape.geometry
+            file = f" from {mesh.filename}" if isinstance(mesh, MeshFile) else ""
+            problem = f"no collision shape{file}: {error}"
+            raise ModelError(f"{owner}: <{shape.kind}>", problem, accepted, source) from None
+        at = shape.origin
+        for geometry, points in solids:
+            yield CollisionShape(name, body, at, geometry, points @ at.rotation.T + at.position)
 
 
 def _solids(shape: LinkShape, source: str, most: int) -> tuple[_Solid, ...]:

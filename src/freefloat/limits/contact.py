@@ -1,4 +1,4 @@
-"""Contact between bodies of a robot along a motion, whether or not a clearance is required."""
+"""Contact along a motion, of a robot with itself or its scene, also without a clearance."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from freefloat.errors import ModelError
-from freefloat.limits.clearance import TOLERANCE, CollisionPairs, clearance
+from freefloat.limits.clearance import TOLERANCE, clearance
 from freefloat.limits.limits import LimitKind, LimitResult
+from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.motion import Motion
-from freefloat.robot.description import MeshFile
+from freefloat.robot.description import LinkShape
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.shapes import MeshFile
 
 
 @dataclass(frozen=True)
@@ -19,7 +21,8 @@ class Contact:
     """The deepest contact of two bodies along a motion.
 
     Attributes:
-        bodies: Links that overlap, the one nearer to the spacecraft first.
+        bodies: Links that overlap, the one nearer to the spacecraft first, or a link and a body of
+            the scene.
         depth: Penetration depth [m].
         time: Its time [s].
         s: Path parameter at that time.
@@ -42,7 +45,8 @@ class Contact:
 def self_contact(motion: Motion, results: Iterable[LimitResult] = ()) -> Contact | None:
     """The deepest contact along a motion of bodies that no joint connects; None without contact.
 
-    Less than 0.1 mm is no contact. Robots whose shapes cannot be used have none.
+    Bodies of the problem's scene count. Less than 0.1 mm is no contact. Robots whose shapes cannot
+    be used have none.
 
     Args:
         motion: The motion.
@@ -72,11 +76,11 @@ def why_unchecked(model: FreeFloatingModel) -> str | None:
 
 
 def _links_with_meshes(model: FreeFloatingModel) -> set[str]:
-    return {
-        link.name
-        for link in model.description.links
-        if any(isinstance(shape.geometry, MeshFile) for shape in link.shapes)
-    }
+    return {link.name for link in model.description.links if _has_mesh(link.shapes)}
+
+
+def _has_mesh(shapes: Iterable[LinkShape]) -> bool:
+    return any(isinstance(shape.geometry, MeshFile) for shape in shapes)
 
 
 def _deepest(motion: Motion) -> tuple[float, float, str]:
@@ -85,10 +89,12 @@ def _deepest(motion: Motion) -> tuple[float, float, str]:
     Meshes count as their convex hulls, which are quick to compute, until they are in contact; only
     then are they divided into convex parts.
     """
-    model = motion.problem.model
-    hulls = _links_with_meshes(model)
+    model, scene = motion.problem.model, motion.problem.scene
+    hulls = _links_with_meshes(model) | {
+        body.name for body in scene.bodies if _has_mesh(body.shapes("collision"))
+    }
     while True:
-        pairs = CollisionPairs(model, hulls=hulls)
+        pairs = CollisionPairs(model, hulls=hulls, scene=scene)
         nearest = clearance(motion, pairs, -TOLERANCE)
         name = pairs.name(nearest.pair)
         close = {*name.split(" - ")} if nearest.distance <= -TOLERANCE else set[str]()

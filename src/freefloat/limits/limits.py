@@ -25,6 +25,7 @@ class LimitKind(StrEnum):
     JOINT_TORQUE = "joint_torque"
     POINTING = "pointing"
     BASE_TURN = "base_turn"
+    CORRIDOR = "corridor"
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +36,8 @@ class Limits:
         joint_rate: Magnitudes [rad/s or m/s], shape (n,); infinite for joints without a limit.
         joint_torque: Magnitudes [N m or N], shape (n,); infinite for joints without a limit.
         base_rate: Magnitude of the spacecraft's angular velocity [rad/s].
-        clearance: Smallest distance [m] between bodies that no joint connects; 0: no contact.
+        clearance: Smallest distance [m] between bodies that no joint connects, and between the
+            robot and bodies of the problem's scene; 0: no contact.
         pointing: Axes of links that stay inside or outside cones.
         base_turn: Largest angle between the attitudes of the spacecraft at the start and at any
             time [rad], up to pi.
@@ -95,11 +97,12 @@ class LimitResult:
     Attributes:
         limit: The kind of limit.
         worst: Value at that instant, signed [unit of the limit; rad or m for a joint range, rad for
-            pointing and turn].
+            pointing, turn and a cone].
         allowed: Limit of that value; of a range the nearer end.
         time: The instant [s].
-        where: The joint, the pair of links as ``"a - b"``, the link that points with the number of
-            its limit, or ``"spacecraft"``.
+        where: The joint, the pair of links, or link and body of the scene, as ``"a - b"``, the link
+            that points with the number of its limit, ``"spacecraft"``, or of a corridor the
+            end-effector.
         kept: Whether the motion keeps the limit.
         ratio: 1 where the limit is just kept: worst over allowed; of a range the distance from its
             middle over half its width; of a clearance, and of an axis that is kept outside a cone,

@@ -16,15 +16,11 @@ from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError, finite_number, finite_vector, require_type
-from freefloat.ik.branches import (
-    ArmBranch,
-    BranchSets,
-    arm_branches,
-    many_arm_branches,
-)
+from freefloat.ik.branches import ArmBranch, BranchSets, arm_branches, many_arm_branches
 from freefloat.ik.nearest import closest_branches, newton_configuration
 from freefloat.motion.margin import Margin
 from freefloat.paths.orientation import FreeOrientation
+from freefloat.paths.scene import Scene
 from freefloat.paths.timing import TimedPath
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import (
@@ -56,6 +52,7 @@ class Problem:
             smallest Euclidean norm.
         start_joints: Of the arm configurations at the start of the path only the one closest to
             these joint values is considered, shape (n,); all when left out.
+        scene: Bodies beside the robot, and the corridor of the end-effector.
 
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
@@ -74,6 +71,7 @@ class Problem:
     margin: Margin
     redundancy: Redundancy | None = None
     start_joints: Array | None = None
+    scene: Scene = field(default=Scene(), repr=False)
 
     def __post_init__(self) -> None:
         require_type("model", self.model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
@@ -90,6 +88,8 @@ class Problem:
             accepted = "Redundancy, such as Redundancy(metric='energy')"
             require_type("redundancy", self.redundancy, Redundancy, accepted)
             self.redundancy.require_applicable(self.model, self.task)
+        require_type("scene", self.scene, Scene, "Scene(bodies, corridor)")
+        self.scene.require_applicable(self.model, self.path.duration)
         if self.task.prescribes_orientation and isinstance(
             self.path.path.orientation, FreeOrientation
         ):

@@ -52,8 +52,8 @@ def stretched_plan(
     if result.needed_stretch is None:
         return result
     factor = result.needed_stretch
-    if not problem.momentum.any():
-        factor *= OVER  # it just keeps the limits; with momentum it is one that was integrated
+    if not problem.momentum.any() and not problem.scene.tumbles:
+        factor *= OVER  # it just keeps the limits; else it is one that was integrated
     return replace(plan(problem.stretched(factor), result.stretch_candidate), stretch=factor)
 
 
@@ -77,6 +77,8 @@ def keep_limits(
     trials = Trials(evaluator, limits)
     if (passed := trials.check(plan.chosen)) is not None:
         return replace(plan, limit_results=passed[1])
+    if LimitKind.CORRIDOR in trials.violations:  # the path itself leaves it
+        return _without_candidate(plan, trials)
     passed = _first_passing(evaluator, plan, limits, trials, progress)
     if passed is None and known is not None:
         passed = trials.check_candidate(known)

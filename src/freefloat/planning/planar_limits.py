@@ -73,7 +73,7 @@ class _Slack:
         self._evaluator, self._branch = evaluator, branch
         limits = evaluator.limits
         self._checker = LimitChecker(
-            evaluator.problem.model, Limits(pointing=limits.pointing, base_turn=limits.base_turn)
+            evaluator.problem, Limits(pointing=limits.pointing, base_turn=limits.base_turn)
         )
 
     def __call__(self, headings: Array) -> Array:

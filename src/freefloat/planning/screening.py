@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.ensemble.feasibility import BranchResults, FeasibilityEvaluator
-from freefloat.limits.clearance import CollisionPairs
 from freefloat.limits.limits import LimitKind, Limits
+from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.problem import Problem
 from freefloat.planning.attitude_map import Candidate
 from freefloat.planning.plan import Objective, Search
@@ -140,14 +140,22 @@ def clearance_deficits(
         [m], one for each entry of the results; zero where the clearance is kept at every instant.
     """
     attitudes, joints = results.attitudes[entries[0]], results.joints[entries]
-    every = np.arange(len(pairs.pairs))
+    path, every = evaluator.problem.path, np.arange(len(pairs.pairs))
+    deficits = np.zeros(len(joints))
 
-    def deficit(q: Array) -> float:
-        return max(0.0, clearance - float(pairs.distances(q, every).min()) - _SLACK)
+    def deficits_at(t: float, attitudes: Array, joints: Array) -> list[float]:
+        """Those of states (K, 4), (K, n) at a time."""
+        poses = pairs.scene.poses(t, path)
+        states = zip(attitudes, joints, strict=True)
+        distances = [pairs.distances(q, every, a, poses).min() for a, q in states]
+        return [max(0.0, clearance - float(distance) - _SLACK) for distance in distances]
 
-    ends = zip(joints, results.motions.joints[entries], strict=True)
-    deficits = np.array([deficit(first) or deficit(last) for first, last in ends])
-    times = np.linspace(0.0, evaluator.problem.path.duration, _INSTANTS + 2)
+    deficits[:] = deficits_at(0.0, attitudes, joints)
+    (left,) = np.nonzero(deficits == 0.0)
+    last = entries[0][left], entries[1][left]
+    motions = results.motions
+    deficits[left] = deficits_at(path.duration, motions.attitudes[last], motions.joints[last])
+    times = np.linspace(0.0, path.duration, _INSTANTS + 2)
     for start, end in pairwise(times[:-1]):
         (left,) = np.nonzero(deficits == 0.0)
         ensemble = evaluator.integrator.integrate(
@@ -155,5 +163,5 @@ def clearance_deficits(
             starts=np.full(len(left), start), ends=np.full(len(left), end),
         )  # fmt: skip
         attitudes[left], joints[left] = ensemble.attitudes, ensemble.joints
-        deficits[left] = [deficit(q) for q in ensemble.joints]
+        deficits[left] = deficits_at(end, ensemble.attitudes, ensemble.joints)
     return deficits

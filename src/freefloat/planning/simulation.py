@@ -186,7 +186,7 @@ def simulate(
     """
     require_problem(problem)
     attitude = problem.attitude(attitude, heading=heading)
-    checker = None if limits is None else LimitChecker(problem.model, limits)
+    checker = None if limits is None else LimitChecker(problem, limits)
     branches, requested = _branches(problem, attitude, branch, joints)
     simulated = [
         _simulated(problem, attitude, start, stop_at_margin=stop_at_margin, tolerance=tolerance)

@@ -49,7 +49,7 @@ class Trials:
         self.problem = problem
         self._threads = evaluator.integrator.threads
         self._limits = limits
-        self.checker = LimitChecker(problem.model, limits)
+        self.checker = LimitChecker(problem, limits)
         self.violations: Counter[str] = Counter()
         self.count = 0
         self.too_fast: list[tuple[float, SimulatedBranch]] = []
@@ -92,7 +92,8 @@ class Trials:
         """Factor on the duration with which a candidate keeps everything, and that candidate.
 
         Without momentum its motion is the same, only slower. With momentum the system rotates
-        farther during a longer motion; the factor is then one with which it was integrated.
+        farther during a longer motion, and so does a tumbling body of the scene; the factor is then
+        one with which it was integrated.
 
         Args:
             attitudes: Others to try with momentum where joint rates are limited, shape (K, 4).
@@ -102,7 +103,7 @@ class Trials:
             attitude, branch = simulated.motion.initial.attitude, simulated.branch.index
             candidate = ScreenedCandidate(attitude, branch)
             enough: float | None = needed
-            if self.problem.momentum.any():
+            if self.problem.momentum.any() or self.problem.scene.tumbles:
                 enough = self._integrated_stretch(candidate, needed)
             if enough is not None:
                 return enough, candidate

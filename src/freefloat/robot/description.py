@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -13,7 +12,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.errors import ModelError
-from freefloat.so3 import Array, Pose, frozen
+from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
+from freefloat.so3 import Array, Pose
 
 MOVING = ("revolute", "continuous", "prismatic")
 """Types of joints that move."""
@@ -57,39 +57,6 @@ class UrdfDiagnostic:
     def exception(self) -> ModelError:
         """The diagnostic as an exception."""
         return ModelError(self.element, self.problem, self.remedy, self.file, self.line)
-
-
-@dataclass(frozen=True, eq=False)
-class Box:
-    """A box centred on the origin; edges along x, y, z [m], shape (3,)."""
-
-    size: Array
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "size", frozen(self.size))
-
-
-@dataclass(frozen=True)
-class Cylinder:
-    """A cylinder about the z axis, centred on the origin; lengths in metres."""
-
-    radius: float
-    length: float
-
-
-@dataclass(frozen=True)
-class Sphere:
-    """A sphere about the origin; radius in metres."""
-
-    radius: float
-
-
-@dataclass(frozen=True)
-class MeshFile:
-    """A mesh file as the URDF names it, and its scale along x, y, z."""
-
-    filename: str
-    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,18 +248,6 @@ class RobotDescription:
                     links[joint.child] = pose
                     queue.append(joint.child)
         return RigidGroup(links, joints)
-
-
-def corners(shape: Box | Cylinder | Sphere) -> Array:
-    """Corners of the box around a shape in its frame [m], shape (8, 3); z changes fastest."""
-    match shape:
-        case Box(size=size):
-            half = size / 2.0
-        case Cylinder(radius=radius, length=length):
-            half = np.array([radius, radius, length / 2.0])
-        case Sphere(radius=radius):
-            half = np.full(3, radius)
-    return np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half
 
 
 def rpy_rotation(rpy: Array) -> Array:

@@ -148,7 +148,7 @@ def _check_body(name: str, body: Spacecraft | Payload) -> None:
         raise InputError(f"{name}.mass", f"{mass:g} kg was given", "a positive mass [kg]")
     values: dict[str, Any] = {
         "mass": mass,
-        "inertia": _inertia_matrix(f"{name}.inertia", body.inertia),
+        "inertia": inertia_matrix(f"{name}.inertia", body.inertia),
         "com": frozen(finite_vector(f"{name}.com", body.com, 3)),
     }
     if body.size is not None:
@@ -167,8 +167,12 @@ def _check_body(name: str, body: Spacecraft | Payload) -> None:
         object.__setattr__(body, key, value)
 
 
-def _inertia_matrix(key: str, values: npt.ArrayLike) -> Array:
-    """The inertia matrix (3, 3) from three principal moments, six moments or a matrix."""
+def inertia_matrix(key: str, values: npt.ArrayLike) -> Array:
+    """The inertia matrix (3, 3), read-only, from three principal moments, six moments or a matrix.
+
+    Raises:
+        InputError: Naming ``key``, if no rigid body has that inertia.
+    """
     matrix = number_array(key, values, INERTIA)
     if matrix.shape == (3,):
         matrix = np.diag(matrix)

@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.robot.description import Joint, Link, MeshFile, RigidGroup, RobotDescription, corners
+from freefloat.robot.description import Joint, Link, RigidGroup, RobotDescription
 from freefloat.robot.names import MeshFileError, find_mesh
+from freefloat.robot.shapes import MeshFile, corners
 from freefloat.so3 import Array
 
 LONG = 0.2

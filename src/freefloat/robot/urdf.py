@@ -14,21 +14,18 @@ from lxml import etree
 from freefloat.errors import ModelError, require_type
 from freefloat.robot.description import (
     IDENTITY,
-    Box,
     Colour,
-    Cylinder,
     Inertial,
     Joint,
     Link,
     LinkShape,
-    MeshFile,
     RobotDescription,
     Severity,
-    Sphere,
     UrdfDiagnostic,
     rpy_rotation,
 )
 from freefloat.robot.names import read_text
+from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
 from freefloat.so3 import Array, Pose
 
 Element = Any

@@ -22,7 +22,7 @@ def read_urdf(urdf: str | Path, mounted: bool = False) -> RobotDescription:
 
     Args:
         urdf: A file, or XML text (recognized by its leading ``<``).
-        mounted: Whether it is an arm that will be mounted on a spacecraft.
+        mounted: Whether it may have no mass: an arm for a spacecraft, or a body of a scene.
 
     Raises:
         ModelError: If the file cannot be read or is not the XML of a robot; else the first error.
@@ -44,7 +44,7 @@ def examine(urdf: str | Path, mounted: bool = False) -> tuple[UrdfDiagnostic, ..
 
     Args:
         urdf: A file or XML text.
-        mounted: Whether it is an arm that will be mounted on a spacecraft.
+        mounted: Whether it may have no mass: an arm for a spacecraft, or a body of a scene.
 
     Returns:
         Errors, causes before consequences, then warnings by line, missing mesh files included.

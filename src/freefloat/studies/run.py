@@ -26,8 +26,8 @@ from freefloat.ik.nearest import newton_configuration
 from freefloat.io.results import save
 from freefloat.motion.problem import Problem
 from freefloat.planning.simulation import simulate
-from freefloat.robot.description import MeshFile
 from freefloat.robot.names import MeshFileError, find_mesh, is_file
+from freefloat.robot.shapes import MeshFile
 from freefloat.robot.urdf import parse_urdf
 from freefloat.so3 import Array, rotation_matrix
 from freefloat.studies.database import Files

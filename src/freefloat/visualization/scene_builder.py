@@ -16,7 +16,7 @@ from meshcat import geometry as g
 from meshcat.commands import SetObject, SetProperty, SetTransform
 from meshcat.path import Path
 
-from freefloat.robot.description import Box, Cylinder, Sphere
+from freefloat.robot.shapes import Box, Cylinder, Sphere
 from freefloat.so3 import Array, IntArray, Pose
 from freefloat.visualization.description import SceneDescription
 from freefloat.visualization.visuals import Visual

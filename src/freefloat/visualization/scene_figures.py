@@ -15,8 +15,8 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
-from freefloat.robot.description import Box
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.shapes import Box
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (
     BLACK,

@@ -1,0 +1,231 @@
+"""Pairs of shapes that may collide: of two bodies of a robot, or of a robot and a scene."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Collection, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from freefloat.errors import ModelError
+from freefloat.limits.collision import CollisionShape, collision_shapes, scene_shapes
+from freefloat.paths.scene import Scene
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, IntArray, Pose, low_discrepancy
+
+_CONFIGURATIONS = 1024
+"""Sampled configurations; pairs that are too near in all of them are left out."""
+_UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
+_BASE = np.concatenate([np.zeros(3), _UPRIGHT])
+_NO_SCENE = Scene()
+
+
+class CollisionPairs:
+    """Pairs of shapes on different bodies, and their distances.
+
+    Links that a moving joint connects are left out. So are pairs of links at most the clearance
+    apart in each of 1024 sampled configurations; they are not checked and are named in
+    :attr:`left_out`. Pairs of a link and a body of the scene are left out where they may touch.
+
+    Attributes:
+        scene: The scene; without bodies the distances depend on the joints alone.
+        pairs: Indices of two shapes each, the first on the body nearer to the spacecraft, the
+            second one perhaps on a body of the scene, (P, 2).
+        left_out: Pairs of links that are always too near, ``"a - b: why"``, and links with mass
+            but without shape, ``"a: why"``.
+        links_left_out: Links of these pairs.
+    """
+
+    def __init__(
+        self,
+        model: FreeFloatingModel,
+        clearance: float = 0.0,
+        hulls: Collection[str] = (),
+        scene: Scene = _NO_SCENE,
+    ) -> None:
+        """Choose the pairs of a robot and a scene that can be farther apart than a clearance [m].
+
+        Args:
+            model: The robot.
+            clearance: The clearance [m].
+            hulls: Links and bodies whose meshes are not divided into convex parts.
+            scene: The scene.
+
+        Raises:
+            ModelError: If a shape cannot be read, or there is no pair.
+        """
+        self._model, self.scene = model, scene
+        robot = collision_shapes(model, hulls)
+        self._shapes = robot + scene_shapes(scene, len(model.bodies), hulls)
+        self._scene_shapes = range(len(robot), len(self._shapes))
+        connected = {frozenset((joint.parent, joint.child)) for joint in model.moving_joints}
+        own = [
+            (i, j) if a.body < b.body else (j, i)
+            for (i, a), (j, b) in itertools.combinations(enumerate(robot), 2)
+            if a.body != b.body and frozenset((a.link, b.link)) not in connected
+        ]
+        may_touch = {(link, body.name) for body in scene.bodies for link in body.touch_links}
+        others = [
+            (i, j)
+            for i, a in enumerate(robot)
+            for j in self._scene_shapes
+            if (a.link, self._shapes[j].link) not in may_touch
+        ]
+        candidates = np.array(own + others, dtype=np.int64).reshape(-1, 2)
+        self._geometry = self._geometry_model(candidates)
+        near = self._always_near(len(own), len(candidates), clearance)
+        self.pairs: IntArray = candidates[~near]
+        self._numbers = np.flatnonzero(~near)
+        names = set(map(self._links, self.pairs))
+        self.links_left_out = {self._shapes[index].link for index in candidates[near].ravel()}
+        shaped = {shape.link for shape in robot}
+        self.left_out = tuple(sorted({
+            f"{name}: {'parts are ' if name in names else ''}always too near"
+            for name in map(self._links, candidates[near])
+        })) + tuple(
+            f"{link.name}: without shape"
+            for link in model.description.links if link.mass > 0.0 and link.name not in shaped
+        )  # fmt: skip
+        if not len(self.pairs):
+            problem = "the robot has no two shapes that could collide"
+            accepted = "a URDF with <collision> or <visual> shapes"
+            if near.any():
+                problem = f"no two shapes of the robot are ever farther than {clearance:g} m apart"
+                accepted = "a smaller distance"
+            source = model.description.source
+            raise ModelError("limits.clearance", problem, accepted, source)
+
+    def name(self, pair: int) -> str:
+        """Links of a pair, ``"a - b"``."""
+        return self._links(self.pairs[pair])
+
+    def _links(self, pair: Sequence[int] | IntArray) -> str:
+        return " - ".join(self._shapes[index].link for index in pair)
+
+    def distances(
+        self,
+        joints: npt.ArrayLike,
+        pairs: IntArray,
+        attitude: npt.ArrayLike = _UPRIGHT,
+        poses: Sequence[Pose] = (),
+    ) -> Array:
+        """Distances of pairs in a configuration.
+
+        Args:
+            joints: Joint values [rad or m], shape (n,).
+            pairs: Indices into :attr:`pairs`, shape (K,).
+            attitude: Of the spacecraft, x, y, z, w; used for a scene with bodies only.
+            poses: Frames of the bodies of the scene in the inertial frame.
+
+        Returns:
+            [m], shape (K,); of shapes that overlap, minus the penetration depth.
+        """
+        q = np.concatenate([_BASE, np.asarray(joints)])
+        if poses:
+            q = self._model.configuration(attitude, joints)
+            objects = self._geometry[0].geometryObjects
+            for number in self._scene_shapes:
+                shape = self._shapes[number]
+                pose = poses[shape.body - len(self._model.bodies)] @ shape.placement
+                objects[number].placement = pin.SE3(pose.rotation, pose.position)
+        return self._distances(q, self._numbers[pairs])
+
+    def _distances(self, q: Array, candidates: IntArray) -> Array:
+        """Distances of candidate pairs in a configuration of Pinocchio [m], shape (K,)."""
+        model, (shapes, data) = self._model, self._geometry
+        pin.updateGeometryPlacements(model.pin_model, model.scratch, shapes, data, q)
+        pairs = candidates.tolist()
+        return np.array([pin.computeDistance(shapes, data, pair).min_distance for pair in pairs])
+
+    def _geometry_model(self, pairs: IntArray) -> tuple[Any, Any]:
+        """Pinocchio's geometry model with collision pairs, and its data."""
+        geometry = pin.GeometryModel()
+        for number, shape in enumerate(self._shapes):
+            pose = pin.SE3(shape.placement.rotation, shape.placement.position)
+            parent = 0 if number in self._scene_shapes else shape.body + 1
+            geometry.addGeometryObject(
+                pin.GeometryObject(f"{number}", parent, pose, shape.geometry)
+            )
+        for first, second in pairs.tolist():
+            geometry.addCollisionPair(pin.CollisionPair(first, second))
+        return geometry, geometry.createData()
+
+    def _always_near(self, own: int, count: int, clearance: float) -> npt.NDArray[np.bool_]:
+        """Which of the first candidates, ``own`` pairs of links, are always too near."""
+        near = np.arange(own)
+        lower, upper = self._model.joint_ranges
+        low = np.where(np.isfinite(lower), lower, -np.pi)
+        high = np.where(np.isfinite(upper), upper, np.pi)
+        for fraction in low_discrepancy(_CONFIGURATIONS, self._model.dof):
+            if not len(near):
+                break
+            q = np.concatenate([_BASE, low + fraction * (high - low)])
+            near = near[self._distances(q, near) <= clearance]
+        return np.isin(np.arange(count), near)
+
+    def levers(self, strokes: Array) -> Array:
+        """Bounds of the derivatives of the distances by the joint values.
+
+        A revolute joint moves the nearest points by no more than their distance from its axis; of
+        the two shapes the nearer one counts, because only their relative motion matters. Pairs with
+        a body of the scene have :meth:`frame_levers` instead.
+
+        Args:
+            strokes: Largest magnitudes of the prismatic joints' values [m], shape (n,).
+
+        Returns:
+            [m/rad or m/m], shape (P, n).
+        """
+        reach = np.array([self._reach(shape, strokes) for shape in self._shapes])
+        first, second = self.pairs.T
+        bodies = np.array([shape.body for shape in self._shapes])
+        joints = np.arange(1, self._model.dof + 1)
+        between = (joints > bodies[first][:, None]) & (joints <= bodies[second][:, None])
+        between &= (bodies[second] <= self._model.dof)[:, None]
+        revolute = np.minimum(reach[first], reach[second])
+        return np.where(between, np.where(self._model.prismatic, 1.0, revolute), 0.0)
+
+    def frame_levers(self) -> Array:
+        """Bounds of the derivatives of the distances by the motions of the bodies' frames.
+
+        Of a pair with a body of the scene both frames count.
+
+        Returns:
+            By the translation of each of the F bodies' frames [m/m] and, from column F on, by its
+            rotation [m/rad]: the radius of the shape about its origin, shape (P, 2 F).
+        """
+        bodies = np.array([shape.body for shape in self._shapes])[self.pairs]
+        radii = np.array([np.linalg.norm(shape.points, axis=1).max() for shape in self._shapes])
+        count = len(self._model.bodies) + len(self.scene.bodies)
+        levers = np.zeros((len(self.pairs), 2 * count))
+        (rows,) = np.nonzero(bodies[:, 1] > self._model.dof)
+        for body, radius in zip(bodies[rows].T, radii[self.pairs][rows].T, strict=True):
+            levers[rows, body], levers[rows, count + body] = 1.0, radius
+        return levers
+
+    def _reach(self, shape: CollisionShape, strokes: Array) -> Array:
+        """Bounds of the distances of a shape's points from every joint axis [m], shape (n,)."""
+        arm = self._model.bodies[1:]
+        steps = np.array([np.linalg.norm(body.placement.position) for body in arm])
+        lengths = steps + np.where(self._model.prismatic, strokes, 0.0)
+        radius = np.linalg.norm(shape.points, axis=1).max()
+        reach = np.empty(len(arm))
+        for k, body in enumerate(arm, start=1):
+            if k == shape.body:
+                reach[k - 1] = _from_axis(shape.points, body.axis)
+            elif k == shape.body + 1:
+                pose = body.placement
+                points = shape.points - pose.position
+                reach[k - 1] = _from_axis(points, pose.rotation @ body.axis)
+            else:
+                reach[k - 1] = radius + lengths[min(k, shape.body) : max(k, shape.body)].sum()
+        return reach
+
+
+def _from_axis(points: Array, axis: Array) -> float:
+    """Distance of the farthest point from an axis through the origin [m]."""
+    across = points - np.outer(points @ axis, axis)
+    return float(np.linalg.norm(across, axis=1).max())

@@ -1,0 +1,165 @@
+"""The surroundings of a robot: bodies beside it, and a corridor for the end-effector."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from freefloat.errors import InputError, finite_number, finite_vector, require_type
+from freefloat.paths.scene_body import SceneBody
+from freefloat.paths.timing import TimedPath
+from freefloat.paths.tumbling import MOST_REVOLUTIONS, Tumbling
+from freefloat.robot.description import IDENTITY
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, Pose, frozen, unit_vector
+
+_APEX = 1e-3
+"""Points nearer to the apex of a cone than this are inside [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Corridor:
+    """A cone or a cylinder that the end-effector's origin must stay in.
+
+    Attributes:
+        point: Apex of the cone, or a point on the axis of the cylinder [m], shape (3,); relative to
+            the system's centre of mass, or in the frame of ``body``.
+        axis: Direction from the apex into the cone, or of the cylinder's axis, same axes, shape
+            (3,).
+        half_angle: Largest angle between the axis and the line from the apex [rad]; what is less
+            than 1 mm from the apex is inside.
+        radius: Instead of that the radius of the cylinder [m], which has no ends.
+        body: Name of the body of the scene that it moves with.
+
+    Raises:
+        InputError: If not exactly one of ``half_angle`` and ``radius`` is given, or a value is out
+            of range.
+
+    Example:
+        >>> corridor = ff.Corridor([2.0, 0.0, 0.0], [-1.0, 0.0, 0.0], half_angle=0.2)
+        >>> round(corridor.deviation(np.array([1.0, 0.1, 0.0])), 4)
+        0.0997
+    """
+
+    point: Array
+    axis: Array
+    half_angle: float | None = None
+    radius: float | None = None
+    body: str | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point", frozen(finite_vector("corridor.point", self.point, 3)))
+        object.__setattr__(self, "axis", frozen(unit_vector("corridor.axis", self.axis)))
+        if (self.half_angle is None) == (self.radius is None):
+            accepted = "half_angle of a cone, or radius of a cylinder"
+            raise InputError("corridor", "both or neither were given", accepted)
+        key = "radius" if self.half_angle is None else "half_angle"
+        largest, accepted = np.inf, "a length above zero [m]"
+        if key == "half_angle":
+            largest, accepted = math.pi / 2.0, "an angle above zero, at most pi / 2 [rad]"
+        value = finite_number(f"corridor.{key}", getattr(self, key), accepted, 0.0, largest)
+        if value == 0.0:
+            raise InputError(f"corridor.{key}", "0 was given", accepted)
+        object.__setattr__(self, key, value)
+        require_type("corridor.body", self.body, str | None, "the name of a body of the scene")
+
+    @property
+    def allowed(self) -> float:
+        """Largest deviation: the half angle [rad], or the radius [m]."""
+        return float(self.radius if self.half_angle is None else self.half_angle)  # type: ignore[arg-type]
+
+    def deviation(self, position: Array) -> float:
+        """Deviation of a point (3,), in the corridor's frame, from the axis.
+
+        Returns:
+            Of a cone the angle [rad], of a cylinder the distance [m].
+        """
+        offset = position - self.point
+        along = float(offset @ self.axis)
+        across = float(np.linalg.norm(offset - along * self.axis))
+        if self.half_angle is None:
+            return across
+        return 0.0 if math.hypot(along, across) < _APEX else math.atan2(across, along)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """The surroundings of a robot.
+
+    Attributes:
+        bodies: Bodies beside the robot.
+        corridor: Where the end-effector's origin must stay.
+
+    Raises:
+        InputError: If two bodies have one name, or the corridor's body is unknown.
+
+    Example:
+        >>> tumbling = ff.Tumbling(inertia=[9.0, 7.0, 4.0], rate=[0.0, 0.02, 0.1])
+        >>> client = ff.SceneBody("client", ff.Box([1.0, 1.0, 2.0]), [3.0, 0, 0], motion=tumbling)
+        >>> corridor = ff.Corridor([0.0, 0.0, 1.0], [0.0, 0.0, 1.0], radius=0.3, body="client")
+        >>> scene = ff.Scene([client], corridor)
+        >>> problem = ff.load_scenario("spatial_6dof/line").problem().replace(scene=scene)
+    """
+
+    bodies: tuple[SceneBody, ...] = ()
+    corridor: Corridor | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "bodies", tuple(self.bodies))
+        for body in self.bodies:
+            require_type("scene.bodies", body, SceneBody, "SceneBody(name, shape, position)")
+        twice = [name for name, count in Counter(self.names).items() if count > 1]
+        if twice:
+            raise InputError("scene.bodies", f"two are named {twice[0]}", "distinct names")
+        if self.corridor is not None:
+            accepted = "Corridor(point, axis, half_angle) or Corridor(point, axis, radius=radius)"
+            require_type("scene.corridor", self.corridor, Corridor, accepted)
+            name = self.corridor.body
+            if name is not None and name not in self.names:
+                accepted = ", ".join(self.names) or "none, the scene has no bodies"
+                raise InputError("scene.corridor.body", f"there is no {name!r}", accepted)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the bodies."""
+        return tuple(body.name for body in self.bodies)
+
+    def require_applicable(self, model: FreeFloatingModel, duration: float) -> None:
+        """Raise an InputError if the scene is not one for a robot and a duration [s].
+
+        If a body has the name of a link, may touch an unknown link, or tumbles too often.
+        """
+        links = model.description.links_by_name
+        for body in self.bodies:
+            if body.name in links:
+                problem = f"{body.name!r} is a link of the robot"
+                raise InputError("scene.bodies", problem, "names that no link has")
+            for link in body.touch_links:
+                if link not in links:
+                    problem = f"{body.name}: there is no link {link!r}"
+                    raise InputError("scene.bodies.touch_links", problem, ", ".join(links))
+            if isinstance(body.motion, Tumbling):
+                turns = body.motion.revolutions(duration)
+                if turns > MOST_REVOLUTIONS:
+                    problem = f"{body.name}: {turns:.4g} revolutions in {duration:g} s"
+                    accepted = f"at most {MOST_REVOLUTIONS:g} revolutions"
+                    raise InputError("scene.bodies.tumbling.rate", problem, accepted)
+
+    @property
+    def tumbles(self) -> bool:
+        """Whether a body tumbles: the clearance then depends on time, not on the path alone."""
+        return any(isinstance(body.motion, Tumbling) for body in self.bodies)
+
+    def poses(self, t: float, path: TimedPath) -> tuple[Pose, ...]:
+        """The frames of all bodies at time t [s] in the inertial frame."""
+        return tuple(body.pose_at(t, path) for body in self.bodies)
+
+    def corridor_pose(self, t: float, path: TimedPath) -> Pose:
+        """The corridor's frame at time t [s] in the inertial frame."""
+        if self.corridor is None or self.corridor.body is None:
+            return IDENTITY
+        return self.bodies[self.names.index(self.corridor.body)].pose_at(t, path)

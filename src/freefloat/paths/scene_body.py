@@ -1,0 +1,144 @@
+"""A body beside the robot: its shape and how it moves."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from freefloat.errors import InputError, finite_vector, require_type
+from freefloat.paths.timing import TimedPath
+from freefloat.paths.tumbling import Tumbling
+from freefloat.robot.description import IDENTITY, Link, LinkShape, RobotDescription
+from freefloat.robot.names import find_robot, is_file
+from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
+from freefloat.robot.validation import read_urdf
+from freefloat.so3 import Array, Pose, attitude_axes, frozen
+
+Shape = Box | Cylinder | Sphere | MeshFile | RobotDescription
+_SHAPES = "a Box, Sphere, Cylinder or MeshFile, or the name of a mesh file or a URDF"
+_MESHES = (".stl", ".obj", ".dae", ".ply", ".off", ".gltf", ".glb")
+
+
+def _zeros() -> Array:
+    return np.zeros(3)
+
+
+def _unit() -> Array:
+    return np.eye(3)
+
+
+@dataclass(frozen=True, eq=False)
+class SceneBody:
+    """A body beside the robot, which no motion of the robot moves.
+
+    Attributes:
+        name: Its name, not that of another body or of a link of the robot.
+        shape: A box, sphere, cylinder or mesh; or the name of a file, of a mesh in metres or of a
+            URDF, whose joints are all fixed at zero.
+        position: Of its frame at time zero [m], shape (3,): relative to the system's centre of
+            mass; of a body that moves with the target in the end-effector's prescribed frame.
+        orientation: Of its frame at time zero in the same axes: axes as columns, shape (3, 3), or a
+            quaternion x, y, z, w; kept as a matrix.
+        motion: ``"fixed"`` in inertial axes; with the ``"target"``, the pose that the path
+            prescribes for the end-effector (of tasks without orientation: its position); or a
+            torque-free rotation.
+        touch_links: Links of the robot that may touch it.
+
+    Raises:
+        InputError: If a value is of another kind, or a file cannot be read.
+
+    Example:
+        >>> client = ff.SceneBody("client", ff.Box([1.0, 1.0, 2.0]), position=[3.0, 0.0, 0.0])
+        >>> client.pose.position
+        array([3., 0., 0.])
+    """
+
+    name: str
+    shape: Shape = field(repr=False)
+    position: Array = field(default_factory=_zeros)
+    orientation: Array = field(default_factory=_unit, repr=False)
+    motion: Literal["fixed", "target"] | Tumbling = "fixed"
+    touch_links: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        require_type("body.name", self.name, str, "a name")
+        if not self.name.strip():
+            raise InputError("body.name", f"{self.name!r} was given", "a name")
+        values = {
+            "shape": _checked_shape("body.shape", self.shape),
+            "position": frozen(finite_vector("body.position", self.position, 3)),
+            "orientation": attitude_axes("body.orientation", self.orientation),
+            "touch_links": tuple(self.touch_links),
+        }
+        for key, value in values.items():
+            object.__setattr__(self, key, value)
+        if not isinstance(self.motion, str) or self.motion not in ("fixed", "target"):
+            accepted = "'fixed', 'target', or a Tumbling"
+            require_type("body.motion", self.motion, Tumbling, accepted)
+
+    @property
+    def pose(self) -> Pose:
+        """Its frame at time zero, see ``position``."""
+        return Pose(self.position, self.orientation)
+
+    def pose_at(self, t: float, path: TimedPath) -> Pose:
+        """Its frame at time t [s] in the inertial frame."""
+        if self.motion == "fixed":
+            return self.pose
+        if self.motion == "target":
+            return path.pose(t) @ self.pose
+        com, turned = self.motion.com, self.motion.rotation(t)
+        return self.pose @ Pose(com - turned @ com, turned)
+
+    @property
+    def source(self) -> str:
+        """File that the names of its meshes are relative to."""
+        return self.shape.source if isinstance(self.shape, RobotDescription) else ""
+
+    def shapes(self, kind: Literal["visual", "collision"]) -> tuple[LinkShape, ...]:
+        """Its shapes in its frame, as they are drawn or for collisions.
+
+        A link of a URDF without shapes of that kind has those of the other.
+        """
+        if not isinstance(self.shape, RobotDescription):
+            return (LinkShape(kind, IDENTITY, self.shape, None, 1),)
+        shapes = list[LinkShape]()
+        for link, pose in _link_poses(self.shape):
+            chosen = [shape for shape in link.shapes if shape.kind == kind] or link.shapes
+            shapes += (replace(shape, origin=pose @ shape.origin) for shape in chosen)
+        return tuple(shapes)
+
+
+def _link_poses(description: RobotDescription) -> Iterator[tuple[Link, Pose]]:
+    """The links of a URDF and their poses in the frame of the first one, all joints at zero."""
+    queue = [(description.roots[0], IDENTITY)]
+    for name, pose in queue:
+        yield description.links_by_name[name], pose
+        queue += [
+            (joint.child, pose @ joint.origin) for joint in description.children.get(name, ())
+        ]
+
+
+def _checked_shape(key: str, shape: object) -> Shape:
+    """The shape with absolute file names; that of a file for its name."""
+    if isinstance(shape, str | Path):
+        if not str(shape).lower().endswith(_MESHES):
+            return read_urdf(find_robot(str(shape), Path()), mounted=True)
+        if not is_file(Path(shape)):
+            raise InputError(key, f"{shape}: no such file", "a mesh file")
+        shape = MeshFile(str(shape))
+    if isinstance(shape, MeshFile):
+        return replace(shape, filename=os.path.abspath(shape.filename))
+    require_type(key, shape, Box | Cylinder | Sphere | RobotDescription, _SHAPES)
+    for name, count in (("size", 3), ("radius", 1), ("length", 1)):
+        if hasattr(shape, name):
+            lengths = finite_vector(f"{key}.{name}", np.ravel(getattr(shape, name)), count)
+            if lengths.min() <= 0.0:
+                problem = f"{lengths.tolist()} was given"
+                raise InputError(f"{key}.{name}", problem, "positive lengths [m]")
+    return shape  # type: ignore[return-value]

@@ -1,0 +1,133 @@
+"""Torque-free rotation of a rigid body."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from freefloat.errors import InputError, finite_vector
+from freefloat.robot.parts import inertia_matrix
+from freefloat.so3 import Array, frozen
+
+_TOLERANCE = 1e-13
+"""Relative tolerance: the attitude is exact to 1e-11 over ten revolutions."""
+_ABSOLUTE = 1e-15
+MOST_REVOLUTIONS = 1000.0
+"""Largest number of revolutions that is integrated."""
+
+
+def _zeros() -> Array:
+    return np.zeros(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Tumbling:
+    """Torque-free rotation of a rigid body about its centre of mass.
+
+    Euler's equations and the quaternion's kinematics are integrated by DOP853.
+
+    Attributes:
+        inertia: Inertia about the centre of mass, axes of the body's frame, up to a factor
+            [kg m²]: three principal moments, six moments xx, xy, xz, yy, yz, zz, or a matrix;
+            kept as a matrix, shape (3, 3).
+        rate: Angular velocity at time zero, axes of the body's frame [rad/s], shape (3,).
+        com: Centre of mass in the body's frame [m], shape (3,); it does not move.
+
+    Raises:
+        InputError: If no rigid body has that inertia.
+
+    Example:
+        >>> tumbling = ff.Tumbling(inertia=[90.0, 70.0, 40.0], rate=[0.0, 0.0, 0.1])
+        >>> tumbling.rotation(5.0 * np.pi).round(12) + 0.0
+        array([[ 0., -1.,  0.],
+               [ 1.,  0.,  0.],
+               [ 0.,  0.,  1.]])
+    """
+
+    inertia: Array
+    rate: Array
+    com: Array = field(default_factory=_zeros)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "inertia", inertia_matrix("tumbling.inertia", self.inertia))
+        for name in ("rate", "com"):
+            values = frozen(finite_vector(f"tumbling.{name}", getattr(self, name), 3))
+            object.__setattr__(self, name, values)
+
+    @cached_property
+    def _principal(self) -> tuple[Array, Array]:
+        """Principal moments, rising, and axes in the body's frame as columns, right-handed."""
+        moments, axes = np.linalg.eigh(self.inertia)
+        return moments, axes * np.sign(np.linalg.det(axes))
+
+    @cached_property
+    def largest_rate(self) -> float:
+        """Bound of the magnitude of the angular velocity at all times [rad/s].
+
+        That of the rotation with the same energy about the axis of the smallest moment.
+        """
+        energy = self.rate @ self.inertia @ self.rate
+        return math.sqrt(energy / self._principal[0][0])
+
+    def rotation(self, t: float) -> Array:
+        """Rotation of the body from its attitude at time zero to that at time t [s].
+
+        Returns:
+            Rotates vectors of the body's frame at time t into that at time zero, shape (3, 3).
+
+        Raises:
+            InputError: If that is more than 1,000 revolutions.
+        """
+        turns = self.revolutions(t)
+        if turns > MOST_REVOLUTIONS:
+            accepted = f"at most {MOST_REVOLUTIONS:g} revolutions"
+            raise InputError("t", f"{turns:.4g} revolutions in {t:g} s", accepted)
+        if turns == 0.0:
+            return np.eye(3)
+        moments, axes = self._principal
+        rounded = 2.0 ** math.ceil(math.log2(max(turns, 1.0)))  # few different solutions
+        duration = rounded * math.tau / self.largest_rate
+        rate = (math.copysign(1.0, t) * axes.T @ self.rate).tolist()  # reversible
+        solution = _solution(tuple(moments.tolist()), tuple(rate), duration)
+        return np.asarray(axes @ Rotation.from_quat(solution(abs(t))[:4]).as_matrix() @ axes.T)
+
+    def revolutions(self, t: float) -> float:
+        """Upper bound of the number of revolutions between time zero and time t [s]."""
+        return self.largest_rate * abs(t) / math.tau
+
+
+@lru_cache(maxsize=32)
+def _solution(
+    moments: tuple[float, float, float], rate: tuple[float, float, float], duration: float
+) -> Callable[[float], Array]:
+    """Quaternion x, y, z, w and angular velocity by time, principal axes."""
+    a, b, c = moments
+    first, second, third = (b - c) / a, (c - a) / b, (a - b) / c
+
+    def derivative(_: float, state: npt.NDArray[Any]) -> list[float]:
+        x, y, z, w, p, q, r = state.tolist()
+        return [
+            0.5 * (w * p + y * r - z * q),
+            0.5 * (w * q + z * p - x * r),
+            0.5 * (w * r + x * q - y * p),
+            -0.5 * (x * p + y * q + z * r),
+            first * q * r,
+            second * r * p,
+            third * p * q,
+        ]
+
+    scale = max(map(abs, rate))
+    tolerance = [_ABSOLUTE] * 4 + [_ABSOLUTE * scale] * 3
+    start = [0.0, 0.0, 0.0, 1.0, *rate]
+    solution: Any = solve_ivp(derivative, (0.0, duration), start, "DOP853", rtol=_TOLERANCE,
+                              atol=tolerance, dense_output=True)  # fmt: skip
+    interpolant: Callable[[float], Array] = solution.sol
+    return interpolant

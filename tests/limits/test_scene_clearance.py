@@ -1,0 +1,256 @@
+"""Distances between a robot and a scene along a motion: closed forms, MuJoCo, fine sampling."""
+
+from dataclasses import replace
+
+import coal
+import mujoco
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+from scipy.spatial.transform import Rotation
+
+from freefloat.io.scenario import load_scenario
+from freefloat.limits.clearance import _frame_path_lengths, clearance
+from freefloat.limits.collision import collision_shapes, scene_shapes
+from freefloat.limits.contact import self_contact
+from freefloat.limits.pairs import CollisionPairs
+from freefloat.motion.integration import integrate_motion
+from freefloat.paths.scene import Scene
+from freefloat.paths.scene_body import SceneBody
+from freefloat.paths.tumbling import Tumbling
+from freefloat.robot.names import find_mesh
+from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
+from freefloat.so3 import Pose
+from tests.prismatic import LENGTH, prismatic_motion, prismatic_robot, shape_text
+
+START = 0.9
+"""The end-effector, a ball, moves on the x axis from here on [m]."""
+RADIUS = 0.1
+GJK = 5e-6
+"""Error of coal's distances of meshes and cylinders a few metres apart [m]."""
+BALL = shape_text(f'<sphere radius="{RADIUS}"/>')
+
+
+def prismatic(*bodies, **options):
+    motion = prismatic_motion(prismatic_robot(hand=BALL), **options)
+    return replace(motion, problem=motion.problem.replace(scene=Scene(bodies)))
+
+
+def nearest_of(motion):
+    pairs = CollisionPairs(motion.problem.model, scene=motion.problem.scene)
+    nearest = clearance(motion, pairs)
+    return nearest.distance, pairs.name(nearest.pair), nearest.time
+
+
+# --- closed forms ---------------------------------------------------------------------------------
+
+ABOVE = START + 0.6 * LENGTH
+
+
+@pytest.mark.parametrize(("shape", "axes", "gap"), [
+    (Sphere(0.3), np.eye(3), 0.5 - 0.3),
+    (Box([0.1, 0.2, 0.4]), np.eye(3), 0.5 - 0.2),
+    (Box([0.1, 0.2, 0.4]), Rotation.from_euler("x", 90, degrees=True).as_matrix(), 0.5 - 0.1),
+    (Box([0.3, 0.3, 0.3]), Rotation.from_euler("y", 45, degrees=True).as_matrix(),
+     0.5 - 0.15 * np.sqrt(2.0)),
+    (Cylinder(0.05, 0.4), np.eye(3), 0.5 - 0.2),
+    (Cylinder(0.05, 0.4), Rotation.from_euler("x", 90, degrees=True).as_matrix(), 0.5 - 0.05),
+])  # fmt: skip
+def test_the_distance_of_a_fixed_body_is_exact(shape, axes, gap):
+    """The spacecraft recoils, the body does not: the axes are inertial."""
+    body = SceneBody("client", shape, [ABOVE, 0.0, 0.5], axes)
+    motion = prismatic(body)
+    distance, name, time = nearest_of(motion)
+    assert name == "hand - client"
+    assert distance == pytest.approx(gap - RADIUS, abs=1e-6)
+    along = START + LENGTH * motion.problem.path.timing.s(time)
+    assert along == pytest.approx(ABOVE, abs=0.11)
+
+
+def test_a_thin_contact_between_samples_is_found():
+    """A needle of 0.1 mm across the path of the ball."""
+    body = SceneBody("needle", Box([1e-4, 1e-4, 0.1]), [1.234567, RADIUS, 0.0])
+    distance, _, time = nearest_of(prismatic(body))
+    assert distance == pytest.approx(-0.5e-4, abs=1e-6)
+    slower = prismatic(body, duration=2000.0)
+    assert nearest_of(slower)[2] == pytest.approx(100.0 * time, rel=1e-6)
+
+
+def test_a_body_that_moves_with_the_target_keeps_its_distance():
+    body = SceneBody("tool", Sphere(0.05), [0.0, 0.3, 0.4], motion="target")
+    motion = prismatic(body)
+    pairs = CollisionPairs(motion.problem.model, scene=motion.problem.scene)
+    for t in (0.0, 7.0, 20.0):
+        state = motion.sample([t])[0]
+        poses = motion.problem.scene.poses(t, motion.problem.path)
+        distance = pairs.distances(state.joints, np.array([0]), state.attitude, poses)
+        assert distance[0] == pytest.approx(0.5 - 0.05 - RADIUS, abs=1e-9)
+    assert nearest_of(motion)[0] == pytest.approx(0.35, abs=1e-6)
+
+
+def test_the_distance_of_a_rotating_body_is_exact():
+    """A ball circles about its centre of mass; the closest approach of two moving points."""
+    rate, arm, centre = 1.3, 0.4, np.array([1.5, 0.9, 0.1])
+    tumbling = Tumbling([2.0, 2.0, 3.0], [0.0, 0.0, rate], com=[-arm, 0.0, 0.0])
+    start = centre + np.array([arm, 0.0, 0.0])
+    motion = prismatic(SceneBody("client", Sphere(0.2), start, motion=tumbling))
+
+    def distance(t):
+        x = START + LENGTH * motion.problem.path.timing.s(t)
+        ball = centre + arm * np.array([np.cos(rate * t), np.sin(rate * t), 0.0])
+        return float(np.linalg.norm(ball - [x, 0.0, 0.0])) - 0.2 - RADIUS
+
+    coarse = min(np.linspace(0.0, 20.0, 4001), key=distance)
+    exact = minimize_scalar(distance, bounds=(coarse - 0.01, coarse + 0.01), method="bounded")
+    found, _, time = nearest_of(motion)
+    assert found == pytest.approx(exact.fun, abs=1e-6)
+    assert time == pytest.approx(exact.x, abs=1e-3)
+
+
+def test_links_that_may_touch_are_left_out():
+    overlapping = {"shape": Sphere(0.5), "position": [1.5, 0.0, 0.0]}
+    other = SceneBody("other", Sphere(0.1), [5.0, 0.0, 0.0])
+    motion = prismatic(SceneBody("client", touch_links=("hand",), **overlapping), other)
+    assert nearest_of(motion)[1] == "hand - other"
+    assert self_contact(motion) is None
+    contact = self_contact(prismatic(SceneBody("client", **overlapping)))
+    assert contact.bodies == ("hand", "client")
+    assert contact.depth == pytest.approx(0.6, abs=1e-6)
+
+
+# --- arms -----------------------------------------------------------------------------------------
+
+
+def motion_of(name, attitude, branch, scene):
+    problem = load_scenario(name).problem().replace(scene=scene)
+    attitude = problem.attitude(attitude)
+    return integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints)
+
+
+def random_scene(rng):
+    """A fixed cylinder, a box that moves with the target and a tumbling box around the arm."""
+    far = rng.uniform(1.0, 2.0, 2)[:, None] * rng.normal(size=(2, 3))
+    axes = Rotation.random(2, rng=rng).as_matrix()
+    tumbling = Tumbling([2.0, 3.0, 4.0], rng.normal(size=3) * 0.3, com=[0.2, 0.0, 0.1])
+    return Scene((
+        SceneBody("mast", Cylinder(0.05, 1.0), far[0], axes[0]),
+        SceneBody("plate", Box([0.4, 0.3, 0.01]), [0.2, 0.3, 0.6], motion="target"),
+        SceneBody("client", Box([0.6, 0.5, 0.9]), far[1], axes[1], tumbling),
+    ))  # fmt: skip
+
+
+SPATIAL = ("spatial_6dof/line", [0.46008, 0.09337, 0.73519, -0.48898], 2)
+PANDA = ("panda_servicer/line", [0.0, 0.0, 0.0, 1.0], 1)
+
+
+CASES = [(SPATIAL, 1), (SPATIAL, 2), pytest.param(PANDA, 3, marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize(("case", "seed"), CASES)
+def test_fine_sampling_finds_nothing_nearer(case, seed):
+    motion = motion_of(*case, random_scene(np.random.default_rng(seed)))
+    problem = motion.problem
+    pairs = CollisionPairs(problem.model, scene=problem.scene)
+    others = with_scene(pairs)
+    sampled = np.array([
+        pairs.distances(q, others, a, problem.scene.poses(t, problem.path))
+        for t, a, q in zip(*motion.evaluate(np.linspace(0.0, motion.panels, 401)), strict=True)
+    ])  # fmt: skip
+    nearest = clearance(motion, OnlyScene(pairs, others))
+    assert nearest.distance <= sampled.min() + 1e-8
+    assert nearest.distance >= sampled.min() - 5e-3
+
+
+@pytest.mark.parametrize(("case", "seed"), CASES)
+def test_distances_change_no_faster_than_the_bounds_say(case, seed, rng):
+    motion = motion_of(*case, random_scene(np.random.default_rng(seed)))
+    problem = motion.problem
+    pairs = CollisionPairs(problem.model, scene=problem.scene)
+    others = with_scene(pairs)
+    edges = np.linspace(0.0, motion.panels, 16 * motion.panels + 1)
+    lengths = _frame_path_lengths(motion, problem.scene, edges)
+    ends = np.sort(rng.integers(len(edges), size=(40, 2)), axis=1)
+    ends[::2, 1] = np.minimum(ends[::2, 0] + 1, len(edges) - 1)
+    for low, high in ends:
+        before, after = (
+            pairs.distances(q, others, a, problem.scene.poses(t, problem.path))
+            for t, a, q in zip(*motion.evaluate(edges[[low, high]]), strict=True)
+        )
+        bound = pairs.frame_levers()[others] @ (lengths[high] - lengths[low])
+        assert (np.abs(after - before) <= bound + GJK).all()
+
+
+def with_scene(pairs):
+    """Indices of the pairs with a body of the scene."""
+    names = [pairs.name(k).split(" - ")[1] for k in range(len(pairs.pairs))]
+    return np.flatnonzero(np.isin(names, pairs.scene.names))
+
+
+class OnlyScene:
+    """Some of the pairs."""
+
+    def __init__(self, pairs, chosen):
+        self.pairs, self.scene = pairs.pairs[chosen], pairs.scene
+        self.levers = lambda strokes: pairs.levers(strokes)[chosen]
+        self.frame_levers = lambda: pairs.frame_levers()[chosen]
+        self.distances = lambda q, k, a, poses: pairs.distances(q, chosen[k], a, poses)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ur5_servicer/arc", "panda_servicer/line"])
+def test_distances_of_meshes_are_those_of_mujoco(name, rng):
+    """Convex parts of the arm's meshes, and a box, a cylinder and a mesh in the scene."""
+    model = load_scenario(name).model()
+    link = next(shape for link in model.description.links for shape in link.collisions
+                if isinstance(shape.geometry, MeshFile))  # fmt: skip
+    mesh = find_mesh(link.geometry.filename, model.description.source)
+    scene = Scene([
+        SceneBody("box", Box([0.6, 0.5, 0.9])),
+        SceneBody("mast", Cylinder(0.05, 1.0)),
+        SceneBody("part", MeshFile(str(mesh), (3.0, 3.0, 3.0))),
+    ])  # fmt: skip
+    pairs = CollisionPairs(model, scene=scene)
+    others = with_scene(pairs)
+    shapes = collision_shapes(model) + scene_shapes(scene, len(model.bodies))
+    for _ in range(3):
+        attitude, joints = Rotation.random(rng=rng).as_quat(), rng.uniform(-2.0, 2.0, model.dof)
+        poses = [
+            Pose(rng.uniform(-1.5, 1.5, 3), Rotation.random(rng=rng).as_matrix())
+            for _ in scene.bodies
+        ]
+        distances = pairs.distances(joints, others, attitude, poses)
+        expected = mujoco_distances(
+            shapes, [*model.body_poses(attitude, joints), *poses], pairs.pairs[others]
+        )
+        apart = expected > 0.0
+        assert apart.sum() > len(apart) / 2
+        np.testing.assert_allclose(distances[apart], expected[apart], rtol=0, atol=GJK)
+
+
+def mujoco_distances(shapes, poses, pairs):
+    """Distances of pairs of shapes on bodies with these frames."""
+    spec = mujoco.MjSpec()
+    for number, shape in enumerate(shapes):
+        at = poses[shape.body] @ shape.placement
+        geom = spec.worldbody.add_geom(name=f"{number}", pos=at.position)
+        geom.quat = at.quaternion[[3, 0, 1, 2]]
+        if isinstance(shape.geometry, coal.Box):
+            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, shape.geometry.halfSide
+        elif isinstance(shape.geometry, coal.Sphere):
+            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, [shape.geometry.radius, 0, 0]
+        elif isinstance(shape.geometry, coal.Cylinder):
+            geom.type = mujoco.mjtGeom.mjGEOM_CYLINDER
+            geom.size = [shape.geometry.radius, shape.geometry.halfLength, 0.0]
+        else:
+            vertices = poses[shape.body].position + shape.points @ poses[shape.body].rotation.T
+            mesh = spec.add_mesh(name=f"mesh {number}")
+            mesh.uservert = vertices.ravel()
+            geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, mesh.name
+            geom.pos, geom.quat = np.zeros(3), [1.0, 0.0, 0.0, 0.0]
+    spec.option.ccd_tolerance, spec.option.ccd_iterations = 1e-9, 200
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return np.array([
+        mujoco.mj_geomDistance(model, data, int(i), int(j), 100.0, None) for i, j in pairs
+    ])  # fmt: skip
