@@ -28,7 +28,8 @@ from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.mapping import sample_attitudes, tangent_boundary
-from freefloat.planning.plan import Objective, Search
+from freefloat.planning.objective import Objective
+from freefloat.planning.plan import Search
 from freefloat.planning.planner import plan
 from freefloat.planning.search import nearest_feasible
 from freefloat.so3 import angle_between, frozen, rotated

@@ -12,7 +12,8 @@ import pytest
 from freefloat.io.scenario import load_scenario
 from freefloat.limits.limits import Limits
 from freefloat.planning import deepest, planner, robustness, search, tolerance
-from freefloat.planning.plan import Objective, Plan, Search
+from freefloat.planning.objective import Objective
+from freefloat.planning.plan import Plan, Search
 from freefloat.planning.planner import plan
 
 IDENTITY = [0.0, 0.0, 0.0, 1.0]

@@ -14,7 +14,8 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ik import configurations
 from freefloat.planning import diagnostics, search
 from freefloat.planning.attitude_map import AttitudeMap, Peak
-from freefloat.planning.plan import Objective, Plan
+from freefloat.planning.objective import Objective
+from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.parts import Attachment
 from tests.errors import error_key

@@ -13,7 +13,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.kernels.integration import COMPLETED
 from freefloat.motion.motion import Motion
 from freefloat.planning.heading_arcs import BranchRanges
-from freefloat.planning.plan import Objective
+from freefloat.planning.objective import Objective
 from freefloat.planning.planar_ranges import find_range_limits, heading_ranges
 from freefloat.so3 import attitude_grid, heading_quaternion, unit_quaternion
 

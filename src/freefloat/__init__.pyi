@@ -42,6 +42,7 @@ from .workspace.singularity_components import singularity_components as singular
 from .workspace.singularity_distance import distance_to_singularity as distance_to_singularity
 from .planning.mapping import attitude_map as attitude_map
 from .planning.plan import Search as Search
+from .planning.objective import Weights as Weights
 from .planning.planner import plan as plan
 
 # Files and pictures

@@ -17,7 +17,8 @@ from freefloat.planning.diagnostics import rounded_up
 from freefloat.planning.heading_map import evaluator_for
 from freefloat.planning.limit_keeping import keep_limits
 from freefloat.planning.mapping import sample_attitudes
-from freefloat.planning.plan import Objective, Plan, Search
+from freefloat.planning.objective import Objective
+from freefloat.planning.plan import Plan, Search
 from freefloat.planning.planner import plan
 from freefloat.planning.simulation import integrate_branch
 from freefloat.so3 import heading_quaternion

@@ -13,7 +13,8 @@ from freefloat.motion.margin import keeps_threshold
 from freefloat.planning import planar_planner
 from freefloat.planning.domain import SearchDomain
 from freefloat.planning.heading_map import evaluator_for, sample_headings
-from freefloat.planning.plan import Objective, Plan
+from freefloat.planning.objective import Objective
+from freefloat.planning.plan import Plan
 from freefloat.planning.planar_planner import _headings, searched_ranges
 from freefloat.planning.planar_ranges import reach_limits
 from freefloat.so3 import heading_of, heading_quaternion

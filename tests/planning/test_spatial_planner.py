@@ -18,7 +18,8 @@ from freefloat.motion.problem import Problem
 from freefloat.planning.diagnostics import NOT_UNIQUE
 from freefloat.planning.heading_map import evaluator_for
 from freefloat.planning.mapping import sample_attitudes
-from freefloat.planning.plan import Objective, Plan, Search
+from freefloat.planning.objective import Objective
+from freefloat.planning.plan import Plan, Search
 from freefloat.planning.planner import plan_in_space
 from freefloat.planning.simulation import SimulatedBranch, simulate
 from freefloat.so3 import angle_between, attitudes_within, frozen, grid_spacing

@@ -89,7 +89,8 @@ def spare_slacks(limits: AttitudeLimits) -> Array:
     if limits.base_turn is None:
         return spares
     half = limits.base_turn / 2.0
-    return np.append(spares, np.cos(max(half - _SPARE / 2.0, 0.0)) - np.cos(half))
+    spare = np.cos(max(half - _SPARE / 2.0, 0.0)) - np.cos(half)
+    return np.append(spares, spare if limits.base_turn < np.pi else -np.inf)
 
 
 def _null_space(problem: Problem) -> NullSpace | None:

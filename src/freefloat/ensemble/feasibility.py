@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -168,6 +169,13 @@ class FeasibilityEvaluator:
         motions = self._motions(attitudes, branch, stop_at_margin=False)
         margins = np.where(motions.endings == COMPLETED, motions.minimum, 0.0)
         return np.asarray(margins.max(axis=1, initial=0.0))
+
+    def largest(
+        self, attitudes: Array, branch: Branch, merit: Callable[[Array, EnsembleResult], Array]
+    ) -> Array:
+        """The merit of the motion along a branch, or the largest of all branches, shape (K,)."""
+        motions = self._motions(attitudes, branch, stop_at_margin=False)
+        return np.asarray(merit(attitudes, motions).max(axis=1, initial=-np.inf))
 
     def keeps(self, attitudes: Array, branch: Branch, excess: float = 0.0) -> npt.NDArray[np.bool_]:
         """Whether a branch, or any, keeps the problem's margin and a fraction more, shape (K,)."""

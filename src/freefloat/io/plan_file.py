@@ -20,9 +20,10 @@ from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE
 from freefloat.motion.problem import Problem
 from freefloat.planning.heading_arcs import BranchRanges, HeadingRange, RangeLimitCause
-from freefloat.planning.plan import Plan, Segment
+from freefloat.planning.plan import Plan
 from freefloat.planning.planar_ranges import RangeLimit
 from freefloat.planning.planar_tangency import PlanarTangencyPoint, TangencyKind
+from freefloat.planning.segment import Segment
 from freefloat.planning.simulation import SimulatedBranch, Simulation
 from freefloat.so3 import Array, without_jumps
 

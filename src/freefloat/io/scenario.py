@@ -20,13 +20,14 @@ from freefloat.io.limits_section import limits_content, limits_of
 from freefloat.io.path_section import frame_of, path_of, section_of
 from freefloat.io.robot_section import RobotFile
 from freefloat.io.scene_section import FileShapes, file_shapes, scene_content
-from freefloat.io.schema import ScenarioFile
+from freefloat.io.schema import ScenarioFile, WeightsSection
 from freefloat.io.yaml import error_context, file_keys, parse_yaml, read_text, validated
 from freefloat.limits.limits import Limits
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
 from freefloat.paths.path import samples_text
 from freefloat.paths.timing import Stop, TimedPath, Timing
+from freefloat.planning.objective import Objective, Weights
 from freefloat.planning.plan import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_robot, find_scenario
@@ -119,7 +120,7 @@ class Scenario:
                 attitude = frozen(unit_quaternion("search.from_attitude", section.from_attitude))
             within = None if section.within_deg is None else float(np.radians(section.within_deg))
             return Search(
-                section.objective,
+                _objective(section.objective),
                 attitude,
                 section.samples,
                 section.seed,
@@ -142,6 +143,10 @@ class Scenario:
     ) -> AbstractContextManager[None]:
         """Context in which errors name this file, see :func:`freefloat.io.yaml.error_context`."""
         return error_context(self.source, prefix, only)
+
+
+def _objective(section: Objective | WeightsSection) -> Objective | Weights:
+    return Weights(**section.model_dump()) if isinstance(section, WeightsSection) else section
 
 
 def load_scenario(name: str | Path | dict[str, Any]) -> Scenario:

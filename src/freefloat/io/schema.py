@@ -27,7 +27,8 @@ from freefloat.io.robot_section import RobotSection
 from freefloat.io.scene_section import SceneSection
 from freefloat.motion.pointing import Keep
 from freefloat.paths.timing import TimeLaw
-from freefloat.planning.plan import FEWEST_SAMPLES, Objective
+from freefloat.planning.objective import Objective
+from freefloat.planning.plan import FEWEST_SAMPLES
 
 
 class LineSection(Section):
@@ -184,11 +185,24 @@ class RedundancySection(Section):
         return self
 
 
+class WeightsSection(Section):
+    """Weights of the terms of an objective, whose sum is as large as possible."""
+
+    margin: NotNegative = 0.0
+    """Minimum margin, as a fraction of the largest one among the samples."""
+    turn: NotNegative = 0.0
+    """Minus the angle from from_attitude, where that is given, and the spacecraft's largest turn
+    along the motion, as a fraction of 180 degrees."""
+    time: NotNegative = 0.0
+    """Minus the duration that limits.joint_rate requires, as a fraction of the duration."""
+
+
 class SearchSection(Section):
     """Choice among the feasible attitudes."""
 
-    objective: Objective = Objective.MARGIN
-    """``margin``: the largest; ``nearest``: to from_attitude; ``robust``: the deepest inside."""
+    objective: Objective | WeightsSection = Objective.MARGIN
+    """``margin``: the largest; ``nearest``: to from_attitude; ``robust``: the deepest inside;
+    ``still``: the least turn of the spacecraft along the motion; or a map of weights."""
     from_attitude: Quaternion | None = None
     """Present attitude of the spacecraft: x, y, z, w."""
     samples: Annotated[int, Field(strict=True, ge=FEWEST_SAMPLES)] | None = None

@@ -27,7 +27,8 @@ from freefloat.motion.reach import (
 )
 from freefloat.motion.singularity import singular_event
 from freefloat.planning.attitude_map import AttitudeMap, Ball, Candidate, NearAttitude
-from freefloat.planning.plan import Objective, Search
+from freefloat.planning.objective import Objective, Weights
+from freefloat.planning.plan import Search
 from freefloat.planning.search import best_branch, largest_margins
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch
 from freefloat.so3 import angle_between, heading_quaternion
@@ -65,8 +66,21 @@ def spare_message(spare: float, radius: float) -> str:
     )
 
 
-def attitude_reason(candidate: Candidate, chosen: SimulatedBranch, spare: float) -> str:
-    """Why an attitude was chosen for its margin alone; ``spare`` is that of the objective."""
+def criterion(search: Search) -> str:
+    """What the objective of a search asks for."""
+    if isinstance(search.objective, Weights):
+        return "the largest weighted sum"
+    return {
+        Objective.STILL: "the least turn of the spacecraft",
+        Objective.ROBUST: "the deepest inside",
+        Objective.NEAREST: "the nearest to from_attitude",
+        Objective.MARGIN: "the largest margin",
+    }[search.objective]
+
+
+def attitude_reason(candidate: Candidate, chosen: SimulatedBranch, search: Search) -> str:
+    """Why an attitude was chosen for its margin alone."""
+    spare = search.spare if search.objective is Objective.NEAREST else 0.0
     match candidate:
         case Ball(radius=radius) if radius < spare:
             return spare_message(spare, radius)
@@ -75,7 +89,7 @@ def attitude_reason(candidate: Candidate, chosen: SimulatedBranch, spare: float)
             return f"the deepest inside: the margin is kept up to {degrees:.4g} degrees around it"
         case NearAttitude(deviation=angle):
             return nearest_message(angle, spare)
-    return f"the largest margin, {margin_text(chosen)}"
+    return f"{criterion(search)}, {margin_text(chosen)}"
 
 
 def limited_reason(search: Search, chosen: SimulatedBranch) -> str:
@@ -83,8 +97,7 @@ def limited_reason(search: Search, chosen: SimulatedBranch) -> str:
     if search.objective is Objective.NEAREST and search.from_attitude is not None:
         away = np.degrees(angle_between(chosen.motion.initial.attitude, search.from_attitude))
         return f"the nearest found that keeps the limits, {away:.4g} degrees away"
-    criterion = "deepest inside" if search.objective is Objective.ROBUST else "largest margin"
-    return f"the {criterion} among the samples that keep the limits, {margin_text(chosen)}"
+    return f"{criterion(search)} among the samples that keep the limits, {margin_text(chosen)}"
 
 
 def disagreement_message(

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from freefloat.concurrency import Progress
-from freefloat.ensemble.ensemble import STEP_TOLERANCE
+from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleResult
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import whole_number
 from freefloat.limits.limits import Limits
+from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import reach_message
 from freefloat.planning.margin_map import MarginMap
@@ -158,11 +160,19 @@ class HeadingMap(MarginMap):
 
 
 def evaluator_for(
-    problem: Problem, threads: int | None = None, limits: Limits | None = None
+    problem: Problem,
+    threads: int | None = None,
+    limits: Limits | None = None,
+    search: Search | None = None,
 ) -> FeasibilityEvaluator:
-    """The evaluator of a problem, for planar tasks precise enough for the limits of ranges."""
+    """The evaluator of a problem, for planar tasks precise enough for the limits of ranges.
+
+    It measures the spacecraft's turn where the objective of the search depends on that.
+    """
     tolerance = _TOLERANCE if problem.task.planar else STEP_TOLERANCE
-    attitude = None if limits is None else limits.attitude
+    attitude = AttitudeLimits() if limits is None else limits.attitude
+    if search is not None and search.by_merit and attitude.base_turn is None:
+        attitude = replace(attitude, base_turn=np.pi)
     return FeasibilityEvaluator(problem, threads, tolerance=tolerance, limits=attitude)
 
 
@@ -193,23 +203,31 @@ def sample_headings(
 
 
 def best_headings(
-    evaluator: FeasibilityEvaluator, ranges: list[tuple[float, float]], branches: IntArray
+    evaluator: FeasibilityEvaluator,
+    ranges: list[tuple[float, float]],
+    branches: IntArray,
+    merit: Callable[[Array, EnsembleResult], Array] | None = None,
 ) -> tuple[Array, Array]:
-    """The largest margin in each of some ranges of heading, and its heading [rad], shape (R,).
+    """The largest merit in each of some ranges of heading, and its heading [rad], shape (R,).
 
-    All ranges are searched at once, on ever finer grids around the peaks of their margins.
+    All ranges are searched at once, on ever finer grids around the peaks of their merits.
 
     Args:
         evaluator: Of the problem.
         ranges: First and last headings [rad].
         branches: Number of the arm branch of each range; a redundant arm's best branch counts.
+        merit: Of motions; the minimum margin when left out.
     """
     grids = [np.linspace(low, high, _TRIED) for low, high in ranges]
     spacing, steps = np.ptp(ranges, axis=1) / (_TRIED - 1), np.linspace(-1.0, 1.0, _PARTS + 1)
     while True:
         sizes = [len(grid) for grid in grids]
         numbers = None if evaluator.problem.redundant else np.repeat(branches, sizes)
-        values = evaluator.margins(heading_quaternion(np.concatenate(grids)), numbers)
+        attitudes = heading_quaternion(np.concatenate(grids))
+        if merit is None:
+            values = evaluator.margins(attitudes, numbers)
+        else:
+            values = evaluator.largest(attitudes, numbers, merit)
         margins = np.split(values, np.cumsum(sizes)[:-1])
         if spacing.max() <= _FINEST:
             break

@@ -13,7 +13,9 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.limits import LimitKind, Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.diagnostics import limited_reason, violated_limits_message
-from freefloat.planning.plan import Objective, Plan
+from freefloat.planning.merit import Merit
+from freefloat.planning.objective import Objective
+from freefloat.planning.plan import Plan
 from freefloat.planning.planar_planner import heading_depth
 from freefloat.planning.screening import ScreenedCandidate, screen
 from freefloat.planning.simulation import SimulatedBranch
@@ -97,16 +99,20 @@ def _first_passing(
     """The best candidate that keeps margin and limits; None where none of those tried does."""
     if plan.map is not None:
         attitudes, margins = plan.map.attitudes, plan.map.margins
-        spacing = plan.map.spacing
+        spacing, motions = plan.map.spacing, plan.map.results.motions
     else:
         attitudes = heading_quaternion(plan.search.domain.headings(_HEADINGS))
         spacing = _SPACING
-        margins = evaluator.evaluate(attitudes).margins
+        results = evaluator.evaluate(attitudes)
+        margins, motions = results.margins, results.motions
+    merits = None
+    if plan.search.by_merit:
+        merits = Merit.of(plan.search, limits, evaluator, margins)(attitudes, motions)
     total = int(plan.problem.margin.keeps(margins).sum())
     refused: list[ScreenedCandidate] = []
     skipped: list[ScreenedCandidate] = []
     pairs = trials.checker.pairs
-    candidates = screen(evaluator, attitudes, margins, plan.search, limits, pairs)
+    candidates = screen(evaluator, attitudes, margins, merits, plan.search, limits, pairs)
     for number, candidate in enumerate(candidates, 1):
         if progress is not None:
             progress(max(trials.count / _MOST, number / total))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
 from functools import cached_property
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -19,7 +18,8 @@ from freefloat.motion.certificate import Certificate
 from freefloat.motion.problem import Problem
 from freefloat.planning.domain import SearchDomain, require_radians
 from freefloat.planning.heading_arcs import BranchRanges, covered_angle
-from freefloat.planning.planar_ranges import RangeLimit, Span
+from freefloat.planning.objective import Objective, Weights
+from freefloat.planning.segment import Segment
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.so3 import Array, angle_between, frozen, heading_of
 
@@ -40,21 +40,14 @@ _MOTION_KEYS = (
 _MAP_KEYS = ("samples", "seed", "feasible_fraction", "feasible_fraction_error")
 
 
-class Objective(StrEnum):
-    """Criterion by which one of the feasible attitudes is chosen."""
-
-    MARGIN = "margin"
-    NEAREST = "nearest"
-    ROBUST = "robust"
-
-
 @dataclass(frozen=True, eq=False)
 class Search:
     """Objective and domain of a search for initial attitudes.
 
     Attributes:
         objective: The largest minimum margin, the feasible attitude nearest to ``from_attitude``,
-            or the one deepest inside the feasible set.
+            the one deepest inside the feasible set, the one with the least turn of the spacecraft
+            along the motion, or a sum with :class:`Weights`.
         from_attitude: Present attitude of the spacecraft, x, y, z, w.
         joints: Present joints of the arm, in chain order or by name [rad or m]: of the arm
             configurations at every attitude only the closest is considered; all when left out.
@@ -71,7 +64,7 @@ class Search:
         'the middle of the widest range, 151.3 degrees wide'
     """
 
-    objective: Objective = Objective.MARGIN
+    objective: Objective | Weights = Objective.MARGIN
     from_attitude: Array | None = None
     samples: int | None = None
     seed: int = 0
@@ -80,7 +73,9 @@ class Search:
     spare: float = np.radians(2.0)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "objective", member("search.objective", Objective, self.objective))
+        if not isinstance(self.objective, Weights):
+            objective = member("search.objective", Objective, self.objective)
+            object.__setattr__(self, "objective", objective)
         if self.samples is not None:
             samples = whole_number("search.samples", self.samples, FEWEST_SAMPLES)
             object.__setattr__(self, "samples", samples)
@@ -101,6 +96,18 @@ class Search:
             return SearchDomain()
         return SearchDomain(frozen(self.from_attitude), self.within)
 
+    @property
+    def weights(self) -> Weights:
+        """The weights of the objective, of ``still`` as well; those of others are zero."""
+        if isinstance(self.objective, Weights):
+            return self.objective
+        return Weights(turn=1.0) if self.objective is Objective.STILL else Weights(margin=1.0)
+
+    @property
+    def by_merit(self) -> bool:
+        """Whether motions are compared by the sum of weighted terms."""
+        return self.objective is Objective.STILL or isinstance(self.objective, Weights)
+
     def to_dict(self) -> dict[str, Any]:
         """The keys of a scenario's search, as a JSON document."""
         attitude, joints = self.from_attitude, self.joints
@@ -109,7 +116,7 @@ class Search:
         elif joints is not None:
             joints = np.asarray(joints, dtype=float).tolist()
         return {
-            "objective": str(self.objective),
+            "objective": self._objective_document,
             "seed": self.seed,
             "from_attitude": None if attitude is None else np.asarray(attitude).tolist(),
             "samples": self.samples,
@@ -117,6 +124,11 @@ class Search:
             "within_deg": degrees(self.within),
             "spare_deg": degrees(self.spare),
         }
+
+    @property
+    def _objective_document(self) -> str | dict[str, float]:
+        weighted = isinstance(self.objective, Weights)
+        return vars(self.objective).copy() if weighted else str(self.objective)
 
     def applied_to(self, problem: Problem) -> Problem:
         """The problem, with :attr:`joints` as those that the arm starts near.
@@ -131,37 +143,6 @@ class Search:
         joints = problem.model.joint_vector(self.joints, "search.joints")
         require_radians(problem.model, joints)
         return replace(problem, start_joints=joints)
-
-
-@dataclass(frozen=True, eq=False)
-class Segment:
-    """A part of the path between stops, considered alone as in the paper's Fig. 5.
-
-    Attributes:
-        span: First and last time [s].
-        limits: Range limits: motions along the segment that are tangent to the margin.
-        at_start: Headings at its start from which the segment is feasible.
-        at_end: Headings at its end of these motions.
-        joined_at_end: Headings at its end of motions that are feasible along this segment and all
-            that follow.
-    """
-
-    span: Span
-    limits: tuple[RangeLimit, ...] = field(repr=False)
-    at_start: tuple[BranchRanges, ...] = field(repr=False)
-    at_end: tuple[BranchRanges, ...] = field(repr=False)
-    joined_at_end: tuple[BranchRanges, ...] = field(repr=False)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The segment's JSON document."""
-        return {
-            "from": self.span[0],
-            "to": self.span[1],
-            "touch_points": [limit.to_dict(self.span) for limit in self.limits],
-            "ranges_at_start_deg": [entry.to_dict() for entry in self.at_start],
-            "ranges_at_end_deg": [entry.to_dict() for entry in self.at_end],
-            "joined_at_end_deg": [entry.to_dict() for entry in self.joined_at_end],
-        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +228,7 @@ class Plan:
         document = {
             "feasible": self.feasible,
             "reason": self.reason,
-            "objective": str(self.search.objective),
+            "objective": self.search.to_dict()["objective"],
             "search": self.search.to_dict(),
             "attitude_ranges_deg": [entry.to_dict() for entry in self.ranges],
             "deviation_deg": degrees(self.deviation),

@@ -15,9 +15,11 @@ import numpy as np
 
 from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.diagnostics import (
     NO_HEADING_WITHIN_LIMITS,
+    criterion,
     infeasible_distance_message,
     margin_text,
     nearest_message,
@@ -33,11 +35,14 @@ from freefloat.planning.heading_arcs import (
     branch_ranges,
 )
 from freefloat.planning.heading_map import best_headings
+from freefloat.planning.merit import Merit
+from freefloat.planning.objective import Objective
 from freefloat.planning.pattern_search import Flags
-from freefloat.planning.plan import HEADINGS, Objective, Plan, Search, Segment
+from freefloat.planning.plan import HEADINGS, Plan, Search
 from freefloat.planning.planar_limits import limited_ranges
 from freefloat.planning.planar_ranges import heading_ranges, limits_of_spans, reach_limits
 from freefloat.planning.search import bisect
+from freefloat.planning.segment import Segment
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch, simulate
 from freefloat.so3 import Array, heading_of, heading_quaternion, wrapped
 from freefloat.workspace.planar import has_two_angle_form
@@ -57,7 +62,10 @@ _Choice = tuple[float, int, str]
 
 
 def plan_in_plane(
-    evaluator: FeasibilityEvaluator, search: Search, progress: Progress | None = None
+    evaluator: FeasibilityEvaluator,
+    search: Search,
+    limits: Limits | None = None,
+    progress: Progress | None = None,
 ) -> Plan:
     """Find every feasible initial heading of a planar problem and choose one."""
     problem = evaluator.problem
@@ -79,12 +87,12 @@ def plan_in_plane(
         return Plan(
             problem, search, False, no_feasible_heading_message(evaluator, search), ranges, segments
         )
-    heading, branch, reason = _choose(evaluator, search, pairs)
+    heading, branch, reason = _choose(evaluator, search, limits, pairs)
     chosen = _integrate(problem, heading, branch)
     if not chosen.feasible:
         reason = f"the motion chosen for {reason} does not keep the margin when integrated again"
         return Plan(problem, search, False, reason, ranges, segments)
-    if search.objective is Objective.MARGIN:
+    if search.objective is Objective.MARGIN or search.by_merit:
         reason = f"{reason}, {margin_text(chosen)}"
     depth = heading_depth(ranges, chosen)
     return Plan(problem, search, True, reason, ranges, segments, chosen, depth)
@@ -130,7 +138,9 @@ def _integrate(problem: Problem, heading: float, branch: int) -> SimulatedBranch
     return integrate_branch(problem, attitude, branch)
 
 
-def _choose(evaluator: FeasibilityEvaluator, search: Search, pairs: list[_Pair]) -> _Choice:
+def _choose(
+    evaluator: FeasibilityEvaluator, search: Search, limits: Limits | None, pairs: list[_Pair]
+) -> _Choice:
     """The heading of the objective, its arm branch, and why it was chosen."""
     if search.objective is Objective.ROBUST:
         branch, part = max(pairs, key=lambda pair: pair[1].width)
@@ -140,9 +150,13 @@ def _choose(evaluator: FeasibilityEvaluator, search: Search, pairs: list[_Pair])
         return _nearest(heading_of(search.from_attitude), search.spare, pairs)
     branches = [branch for branch, _ in pairs]
     ends = [_inner_ends(part) for _, part in pairs]
-    margins, headings = best_headings(evaluator, ends, np.array(branches))
-    best = int(np.argmax(margins))
-    return float(headings[best]) % tau, branches[best], "the largest margin"
+    merit = None
+    if search.by_merit:
+        margins, _ = best_headings(evaluator, ends, np.array(branches))
+        merit = Merit.of(search, limits, evaluator, margins)
+    merits, headings = best_headings(evaluator, ends, np.array(branches), merit)
+    best = int(np.argmax(merits))
+    return float(headings[best]) % tau, branches[best], criterion(search)
 
 
 def _nearest(present: float, spare: float, pairs: list[_Pair]) -> _Choice:

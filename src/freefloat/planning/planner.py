@@ -24,7 +24,9 @@ from freefloat.planning.diagnostics import (
 from freefloat.planning.heading_map import evaluator_for
 from freefloat.planning.limit_keeping import keep_limits, stretched_plan
 from freefloat.planning.mapping import sample_attitudes
-from freefloat.planning.plan import PLAN_ATTITUDES, Objective, Plan, Search
+from freefloat.planning.merit import Merit, best_by_merit
+from freefloat.planning.objective import Objective
+from freefloat.planning.plan import PLAN_ATTITUDES, Plan, Search
 from freefloat.planning.planar_planner import plan_in_plane
 from freefloat.planning.robustness import robust_radius
 from freefloat.planning.screening import ScreenedCandidate
@@ -102,9 +104,9 @@ def _plan(
     progress: Progress | None,
 ) -> Plan:
     """Plan with the duration as it is; ``known`` is as for :func:`keep_limits`."""
-    evaluator = evaluator_for(problem, threads, limits)
+    evaluator = evaluator_for(problem, threads, limits, search)
     planner = plan_in_plane if problem.task.planar else plan_in_space
-    result = planner(evaluator, search, progress)
+    result = planner(evaluator, search, limits, progress)
     if limits is not None:
         result = keep_limits(evaluator, result, limits, progress, known)
     chosen, radius = result.chosen, result.robust_radius
@@ -123,7 +125,10 @@ def _plan(
 
 
 def plan_in_space(
-    evaluator: FeasibilityEvaluator, search: Search, progress: Progress | None = None
+    evaluator: FeasibilityEvaluator,
+    search: Search,
+    limits: Limits | None = None,
+    progress: Progress | None = None,
 ) -> Plan:
     """Map SO(3), refine its best candidates, and choose the first whose precise motion is feasible.
 
@@ -135,7 +140,7 @@ def plan_in_space(
         step_of(progress, 0.0, _SAMPLING),
     )  # fmt: skip
     disagreements: list[str] = []
-    for candidate in _candidates(evaluator, samples, search)[:_CANDIDATES]:
+    for candidate in _candidates(evaluator, samples, search, limits)[:_CANDIDATES]:
         branch = candidate.branch
         if branch is None:
             branch, _ = best_branch(evaluator, candidate.attitude)
@@ -146,7 +151,6 @@ def plan_in_space(
     else:
         reason = no_feasible_attitude_message(evaluator, samples)
         return Plan(problem, search, False, reason, map=samples, disagreements=(*disagreements,))
-    spare = search.spare if search.objective is Objective.NEAREST else 0.0
     flat = isinstance(candidate, Peak) and not is_unique(evaluator, candidate)
     remark = NOT_UNIQUE if flat else ""
     if progress is not None:
@@ -155,7 +159,7 @@ def plan_in_space(
         problem,
         search,
         feasible=True,
-        reason=attitude_reason(candidate, chosen, spare) + remark,
+        reason=attitude_reason(candidate, chosen, search) + remark,
         chosen=chosen,
         robust_radius=candidate.radius if isinstance(candidate, Ball | NearAttitude) else None,
         map=samples,
@@ -164,9 +168,13 @@ def plan_in_space(
 
 
 def _candidates(
-    evaluator: FeasibilityEvaluator, samples: AttitudeMap, search: Search
+    evaluator: FeasibilityEvaluator, samples: AttitudeMap, search: Search, limits: Limits | None
 ) -> Sequence[Candidate]:
     """Attitudes to try, the best first; none where no sample is feasible."""
+    if search.by_merit:
+        merit = Merit.of(search, limits, evaluator, samples.margins)
+        scored = best_by_merit(evaluator, samples, merit)
+        return scored or most_robust_first(samples, feasible_peaks(evaluator, samples))
     objective, present, spacing = search.objective, search.from_attitude, samples.spacing
     if objective is Objective.MARGIN:
         return most_robust_first(samples, feasible_peaks(evaluator, samples))

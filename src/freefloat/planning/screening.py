@@ -20,7 +20,8 @@ from freefloat.limits.limits import LimitKind, Limits
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.problem import Problem
 from freefloat.planning.attitude_map import Candidate
-from freefloat.planning.plan import Objective, Search
+from freefloat.planning.objective import Objective
+from freefloat.planning.plan import Search
 from freefloat.planning.regions import depths
 from freefloat.so3 import Array, IntArray, angle_between
 
@@ -55,6 +56,7 @@ def screen(
     evaluator: FeasibilityEvaluator,
     attitudes: Array,
     margins: Array,
+    merits: Array | None,
     search: Search,
     limits: Limits,
     pairs: CollisionPairs | None,
@@ -62,7 +64,8 @@ def screen(
     """Candidates that keep the margin, the best by the search's objective first.
 
     Margins are those of every arm branch from attitudes (N, 4), zero for motions that do not
-    complete, shape (N, B). The clearance of ``pairs`` is limited where they are given.
+    complete, shape (N, B); merits are those of the same motions, for searches that compare them.
+    The clearance of ``pairs`` is limited where they are given.
     """
     feasible = evaluator.problem.margin.keeps(margins)
     samples, branches = np.nonzero(feasible)
@@ -72,6 +75,8 @@ def screen(
     elif search.objective is Objective.ROBUST:
         table = np.column_stack([depths(attitudes, column) for column in feasible.T])
         ranks = [-table[samples, branches]]
+    elif merits is not None:
+        ranks = [-merits[samples, branches]]
     order = np.lexsort(ranks)
     samples, branches = samples[order], branches[order]
     first = 0

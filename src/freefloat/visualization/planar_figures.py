@@ -83,7 +83,9 @@ def _draw_distances(axes: Any, problem: Problem, arm: PlanarArm) -> None:
                 degrees, degrees, radii, levels=[level], colors=[GREY], linestyles=[dashes],
                 linewidths=1.0,
             )  # fmt: skip
-            axes.plot([], [], color=GREY, linestyle=dashes, linewidth=1.0, label=f"reaches the {name}")
+            axes.plot(
+                [], [], color=GREY, linestyle=dashes, linewidth=1.0, label=f"reaches the {name}"
+            )
 
 
 def _draw_motion(axes: Any, motion: Motion, colour: str, dashes: Any) -> None:
