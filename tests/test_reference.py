@@ -217,11 +217,15 @@ def test_every_dataset_of_a_file_is_described(in_folder: Path) -> None:
     line, planar = "spatial_6dof/line", "planar_3dof/parabola"
     run("plan", planar, "-o", "plan.h5")
     run("simulate", line, "--attitude", 0.1, 0.5, 0.2, -0.8367, "-o", "motion.h5")
+    scenario = yaml.safe_load(run("models", "planar_2dof/line").stdout)
+    scenario["scene"] = {"bodies": [{"name": "client", "urdf": "planar_2dof"}]}
+    Path("scene.yaml").write_text(yaml.safe_dump(scenario))
+    run("simulate", "scene.yaml", "--heading", 0, "-o", "scene.h5")
     run("map", planar, "--samples", 24, "-o", "headings.h5")
     options = ["--nearest", 0, 0, 0, 1, "--boundary", 1, "--touch", 1]
     run("map", line, "--samples", 16, *options, "-o", "attitudes.h5")
     found = set()
-    for name in ("plan", "motion", "headings", "attitudes"):
+    for name in ("plan", "motion", "scene", "headings", "attitudes"):
         with h5py.File(f"{name}.h5") as file:
             file.visit(found.add)
             found |= set(file.attrs)
