@@ -36,6 +36,7 @@ from freefloat.visualization.overlays import (
     thickness,
 )
 from freefloat.visualization.scene_builder import ROOT, Scene, SceneBuilder, node
+from freefloat.visualization.surroundings import Surroundings
 from freefloat.visualization.visuals import (
     RobotVisuals,
     body_poses,
@@ -84,8 +85,13 @@ def motion_scene(motions: Mapping[str, Motion], title: str = "freefloat") -> Sce
         _draw(builder, name, sampled, colours)
         for name, sampled in zip(motions, samples, strict=True)
     )
-    items = {item: item != AREAS or planar for item in (ROBOT, *ITEMS)}
-    remarks = dict.fromkeys(text for sampled in samples for text in sampled.visuals.problems)
+    others = dict.fromkeys(item for sampled in samples for item in sampled.surroundings.items)
+    items = {item: item != AREAS or planar for item in (ROBOT, *ITEMS, *others)}
+    remarks = dict.fromkeys(
+        text
+        for sampled in samples
+        for text in (*sampled.visuals.problems, *sampled.surroundings.problems)
+    )
     view = _view(samples, planar)
     return builder.scene(SceneDescription(title, scenes, items, colours, view, tuple(remarks)))
 
@@ -121,7 +127,7 @@ def key_times(motion: Motion, limit: int = _MAX_KEYS) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Sampled:
-    """A motion at its key times: poses of the bodies and the end-effector, |measure|, s."""
+    """A motion at its key times: poses of bodies and end-effector, |measure|, s, its scene."""
 
     motion: Motion
     visuals: RobotVisuals
@@ -131,6 +137,7 @@ class _Sampled:
     values: Array
     fractions: Array
     areas: Workspace | None
+    surroundings: Surroundings
 
 
 def _sampled(
@@ -150,6 +157,7 @@ def _sampled(
         np.abs([measure(q) for q in motion.evaluate(parameters)[2]]),
         np.array([problem.path.timing.s(float(t)) for t in times]),
         areas,
+        Surroundings.of(problem, times),
     )
 
 
@@ -173,6 +181,7 @@ def _draw(
     labels = draw_path(builder, root, problem)
     indices = draw_trail(builder, root, problem, positions[-1], colours(sampled.values))
     labels += draw_centre(builder, root, problem) + draw_ending(builder, root, motion)
+    labels += sampled.surroundings.draw(builder, root)
     moved = {path: body for body, path in enumerate(bodies)}
     for item, body in ((BASE_AXES, 0), (END_EFFECTOR_AXES, -1)):
         draw_axes(builder, f"{root}/{item}", 25.0 * size, 0.6 * size)
@@ -233,9 +242,9 @@ def _view(samples: Sequence[_Sampled], planar: bool) -> View:
 
 
 def _extent(sampled: _Sampled) -> list[Array]:
-    """Joints, end-effector and corners of the spacecraft at some instants [m]."""
+    """Joints, end-effector, corners of the spacecraft and of the scene at some instants [m]."""
     chosen = np.unique(np.linspace(0, len(sampled.times) - 1, _INSTANTS).astype(int))
     positions, rotations = sampled.positions[chosen], sampled.rotations[chosen, 0]
     corners = [bounding_box(shape) for shape in sampled.visuals.shapes if shape.body == 0]
     box = np.einsum("kij,cj->kci", rotations, np.vstack(corners)) + positions[:, :1]
-    return [positions.reshape(-1, 3), box.reshape(-1, 3)]
+    return [positions.reshape(-1, 3), box.reshape(-1, 3), *sampled.surroundings.extent()]

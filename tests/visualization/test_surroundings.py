@@ -1,0 +1,127 @@
+"""Bodies of a scene and the corridor in the command stream of a page."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+import umsgpack
+from scipy.spatial.transform import Rotation
+
+import freefloat as ff
+from freefloat.motion.motion import Motion
+from freefloat.motion.problem import Problem
+from freefloat.visualization.scene import motion_scene
+from freefloat.visualization.scene_builder import Scene
+
+ROOT = "/meshcat/good"
+TURN = Rotation.from_euler("xyz", [0.3, 0.2, 0.1]).as_matrix()
+TUMBLING = ff.Tumbling([3.0, 2.0, 1.0], [0.02, 0.1, 0.0], com=[0.1, 0.0, 0.3])
+BODIES = (
+    ff.SceneBody("mast", ff.Cylinder(0.1, 2.0), [3.0, 0.0, 1.0], TURN),
+    ff.SceneBody("client", ff.Box([1.0, 1.0, 2.0]), [0.0, 3.0, 1.0], TURN, TUMBLING),
+    ff.SceneBody("tool", ff.Sphere(0.1), [0.0, 0.1, 0.4], motion="target"),
+)
+
+
+@pytest.fixture(scope="module")
+def motion(spatial: Problem) -> Motion:
+    return ff.simulate(spatial, [0.46008, 0.09337, 0.73519, -0.48898], branch=0).chosen.motion
+
+
+def scene_of(motion: Motion, *arguments: Any) -> Scene:
+    problem = motion.problem.replace(scene=ff.Scene(*arguments))
+    return motion_scene({"good": replace(motion, problem=problem)})
+
+
+def commands(scene: Scene, kind: str) -> dict[str, Any]:
+    found = map(umsgpack.unpackb, scene.objects)
+    return {command["path"]: command for command in found if command["type"] == kind}
+
+
+def tracks(scene: Scene) -> dict[str, tuple[np.ndarray, ...]]:
+    """Times and values of the tracks by path and property."""
+    return {
+        clip["path"] + track["name"]: tuple(
+            np.frombuffer(track[name].data, dtype="<f4").astype(float)
+            for name in ("times", "values")
+        )
+        for clip in umsgpack.unpackb(scene.animation)["animations"]
+        for track in clip["clip"]["tracks"]
+        if track["type"] != "boolean"
+    }
+
+
+def test_moving_bodies_have_tracks_and_fixed_ones_a_place(motion: Motion) -> None:
+    scene = scene_of(motion, BODIES)
+    moves, path = tracks(scene), motion.problem.path
+    for body in BODIES[1:]:
+        times, positions = moves[f"{ROOT}/Scene bodies/{body.name}.position"]
+        quaternions = moves[f"{ROOT}/Scene bodies/{body.name}.quaternion"][1].reshape(-1, 4)
+        poses = [body.pose_at(t, path) for t in np.clip(times, 0.0, 100.0)]
+        expected = np.array([pose.position for pose in poses])
+        assert positions.reshape(-1, 3) == pytest.approx(expected, abs=1e-6)
+        shown = Rotation.from_quat(quaternions)
+        off = shown * Rotation.from_matrix([pose.rotation for pose in poses]).inv()
+        assert off.magnitude().max() < 1e-5
+    assert not any("mast" in key for key in moves)
+    placed = commands(scene, "set_transform")[f"{ROOT}/Scene bodies/mast"]["matrix"]
+    expected = np.eye(4)
+    expected[:3, :3], expected[:3, 3] = TURN, [3.0, 0.0, 1.0]
+    np.testing.assert_allclose(np.reshape(placed, (4, 4)).T, expected, atol=1e-12)
+
+
+def test_labels_stand_where_bodies_stay(motion: Motion) -> None:
+    labels = scene_of(motion, BODIES).description.scenes[0].labels
+    places = {label.text: label.position for label in labels if label.item == "Scene bodies"}
+    assert places.keys() == {"mast", "client"}
+    assert places["client"] == pytest.approx([0.0, 3.0, 1.0] + TURN @ TUMBLING.com)
+
+
+@pytest.mark.parametrize("half_angle", [0.3, None])
+@pytest.mark.parametrize("body", ["client", None])
+def test_the_surface_of_the_corridor_is_at_its_limit(
+    motion: Motion, half_angle: float | None, body: str | None
+) -> None:
+    radius = 0.4 if half_angle is None else None
+    corridor = ff.Corridor([0.1, 0.2, -0.3], [1.0, 2.0, 0.5], half_angle, radius, body)
+    scene = scene_of(motion, BODIES, corridor)
+    item = commands(scene, "set_object")[f"{ROOT}/Corridor"]["object"]
+    packed = item["geometries"][0]["data"]["attributes"]["position"]["array"]
+    points = np.frombuffer(packed.data, dtype="<f4").reshape(-1, 3).astype(float)
+    deviations = np.array([corridor.deviation(point) for point in points])
+    assert deviations[deviations > 0.0] == pytest.approx(corridor.allowed, abs=1e-6)
+    assert item["materials"][0]["opacity"] < 0.3
+    assert (f"{ROOT}/Corridor.quaternion" in tracks(scene)) is (body is not None)
+    path, frame = motion.problem.path, commands(scene, "set_transform")
+    if body is None:
+        assert f"{ROOT}/Corridor" not in frame
+        along = [(path.pose(t).position - corridor.point) @ corridor.axis for t in (0.0, 100.0)]
+        assert ((points - corridor.point) @ corridor.axis).max() > max(along)
+
+
+def test_items_are_those_of_the_scene(motion: Motion) -> None:
+    plain = motion_scene({"good": motion}).description.items
+    assert not {"Scene bodies", "Corridor"} & plain.keys()
+    corridor = ff.Corridor([0, 0, 0], [0, 0, 1], radius=3.0)
+    assert set(scene_of(motion, (), corridor).description.items) == {*plain, "Corridor"}
+    assert set(scene_of(motion, BODIES).description.items) == {*plain, "Scene bodies"}
+
+
+def test_the_first_view_contains_the_bodies(motion: Motion) -> None:
+    points = np.array(scene_of(motion, BODIES[:1]).description.view.points)
+    assert points[:, 0].max() > 3.0
+
+
+def test_meshes_are_drawn_and_missing_ones_are_named(motion: Motion, tmp_path: Any) -> None:
+    file = tmp_path / "part.stl"
+    trimesh.creation.box((1.0, 2.0, 3.0)).export(file)
+    body = ff.SceneBody("part", str(file))
+    item = commands(scene_of(motion, [body]), "set_object")[f"{ROOT}/Scene bodies/part/1"]
+    assert item["object"]["materials"][0]["opacity"] == pytest.approx(0.6)
+    file.unlink()
+    (remark,) = scene_of(motion, [body]).description.remarks
+    assert remark.startswith("scene body part: <visual>")
