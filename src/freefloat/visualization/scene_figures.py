@@ -33,6 +33,7 @@ from freefloat.visualization.figure_style import (
     new_figure,
     styled,
 )
+from freefloat.visualization.scene_outlines import draw_in_plane, draw_in_space, outline_points
 from freefloat.visualization.visuals import body_poses, bounding_box, robot_visuals, view_direction
 from freefloat.workspace.planar import Interval
 from freefloat.workspace.regions import Workspace
@@ -143,7 +144,7 @@ def _labelled_areas(workspace: Workspace) -> Iterator[tuple[str | None, Interval
 
 @styled
 def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figure:
-    """Return the figure of the robot at several instants (Figs. 6, 7, 9 and 10).
+    """Return the figure of the robot, and its scene, at several instants (Figs. 6, 7, 9 and 10).
 
     Args:
         motion: The motion.
@@ -161,10 +162,13 @@ def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figu
     robots = outlines(motion, times)
     for axes, robot, time in zip(views, robots, times, strict=True):
         _draw_in_space(axes, motion.problem, robot)
+        draw_in_space(axes, motion.problem, float(time))
         axes.set_title(f"{digits(time)} s", y=1.0)
     _mark_singular(views[-1], motion, 3)
     bodies = np.array([[robot.spacecraft.mean(axis=0), *robot.arm[1:]] for robot in robots])
     points = np.vstack([np.vstack([robot.spacecraft, robot.arm]) for robot in robots])
+    others = (p for time in times for _, p in outline_points(motion.problem, float(time)))
+    points = np.vstack([points, *others])
     _set_equal_cubes(views, points, view_direction([bodies]))
     handles, names = views[-1].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=len(handles))
@@ -179,7 +183,9 @@ def draw_snapshots(axes: Any, motion: Motion, workspace: Workspace | None) -> No
     if workspace is not None:
         _draw_areas(axes, workspace)
     _draw_path(axes, motion.problem, workspace)
-    robots = outlines(motion, np.linspace(motion.initial.time, motion.final.time, _INSTANTS))
+    times = np.linspace(motion.initial.time, motion.final.time, _INSTANTS)
+    robots = outlines(motion, times)
+    draw_in_plane(axes, motion.problem, times)
     shades = [f"{shade:.3f}" for shade in np.linspace(_LIGHTEST, 0.0, _INSTANTS)]
     for k in (0, -1):
         corners = robots[k].spacecraft[_FROM_ABOVE, :2]
