@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 
-import coal
-import mujoco
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
@@ -11,16 +9,13 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.io.scenario import load_scenario
 from freefloat.limits.clearance import _frame_path_lengths, clearance
-from freefloat.limits.collision import collision_shapes, scene_shapes
 from freefloat.limits.contact import self_contact
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.integration import integrate_motion
 from freefloat.paths.scene import Scene
 from freefloat.paths.scene_body import SceneBody
 from freefloat.paths.tumbling import Tumbling
-from freefloat.robot.names import find_mesh
-from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
-from freefloat.so3 import Pose
+from freefloat.robot.shapes import Box, Cylinder, Sphere
 from tests.prismatic import LENGTH, prismatic_motion, prismatic_robot, shape_text
 
 START = 0.9
@@ -194,63 +189,3 @@ class OnlyScene:
         self.levers = lambda strokes: pairs.levers(strokes)[chosen]
         self.frame_levers = lambda: pairs.frame_levers()[chosen]
         self.distances = lambda q, k, a, poses: pairs.distances(q, chosen[k], a, poses)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["ur5_servicer/arc", "panda_servicer/line"])
-def test_distances_of_meshes_are_those_of_mujoco(name, rng):
-    """Convex parts of the arm's meshes, and a box, a cylinder and a mesh in the scene."""
-    model = load_scenario(name).model()
-    link = next(shape for link in model.description.links for shape in link.collisions
-                if isinstance(shape.geometry, MeshFile))  # fmt: skip
-    mesh = find_mesh(link.geometry.filename, model.description.source)
-    scene = Scene([
-        SceneBody("box", Box([0.6, 0.5, 0.9])),
-        SceneBody("mast", Cylinder(0.05, 1.0)),
-        SceneBody("part", MeshFile(str(mesh), (3.0, 3.0, 3.0))),
-    ])  # fmt: skip
-    pairs = CollisionPairs(model, scene=scene)
-    others = with_scene(pairs)
-    shapes = collision_shapes(model) + scene_shapes(scene, len(model.bodies))
-    for _ in range(3):
-        attitude, joints = Rotation.random(rng=rng).as_quat(), rng.uniform(-2.0, 2.0, model.dof)
-        poses = [
-            Pose(rng.uniform(-1.5, 1.5, 3), Rotation.random(rng=rng).as_matrix())
-            for _ in scene.bodies
-        ]
-        distances = pairs.distances(joints, others, attitude, poses)
-        expected = mujoco_distances(
-            shapes, [*model.body_poses(attitude, joints), *poses], pairs.pairs[others]
-        )
-        apart = expected > 0.0
-        assert apart.sum() > len(apart) / 2
-        np.testing.assert_allclose(distances[apart], expected[apart], rtol=0, atol=GJK)
-
-
-def mujoco_distances(shapes, poses, pairs):
-    """Distances of pairs of shapes on bodies with these frames."""
-    spec = mujoco.MjSpec()
-    for number, shape in enumerate(shapes):
-        at = poses[shape.body] @ shape.placement
-        geom = spec.worldbody.add_geom(name=f"{number}", pos=at.position)
-        geom.quat = at.quaternion[[3, 0, 1, 2]]
-        if isinstance(shape.geometry, coal.Box):
-            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, shape.geometry.halfSide
-        elif isinstance(shape.geometry, coal.Sphere):
-            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, [shape.geometry.radius, 0, 0]
-        elif isinstance(shape.geometry, coal.Cylinder):
-            geom.type = mujoco.mjtGeom.mjGEOM_CYLINDER
-            geom.size = [shape.geometry.radius, shape.geometry.halfLength, 0.0]
-        else:
-            vertices = poses[shape.body].position + shape.points @ poses[shape.body].rotation.T
-            mesh = spec.add_mesh(name=f"mesh {number}")
-            mesh.uservert = vertices.ravel()
-            geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, mesh.name
-            geom.pos, geom.quat = np.zeros(3), [1.0, 0.0, 0.0, 0.0]
-    spec.option.ccd_tolerance, spec.option.ccd_iterations = 1e-9, 200
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    return np.array([
-        mujoco.mj_geomDistance(model, data, int(i), int(j), 100.0, None) for i, j in pairs
-    ])  # fmt: skip

@@ -1,81 +1,14 @@
-"""Torque-free rotation against closed forms: Jacobi's elliptic functions, symmetric bodies."""
+"""Torque-free rotation: symmetric bodies in closed form, invariants, values that are refused.
 
-from itertools import pairwise
+The general case is compared with Jacobi's elliptic functions in tests/validation/test_scene.py.
+"""
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
-from scipy.special import ellipj
 
 from freefloat.errors import InputError
 from freefloat.paths.tumbling import Tumbling
-
-TURNS = 10.0
-
-
-def to_z(direction):
-    """The shortest rotation of a unit vector onto z, shape (3, 3)."""
-    x, y, z = direction
-    return Rotation.from_quat([y, -x, 0.0, 1.0 + z]).as_matrix()
-
-
-class Elliptic:
-    """Jacobi's solution: moments A < B < C, no rate about the middle axis at time zero.
-
-    The attitude is the shortest rotation of the angular momentum's direction u onto z after the
-    rotation about z by an angle, of rate (omega . (u + z)) / (1 + u_z).
-    """
-
-    def __init__(self, moments, p, r):
-        A, B, C = self.moments = np.array(moments)
-        self.rate = np.array([p, 0.0, r])
-        self.twice_energy = A * p**2 + C * r**2
-        self.momentum = float(np.hypot(A * p, C * r))
-        across, along = (
-            self.twice_energy * C - self.momentum**2,
-            self.momentum**2 - A * self.twice_energy,
-        )
-        assert along > across * (B - A) / (C - B)  # it circles about the axis of C
-        self.speed = np.sqrt((C - B) * along / (A * B * C))
-        self.parameter = (B - A) * across / ((C - B) * along)
-        self.sizes = np.sqrt(
-            [across / (A * (C - A)), across / (B * (C - B)), along / (C * (C - A))]
-        )
-
-    def rates(self, t):
-        sn, cn, dn, _ = ellipj(self.speed * t, self.parameter)
-        return self.sizes * [cn, sn, dn]
-
-    def precession(self, t):
-        r = self.rates(t)[2]
-        return (self.twice_energy / self.momentum + r) / (1.0 + self.moments[2] * r / self.momentum)
-
-    def rotation(self, t):
-        steps = np.linspace(0.0, t, 2 + int(t / 2.0))
-        angle = sum(
-            quad(self.precession, low, high, epsabs=1e-13, epsrel=1e-13)[0]
-            for low, high in pairwise(steps)
-        )
-        turn = Rotation.from_rotvec([0.0, 0.0, angle]).as_matrix()
-        first, last = (to_z(self.moments * self.rates(u) / self.momentum) for u in (0.0, t))
-        return first.T @ turn @ last
-
-
-@pytest.mark.parametrize(("moments", "p", "r"), [
-    ((40.0, 70.0, 90.0), 0.05, 0.1),
-    ((40.0, 70.0, 90.0), 0.0979, 0.08),  # near the unstable rotation
-    ((1.0, 1.5, 2.2), -0.7, 0.9),
-    ((5.0, 5.1, 9.0), 2.0, 1.9),
-])  # fmt: skip
-def test_ten_revolutions_are_those_of_jacobi(moments, p, r):
-    exact = Elliptic(moments, abs(p), r)
-    sign = np.diag([np.sign(p), np.sign(p), 1.0])  # a half-turn about z of the whole motion
-    tumbling = Tumbling(np.array(moments), [p, 0.0, r])
-    revolution = 2.0 * np.pi / np.linalg.norm(exact.rate)
-    for t in TURNS * revolution * np.array([0.013, 0.21, 0.5, 0.77, 1.0]):
-        expected = sign @ exact.rotation(t) @ sign
-        np.testing.assert_allclose(tumbling.rotation(t), expected, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("spin", [0.3, -1.2])

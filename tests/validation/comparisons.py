@@ -73,6 +73,12 @@ COMPARISONS = tuple(Comparison(*row) for row in (
      "heading range limits of 8 random problems", "sweep and bisection", 0.05, "deg"),
     ("test_brute_force", "test_a_map_agrees_with_precise_motions",
      "minimum margins of a map, Example 2", "precise motions", 3e-4, "of the initial S"),
+    ("test_scene", "test_ten_revolutions_are_those_of_jacobi",
+     "ten revolutions of tumbling bodies", "Jacobi's elliptic functions", 1e-9, "of 1"),
+    ("test_scene", "test_distances_from_a_ball_are_exact",
+     "distances from a ball to boxes and balls", "closed forms", 1e-6, "m"),
+    ("test_scene", "test_distances_of_meshes_are_those_of_mujoco",
+     "distances from meshes of two arms to other bodies", "MuJoCo's mj_geomDistance", 5e-6, "m"),
 ))  # fmt: skip
 """All rows, in the table's order."""
 

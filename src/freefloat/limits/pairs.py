@@ -60,7 +60,11 @@ class CollisionPairs:
         self._model, self.scene = model, scene
         robot = collision_shapes(model, hulls)
         self._shapes = robot + scene_shapes(scene, len(model.bodies), hulls)
-        self._scene_shapes = range(len(robot), len(self._shapes))
+        self._scene_shapes = [
+            (number, shape.body - len(model.bodies), _se3(shape.placement))
+            for number, shape in enumerate(self._shapes)
+            if shape.body > model.dof
+        ]
         connected = {frozenset((joint.parent, joint.child)) for joint in model.moving_joints}
         own = [
             (i, j) if a.body < b.body else (j, i)
@@ -71,7 +75,7 @@ class CollisionPairs:
         others = [
             (i, j)
             for i, a in enumerate(robot)
-            for j in self._scene_shapes
+            for j, _, _ in self._scene_shapes
             if (a.link, self._shapes[j].link) not in may_touch
         ]
         candidates = np.array(own + others, dtype=np.int64).reshape(-1, 2)
@@ -127,10 +131,9 @@ class CollisionPairs:
         if poses:
             q = self._model.configuration(attitude, joints)
             objects = self._geometry[0].geometryObjects
-            for number in self._scene_shapes:
-                shape = self._shapes[number]
-                pose = poses[shape.body - len(self._model.bodies)] @ shape.placement
-                objects[number].placement = pin.SE3(pose.rotation, pose.position)
+            frames = [_se3(pose) for pose in poses]
+            for number, body, placement in self._scene_shapes:
+                objects[number].placement = frames[body] * placement
         return self._distances(q, self._numbers[pairs])
 
     def _distances(self, q: Array, candidates: IntArray) -> Array:
@@ -144,10 +147,10 @@ class CollisionPairs:
         """Pinocchio's geometry model with collision pairs, and its data."""
         geometry = pin.GeometryModel()
         for number, shape in enumerate(self._shapes):
-            pose = pin.SE3(shape.placement.rotation, shape.placement.position)
-            parent = 0 if number in self._scene_shapes else shape.body + 1
+            parent = 0 if shape.body > self._model.dof else shape.body + 1
+            placement = _se3(shape.placement)
             geometry.addGeometryObject(
-                pin.GeometryObject(f"{number}", parent, pose, shape.geometry)
+                pin.GeometryObject(f"{number}", parent, placement, shape.geometry)
             )
         for first, second in pairs.tolist():
             geometry.addCollisionPair(pin.CollisionPair(first, second))
@@ -223,6 +226,11 @@ class CollisionPairs:
             else:
                 reach[k - 1] = radius + lengths[min(k, shape.body) : max(k, shape.body)].sum()
         return reach
+
+
+def _se3(pose: Pose) -> Any:
+    """A pose as Pinocchio's."""
+    return pin.SE3(pose.rotation, pose.position)
 
 
 def _from_axis(points: Array, axis: Array) -> float:
