@@ -53,7 +53,7 @@ from freefloat.dynamics.redundancy import (
 )
 from freefloat.errors import finite_vector
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array
+from freefloat.so3 import Array, rotation_matrix
 
 
 class ResolvedRateSolver:
@@ -65,6 +65,7 @@ class ResolvedRateSolver:
         task: Task,
         momentum: npt.ArrayLike,
         redundancy: Redundancy | None = None,
+        wheel_momentum: npt.ArrayLike | None = None,
     ) -> None:
         """Prepare the equation.
 
@@ -73,6 +74,8 @@ class ResolvedRateSolver:
             task: Part of the end-effector's motion that is prescribed.
             momentum: Angular momentum about the centre of mass, inertial frame [N m s], shape (3,).
             redundancy: Null-space motion of a redundant arm; minimum-norm rates when left out.
+            wheel_momentum: Part of the momentum that wheels store, constant in the spacecraft frame
+                [N m s], shape (3,); none when left out.
 
         Raises:
             InputError: If the task has more rows than the arm has joints, or the redundancy does
@@ -87,7 +90,10 @@ class ResolvedRateSolver:
         self._q = np.zeros(7 + n)
         self._M = np.zeros((6 + m, 6 + n), order="F")
         self._b = np.zeros(6 + m)
-        self._b[3:6] = finite_vector("momentum", momentum, 3)
+        self._b[3:6] = self._momentum = finite_vector("momentum", momentum, 3)
+        self._wheel_momentum: Array | None = None
+        if wheel_momentum is not None and np.any(wheel_momentum):
+            self._wheel_momentum = finite_vector("wheel_momentum", wheel_momentum, 3)
         self._redundancy = redundancy or Redundancy()
         self._weights = np.diag(joint_weights(model, self._redundancy))
         self._centres = range_centres(model)
@@ -114,6 +120,8 @@ class ResolvedRateSolver:
             model.pin_model, model.scratch, model.frame_id, pin.LOCAL_WORLD_ALIGNED
         )[self._selected]
         b[6:] = twist[self._selected]
+        if self._wheel_momentum is not None:
+            b[3:6] = self._momentum - rotation_matrix(attitude) @ self._wheel_momentum
         if M.shape[0] == M.shape[1]:
             _, _, v, singular = dgesv(M, b)
             return (v[3:6], v[6:]) if not singular else self._infinite()

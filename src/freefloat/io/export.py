@@ -146,6 +146,7 @@ def _head(motion: Motion) -> dict[str, Any]:
         "end_effector": problem.model.end_effector,
         "joint_names": list(problem.model.joint_names),
         "momentum": problem.momentum.tolist(),
+        "wheel_momentum": problem.wheel_momentum.tolist(),
         "measure_name": problem.margin.measure.name,
         "completed": motion.completed,
         "ending": motion.ending.value,

@@ -98,7 +98,10 @@ class Scenario:
             timed = TimedPath(path, timing)
             momentum, margin = np.array(content.momentum), Margin(measure, value)
             scene = content.scene.to_scene(self.source.parent, self.shapes)
-            return Problem(model, timed, content.task, momentum, margin, redundancy, scene=scene)
+            return Problem(
+                model, timed, content.task, momentum, margin, redundancy, scene=scene,
+                wheel_momentum=np.array(content.wheels.momentum),
+            )  # fmt: skip
 
     def _largest_magnitude(self, measure: SingularityMeasure) -> float:
         """Largest magnitude of a measure, guaranteed for det A unless the arm is redundant."""
@@ -250,6 +253,8 @@ def scenario_of(
     if problem.redundancy is not None:
         sections["redundancy"] = _redundancy_section(problem.redundancy)
     content = {"task": str(problem.task), "momentum": problem.momentum.tolist()}
+    if problem.wheel_momentum.any():
+        sections["wheels"] = {"momentum": problem.wheel_momentum.tolist()}
     for name, section in sections.items():
         content[name] = {key: value for key, value in section.items() if value is not None}
     text = yaml.safe_dump(content, sort_keys=False)

@@ -269,6 +269,13 @@ class LimitsSection(Section):
     [degrees]."""
 
 
+class WheelsSection(Section):
+    """Wheels of the spacecraft that turn with constant rates."""
+
+    momentum: Vector
+    """Angular momentum stored in them x, y, z, axes of the spacecraft [N m s]."""
+
+
 class ScenarioFile(Section):
     """A scenario: robot, task, momentum, path, timing, margin, search, limits and scene."""
 
@@ -277,6 +284,7 @@ class ScenarioFile(Section):
     """``pose``, ``position``, ``planar-pose`` or ``planar-position``: what the path prescribes."""
     momentum: Vector = (0.0, 0.0, 0.0)
     """Angular momentum x, y, z about the centre of mass, inertial axes [N m s]."""
+    wheels: WheelsSection = WheelsSection(momentum=(0.0, 0.0, 0.0))
     path: PathSection
     timing: TimingSection
     margin: MarginSection = MarginSection(measure="gjm", value=0.0)

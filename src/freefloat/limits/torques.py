@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array
+from freefloat.so3 import Array, rotation_matrix
 
 _STEPS = np.array([1.0, 2.0, 3.0])
 _WEIGHTS = np.array([45.0, -9.0, 1.0]) / 60.0
@@ -82,20 +82,28 @@ class InverseDynamics:
         v = np.concatenate([-np.linalg.solve(A[:3, :3], A[:3, 3:] @ rates), rates])
         q = np.concatenate([np.zeros(3), attitude, joints])
         model, scratch = self._weightless, self._scratch
-        drift = pin.computeCentroidalMomentumTimeVariation(model, scratch, q, v, np.zeros(count))
+        gyroscopic = np.cross(
+            omega, self._problem.wheel_momentum
+        )  # of the wheels, spacecraft frame
+        variation = pin.computeCentroidalMomentumTimeVariation(
+            model, scratch, q, v, np.zeros(count)
+        )
+        drift = variation.vector
+        drift[3:] += rotation_matrix(attitude) @ gyroscopic
         bias = pin.getFrameClassicalAcceleration(
             model, scratch, self._problem.model.frame_id, pin.LOCAL_WORLD_ALIGNED
         ).vector[self._rows]
         if not self._problem.redundant:
             J = end_effector_jacobian(self._problem.model, joints, attitude)[self._rows]
-            right = np.concatenate([-drift.vector, change[self._rows] - bias])
+            right = np.concatenate([-drift, change[self._rows] - bias])
             a = np.linalg.solve(np.vstack([A, J]), right)
         else:
             prescribed = np.append(twist, speed), np.append(change, path.timing.s(t, 2, segment))
             accelerations = self._differentiated(attitude, joints, rates, *prescribed)
-            base = -np.linalg.solve(A[:, :6], drift.vector + A[:, 6:] @ accelerations)
+            base = -np.linalg.solve(A[:, :6], drift + A[:, 6:] @ accelerations)
             a = np.concatenate([base, accelerations])
         forces = np.array(pin.rnea(model, scratch, q, v, a))
+        forces[3:6] += gyroscopic
         return Effort(v, a, forces[:6], forces[6:])
 
     def _differentiated(

@@ -113,4 +113,5 @@ def _momentum_errors(problem: Problem, values: Array, rates: Array) -> Array:
     states = zip(values[:, 5:-3], attitudes, strict=True)
     maps = [momentum_map(problem.model, joints, attitude)[3:] for joints, attitude in states]
     momentum = np.einsum("kij,kj->ki", np.reshape(maps, (len(v), 3, v.shape[1])), v)
+    momentum += rotation_matrix(attitudes) @ problem.wheel_momentum
     return np.asarray(np.linalg.norm(momentum - problem.momentum, axis=1))

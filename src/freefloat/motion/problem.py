@@ -53,6 +53,9 @@ class Problem:
         start_joints: Of the arm configurations at the start of the path only the one closest to
             these joint values is considered, shape (n,); all when left out.
         scene: Bodies beside the robot, and the corridor of the end-effector.
+        wheel_momentum: Part of the momentum that wheels store, constant in the spacecraft frame
+            [N m s], shape (3,): the wheels turn with constant rates relative to the spacecraft, and
+            their masses and inertias belong to it.
 
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
@@ -72,6 +75,7 @@ class Problem:
     redundancy: Redundancy | None = None
     start_joints: Array | None = None
     scene: Scene = field(default=Scene(), repr=False)
+    wheel_momentum: Array = field(default_factory=lambda: np.zeros(3), repr=False)
 
     def __post_init__(self) -> None:
         require_type("model", self.model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
@@ -81,6 +85,8 @@ class Problem:
         object.__setattr__(self, "task", Task.of(self.task))
         object.__setattr__(self, "momentum", frozen(finite_vector("momentum", self.momentum, 3)))
         require_enough_joints(self.model, self.task)
+        wheels = frozen(finite_vector("wheels.momentum", self.wheel_momentum, 3))
+        object.__setattr__(self, "wheel_momentum", wheels)
         if self.start_joints is not None:
             joints = frozen(self.model.joint_vector(self.start_joints, "start_joints"))
             object.__setattr__(self, "start_joints", joints)
@@ -107,6 +113,11 @@ class Problem:
         """Whether the arm has more joints than the task has rows."""
         return self.model.dof > len(self.task.rows)
 
+    @property
+    def has_momentum(self) -> bool:
+        """Whether the spacecraft moves while the end-effector rests."""
+        return bool(self.momentum.any() or self.wheel_momentum.any())
+
     def stretched(self, factor: float) -> Problem:
         """The same problem, all times of its path multiplied by a factor."""
         return replace(self, path=replace(self.path, timing=self.path.timing.stretched(factor)))
@@ -129,7 +140,9 @@ class Problem:
 
     def resolved_rate_solver(self) -> ResolvedRateSolver:
         """Solver of equation (4) for this problem."""
-        return ResolvedRateSolver(self.model, self.task, self.momentum, self.redundancy)
+        return ResolvedRateSolver(
+            self.model, self.task, self.momentum, self.redundancy, self.wheel_momentum
+        )
 
     def _require_planar(self) -> None:
         virtual = VirtualManipulator.of(self.model)
@@ -144,6 +157,12 @@ class Problem:
             raise InputError(
                 "momentum",
                 f"{self.momentum.tolist()} has components other than z in a planar task",
+                "[0, 0, hz]",
+            )
+        if self.wheel_momentum[0] != 0.0 or self.wheel_momentum[1] != 0.0:
+            raise InputError(
+                "wheels.momentum",
+                f"{self.wheel_momentum.tolist()} has components other than z in a planar task",
                 "[0, 0, hz]",
             )
         straight = virtual.pose(np.zeros(self.model.dof))
@@ -166,7 +185,7 @@ class Problem:
 
     def _require_few_revolutions(self) -> None:
         """The time of an integration grows with the rotations of the spacecraft."""
-        momentum = float(np.linalg.norm(self.momentum))
+        momentum = float(np.linalg.norm(self.momentum) + np.linalg.norm(self.wheel_momentum))
         duration = self.path.duration
         locked_inertia = inertia_matrices(self.model, np.zeros(self.model.dof))[0]
         rate = momentum / (np.trace(locked_inertia) / 3.0)

@@ -58,7 +58,7 @@ class StatesOnPath:
         self.problem, self.q2, self._q1 = problem, q2, q1
         self.measure = problem.margin.measure
         self._gradient = lru_cache(1024)(self._gradient_in_plane)  # along a line it is constant
-        self._has_momentum = bool(problem.momentum.any())
+        self._has_momentum = problem.has_momentum
         self._solver = problem.resolved_rate_solver()
         virtual = VirtualManipulator.of(problem.model)
         p, R, points, axes = virtual.kinematics(np.zeros(6))

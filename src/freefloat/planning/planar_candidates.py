@@ -54,7 +54,7 @@ class PlanarCandidates:
         self._problem = problem
         self.timing = problem.path.timing
         self._virtual = VirtualManipulator.of(problem.model)
-        self._momentum = float(problem.momentum[2])
+        self._momentum = float(problem.momentum[2] - problem.wheel_momentum[2])
         self.times = _instants(self.timing.ends)
         path = self.path_at(self.times)
         self.path = path._replace(last=np.unwrap(path.last))

@@ -59,31 +59,35 @@ class Tolerance:
 def tolerance(integrator: EnsembleIntegrator, attitude: Array, joints: Array) -> Tolerance:
     """Largest deviations of momentum and duration with which a motion keeps its margin.
 
-    A motion is the same at another speed with the momentum scaled by the same factor (8): a
-    duration changed by a factor is equivalent to a momentum changed by it.
+    A motion is the same at another speed with the momentum, and that of wheels, scaled by the same
+    factor (8): a duration changed by a factor is equivalent to momenta changed by it.
 
     Args:
         integrator: For the problem.
         attitude: Initial attitude of the spacecraft, quaternion x, y, z, w.
         joints: Initial joint values, shape (n,).
     """
-    problem, h = integrator.problem, integrator.problem.momentum
+    problem = integrator.problem
+    h, wheels = problem.momentum, problem.wheel_momentum
     duration, margin = problem.path.duration, problem.margin.threshold
 
-    def keeps(momenta: Array) -> Flags:
+    def keeps(momenta: Array, wheels: Array = wheels) -> Flags:
         K = len(momenta)
         states = np.broadcast_to(attitude, (K, 4)), np.broadcast_to(joints, (K, len(joints)))
-        return integrator.integrate(*states, momenta=momenta, stop_below=margin).keeps(margin)
+        result = integrator.integrate(*states, momenta=momenta, wheels=wheels, stop_below=margin)
+        return result.keeps(margin)
+
+    def keeps_scaled(powers: Array) -> Flags:
+        factors = np.exp(powers * signs[:, None]).reshape(-1, 1)
+        return keeps(factors * h, factors * wheels)
 
     D, _ = inertia_matrices(problem.model, joints)
     limit = float(np.trace(D)) / 3.0 * 2.0 * np.pi / duration
     deviation = _momentum_tolerance(lambda deviations: ~keeps(h + deviations), limit)
-    if not h.any():
+    if not problem.has_momentum:
         return Tolerance(deviation, limit, duration / _LONGEST, duration * _LONGEST)
     signs = np.array([-1.0, 1.0])
-    shorter, longer = _first_failures(
-        lambda powers: keeps(np.exp(powers * signs[:, None]).reshape(-1, 1) * h), np.log(_LONGEST)
-    )
+    shorter, longer = _first_failures(keeps_scaled, np.log(_LONGEST))
     shortest, longest = duration * np.exp(-shorter), duration * np.exp(longer)
     return Tolerance(deviation, limit, float(shortest), float(longest))
 

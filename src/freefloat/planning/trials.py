@@ -103,12 +103,12 @@ class Trials:
             attitude, branch = simulated.motion.initial.attitude, simulated.branch.index
             candidate = ScreenedCandidate(attitude, branch)
             enough: float | None = needed
-            if self.problem.momentum.any() or self.problem.scene.tumbles:
+            if self.problem.has_momentum or self.problem.scene.tumbles:
                 enough = self._integrated_stretch(candidate, needed)
             if enough is not None:
                 return enough, candidate
         joint_rate = self._limits.joint_rate
-        if not ranked or joint_rate is None or not self.problem.momentum.any():
+        if not ranked or joint_rate is None or not self.problem.has_momentum:
             return None, None
         try:
             return self._searched_stretch(attitudes, joint_rate, ranked[0][0])

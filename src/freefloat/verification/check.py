@@ -167,7 +167,7 @@ def _verify(
         from freefloat.verification.mujoco import forward_run, inverse_run
         from freefloat.verification.mujoco_model import Engine
 
-        robot = Engine(motion.problem.model)
+        robot = Engine(motion.problem.model, motion.problem.wheel_momentum)
         inverse = inverse_run(motion, robot)
         forward = forward_run(motion, robot)
         checks += _engine_checks(motion, inverse, forward)

@@ -208,7 +208,8 @@ def _start(motion: Motion, engine: Engine, t: float, rates: Array) -> None:
     """Set the initial state of the motion, with its momentum."""
     (state,) = motion.sample(t)
     A = momentum_map(motion.problem.model, state.joints, state.attitude)
-    demanded = np.concatenate([np.zeros(3), motion.problem.momentum])
+    wheels = rotation_matrix(state.attitude) @ motion.problem.wheel_momentum
+    demanded = np.concatenate([np.zeros(3), motion.problem.momentum - wheels])
     twist = np.linalg.solve(A[:, :6], demanded - A[:, 6:] @ rates)
     data = engine.data
     data.qpos[:] = [*state.base_position, *np.roll(state.attitude, 1), *state.joints]

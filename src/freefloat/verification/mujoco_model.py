@@ -9,9 +9,12 @@ its quaternion in the order w, x, y, z.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError
@@ -40,11 +43,14 @@ def engine_module() -> Any:
 class Engine:
     """A robot in MuJoCo: free base, no gravity, no contacts, no joint limits.
 
+    Wheels with a momentum h_w exert the torque -omega x h_w on the spacecraft.
+
     Raises:
         InputError: If MuJoCo is not installed, or refuses the robot.
     """
 
-    def __init__(self, model: FreeFloatingModel) -> None:
+    def __init__(self, model: FreeFloatingModel, wheel_momentum: npt.ArrayLike = 0.0) -> None:
+        self._wheel_momentum = np.broadcast_to(wheel_momentum, 3)
         self._mujoco = mujoco = engine_module()
         try:
             spec = mujoco.MjSpec.from_string(_urdf_without_shapes(model))
@@ -89,14 +95,16 @@ class Engine:
     def inverse(self, value: Array, rate: Array, acceleration: Array) -> tuple[Array, Array]:
         """Inverse dynamics at a state, see :meth:`place`: base wrench (6,), joint torques (n,)."""
         self.place(value, rate, acceleration)
-        self._mujoco.mj_inverse(self.model, self.data)
+        with self._wheels():
+            self._mujoco.mj_inverse(self.model, self.data)
         return self.data.qfrc_inverse[:6].copy(), self.data.qfrc_inverse[6:].copy()
 
     def angular_momentum(self) -> Array:
         """Angular momentum about the centre of mass at the present state [N m s]."""
         self._mujoco.mj_forward(self.model, self.data)
         self._mujoco.mj_subtreeVel(self.model, self.data)
-        return np.asarray(self.data.subtree_angmom[self.root].copy())
+        axes = self.data.xmat[self.root].reshape(3, 3)
+        return np.asarray(self.data.subtree_angmom[self.root] + axes @ self._wheel_momentum)
 
     def end_effector(self) -> tuple[Array, Array]:
         """Position [m] and axes (3, 3) of the end-effector at the present state, inertial frame."""
@@ -105,17 +113,38 @@ class Engine:
         return self.data.xpos[self.tool].copy(), axes
 
     def inertia(self) -> tuple[Array, Array]:
-        """The mass matrix (6 + n, 6 + n) and the bias forces (6 + n,) at the present state."""
-        self._mujoco.mj_forward(self.model, self.data)
+        """The mass matrix (6 + n, 6 + n) and the bias forces (6 + n,) at the present state.
+
+        The bias includes the torque of wheels.
+        """
+        with self._wheels():
+            self._mujoco.mj_forward(self.model, self.data)
         M = np.zeros((self.model.nv, self.model.nv))
         for row, unit in zip(M, np.eye(len(M)), strict=True):  # its name differs between versions
             self._mujoco.mj_mulM(self.model, self.data, row, unit)
-        return M, self.data.qfrc_bias.copy()
+        return M, self.data.qfrc_bias - self.data.qfrc_passive
 
     def step(self, torques: Array) -> None:
         """Integrate one time step with constant joint torques (n,) and a free base."""
         self.data.qfrc_applied[:] = [*np.zeros(6), *torques]
-        self._mujoco.mj_step(self.model, self.data)
+        with self._wheels():
+            self._mujoco.mj_step(self.model, self.data)
+
+    @contextmanager
+    def _wheels(self) -> Iterator[None]:
+        """Context in which MuJoCo adds the torque of wheels to its passive forces."""
+        if not self._wheel_momentum.any():
+            yield
+            return
+
+        def torque(_: Any, data: Any) -> None:
+            data.qfrc_passive[3:6] -= np.cross(data.qvel[3:6], self._wheel_momentum)
+
+        self._mujoco.set_mjcb_passive(torque)
+        try:
+            yield
+        finally:
+            self._mujoco.set_mjcb_passive(None)
 
     def rest(self, seconds: float) -> None:
         """Prepare steps of a length [s] with the Runge-Kutta integrator, from time 0."""

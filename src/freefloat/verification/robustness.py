@@ -174,13 +174,21 @@ def _tolerance_check(
     states = np.tile(start.attitude, (_DIRECTIONS, 1)), np.tile(start.joints, (_DIRECTIONS, 1))
     ensemble = evaluator.integrator.integrate(*states, momenta=momenta)
     worst = [*momenta[np.argsort(ensemble.minimum)[:_PRECISE_COUNT]]]
-    if problem.momentum.any():
+    problems = [replace(problem, momentum=h) for h in worst]
+    if problem.has_momentum:
         duration = problem.path.duration
         factors = tolerance.shortest / _INSIDE / duration, tolerance.longest * _INSIDE / duration
-        worst += [problem.momentum * factor for factor in factors]
-    for h in worst:
-        if not _keeps_margin(replace(problem, momentum=h), start.attitude, start.joints):
-            words = f"the momentum {np.round(h, 6).tolist()} N m s violates the margin"
+        problems += [_scaled(problem, factor) for factor in factors]
+    for changed in problems:
+        if not _keeps_margin(changed, start.attitude, start.joints):
+            h = np.round(changed.momentum, 6).tolist()
+            words = f"the momentum {h} N m s violates the margin"
             return Check("tolerance", False, words, tolerance.momentum, unit="N m s")
-    words = f"{_DIRECTIONS} momenta tested, {len(worst)} of them precisely, and durations"
+    words = f"{_DIRECTIONS} momenta tested, {len(problems)} of them precisely, and durations"
     return Check("tolerance", True, words, tolerance.momentum, unit="N m s")
+
+
+def _scaled(problem: Problem, factor: float) -> Problem:
+    """The problem with the momenta of a motion at another speed."""
+    wheels = problem.wheel_momentum * factor
+    return replace(problem, momentum=problem.momentum * factor, wheel_momentum=wheels)

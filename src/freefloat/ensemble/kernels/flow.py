@@ -105,11 +105,12 @@ def flow(
     scale = 1.0 / sqrt(dot(x, x) + e * e)
     x, e = x * scale, e * scale
     v, omega, speed = twist_at(course, status[SEGMENT], y[4 + n])
-    h = vector(work.h[0], work.h[1], work.h[2])
+    h = to_spacecraft(x, e, vector(work.h[0], work.h[1], work.h[2]))
+    h = h - vector(work.h[3], work.h[4], work.h[5])  # what wheels do not store
     if null_space is not None and null_space.toward != 0:
         gradient(robot, null_space, q, work)
     drift, determinant, det_D = solve_rates(
-        robot, q, to_spacecraft(x, e, v), to_spacecraft(x, e, omega), to_spacecraft(x, e, h), work
+        robot, q, to_spacecraft(x, e, v), to_spacecraft(x, e, omega), h, work
     )
     if null_space is not None:
         add_null_space_motion(robot, null_space, drift, speed, work)

@@ -133,6 +133,7 @@ def load_motion(
         set_lane(work.K, j, lane, 0.0)
     for j in range(3):
         set_lane(work.h, j, lane, motions.momenta[k, j])
+        set_lane(work.h, 3 + j, lane, motions.wheels[k, j])
     forward, segment = 1.0 if goal >= start else -1.0, 0
     stride = LAW + 2 * (course.degree + 1)
     while segment < course.number - 1 and (

@@ -93,6 +93,7 @@ class Motions(NamedTuple):
     attitudes: Array
     joints: Array
     momenta: Array
+    wheels: Array
     starts: Array
     goals: Array
     stop_below: float
@@ -107,7 +108,7 @@ class Workspace(NamedTuple):
     probe: Table  # joints and time inside a step
     weights: Table  # of the interpolant
     status: Table
-    h: Table  # angular momentum
+    h: Table  # angular momentum, and that of wheels in the spacecraft frame
     extent: Table  # of each joint, the largest rate, smallest and largest value
     momenta: Table  # see freefloat.ensemble.kernels.equation
     centre: Table  # of mass
@@ -130,7 +131,7 @@ def make_workspace(n: int, m: int, cones: int = 0) -> Workspace:
     """Workspace for a robot of n joints, a task of m rows and a number of limits of attitude."""
     r = n - m
     shapes = (
-        (5 + n,), (5 + n,), (5 + n, 7), (1 + n,), (7,), (STATUS_ROWS,), (3,), (3 * n,),
+        (5 + n,), (5 + n,), (5 + n, 7), (1 + n,), (7,), (STATUS_ROWS,), (6,), (3 * n,),
         (n, JOINT_COLUMNS), (3,), (n, 6), (6,), (6,), (n,), (n * n,), (n * r,), (r * r,), (2 * r,),
         (n,), (n,), (4,), (4 + n,), (2 * cones,),
     )  # fmt: skip

@@ -1,0 +1,215 @@
+"""Gyrostats: motions with momentum stored in wheels, against robots with wheels as bodies."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+
+import freefloat as ff
+from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.limits.limits import Limits
+from freefloat.limits.torques import InverseDynamics
+from freefloat.motion.integration import integrate_motion
+from freefloat.robot.names import find_robot
+from freefloat.so3 import angle_between, attitude_grid
+from tests.errors import error_key
+
+WHEELS = np.array([3.0, -4.0, 2.5])
+AXIAL, ACROSS, MASS = 0.05, 0.03, 5.0
+"""Moments of inertia of a wheel [kg m²] and its mass [kg]."""
+
+
+@pytest.fixture(scope="module")
+def problem():
+    loaded = ff.load_scenario("ets_vii/inspect").problem()
+    return replace(loaded, wheel_momentum=WHEELS)
+
+
+@pytest.fixture(scope="module")
+def motion(problem):
+    return ff.simulate(problem, [-0.01384, 0.0009, -0.0037, 0.9999]).chosen.motion
+
+
+def urdf_with_wheels(path) -> str:
+    """The robot with three wheels in its spacecraft, whose mass and inertia they are part of."""
+    robot = ET.parse(path).getroot()
+    for link in robot.findall("link"):
+        for shape in [*link.findall("visual"), *link.findall("collision")]:
+            link.remove(shape)
+    inertial = robot.find("link[@name='spacecraft']/inertial")
+    mass, inertia = inertial.find("mass"), inertial.find("inertia")
+    mass.set("value", repr(float(mass.get("value")) - 3.0 * MASS))
+    for axis, key in zip("xyz", ("ixx", "iyy", "izz"), strict=True):
+        inertia.set(key, repr(float(inertia.get(key)) - AXIAL - 2.0 * ACROSS))
+        moments = {f"i{a}{a}": AXIAL if a == axis else ACROSS for a in "xyz"}
+        joint = ET.SubElement(robot, "joint", name=f"wheel_{axis}", type="continuous")
+        ET.SubElement(joint, "parent", link="spacecraft")
+        ET.SubElement(joint, "child", link=f"wheel_{axis}_link")
+        ET.SubElement(joint, "axis", xyz=" ".join(str(int(a == axis)) for a in "xyz"))
+        wheel = ET.SubElement(ET.SubElement(robot, "link", name=f"wheel_{axis}_link"), "inertial")
+        ET.SubElement(wheel, "mass", value=str(MASS))
+        ET.SubElement(
+            wheel, "inertia", **{k: str(v) for k, v in moments.items()}, ixy="0", ixz="0", iyz="0"
+        )
+    return ET.tostring(robot, encoding="unicode")
+
+
+@pytest.fixture(scope="module")
+def urdf(problem) -> str:
+    return urdf_with_wheels(find_robot("ets_vii", Path()))
+
+
+def test_momentum_of_the_robot_with_wheels_is_conserved(problem, motion, urdf: str) -> None:
+    """The attitude follows from conservation alone, the wheels being joints of Pinocchio."""
+    model = pin.buildModelFromXML(urdf, pin.JointModelFreeFlyer())
+    data = model.createData()
+    wheels = [model.joints[model.getJointId(f"wheel_{axis}")] for axis in "xyz"]
+    arm = [model.joints[model.getJointId(name)] for name in problem.model.joint_names]
+    duration = problem.path.duration
+    times = np.linspace(0.0, duration, 4001)
+    spline = CubicSpline(times, motion.evaluate(motion.coordinate_at(times))[2])
+
+    def change(t: float, attitude: np.ndarray) -> np.ndarray:
+        q, v = pin.neutral(model), np.zeros(model.nv)
+        q[3:7] = attitude / np.linalg.norm(attitude)
+        for k, joint in enumerate(arm):
+            q[joint.idx_q], v[joint.idx_v] = spline(t)[k], spline(t, 1)[k]
+        for wheel, momentum in zip(wheels, WHEELS, strict=True):
+            v[wheel.idx_v] = momentum / AXIAL
+        A = np.array(pin.computeCentroidalMap(model, data, q))
+        wanted = np.concatenate([np.zeros(3), problem.momentum])
+        omega = np.linalg.solve(A[:, :6], wanted - A[:, 6:] @ v[6:])[3:]
+        rotation = np.array([*omega, 0.0])
+        return 0.5 * _product(q[3:7], rotation)
+
+    start = motion.initial.attitude
+    end = solve_ivp(change, (0.0, duration), start, rtol=1e-9, atol=1e-9).y[:, -1]
+    assert angle_between(end / np.linalg.norm(end), motion.final.attitude) < 1e-6
+    still = replace(problem, wheel_momentum=np.zeros(3))
+    other = integrate_motion(still, start, motion.initial.joints)
+    assert angle_between(other.final.attitude, motion.final.attitude) > 0.02
+
+
+def _product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    vector = p[3] * q[:3] + q[3] * p[:3] + np.cross(p[:3], q[:3])
+    return np.append(vector, p[3] * q[3] - p[:3] @ q[:3])
+
+
+def test_mujoco_with_wheels_as_bodies_ends_there(problem, motion, urdf: str) -> None:
+    """Servos turn the wheels at constant rates and lead the arm along the recorded joints."""
+    spec = mujoco.MjSpec.from_string(urdf)
+    spec.compiler.fusestatic = False
+    spec.worldbody.first_body().add_freejoint()
+    model = spec.compile()
+    model.opt.gravity[:] = 0.0
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    model.opt.integrator = int(mujoco.mjtIntegrator.mjINT_RK4)
+    data = mujoco.MjData(model)
+    names = [*problem.model.joint_names, "wheel_x", "wheel_y", "wheel_z"]
+    places = [int(model.joint(name).qposadr[0]) for name in names]
+    rates = [int(model.joint(name).dofadr[0]) for name in names]
+    times = np.linspace(0.0, problem.path.duration, 4001)
+    arm = CubicSpline(times, motion.evaluate(motion.coordinate_at(times))[2])
+
+    def wanted(t: float, order: int) -> np.ndarray:
+        wheels = (WHEELS / AXIAL * t, WHEELS / AXIAL, np.zeros(3))[order]
+        return np.concatenate([arm(t, order), wheels])
+
+    state = motion.initial
+    data.qpos[:3], data.qpos[3:7] = state.base_position, np.roll(state.attitude, 1)
+    data.qpos[places] = wanted(0.0, 0)
+    data.qvel[rates] = wanted(0.0, 1)
+    mujoco.mj_forward(model, data)
+    momentum = _solve_base(model, data, problem.momentum)
+    data.qvel[:6] = momentum
+    steps = 8000
+    h = model.opt.timestep = problem.path.duration / steps
+    M = np.zeros((model.nv, model.nv))
+    for step in range(steps):
+        t = (step + 0.5) * h
+        mujoco.mj_forward(model, data)
+        for row, unit in zip(M, np.eye(model.nv), strict=True):
+            mujoco.mj_mulM(model, data, row, unit)
+        error = wanted(step * h, 0) - data.qpos[places]
+        slip = wanted(step * h, 1) - data.qvel[rates]
+        a = wanted(t, 2) + 0.2 / h * slip + 0.01 / h**2 * error
+        coupled = M[:6][:, rates] @ a + data.qfrc_bias[:6]
+        base = -np.linalg.solve(M[:6, :6], coupled)
+        torques = M[rates][:, :6] @ base + M[np.ix_(rates, rates)] @ a + data.qfrc_bias[rates]
+        data.qfrc_applied[rates] = torques
+        mujoco.mj_step(model, data)
+    end = np.roll(data.qpos[3:7], -1)
+    assert angle_between(end, motion.final.attitude) < 1e-5
+
+
+def _solve_base(model, data, momentum: np.ndarray) -> np.ndarray:
+    """Base velocity with which the system has a momentum, by MuJoCo's own sums."""
+    root = model.body("spacecraft").id
+
+    def momenta(base: np.ndarray) -> np.ndarray:
+        data.qvel[:6] = base
+        mujoco.mj_forward(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        return np.concatenate([data.subtree_linvel[root], data.subtree_angmom[root]])
+
+    offset = momenta(np.zeros(6))
+    columns = np.column_stack([momenta(unit) - offset for unit in np.eye(6)])
+    return np.linalg.solve(columns, np.concatenate([np.zeros(3), momentum]) - offset)
+
+
+def test_no_wrench_acts_on_the_spacecraft(motion) -> None:
+    """Inverse dynamics with the torque of the wheels finds no external force."""
+    dynamics = InverseDynamics(motion.problem)
+    for t in (10.0, 33.0, 60.0):
+        (state,) = motion.sample([t])
+        effort = dynamics.effort(t, state.attitude, state.joints)
+        assert np.abs(effort.base_wrench).max() < 1e-12
+        assert np.abs(effort.joint_torques).max() > 1e-2
+
+
+def test_ensembles_and_precise_motions_agree(problem) -> None:
+    attitudes = attitude_grid(64)
+    branches = problem.many_branches(attitudes)
+    starts = attitudes[np.nonzero(branches.exist)[0]], branches.joints[branches.exist]
+    result = EnsembleIntegrator(problem, 1, tolerance=1e-9).integrate(*starts)
+    completed = np.flatnonzero(result.endings == 0)[:6]
+    assert len(completed) > 3
+    for k in completed:
+        precise = integrate_motion(problem, starts[0][k], starts[1][k])
+        assert angle_between(precise.final.attitude, result.attitudes[k]) < 1e-6
+
+
+def test_in_the_plane_wheels_take_their_part_of_the_momentum() -> None:
+    problem = ff.load_scenario("planar_3dof/parabola").problem()
+    momenta = replace(problem, momentum=np.array([0.0, 0.0, 2.0]))
+    wheels = replace(momenta, momentum=np.array([0, 0, 3.5]), wheel_momentum=np.array([0, 0, 1.5]))
+    plans = [ff.plan(entry) for entry in (momenta, wheels)]
+    for first, second in zip(plans[0].ranges, plans[1].ranges, strict=True):
+        np.testing.assert_allclose(first.limits, second.limits, atol=1e-9)
+    wheels = replace(wheels, wheel_momentum=np.array([0.0, 0.0, 3.5]))
+    still = replace(problem, momentum=np.zeros(3))
+    motions = [ff.simulate(entry, heading=2.5, branch=1).chosen.motion for entry in (still, wheels)]
+    np.testing.assert_allclose(*(motion.final.joints for motion in motions), atol=1e-9)
+
+
+def test_a_plan_with_wheels_is_verified(problem) -> None:
+    search = ff.Search("nearest", [0.0, 0.0, 0.0, 1.0], samples=512)
+    plan = ff.plan(problem, search, Limits(base_rate=0.1))
+    assert plan.feasible
+    report = ff.check(plan, engine="mujoco")
+    assert report.passed, [check for check in report.checks if not check.passed]
+
+
+def test_errors(problem) -> None:
+    planar = ff.load_scenario("planar_2dof/line").problem()
+    key = "wheels.momentum"
+    assert error_key(lambda: planar.replace(wheel_momentum=[1.0, 0.0, 0.0])) == key
+    assert error_key(lambda: problem.replace(wheel_momentum=[1.0, 0.0])) == key
