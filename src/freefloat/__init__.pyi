@@ -29,6 +29,7 @@ from .io.scenario import load_scenario as load_scenario
 
 # One motion
 from .motion.integration import integrate_motion as integrate_motion
+from .motion.attitude_hold import hold_attitude as hold_attitude
 from .motion.extrema import closest_approach as closest_approach
 from .limits.limits import Limits as Limits
 from .motion.pointing import PointingLimit as PointingLimit

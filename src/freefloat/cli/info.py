@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -18,9 +18,11 @@ from freefloat.cli.console import (
 )
 from freefloat.cli.options import Attitude, Json, Quiet, comma_separated
 from freefloat.cli.robots import EndEffector, RobotName, diagnostic_lines, load_robot
+from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.dynamics.summary import Configuration, RobotSummary
+    from freefloat.motion.attitude_hold import HeldAttitude
     from freefloat.robot.rigid_bodies import Body
 
 _Joints = Annotated[
@@ -29,11 +31,21 @@ _Joints = Annotated[
 ]
 
 
+_Hold = Annotated[
+    bool,
+    typer.Option(
+        "--hold",
+        help="Show the wheel momentum and torque that would hold the attitude along the path.",
+    ),
+]
+
+
 def info(
     robot: RobotName,
     end_effector: EndEffector = None,
     joints: _Joints = None,
     attitude: Attitude = None,
+    hold: _Hold = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -41,13 +53,17 @@ def info(
 
     Errors and warnings have file, line, link or joint, and a correction. With --joints, the pose of
     the end-effector in spacecraft, base and inertial axes, the last from --attitude (identity when
-    left out). Exit code 2: the URDF has errors.
+    left out). With --hold, what wheels would have to do to hold --attitude (search.from_attitude or
+    the identity when left out) along the path of a scenario, beside the turn of the spacecraft when
+    it drifts. Exit code 2: the URDF has errors.
 
     Example: freefloat info ur5_servicer/arc
 
     Example: freefloat info example-robot-data:ur5 --end-effector tool0
 
     Example: freefloat info planar_2dof/line --joints 0.5,1.0
+
+    Example: freefloat info ets_vii/inspect --hold
     """
     from freefloat.dynamics.summary import RobotSummary
     from freefloat.limits.contact import why_unchecked
@@ -59,9 +75,39 @@ def info(
     summary = RobotSummary.of(
         model, task, measure, diagnostics, values, attitude, why_unchecked(model)
     )
-    console.json(summary.to_dict())
+    held = _held(robot, attitude) if hold else None
+    console.json(summary.to_dict() | ({} if held is None else {"hold": held.to_dict()}))
     default_link = end_effector is None and not is_scenario(robot)
     console.tables(_tables(summary, default_link))
+    if held is not None:
+        console.tables(_hold_tables(held))
+
+
+def _held(name: str, attitude: Sequence[float] | None) -> HeldAttitude:
+    from freefloat.io.scenario import load_scenario
+    from freefloat.motion.attitude_hold import hold_attitude
+    from freefloat.robot.names import is_scenario
+
+    if not is_scenario(name):
+        raise InputError("hold", f"{name} has no path", "a scenario")
+    scenario = load_scenario(name)
+    present = scenario.search().from_attitude if attitude is None else attitude
+    return hold_attitude(scenario.problem(), [0.0, 0.0, 0.0, 1.0] if present is None else present)
+
+
+def _hold_tables(held: HeldAttitude) -> Iterator[RenderableType]:
+    """What wheels do while they hold the attitude, and the turn without them."""
+    document = held.to_dict()
+    until = "" if held.completed else f", until the arm is singular at {held.times[-1]:.4f} s"
+    yield f"attitude {decimals(held.attitude, 5)} held with branch {held.branch.label}{until}"
+    rows = table("wheels", "x", "y", "z", "magnitude")
+    for title, key in (("momentum [N m s]", "wheel_momentum"), ("torque [N m]", "wheel_torque")):
+        values = (*document[key], document[f"{key}_norm"])
+        rows.add_row(title, *(f"{value:.4g}" for value in values))
+    yield rows
+    turn = document["drift_turn_deg"]
+    motion = "becomes singular" if turn is None else f"turns by up to {turn:.4g} deg"
+    yield f"drifting from there along the path, the spacecraft {motion}"
 
 
 def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableType]:
