@@ -74,6 +74,15 @@ def test_moving_bodies_have_tracks_and_fixed_ones_a_place(motion: Motion) -> Non
     np.testing.assert_allclose(np.reshape(placed, (4, 4)).T, expected, atol=1e-12)
 
 
+def test_fast_tumbling_has_enough_key_times(motion: Motion) -> None:
+    """Between two of them it turns by less than half a revolution, else it seems to turn back."""
+    fast = ff.Tumbling([1.0, 1.0, 1.0], [0.0, 0.0, 10.0])
+    body = ff.SceneBody("client", ff.Sphere(1.0), [30.0, 0.0, 0.0], motion=fast)
+    scene = scene_of(motion, [body])
+    times, _ = tracks(scene)[f"{ROOT}/Scene bodies/client.position"]
+    assert 10.0 * np.diff(times).max() < np.pi / 3.0
+
+
 def test_labels_stand_where_bodies_stay(motion: Motion) -> None:
     labels = scene_of(motion, BODIES).description.scenes[0].labels
     places = {label.text: label.position for label in labels if label.item == "Scene bodies"}

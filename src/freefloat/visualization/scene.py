@@ -14,6 +14,7 @@ from freefloat.errors import InputError
 from freefloat.limits.contact import self_contact
 from freefloat.motion.motion import Motion
 from freefloat.motion.singularity import singular_event
+from freefloat.paths.tumbling import Tumbling
 from freefloat.so3 import Array
 from freefloat.visualization.description import (
     MarginColours,
@@ -48,8 +49,8 @@ from freefloat.workspace.regions import Workspace, exact_workspace
 
 ROBOT = "Robot"
 _POINT_COLOUR = (0.95, 0.90, 0.25, 1.0)
-_RATE, _PLAYBACK = 25.0, 30.0
-"""Key frames per second of playback; longest initial playback time [s]."""
+_RATE, _PLAYBACK, _PER_TURN = 25.0, 30.0, 12.0
+"""Key frames per second of playback; longest initial playback time [s]; frames per revolution."""
 _MAX_KEYS = 6000
 """Key frames of all motions together."""
 _INSTANTS = 25
@@ -111,15 +112,19 @@ def _require_same_margin(motions: Mapping[str, Motion]) -> None:
 def key_times(motion: Motion, limit: int = _MAX_KEYS) -> Array:
     """Return the times of a motion's key frames [s], shape (K,), in single precision.
 
-    The union of evenly spaced times, 25 per second of playback, and of the integration nodes,
-    which are dense near singularities.
+    The union of evenly spaced times, 25 per second of playback and 12 per revolution of a tumbling
+    body, and of the integration nodes, which are dense near singularities.
 
     Args:
         motion: The motion.
         limit: Maximum number of key frames.
     """
     first, last = float(motion.times.min()), float(motion.times.max())
-    count = min(int(np.ceil(_RATE * min(last - first, _PLAYBACK))) + 1, limit // 2)
+    bodies = motion.problem.scene.bodies
+    tumbling = [body.motion for body in bodies if isinstance(body.motion, Tumbling)]
+    turns = max((body.revolutions(last - first) for body in tumbling), default=0.0)
+    count = int(np.ceil(max(_RATE * min(last - first, _PLAYBACK), _PER_TURN * turns))) + 1
+    count = min(count, limit // 2)
     nodes = motion.times[:: 1 + 2 * len(motion.times) // limit]
     times = np.concatenate([np.linspace(first, last, count), nodes]).astype(np.float32)
     return np.unique(np.clip(times.astype(float), first, last))
