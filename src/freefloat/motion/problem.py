@@ -11,14 +11,14 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.momentum import Task, inertia_matrices, momentum_map, require_enough_joints
+from freefloat.dynamics.momentum import Task, inertia_matrices, require_enough_joints
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError, finite_number, finite_vector, require_type
 from freefloat.ik.branches import ArmBranch, BranchSets, arm_branches, many_arm_branches
 from freefloat.ik.nearest import closest_branches, newton_configuration
 from freefloat.motion.margin import Margin
+from freefloat.motion.planar_requirements import require_in_plane, require_planar
 from freefloat.paths.orientation import FreeOrientation
 from freefloat.paths.scene import Scene
 from freefloat.paths.timing import TimedPath
@@ -27,7 +27,6 @@ from freefloat.so3 import (
     Array,
     frozen,
     heading_quaternion,
-    low_discrepancy,
     rotation_matrix,
     unit_quaternion,
 )
@@ -105,7 +104,9 @@ class Problem:
                 "EndEffectorPath(curve, FixedOrientation(axes)), or another law",
             )
         if self.task.planar:
-            self._require_planar()
+            require_planar(self.model, self.path, self.task)
+            require_in_plane("momentum", self.momentum)
+            require_in_plane("wheels.momentum", self.wheel_momentum)
         self._require_few_revolutions()
 
     @property
@@ -143,45 +144,6 @@ class Problem:
         return ResolvedRateSolver(
             self.model, self.task, self.momentum, self.redundancy, self.wheel_momentum
         )
-
-    def _require_planar(self) -> None:
-        virtual = VirtualManipulator.of(self.model)
-        if not (virtual.is_planar and _drifts_in_plane(self.model)):
-            raise InputError(
-                "task",
-                f"{self.task}, but this robot does not stay in the x-y plane",
-                "pose or position; planar tasks require joint axes along z and a mass distribution "
-                "symmetric about z = 0",
-            )
-        if self.momentum[0] != 0.0 or self.momentum[1] != 0.0:
-            raise InputError(
-                "momentum",
-                f"{self.momentum.tolist()} has components other than z in a planar task",
-                "[0, 0, hz]",
-            )
-        if self.wheel_momentum[0] != 0.0 or self.wheel_momentum[1] != 0.0:
-            raise InputError(
-                "wheels.momentum",
-                f"{self.wheel_momentum.tolist()} has components other than z in a planar task",
-                "[0, 0, hz]",
-            )
-        straight = virtual.pose(np.zeros(self.model.dof))
-        level = float(straight.position[2])
-        heights = [self.path.path.curve(float(s))[2] for s in np.linspace(0.0, 1.0, 21)]
-        if np.abs(np.array(heights) - level).max() > 1e-6:
-            raise InputError(
-                "path",
-                f"it leaves the plane of the end-effector, z = {level:g} m",
-                f"a path with z = {level:g} m everywhere",
-            )
-        for s in np.linspace(0.0, 1.0, 21) if self.task.prescribes_orientation else ():
-            upright = self.path.path.orientation.rotation(float(s)) @ straight.rotation.T
-            if upright[2, 2] < 1.0 - 1e-9:
-                raise InputError(
-                    "path.attitude",
-                    f"the end-effector would leave the plane at s = {s:.2g}",
-                    "orientations about z only",
-                )
 
     def _require_few_revolutions(self) -> None:
         """The time of an integration grows with the rotations of the spacecraft."""
@@ -306,12 +268,3 @@ def require_problem(value: object) -> None:
     """Raise an InputError unless the value is a problem."""
     accepted = "a Problem: problem() of a Scenario, such as load_scenario(...).problem()"
     require_type("problem", value, Problem, accepted)
-
-
-def _drifts_in_plane(model: FreeFloatingModel) -> bool:
-    """Whether no planar motion gives angular momentum about x or y."""
-    for fraction in low_discrepancy(4, model.dof):
-        A_G = momentum_map(model, 2.0 * np.pi * fraction)
-        if np.abs(A_G[3:5, 5:]).max() > 1e-9 * np.abs(A_G[3:, 3:]).max():
-            return False
-    return True

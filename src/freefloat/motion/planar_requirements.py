@@ -1,0 +1,57 @@
+"""What a planar task requires of a robot, a path and a momentum."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from freefloat.dynamics.momentum import Task, momentum_map
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.errors import InputError
+from freefloat.paths.timing import TimedPath
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, low_discrepancy
+
+
+def require_in_plane(key: str, momentum: Array) -> None:
+    """Raise an InputError that names a key unless a momentum (3,) is along z."""
+    if momentum[0] != 0.0 or momentum[1] != 0.0:
+        problem = f"{momentum.tolist()} has components other than z in a planar task"
+        raise InputError(key, problem, "[0, 0, hz]")
+
+
+def require_planar(model: FreeFloatingModel, path: TimedPath, task: Task) -> None:
+    """Raise an InputError unless a robot and a path stay in the x-y plane."""
+    virtual = VirtualManipulator.of(model)
+    if not (virtual.is_planar and _drifts_in_plane(model)):
+        raise InputError(
+            "task",
+            f"{task}, but this robot does not stay in the x-y plane",
+            "pose or position; planar tasks require joint axes along z and a mass distribution "
+            "symmetric about z = 0",
+        )
+    straight = virtual.pose(np.zeros(model.dof))
+    level = float(straight.position[2])
+    heights = [path.path.curve(float(s))[2] for s in np.linspace(0.0, 1.0, 21)]
+    if np.abs(np.array(heights) - level).max() > 1e-6:
+        raise InputError(
+            "path",
+            f"it leaves the plane of the end-effector, z = {level:g} m",
+            f"a path with z = {level:g} m everywhere",
+        )
+    for s in np.linspace(0.0, 1.0, 21) if task.prescribes_orientation else ():
+        upright = path.path.orientation.rotation(float(s)) @ straight.rotation.T
+        if upright[2, 2] < 1.0 - 1e-9:
+            raise InputError(
+                "path.attitude",
+                f"the end-effector would leave the plane at s = {s:.2g}",
+                "orientations about z only",
+            )
+
+
+def _drifts_in_plane(model: FreeFloatingModel) -> bool:
+    """Whether no planar motion gives angular momentum about x or y."""
+    for fraction in low_discrepancy(4, model.dof):
+        A_G = momentum_map(model, 2.0 * np.pi * fraction)
+        if np.abs(A_G[3:5, 5:]).max() > 1e-9 * np.abs(A_G[3:, 3:]).max():
+            return False
+    return True
