@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
@@ -111,6 +112,23 @@ def test_links_that_may_touch_are_left_out():
     contact = self_contact(prismatic(SceneBody("client", **overlapping)))
     assert contact.bodies == ("hand", "client")
     assert contact.depth == pytest.approx(0.6, abs=1e-6)
+
+
+def test_a_ball_in_the_notch_of_a_mesh_is_no_contact(tmp_path):
+    """Inside the convex hull of an angle of two plates, beside both: meshes are divided."""
+    file = tmp_path / "angle.stl"
+    plates = [trimesh.creation.box((2.0, 0.02, 0.4)), trimesh.creation.box((0.02, 1.0, 0.4))]
+    plates[0].apply_translation([0.0, -0.3, 0.0])
+    plates[1].apply_translation([1.3, 0.2, 0.0])
+    trimesh.util.concatenate(plates).export(file)
+    body = SceneBody("angle", str(file), [1.0, 0.0, 0.0])
+    motion = prismatic(body)
+    assert self_contact(motion) is None
+    assert 0.1 < nearest_of(motion)[0] <= 0.3 - 0.01 - RADIUS + 1e-6  # parts contain the mesh
+    raised = prismatic(SceneBody("angle", str(file), [1.0, 0.25, 0.0]))
+    contact = self_contact(raised)
+    assert contact.bodies == ("hand", "angle")
+    assert 0.01 + RADIUS - 0.05 - 1e-6 <= contact.depth < 0.12
 
 
 # --- arms -----------------------------------------------------------------------------------------

@@ -97,7 +97,8 @@ def _deepest(motion: Motion) -> tuple[float, float, str]:
         pairs = CollisionPairs(model, hulls=hulls, scene=scene)
         nearest = clearance(motion, pairs, -TOLERANCE)
         name = pairs.name(nearest.pair)
-        close = {*name.split(" - ")} if nearest.distance <= -TOLERANCE else set[str]()
+        touching = nearest.distance <= -TOLERANCE
+        close = {*name.partition(" - ")} if touching else set[str]()
         if hulls.isdisjoint(close | pairs.links_left_out):
             return -nearest.distance, nearest.time, name
         hulls -= close | pairs.links_left_out
