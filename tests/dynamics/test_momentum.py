@@ -201,14 +201,18 @@ def test_determinant_of_the_system_splits_into_inertia_and_jacobian(
 
 
 def test_tasks_are_rows_of_the_twist(spatial_6dof: FreeFloatingModel) -> None:
-    """Position is the linear half of the pose; planar tasks have x, y and the rotation about z."""
+    """Position is the linear half of the pose; planar tasks have x, y and the rotation about z.
+
+    For pointing see test_pointing.py.
+    """
     q = np.array([0.3, -0.4, 1.1, 0.2, 0.9, -0.5])
     S = generalized_jacobian(spatial_6dof, q)
     np.testing.assert_array_equal(generalized_jacobian(spatial_6dof, q, Task.POSITION), S[:3])
     np.testing.assert_array_equal(generalized_jacobian(spatial_6dof, q, "position"), S[:3])
-    assert [task.rows for task in Task] == [[0, 1, 2, 3, 4, 5], [0, 1, 2], [0, 1, 5], [0, 1]]
-    assert [task.planar for task in Task] == [False, False, True, True]
-    assert [task.prescribes_orientation for task in Task] == [True, False, True, False]
+    space, plane = [[0, 1, 2, 3, 4, 5], [0, 1, 2, 3, 4], [0, 1, 2]], [[0, 1, 5], [0, 1]]
+    assert [task.rows for task in Task] == [*space, *plane]
+    assert [task.planar for task in Task] == [False, False, False, True, True]
+    assert [task.prescribes_orientation for task in Task] == [True, True, False, True, False]
 
 
 # --------------------------------------------------------------------------------- the equation

@@ -119,7 +119,7 @@ def test_a_search_is_asked_at_few_poses_only(
     """The closed form has all branches nearly everywhere."""
     p, R, _, _ = VirtualManipulator.of(ur5).kinematics(rng.uniform(-np.pi, np.pi, (200, 6)))
     whole = many_arm_branches(ur5, p, R, Task.POSE)
-    arm = Chain.of(ur5), np.arange(6)
+    arm = Chain.of(ur5), Task.POSE
     q, well_conditioned = solve_parallel_axes(*arm, p.T, R.transpose(1, 2, 0))
     assert well_conditioned.mean() > 0.97
     _, names = numbered_branches(*arm, q)

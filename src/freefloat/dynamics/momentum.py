@@ -27,8 +27,9 @@ _BASE = np.append(np.zeros(3), _IDENTITY)
 class Task(StrEnum):
     """Part of the end-effector's motion that is prescribed.
 
-    The planar tasks belong to arms that move in the x-y plane of the inertial frame, with the
-    spacecraft rotating about z.
+    Pointing prescribes the position and the direction of the end-effector's z axis; the rotation
+    about that axis, the roll, is free. The planar tasks belong to arms that move in the x-y plane
+    of the inertial frame, with the spacecraft rotating about z.
 
     Example:
         >>> ff.Task("planar-position").rows
@@ -36,6 +37,7 @@ class Task(StrEnum):
     """
 
     POSE = "pose"
+    POINTING = "pointing"
     POSITION = "position"
     PLANAR_POSE = "planar-pose"
     PLANAR_POSITION = "planar-position"
@@ -51,8 +53,16 @@ class Task(StrEnum):
 
     @property
     def rows(self) -> list[int]:
-        """Rows of the end-effector twist ``[linear; angular]`` that are prescribed."""
+        """Rows of the end-effector twist ``[linear; angular]`` that are prescribed.
+
+        Those of ``pointing`` belong to the twist in the axes of the end-effector.
+        """
         return _ROWS[self]
+
+    @property
+    def reference_frame(self) -> pin.ReferenceFrame:
+        """Axes of the rows: those of the end-effector for ``pointing``, otherwise the inertial."""
+        return pin.LOCAL if self is Task.POINTING else pin.LOCAL_WORLD_ALIGNED
 
     @property
     def planar(self) -> bool:
@@ -61,12 +71,13 @@ class Task(StrEnum):
 
     @property
     def prescribes_orientation(self) -> bool:
-        """Whether the orientation of the end-effector is prescribed."""
-        return self in (Task.POSE, Task.PLANAR_POSE)
+        """Whether the orientation of the end-effector, or that of its z axis, is prescribed."""
+        return self in (Task.POSE, Task.POINTING, Task.PLANAR_POSE)
 
 
 _ROWS = {
     Task.POSE: [0, 1, 2, 3, 4, 5],
+    Task.POINTING: [0, 1, 2, 3, 4],
     Task.POSITION: [0, 1, 2],
     Task.PLANAR_POSE: [0, 1, 5],
     Task.PLANAR_POSITION: [0, 1],
@@ -135,8 +146,9 @@ def system_matrix(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = 
     """The matrix A of (5), which maps the rates to angular momentum and end-effector twist.
 
     Rows: angular momentum about the centre of mass, then the task's rows of the end-effector twist.
-    Columns: spacecraft angular velocity, then joint rates. All are in the spacecraft frame; zero
-    linear momentum has eliminated the linear velocity of the spacecraft. Planar tasks keep the z
+    Columns: spacecraft angular velocity, then joint rates. All are in the spacecraft frame, but the
+    end-effector twist of ``pointing`` in that of the end-effector; zero linear momentum has
+    eliminated the linear velocity of the spacecraft. Planar tasks keep the z
     components of the angular momentum and of the spacecraft's angular velocity only.
 
     Args:
@@ -147,7 +159,7 @@ def system_matrix(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = 
     Returns:
         Shape (3 + m, 3 + n), for planar tasks (1 + m, 1 + n); (K, ...) for a stack of joints.
     """
-    A_G, J = _stacked(lambda q: _maps(model, q), joints)
+    A_G, J = _stacked(lambda q: _maps(model, q, task), joints)
     J = J[..., task.rows, :]
     J = J[..., 3:] - J[..., :3] @ (A_G[..., :3, 3:] / model.total_mass)
     A = np.concatenate([A_G[..., 3:, 3:], J], axis=-2)
@@ -158,7 +170,7 @@ def system_matrix_derivative(
     model: FreeFloatingModel, joints: npt.ArrayLike, rates: npt.ArrayLike, task: Task = Task.POSE
 ) -> Array:
     """Time derivative of :func:`system_matrix` at joint rates of the shape of the joints."""
-    A_G, J, dA_G, dJ = _stacked(lambda q, v: _map_derivatives(model, q, v), joints, rates)
+    A_G, J, dA_G, dJ = _stacked(lambda q, v: _map_derivatives(model, q, v, task), joints, rates)
     mass = model.total_mass
     J, dJ = J[..., task.rows, :], dJ[..., task.rows, :]
     dJ = dJ[..., 3:] - (dJ[..., :3] @ A_G[..., :3, 3:] + J[..., :3] @ dA_G[..., :3, 3:]) / mass
@@ -178,7 +190,7 @@ def generalized_jacobian(
 
     Returns:
         The task's rows, shape (m, n), of the end-effector twist [m/s; rad/s], in the spacecraft
-        frame, per joint rate, while the momentum is zero.
+        frame (``pointing``: in the end-effector's), per joint rate, while the momentum is zero.
 
     Raises:
         InputError: If there is no such task, or the joints are not those of the robot.
@@ -191,7 +203,7 @@ def generalized_jacobian(
     """
     task = task if isinstance(task, Task) else Task.of(task)
     try:
-        A_G, J = _maps(model, joints)
+        A_G, J = _maps(model, joints, task)
     except (AttributeError, TypeError, ValueError):  # checked on failure: valid calls pay nothing
         require_type("model", model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
         if isinstance(joints, Mapping):
@@ -217,31 +229,29 @@ def generalized_determinant(
     It is the determinant of the momentum and end-effector rows over all rates, divided by that of
     the momentum matrix's base block: the total mass cubed times det D.
     """
-    A_G, J = _maps(model, joints)
+    A_G, J = _maps(model, joints, task)
     M = np.vstack([A_G, J[task.rows]])
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = A_G[3:, 3:6].tolist()  # D
     det_D = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
     return determinant(M) / float(model.total_mass**3 * det_D)
 
 
-def _maps(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[Array, Array]:
-    """The momentum matrix and the end-effector Jacobian in the spacecraft frame."""
+def _maps(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task) -> tuple[Array, Array]:
+    """The momentum matrix in the spacecraft frame and the end-effector Jacobian for the task."""
     q = np.concatenate((_BASE, joints))
     A_G = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
-    J = pin.getFrameJacobian(
-        model.pin_model, model.scratch, model.frame_id, pin.LOCAL_WORLD_ALIGNED
-    )
+    J = pin.getFrameJacobian(model.pin_model, model.scratch, model.frame_id, task.reference_frame)
     return A_G, J
 
 
 def _map_derivatives(
-    model: FreeFloatingModel, joints: Array, rates: Array
+    model: FreeFloatingModel, joints: Array, rates: Array, task: Task
 ) -> tuple[Array, Array, Array, Array]:
     """The matrices of :func:`_maps` and their time derivatives."""
     robot, data = model.pin_model, model.scratch
     q, v = np.concatenate((_BASE, joints)), np.concatenate((np.zeros(6), rates))
-    dJ = pin.frameJacobianTimeVariation(robot, data, q, v, model.frame_id, pin.LOCAL_WORLD_ALIGNED)
-    A_G, J = (np.array(matrix) for matrix in _maps(model, joints))
+    dJ = pin.frameJacobianTimeVariation(robot, data, q, v, model.frame_id, task.reference_frame)
+    A_G, J = (np.array(matrix) for matrix in _maps(model, joints, task))
     dA_G = np.array(pin.computeCentroidalMapTimeVariation(robot, data, q, v))
     # Pinocchio differentiates about a fixed point; the centre of mass moves in the spacecraft frame
     dA_G[3:] -= pin.skew(A_G[:3] @ v / model.total_mass) @ A_G[:3]

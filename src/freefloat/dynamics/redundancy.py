@@ -17,6 +17,9 @@ from freefloat.so3 import Array
 
 SINGULAR_SPEED = 2e4
 """Joint speed times duration above which integrators take a redundant arm for singular [rad, m]."""
+SPINNING_SPEED = 3e2
+"""The same for the task ``pointing``: an arm that rolls about its last axis spins that joint as a
+reaction wheel of tiny effect where it would otherwise become singular."""
 _LARGEST_WEIGHT = 1e6
 LARGEST_GAIN = 1e6
 """Largest gain and bound of the null-space motion."""

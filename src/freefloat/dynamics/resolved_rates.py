@@ -87,6 +87,7 @@ class ResolvedRateSolver:
             redundancy.require_applicable(model, task)
         self._model, self._rows, self._planar = model, task.rows, task.planar
         self._selected = slice(None) if m == 6 else task.rows
+        self._frame, self._own_axes = task.reference_frame, task is Task.POINTING
         self._q = np.zeros(7 + n)
         self._M = np.zeros((6 + m, 6 + n), order="F")
         self._b = np.zeros(6 + m)
@@ -116,9 +117,12 @@ class ResolvedRateSolver:
         model, q, M, b = self._model, self._q, self._M, self._b
         q[3:7], q[7:] = attitude, joints
         M[:6] = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
-        M[6:] = pin.getFrameJacobian(
-            model.pin_model, model.scratch, model.frame_id, pin.LOCAL_WORLD_ALIGNED
-        )[self._selected]
+        M[6:] = pin.getFrameJacobian(model.pin_model, model.scratch, model.frame_id, self._frame)[
+            self._selected
+        ]
+        if self._own_axes:
+            placement = pin.updateFramePlacement(model.pin_model, model.scratch, model.frame_id)
+            twist = (twist.reshape(2, 3) @ placement.rotation).ravel()
         b[6:] = twist[self._selected]
         if self._wheel_momentum is not None:
             b[3:6] = self._momentum - rotation_matrix(attitude) @ self._wheel_momentum
@@ -200,24 +204,25 @@ class ResolvedRateSolver:
         A column of the pseudoinverse is a momentum-free motion of the whole robot that moves the
         end-effector along one row alone. The change of S* along it follows from the derivatives of
         momentum and twist, with the base conserving the momentum. Pinocchio differentiates the
-        twist at a point fixed in space; the motion of that point with the end-effector is added.
+        twist at a point fixed in space; the motion of that point with the end-effector is added,
+        unless the twist is in the axes of the end-effector.
         """
         model, data = self._model.pin_model, self._model.scratch
-        frame, world = self._model.frame_id, pin.LOCAL_WORLD_ALIGNED
+        frame, axes = self._model.frame_id, self._frame
         q, M = self._q, self._M
         columns = np.linalg.pinv(S)
         motions = np.vstack([-base @ columns, columns])
         recoil = np.linalg.solve(M[:6, :6].T, M[6:, :6].T).T
-        J = np.array(pin.computeFrameJacobian(model, data, q, frame, world))
+        J = np.array(pin.computeFrameJacobian(model, data, q, frame, axes))
         gradient = np.zeros(len(columns))
         no_acceleration = np.zeros(len(motions))
         for i, row in enumerate(self._rows):
             momentum = pin.computeCentroidalDynamicsDerivatives(
                 model, data, q, np.ascontiguousarray(motions[:, i]), no_acceleration
             )[0]
-            twist = pin.getFrameVelocityDerivatives(model, data, frame, world)[0]
+            twist = pin.getFrameVelocityDerivatives(model, data, frame, axes)[0]
             gradient += twist[row, 6:] - recoil[i] @ momentum[:, 6:]
-            if row < 3:
+            if row < 3 and not self._own_axes:
                 gradient += np.cross(J[3:] @ motions[:, i], J[:3, 6:].T)[:, row]
         return gradient
 

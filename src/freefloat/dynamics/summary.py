@@ -179,7 +179,7 @@ class RobotSummary:
 
 
 def natural_task(model: FreeFloatingModel) -> Task:
-    """The task with the most rows that an arm can do, planar for planar arms."""
-    planar = VirtualManipulator.of(model).is_planar
-    tasks = [task for task in Task if task.planar is planar and len(task.rows) <= model.dof]
+    """The task with the most rows that an arm can do without a chosen axis, planar if it is."""
+    planar, others = VirtualManipulator.of(model).is_planar, set(Task) - {Task.POINTING}
+    tasks = [task for task in others if task.planar is planar and len(task.rows) <= model.dof]
     return max(tasks, key=lambda task: len(task.rows), default=Task.PLANAR_POSITION)

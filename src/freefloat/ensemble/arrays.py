@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from freefloat.dynamics.measures import NAMES, trigonometric_terms
+from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.redundancy import (
     DAMPED_BELOW,
+    SINGULAR_SPEED,
+    SPINNING_SPEED,
     Metric,
     Toward,
     joint_weights,
@@ -45,10 +48,11 @@ _THROUGH_NODES = np.linalg.inv(np.vander(_NODES[:4], increasing=True))
 def kernel_problem(problem: Problem, limits: AttitudeLimits | None = None) -> KernelProblem:
     """The arrays that the kernels read of a problem and of limits of attitude."""
     model, task = problem.model, problem.task
-    frames = link_frames(model)
+    frames, pointing = link_frames(model), task is Task.POINTING
     robot = Robot(
         frames.bodies, frames.base, frames.tool, np.array(task.rows, dtype=float), model.dof,
         len(task.rows), task.planar, model.total_mass,
+        SPINNING_SPEED if pointing else SINGULAR_SPEED, frames.across if pointing else None,
     )  # fmt: skip
     name = problem.margin.measure.name
     polynomial = trigonometric_terms(problem.margin.measure) if name == "arm" else np.zeros((0, 4))

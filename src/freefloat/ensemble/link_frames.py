@@ -25,11 +25,13 @@ class LinkFrames(NamedTuple):
             k at joint value zero; 1 for a prismatic joint; mass, first moment and inertia xx yy zz
             yz zx xy of the body about the frame's origin, shape (1 + n, 16).
         tool: End-effector position in frame n [m], shape (3,).
+        across: The end-effector's x and y axes in frame n, rows of shape (2, 3).
     """
 
     base: Array
     bodies: Array
     tool: Array
+    across: Array
 
 
 def link_frames(model: FreeFloatingModel) -> LinkFrames:
@@ -57,7 +59,8 @@ def link_frames(model: FreeFloatingModel) -> LinkFrames:
     tool = frame[:3] @ (points[-1] + rotations[-1] @ model.tool.position - origin)
     bodies = np.array(rows)
     bodies[:, :2][np.abs(bodies[:, :2]) < _ROUNDING] = 0.0
-    return LinkFrames(base, bodies, tool)
+    across = model.tool.rotation[:, :2].T @ rotations[-1].T @ frame[:3].T
+    return LinkFrames(base, bodies, tool, across)
 
 
 def frames_at_zero(frames: LinkFrames) -> Array:

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from freefloat.dynamics.momentum import Task
 from freefloat.ik.chain import CONVERGED, EXACT, Chain
 from freefloat.ik.numeric import Effort, newton
 from freefloat.ik.vectors import cross, dot, norm, product, rotated, times
-from freefloat.so3 import Array, IntArray
+from freefloat.so3 import Array
 
 _POLISHING = Effort(np.float64, EXACT, steps=4, patience=4)
 """By Newton's method: closed forms lose half the digits near singularities of wrist or elbow."""
@@ -103,7 +104,7 @@ def reach_term(upper: Array, fore: Array, v: Array) -> Array:
 
 
 def solve_elbow_and_wrist(
-    chain: Chain, rows: IntArray, centre: Array, positions: Array, rotations: Array
+    chain: Chain, task: Task, centre: Array, positions: Array, rotations: Array
 ) -> Array:
     """The eight branches of an elbow arm with a spherical wrist.
 
@@ -111,7 +112,7 @@ def solve_elbow_and_wrist(
 
     Args:
         chain: Arm.
-        rows: The task's components of the twist, shape (6,).
+        task: Part of the poses that is prescribed.
         centre: Wrist centre at zero joints, shape (3,).
         positions: End-effector positions, shape (3, K).
         rotations: End-effector rotations, shape (3, 3, K).
@@ -136,10 +137,10 @@ def solve_elbow_and_wrist(
         roll, pitch = rotated(roll, axis, -angle), rotated(pitch, axis, -angle)
     q4, q5, q6 = spherical_wrist(h4, h5, h6, roll, pitch, wrist)
     q = np.stack(np.broadcast_arrays(q1, q2, q3, q4, q5, q6)).reshape(6, 8, -1)
-    return _within_ranges(chain, rows, positions, rotations, q)
+    return _within_ranges(chain, task, positions, rotations, q)
 
 
-def solve_planar_elbow(chain: Chain, rows: IntArray, positions: Array, rotations: Array) -> Array:
+def solve_planar_elbow(chain: Chain, task: Task, positions: Array, rotations: Array) -> Array:
     """The two branches of a planar arm from the triangle of b, c and the paper's point 3 (28).
 
     Arguments are as for :func:`solve_elbow_and_wrist`; the result has shape (n, 2, K).
@@ -158,12 +159,10 @@ def solve_planar_elbow(chain: Chain, rows: IntArray, positions: Array, rotations
         x = np.eye(3)[0][:, None, None]
         folded = rotated(rotated(times(change, x), h[0], -q[0]), h[1], -q2)
         q.append(angle_onto(h[2], x, folded))
-    return _within_ranges(chain, rows, positions, rotations, np.stack(q))
+    return _within_ranges(chain, task, positions, rotations, np.stack(q))
 
 
-def _within_ranges(
-    chain: Chain, rows: IntArray, positions: Array, rotations: Array, q: Array
-) -> Array:
+def _within_ranges(chain: Chain, task: Task, positions: Array, rotations: Array, q: Array) -> Array:
     """Closed forms (n, B, K), refined and shifted into the joint ranges; NaN if that fails."""
-    q, residual = newton(chain, rows, positions, rotations, q, _POLISHING)
+    q, residual = newton(chain, task, positions, rotations, q, _POLISHING)
     return np.where(residual < CONVERGED, chain.into_range(q), np.nan)

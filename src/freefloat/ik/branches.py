@@ -162,7 +162,7 @@ def many_arm_branches(
     form = closed_form(model, task)
     if form is None:
         return search_arm_branches(model, positions, rotations, task)
-    arm = Chain.of(model), np.array(task.rows)
+    arm = Chain.of(model), task
     p, R = _poses(positions, rotations)
     if form is ClosedForm.PARALLEL_AXES:
         solved = _in_slices(partial(solve_parallel_axes, *arm), p, R)
@@ -193,13 +193,13 @@ def search_arm_branches(
 ) -> BranchSets:
     """:func:`many_arm_branches` by Newton's method, also for arms with a closed form."""
     p, R = _poses(positions, rotations)
-    rows = np.array(task.rows)
-    configurations = spread_configurations if model.dof > len(rows) else isolated_configurations
+    m = len(task.rows)
+    configurations = spread_configurations if model.dof > m else isolated_configurations
     q = np.concatenate(
         _in_slices(partial(configurations, model, task, most=MAX_BRANCHES), p, R), axis=2
     )
-    joints, names = numbered_branches(Chain.of(model), rows, q)
-    signs = model.dof == len(rows) == 6 and not model.prismatic.any()
+    joints, names = numbered_branches(Chain.of(model), task, q)
+    signs = model.dof == m == 6 and not model.prismatic.any()
     return BranchSets(joints, names, _SIGNS if signs else _NUMBERS)
 
 

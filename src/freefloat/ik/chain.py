@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ik.vectors import cross, wrapped
+from freefloat.ik.vectors import cross, dot, wrapped
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
@@ -146,6 +147,17 @@ class Chain:
                 value = angles + tau * (cycles + rounding * np.sign(cycles))
                 shifted = np.where((lower <= value) & (value <= upper), value, shifted)
         return np.where(self.prismatic.reshape(shape), q, shifted)
+
+
+def task_rows(task: Task, twists: Array, rotation: Array) -> Array:
+    """The task's components of twists (6, ...) in the spacecraft frame, shape (m, ...).
+
+    The angular ones of ``pointing`` are those along the x and y axes of rotations (3, 3, ...).
+    """
+    if task is not Task.POINTING:
+        return twists[task.rows]
+    across = [dot(rotation[:, axis], twists[3:])[None] for axis in (0, 1)]
+    return np.concatenate([twists[:3], *across])
 
 
 def damped_step(J: Array, error: Array) -> Array:

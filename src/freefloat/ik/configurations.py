@@ -51,7 +51,7 @@ def isolated_configurations(
     Generic solutions come in pairs, which merge at singularities, and each is reached from many
     starts.
     """
-    chain, rows = Chain.of(model), np.array(task.rows)
+    chain = Chain.of(model)
     found = np.full((model.dof, most, positions.shape[1]), np.nan)
     lower, upper = joint_box(model)
     starts = (lower + (upper - lower) * low_discrepancy(_STARTS[-1], model.dof)).T
@@ -60,9 +60,9 @@ def isolated_configurations(
     for count in _STARTS:
         target = _taken(positions, rotations, pending)
         following = np.repeat(starts[:, q.shape[1] : count, None], len(pending), axis=2)
-        q = np.concatenate([q, approached(chain, rows, *target, following)], axis=1)
+        q = np.concatenate([q, approached(chain, task, *target, following)], axis=1)
         rough, times_reached = _distinct(chain, q, np.ones(q.shape[1:]), 2 * most, _ALIKE)
-        refined = refined_solutions(chain, rows, *target, rough)
+        refined = refined_solutions(chain, task, *target, rough)
         refined = np.where(chain.prismatic[:, None, None], refined, wrapped(refined))
         found[..., pending], hits = _distinct(chain, refined, times_reached, most, SAME)
         number = (hits > 0).sum(axis=0)
@@ -89,7 +89,7 @@ def spread_configurations(
     Returns:
         Joint values, inside the ranges where possible, else in (-pi, pi].
     """
-    chain, rows = Chain.of(model), np.array(task.rows)
+    chain = Chain.of(model)
     q = np.full((model.dof, most + _SPARE, positions.shape[1]), np.nan)
     unlimited = np.array_equal(sampled_box(model), joint_box(model))
     for inside in (True,) if unlimited else (True, False):
@@ -103,7 +103,7 @@ def spread_configurations(
             together = np.concatenate([q.take(pending, axis=2), new], axis=1)
             q[..., pending] = _usable(chain, together, q.shape[1])
             pending = pending[np.isnan(q[0, most - 1, pending])]
-    q = chain.into_range(refined_solutions(chain, rows, positions, rotations, q))
+    q = chain.into_range(refined_solutions(chain, task, positions, rotations, q))
     _move_inside(model, task, positions, rotations, q)
     order = np.lexsort(np.rint(1e6 * q[::-1]), axis=0)
     return _usable(chain, np.take_along_axis(q, order[None], axis=1), most)
@@ -122,13 +122,13 @@ def _usable(chain: Chain, q: Array, most: int) -> Array:
 
 def _within_reach(table: PoseTable, positions: Array, rotations: Array) -> IntArray:
     """Indices of the poses to which some configurations of a table lead."""
-    rows, reached = np.array(table.task.rows), np.zeros(positions.shape[1], dtype=bool)
+    reached = np.zeros(positions.shape[1], dtype=bool)
     starts = table.nearest(positions, rotations, _TRIALS[-1].stop)
     for trial in _TRIALS:
         (others,) = np.nonzero(~reached)
         target = _taken(positions, rotations, others)
         _, residual = newton(
-            table.chain, rows, *target, starts[:, trial].take(others, axis=2), APPROACH
+            table.chain, table.task, *target, starts[:, trial].take(others, axis=2), APPROACH
         )
         reached[others] = (residual <= APPROACH.residual).any(axis=0)
     return np.flatnonzero(reached)
@@ -138,12 +138,12 @@ def _approached_from(
     table: PoseTable, positions: Array, rotations: Array, candidates: int, count: int
 ) -> Array:
     """Approximate configurations reached from well-spread ones of a table's closest candidates."""
-    chain, rows = table.chain, np.array(table.task.rows)
+    chain, task = table.chain, table.task
     q = table.nearest(positions, rotations, candidates)
     inside = _excess(chain, chain.into_range(q)) == 0.0
     q = np.where(inside | (inside.sum(axis=0) < count), q, np.nan)
     starts = _well_spread(chain, q, count)
-    return chain.into_range(approached(chain, rows, positions, rotations, starts))
+    return chain.into_range(approached(chain, task, positions, rotations, starts))
 
 
 def _excess(chain: Chain, q: Array) -> Array:
@@ -157,7 +157,7 @@ def _move_inside(
     model: FreeFloatingModel, task: Task, positions: Array, rotations: Array, q: Array
 ) -> None:
     """Move configurations into the joint ranges at poses where none is inside, where possible."""
-    chain, rows = Chain.of(model), np.array(task.rows)
+    chain = Chain.of(model)
     lower, upper = (ends[:, None, None] for ends in sampled_box(model))
     inset = _INSET * (upper - lower)
     (pending,) = np.nonzero(np.isfinite(q[0]).any(axis=0) & (_excess(chain, q) > 0.0).all(axis=0))
@@ -168,7 +168,7 @@ def _move_inside(
         outside = (moved < chain.lower[:, None, None]) | (moved > chain.upper[:, None, None])
         starts = np.where(outside, np.clip(moved, lower + inset, upper - inset), moved)
         target = _taken(positions, rotations, pending)
-        moved = chain.into_range(many_solutions(chain, rows, *target, starts))
+        moved = chain.into_range(many_solutions(chain, task, *target, starts))
         done = (_excess(chain, moved) == 0.0).any(axis=0)
         q[..., pending[done]] = moved[..., done]
         pending, moved = pending[~done], moved[..., ~done]

@@ -78,7 +78,7 @@ def _newton_solutions(
     """The configurations (K, n) to which Newton's method converges from joints (n,), else NaN."""
     starts = np.tile(np.reshape(joints, (-1, 1, 1)), (1, 1, len(positions)))
     target = positions.T, rotations.transpose(1, 2, 0)
-    return solutions(Chain.of(model), np.array(task.rows), *target, starts)[:, 0].T
+    return solutions(Chain.of(model), task, *target, starts)[:, 0].T
 
 
 def _distances(model: FreeFloatingModel, q: Array, joints: Array) -> tuple[Array, Array]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.ik.chain import Chain, Kinematics
+from freefloat.dynamics.momentum import Task
+from freefloat.ik.chain import Chain, Kinematics, task_rows
 from freefloat.ik.vectors import cross, dot
 from freefloat.so3 import Array, IntArray
 
@@ -13,7 +14,7 @@ MAX_BRANCHES = 16
 """Maximum number of branches at a pose: that of an arm with six revolute joints."""
 
 
-def numbered_branches(chain: Chain, rows: IntArray, q: Array) -> tuple[Array, IntArray]:
+def numbered_branches(chain: Chain, task: Task, q: Array) -> tuple[Array, IntArray]:
     """The branches at each pose in columns by number.
 
     Branches of square arms are numbered in lexicographic order of their first six decimals, by the
@@ -22,7 +23,7 @@ def numbered_branches(chain: Chain, rows: IntArray, q: Array) -> tuple[Array, In
 
     Args:
         chain: Arm.
-        rows: The task's components of the twist, shape (m,).
+        task: Part of the poses that is prescribed.
         q: Joint values of B branches at K poses, revolute joints in (-pi, pi], NaN where there are
             fewer, shape (n, B, K).
 
@@ -30,15 +31,17 @@ def numbered_branches(chain: Chain, rows: IntArray, q: Array) -> tuple[Array, In
         Joint values in the joint ranges, NaN where a branch does not exist, shape
         (K, MAX_BRANCHES, n), and names, -1 where it does not, shape (K, MAX_BRANCHES).
     """
-    if len(q) == len(rows):
+    square = len(q) == len(task.rows)
+    if square:
         order = np.lexsort(np.rint(1e6 * q[::-1]), axis=0)
         q = np.take_along_axis(q, order[None], axis=1)
     exist = np.asarray(np.isfinite(q).all(axis=0))
     names = np.where(exist, np.arange(len(exist))[:, None], -1)
     columns = names
-    if len(q) == len(rows):
+    if square:
         at = chain.kinematics(q[:, exist])
-        negative = np.linalg.det(chain.jacobian(at)[rows].transpose(2, 0, 1)) < 0.0
+        J = task_rows(task, chain.jacobian(at), at.rotation[:, :, None])
+        negative = np.linalg.det(J.transpose(2, 0, 1)) < 0.0
         if len(q) == 6 and not chain.prismatic.any():
             names[exist] = sign_patterns(at, negative)
         else:

@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from freefloat.ik.chain import CONVERGED, EXACT, Chain, Kinematics, damped_step
-from freefloat.ik.vectors import rotation_vector
-from freefloat.so3 import Array, IntArray
+from freefloat.dynamics.momentum import Task
+from freefloat.ik.chain import CONVERGED, EXACT, Chain, Kinematics, damped_step, task_rows
+from freefloat.ik.vectors import rotation_vector, tilt
+from freefloat.so3 import Array
 
 _GAIN = 0.9
 _BATCH = 4096
@@ -42,12 +43,12 @@ _FINE = Effort(np.float64, EXACT, 20, 4)
 _FULL = Effort(np.float64, EXACT, 60, 6)
 
 
-def solutions(chain: Chain, rows: IntArray, positions: Array, rotations: Array, q: Array) -> Array:
+def solutions(chain: Chain, task: Task, positions: Array, rotations: Array, q: Array) -> Array:
     """Joint values to which Newton's method converges from few starts, NaN where it does not.
 
     Args:
         chain: Arm.
-        rows: The task's components of the twist, shape (m,).
+        task: Part of the poses that is prescribed.
         positions: End-effector positions, shape (3, K).
         rotations: End-effector rotations, shape (3, 3, K).
         q: Starts, NaN for missing ones, shape (n, B, K).
@@ -55,34 +56,32 @@ def solutions(chain: Chain, rows: IntArray, positions: Array, rotations: Array, 
     Returns:
         Joint values, shape (n, B, K).
     """
-    q, residual = newton(chain, rows, positions, rotations, q, _FULL)
+    q, residual = newton(chain, task, positions, rotations, q, _FULL)
     return np.where(residual < CONVERGED, q, np.nan)
 
 
-def many_solutions(
-    chain: Chain, rows: IntArray, positions: Array, rotations: Array, q: Array
-) -> Array:
+def many_solutions(chain: Chain, task: Task, positions: Array, rotations: Array, q: Array) -> Array:
     """:func:`solutions` from many starts, of which some may be given up early."""
-    q = approached(chain, rows, positions, rotations, q)
-    return refined_solutions(chain, rows, positions, rotations, q)
+    q = approached(chain, task, positions, rotations, q)
+    return refined_solutions(chain, task, positions, rotations, q)
 
 
-def approached(chain: Chain, rows: IntArray, positions: Array, rotations: Array, q: Array) -> Array:
+def approached(chain: Chain, task: Task, positions: Array, rotations: Array, q: Array) -> Array:
     """:func:`many_solutions` to the accuracy of single precision."""
-    q, residual = newton(chain, rows, positions, rotations, q, _ROUGH)
+    q, residual = newton(chain, task, positions, rotations, q, _ROUGH)
     return np.where(residual < APPROACH.residual, q, np.nan)
 
 
 def refined_solutions(
-    chain: Chain, rows: IntArray, positions: Array, rotations: Array, q: Array
+    chain: Chain, task: Task, positions: Array, rotations: Array, q: Array
 ) -> Array:
     """:func:`many_solutions` from their approximations."""
-    q, residual = newton(chain, rows, positions, rotations, q, _FINE)
+    q, residual = newton(chain, task, positions, rotations, q, _FINE)
     return np.where(residual < CONVERGED, q, np.nan)
 
 
 def newton(
-    chain: Chain, rows: IntArray, positions: Array, rotations: Array, q: Array, effort: Effort
+    chain: Chain, task: Task, positions: Array, rotations: Array, q: Array, effort: Effort
 ) -> tuple[Array, Array]:
     """Joint values (n, B, K) after damped Newton steps, and their residuals [m, rad], (B, K).
 
@@ -97,8 +96,11 @@ def newton(
     active, waiting = np.split(waiting, [_BATCH])
     while len(active):
         at, pose = chain.kinematics(q.take(active, axis=1)), active % shape[2]
-        angular = rotation_vector(at.rotation, rotations.take(pose, axis=2))
-        error = np.concatenate([positions.take(pose, axis=1) - at.position, angular])[rows]
+        target = rotations.take(pose, axis=2)
+        turn = tilt if task is Task.POINTING else rotation_vector
+        error = np.concatenate([positions.take(pose, axis=1) - at.position,
+                                turn(at.rotation, target)])  # fmt: skip
+        error = task_rows(task, error, target)
         residual[active] = size = np.sqrt((error * error).sum(axis=0))
         stalled[active] = np.where(size < _GAIN * lowest[active], 0, stalled[active] + 1)
         lowest[active] = np.minimum(size, lowest[active])
@@ -106,9 +108,15 @@ def newton(
         far &= steps[active] < effort.steps
         active = active[far]
         if 2 * len(active) < len(far):  # else copies take longer than superfluous steps
-            at, error, far = Kinematics(*(v[..., far] for v in at)), error[:, far], far[far]
+            at, error, target = (
+                Kinematics(*(v[..., far] for v in at)),
+                error[:, far],
+                target[..., far],
+            )
+            far = far[far]
         if len(active):
-            q[:, active] += damped_step(chain.jacobian(at)[rows], error)[:, far]
+            J = task_rows(task, chain.jacobian(at), target[:, :, None])
+            q[:, active] += damped_step(J, error)[:, far]
         steps[active] += 1
         following, waiting = np.split(waiting, [_BATCH - len(active)])
         active = np.concatenate([active, following])

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.dynamics.momentum import Task
 from freefloat.ik.analytic import (
     SIGNS,
     across_axis,
@@ -23,7 +24,7 @@ from freefloat.ik.analytic import (
 from freefloat.ik.chain import CONVERGED, EXACT, SAME, Chain
 from freefloat.ik.numeric import Effort, newton
 from freefloat.ik.vectors import cross, dot, norm, rotated, times, wrapped
-from freefloat.so3 import Array, IntArray
+from freefloat.so3 import Array
 
 _POLISHING = Effort(np.float64, EXACT, steps=8, patience=8)
 _FLAT = 1e-6
@@ -131,7 +132,7 @@ def remaining_joints(
 
 @np.errstate(divide="ignore", invalid="ignore")  # of degenerate ellipses and links
 def solve_parallel_axes(
-    chain: Chain, rows: IntArray, positions: Array, rotations: Array
+    chain: Chain, task: Task, positions: Array, rotations: Array
 ) -> tuple[Array, BoolArray]:
     """All solutions of an arm with three parallel axes.
 
@@ -150,7 +151,7 @@ def solve_parallel_axes(
     )
     q = q.reshape(6, 8, -1)
     missing = np.isnan(q).any(axis=0)
-    q, residual = newton(chain, rows, positions, rotations, q, _POLISHING)
+    q, residual = newton(chain, task, positions, rotations, q, _POLISHING)
     i, j = np.triu_indices(8, 1)
     equal = np.abs(wrapped(q[:, i] - q[:, j])).max(axis=0) < SAME
     well &= ~ill.any(axis=(0, 1)) & (missing | (residual < CONVERGED)).all(axis=0)

@@ -37,7 +37,8 @@ class _Features(NamedTuple):
     Attributes:
         values: Shape (F, K).
         angle: Rotation about the first axis from the frame of comparison [rad], shape (K,).
-        axis: The last axis in that frame, shape (3, K).
+        axis: The last axis in that frame, of the task ``pointing`` the end-effector's z axis, shape
+            (3, K).
         across: A direction normal to that axis that the last joint rotates, shape (3, K).
     """
 
@@ -125,7 +126,8 @@ def sampled_box(model: FreeFloatingModel) -> tuple[Array, Array]:
 
 def _last_follows(chain: Chain, task: Task) -> bool:
     """Whether the last joint's angle follows from a pose and the other joints."""
-    return task.prescribes_orientation and not bool(chain.prismatic[-1])
+    whole = task.prescribes_orientation and task is not Task.POINTING
+    return whole and not bool(chain.prismatic[-1])
 
 
 def _features(
@@ -136,7 +138,9 @@ def _features(
     last = _last_follows(chain, task)
     if last:
         positions = positions - times(change, (chain.position - chain.points[:, -1])[:, None])
-    axis, across = (times(change, v[:, None]) for v in axis_frame(chain.axes[:, -1])[:, [2, 0]].T)
+    pointing = task is Task.POINTING
+    last_axis = chain.rotation[:, 2] if pointing else chain.axes[:, -1]
+    axis, across = (times(change, v[:, None]) for v in axis_frame(last_axis)[:, [2, 0]].T)
     frame = axis_frame(chain.axes[:, 0])
     p, axis, across = (frame.T @ v for v in (positions - chain.points[:, :1], axis, across))
     angle = np.zeros(p.shape[1])
@@ -148,7 +152,7 @@ def _features(
         )
     values = [p / length]
     if task.prescribes_orientation:
-        values += [axis] if last else [axis, across]
+        values += [axis] if last or pointing else [axis, across]
     if task.planar:
         values = [v[:2] for v in values[: 1 if last else None]]
     return _Features(np.concatenate(values), angle, axis, across)

@@ -64,6 +64,17 @@ def rotation_vector(start: Array, end: Array) -> Array:
     return np.asarray(vector)
 
 
+def tilt(start: Array, end: Array) -> Array:
+    """The shortest rotation vector from the z axes of rotations to those of others."""
+    z, wanted = start[:, 2], end[:, 2]
+    vector, cosine = cross(z, wanted), dot(z, wanted)
+    sine = norm(vector)
+    small = sine <= _SMALL
+    factor = np.where(small, 1.0, np.arctan2(sine, cosine) / np.where(small, 1.0, sine))
+    opposite = small & (cosine < 0.0)
+    return np.asarray(np.where(opposite, np.pi * end[:, 0], vector * factor))
+
+
 def _half_turn(R: Array) -> Array:
     """Rotation vectors (3, N) of rotations (3, 3, N) by pi.
 

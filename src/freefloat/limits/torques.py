@@ -1,8 +1,8 @@
 """Inverse dynamics of a motion: accelerations, joint torques, the wrench on the base.
 
 Rates solve equation (4); accelerations solve its time derivative. The joint rates of a redundant
-arm are differentiated along the motion by central differences of sixth order, which holds for every
-redundancy resolution.
+arm, and those of the task ``pointing``, are differentiated along the motion by central differences
+of sixth order, which holds for every redundancy resolution.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
+from freefloat.dynamics.momentum import Task, end_effector_jacobian, momentum_map
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, rotation_matrix
 
@@ -93,7 +93,7 @@ class InverseDynamics:
         bias = pin.getFrameClassicalAcceleration(
             model, scratch, self._problem.model.frame_id, pin.LOCAL_WORLD_ALIGNED
         ).vector[self._rows]
-        if not self._problem.redundant:
+        if not self._problem.redundant and self._problem.task is not Task.POINTING:
             J = end_effector_jacobian(self._problem.model, joints, attitude)[self._rows]
             right = np.concatenate([-drift, change[self._rows] - bias])
             a = np.linalg.solve(np.vstack([A, J]), right)

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from freefloat.dynamics.redundancy import SINGULAR_SPEED
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.redundancy import SINGULAR_SPEED, SPINNING_SPEED
 from freefloat.motion.problem import Problem
 from freefloat.paths.timing import Leg
 from freefloat.so3 import Array
@@ -29,7 +30,10 @@ class ArcFlow:
     def __init__(self, problem: Problem) -> None:
         """Prepare a problem."""
         self.unit = problem.path.duration / _TIME_UNITS
-        self.stalled = _STALLED if problem.redundant else 0.0
+        self.stalled = 0.0
+        if problem.redundant:
+            pointing = problem.task is Task.POINTING
+            self.stalled = _TIME_UNITS / SPINNING_SPEED if pointing else _STALLED
         self._timing = problem.path.timing
         self._solver = problem.resolved_rate_solver()
 

@@ -34,7 +34,9 @@ r_i from the centre of mass: products of three.
 **End-effector rows.** Per spacecraft rate: the skew matrix of the end-effector's position from the
 centre of mass, whose Frobenius norm is sqrt(2) times its length: sqrt(2) L p_1; the angular rows
 are constant. Per joint: a_j times a weighted mean of chain vectors, a product of two, L p_2, and
-for the angular rows a_j alone, p_1.
+for the angular rows a_j alone, p_1. In the axes of the end-effector, as for ``pointing``, each is a
+product with another rotation; two rows of that rotation alone, the angular ones per spacecraft
+rate, add sqrt(2) p_1.
 """
 
 from __future__ import annotations
@@ -44,7 +46,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from freefloat.dynamics.measures import unit_factors
-from freefloat.dynamics.momentum import system_matrix, system_matrix_derivative
+from freefloat.dynamics.momentum import Task, system_matrix, system_matrix_derivative
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.extrema import joint_extents
 from freefloat.motion.motion import Motion
@@ -131,10 +133,11 @@ class ScaledSystem:
             change: w', bound on that of q''.
         """
         p1, p2, p3 = (k * (w * w + change) + k * (k - 1.0) * w * w for k in (1.0, 2.0, 3.0))
-        L = self._length
-        return SecondDerivatives(
-            self._locked * p2, self._moving * p3, float(np.sqrt(2.0) * L * p1), L * p2, p1
-        )
+        D, Dq, L = self._locked * p2, self._moving * p3, self._length
+        if self._task is Task.POINTING:
+            base = float(np.sqrt(2.0) * np.hypot(L * p2, p1))
+            return SecondDerivatives(D, Dq, base, L * p3, p2)
+        return SecondDerivatives(D, Dq, float(np.sqrt(2.0) * L * p1), L * p2, p1)
 
 
 def _chain_length(motion: Motion) -> float:

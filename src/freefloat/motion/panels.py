@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from freefloat.dynamics.momentum import momentum_map
+from freefloat.dynamics.momentum import Task, momentum_map
 from freefloat.motion.problem import Problem
 from freefloat.so3 import (
     Array,
@@ -63,7 +63,7 @@ def with_slopes(c: Array, panel: IntArray, x: Array) -> tuple[IntArray, Array, A
 def path_errors(problem: Problem, times: Array, attitudes: Array, joints: Array) -> Array:
     """Distances from the path [m] and angles from its orientation [rad], shape (K, 2).
 
-    Only components prescribed by the task count.
+    Only components prescribed by the task count; of ``pointing`` the angle between the z axes.
 
     Args:
         problem: Robot, path and task.
@@ -76,9 +76,13 @@ def path_errors(problem: Problem, times: Array, attitudes: Array, joints: Array)
     poses = [problem.model.end_effector_pose(attitude, q) for attitude, q in states]
     path = [problem.path.pose(float(t)) for t in times]
     offsets = np.array([a.position - b.position for a, b in zip(poses, path, strict=True)])
-    angles = rotation_vector_between(
-        [pose.rotation for pose in poses], [pose.rotation for pose in path]
-    )
+    turned = [pose.rotation for pose in poses], [pose.rotation for pose in path]
+    if problem.task is Task.POINTING:
+        axes, wanted = (np.array(rotations)[:, :, 2] for rotations in turned)
+        sines = np.linalg.norm(np.cross(axes, wanted), axis=1)
+        angles = np.arctan2(sines, np.einsum("ki,ki->k", axes, wanted))
+        return np.column_stack([np.linalg.norm(offsets, axis=1), angles])
+    angles = rotation_vector_between(*turned)
     errors = np.hstack([offsets, angles])
     linear, angular = [row for row in rows if row < 3], [row for row in rows if row > 2]
     return np.column_stack([np.linalg.norm(errors[:, part], axis=1) for part in (linear, angular)])

@@ -44,8 +44,9 @@ class SingularityDistance:
         distance: Distance of ``joints``; infinite where no singular configuration was found.
         joints: Nearest singular configuration that was found, shape (n,); revolute joints continue
             from those given.
-        direction: Unit vector w of the task's rows, in spacecraft axes, shape (m,): no joint rates
-            give the end-effector twist v a component along it there, w·v = 0 at zero momentum.
+        direction: Unit vector w of the task's rows, in spacecraft axes, shape (m,), of the task
+            ``pointing`` (6,): no joint rates give the end-effector twist v a component along it
+            there, w·v = 0 at zero momentum.
         inertial_direction: The same in inertial axes.
     """
 
@@ -110,8 +111,12 @@ def distance_to_singularity(
     w = _immovable(model, search.nearest, task)
     twist = np.zeros(6)
     twist[task.rows] = w
-    rotated = np.concatenate([R @ twist[:3], R @ twist[3:]])[task.rows]
-    arrays = frozen(search.nearest), frozen(w), frozen(rotated)
+    rows: list[int] | slice = task.rows
+    if task is Task.POINTING:
+        axes = model.end_effector_pose([0.0, 0.0, 0.0, 1.0], search.nearest).rotation
+        twist, rows = (twist.reshape(2, 3) @ axes.T).ravel(), slice(None)
+    rotated = (twist.reshape(2, 3) @ R.T).ravel()
+    arrays = frozen(search.nearest), frozen(twist[rows]), frozen(rotated[rows])
     return SingularityDistance(lower_bound, search.distance, *arrays)
 
 

@@ -14,7 +14,8 @@ P / M, and with the angular velocity y = inverse(D) L. The end-effector then has
 (P / M + y x r, y), column j of S*, and the spacecraft turns with y - a (prismatic: y), which is
 -inverse(D) Dq.
 
-All vectors are in the spacecraft frame.
+All vectors are in the spacecraft frame. The angular rows of the task ``pointing`` are those along
+the x and y axes of the end-effector.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from freefloat.ensemble.kernels.vectors import (
     Vector,
     components,
     cross,
+    dot,
     product,
     rolled,
     vector,
@@ -133,8 +135,8 @@ def inverse(I: Inertia) -> tuple[Inertia, Float]:
 
 
 @inlined
-def place_bodies(robot: Robot, q: Table, w: Table) -> tuple[Vector, Vector, Inertia, Vector]:
-    """Write axis, point, P and L about the spacecraft's origin of each joint into ``w``.
+def place_bodies(robot: Robot, q: Table, work: Workspace) -> tuple[Vector, Vector, Inertia, Vector]:
+    """Write axis, point, P and L about the spacecraft's origin of each joint to ``work.momenta``.
 
     ``M``, ``u`` and ``I`` are mass, first moment and inertia of the bodies between spacecraft and
     joint, in the frame (``ex``, ``ey``, ``ez``) at ``p``, about its origin.
@@ -143,7 +145,7 @@ def place_bodies(robot: Robot, q: Table, w: Table) -> tuple[Vector, Vector, Iner
         End-effector position, first moment and inertia of all bodies, and the point to which these
         refer.
     """
-    bodies = robot.bodies
+    bodies, w = robot.bodies, work.momenta
     ex, ey = get_vector(robot.base, 0, 0), get_vector(robot.base, 1, 0)
     ez, p = get_vector(robot.base, 2, 0), get_vector(robot.base, 3, 0)
     M = bodies[0, MASS]
@@ -181,8 +183,25 @@ def place_bodies(robot: Robot, q: Table, w: Table) -> tuple[Vector, Vector, Iner
     x, y, z = components(u)
     u = ex * x + ey * y + ez * z
     I = in_axes(I, ex, ey, ez)
+    place_axes(robot.across, ex, ey, ez, work.across)
     x, y, z = robot.tool[0], robot.tool[1], robot.tool[2]
     return p + ex * x + ey * y + ez * z, u, I, p
+
+
+@inlined
+def place_axes(across: Table | None, ex: Vector, ey: Vector, ez: Vector, axes: Table) -> None:
+    """Write the end-effector's x and y axes, given in the last frame, if the task needs them."""
+    if across is not None:
+        for i in range(2):
+            set_vector(axes, i, 0, ex * across[i, 0] + ey * across[i, 1] + ez * across[i, 2])
+
+
+@inlined
+def rotational_rows(across: Table | None, axes: Table, omega: Vector) -> Vector:
+    """The components of an angular velocity from which the task takes its rows."""
+    if across is None:
+        return omega
+    return vector(dot(omega, get_vector(axes, 0, 0)), dot(omega, get_vector(axes, 1, 0)), 0.0)
 
 
 @inlined
@@ -194,7 +213,7 @@ def form_jacobian(robot: Robot, q: Table, work: Workspace) -> tuple[Vector, Iner
         tasks the latter is its zz element.
     """
     w, S, share = work.momenta, work.S, 1.0 / robot.mass
-    tip, u, I, p = place_bodies(robot, q, w)
+    tip, u, I, p = place_bodies(robot, q, work)
     u = u * share
     c = p + u
     r = tip - c
@@ -208,7 +227,7 @@ def form_jacobian(robot: Robot, q: Table, work: Workspace) -> tuple[Vector, Iner
         L = get_vector(w, j, ANGULAR) - cross(c, P)
         y = times(inverse_D, L)
         set_vector(S, j, 0, P * share + cross(y, r))
-        set_vector(S, j, 3, y)
+        set_vector(S, j, 3, rotational_rows(robot.across, work.across, y))
         if robot.bodies[j + 1, PRISMATIC] == 0.0:
             y = y - get_vector(w, j, AXIS)
         set_vector(w, j, TURN, y)
@@ -246,7 +265,8 @@ def solve_rates(
     """
     r, inverse_D, det_D = form_jacobian(robot, q, work)
     drift = times(inverse_D, h)
-    twist = (*components(v - cross(drift, r)), *components(omega - drift))
+    turn = rotational_rows(robot.across, work.across, omega - drift)
+    twist = (*components(v - cross(drift, r)), *components(turn))
     b = work.b
     for i in range(6):
         b[i] = twist[i]

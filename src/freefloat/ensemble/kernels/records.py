@@ -34,6 +34,8 @@ class Robot(NamedTuple):
     m: int
     planar: bool
     mass: float
+    singular_speed: float  # of joints per duration, above which a redundant arm is singular
+    across: Table | None  # x and y axes of the end-effector, for the task ``pointing`` only, (2, 3)
 
 
 class Course(NamedTuple):
@@ -125,6 +127,7 @@ class Workspace(NamedTuple):
     initial: Table  # attitude; this and the following are for limits of attitude
     inside: Table  # attitude and joints inside a step
     slacks: Table
+    across: Table  # x and y axes of the end-effector, for the task ``pointing``
 
 
 def make_workspace(n: int, m: int, cones: int = 0) -> Workspace:
@@ -134,6 +137,7 @@ def make_workspace(n: int, m: int, cones: int = 0) -> Workspace:
         (5 + n,), (5 + n,), (5 + n, 7), (1 + n,), (7,), (STATUS_ROWS,), (6,), (3 * n,),
         (n, JOINT_COLUMNS), (3,), (n, 6), (6,), (6,), (n,), (n * n,), (n * r,), (r * r,), (2 * r,),
         (n,), (n,), (4,), (4 + n,), (2 * cones,),
+        (2, 3),
     )  # fmt: skip
     return Workspace(*(np.zeros((*shape, WIDTH)) for shape in shapes))
 
@@ -148,7 +152,7 @@ def workspace_in_tables(work: Workspace) -> Workspace:
         lanes(work.scales, 1), lanes(work.b, 1), lanes(work.rates, 1), lanes(work.metric, 1),
         lanes(work.basis, 1), lanes(work.normal, 1), lanes(work.right, 1), lanes(work.column, 1),
         lanes(work.gradient, 1), lanes(work.initial, 1), lanes(work.inside, 1),
-        lanes(work.slacks, 1),
+        lanes(work.slacks, 1), lanes(work.across, 3),
     )  # fmt: skip
 
 
@@ -160,6 +164,7 @@ def problem_in_tables(problem: Problem) -> Problem:
         Robot(
             floats(robot.bodies, BODY_COLUMNS), floats(robot.base, 3), floats(robot.tool, 1),
             floats(robot.rows, 1), robot.n, robot.m, robot.planar, robot.mass,
+            robot.singular_speed, _axes_in_table(robot.across),
         ),
         Course(
             course.duration, floats(course.segments, 1), course.number, course.degree,
@@ -180,6 +185,11 @@ def _settings_in_tables(null_space: Any) -> Any:
         floats(null_space.weights, 1), floats(null_space.middles, 1), floats(null_space.ranges, 1),
         null_space.damped_below,
     )  # fmt: skip
+
+
+@inner
+def _axes_in_table(across: Any) -> Any:
+    return None if across is None else floats(across, 3)
 
 
 @inner

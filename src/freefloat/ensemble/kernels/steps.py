@@ -13,7 +13,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.integrate import RK45
 
-from freefloat.dynamics.redundancy import SINGULAR_SPEED
 from freefloat.ensemble.kernels.compilation import inlined, inner
 from freefloat.ensemble.kernels.cones import note_slacks
 from freefloat.ensemble.kernels.flow import TIME_WEIGHT, flow
@@ -98,7 +97,7 @@ def attempt(problem: Problem, work: Workspace) -> tuple[int, int]:
     ended = ended | (~accepted & (status[STEP] * magnitude(work.K[4 + n, 0]) < shortest))
     ended = ended | (accepted & (status[LOWEST] <= 0.0))
     if robot.m < n:
-        ended = ended | (accepted & (status[SPEED] > SINGULAR_SPEED))
+        ended = ended | (accepted & (status[SPEED] > robot.singular_speed))
     return bits(accepted & whole), bits(ended)
 
 

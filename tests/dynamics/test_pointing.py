@@ -1,0 +1,211 @@
+"""Task ``pointing``: position and z axis of the end-effector, its roll free."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
+
+import freefloat as ff
+from freefloat.dynamics.momentum import (
+    Task,
+    end_effector_jacobian,
+    momentum_map,
+    system_matrix,
+    system_matrix_derivative,
+)
+from freefloat.ensemble.kernels.integration import SINGULAR
+from freefloat.limits.torques import InverseDynamics
+from freefloat.motion.certificate import certify
+from freefloat.motion.extrema import closest_approach
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Ending
+from freefloat.paths.orientation import OrientationLaw, OrientationSpline
+from freefloat.paths.path import EndEffectorPath
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import angle_between, without_jumps
+from tests.ensembles import both
+from tests.errors import error_key
+from tests.redundant import redundant
+from tests.robots import random_robot
+
+ARMS = ["RRRRR", "RRRRRR", "RRRRRRR", "RRPRRR"]
+
+
+def found_orientation(motion, count=401):
+    """The orientation of the end-effector along a motion, roll included, as a spline."""
+    timing, model = motion.problem.path.timing, motion.problem.model
+    ends = motion.initial.time, motion.final.time
+    s = np.linspace(*(timing.s(t) for t in ends), count)
+    times = [ends[0], *(brentq(lambda t, a=a: timing.s(t) - a, *ends) for a in s[1:-1]), ends[1]]
+    rotations = [model.end_effector_pose(state.attitude, state.joints).rotation
+                 for state in motion.sample(times)]  # fmt: skip
+    return OrientationSpline(without_jumps(Rotation.from_matrix(rotations).as_quat()), s)
+
+
+@pytest.mark.parametrize("momentum", [False, True])
+@pytest.mark.parametrize(("structure", "seed"), [("RRRRRR", 0), ("RRRRRR", 5), ("RRPRRR", 1)])
+def test_prescribing_the_roll_that_was_found_gives_the_same_motion(structure, seed, momentum):
+    """The joint rates of least norm of a six-joint arm, then those of its pose task."""
+    start = redundant(structure, Task.POINTING, None, seed, momentum=momentum)
+    window = {"start": 2.0, "end": 8.0, "tolerance": 1e-13}
+    begin = integrate_motion(start.problem, start.attitude, start.joints, end=2.0).final
+    free = integrate_motion(start.problem, begin.attitude, begin.joints, **window)
+    path = start.problem.path
+    found = found_orientation(free)
+    posed = start.problem.replace(
+        task=Task.POSE, path=replace(path, path=EndEffectorPath(path.path.curve, found))
+    )
+    same = integrate_motion(posed, begin.attitude, begin.joints, **window)
+    assert free.completed
+    assert same.completed
+    s = path.timing.s(8.0)
+    rolled = Rotation.from_matrix(path.path.orientation.rotation(s).T @ found.rotation(s))
+    assert abs(rolled.as_rotvec()[2]) > 0.01
+    for t in np.linspace(2.0, 8.0, 7):
+        (one,), (other,) = free.sample(t), same.sample(t)
+        np.testing.assert_allclose(one.joints, other.joints, rtol=0, atol=1e-8)
+        assert angle_between(one.attitude, other.attitude) < 1e-8
+
+
+def test_the_roll_of_the_path_does_not_matter():
+    """An orientation that also rotates about its own z axis gives the same motion."""
+    start = redundant("RRRRRR", Task.POINTING, None, 1)
+    orientation = start.problem.path.path.orientation
+
+    class Rolling(OrientationLaw):
+        def rotation(self, s):
+            return orientation.rotation(s) @ Rotation.from_euler("z", 3.0 * s).as_matrix()
+
+        def rate(self, s):
+            return orientation.rate(s) + 3.0 * orientation.rotation(s)[:, 2]
+
+    path = start.problem.path
+    rolling = replace(path, path=EndEffectorPath(path.path.curve, Rolling()))
+    one, other = (
+        integrate_motion(problem, start.attitude, start.joints)
+        for problem in (start.problem, start.problem.replace(path=rolling))
+    )
+    np.testing.assert_allclose(one.final.joints, other.final.joints, rtol=0, atol=1e-8)
+    assert other.residuals().end_effector_orientation < 1e-8
+
+
+@pytest.mark.parametrize("structure", ARMS)
+def test_rows_are_those_of_the_end_effector(structure):
+    """The twist without its last row, and the derivative of the system matrix by differences."""
+    rng = np.random.default_rng(len(structure))
+    robot = random_robot(rng, structure)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    q, v = rng.uniform(-1.0, 1.0, (2, model.dof))
+    A = system_matrix(model, q, Task.POINTING)
+    R = np.kron(np.eye(2), model.end_effector_pose([0, 0, 0, 1], q).rotation.T)
+    whole = R @ system_matrix(model, q, Task.POSE)[3:] if model.dof > 5 else A[3:]
+    np.testing.assert_allclose(A[3:], whole[:5], rtol=0, atol=1e-12)
+    difference = (
+        system_matrix(model, q + 1e-6 * v, Task.POINTING)
+        - system_matrix(model, q - 1e-6 * v, Task.POINTING)
+    ) / 2e-6
+    slope = system_matrix_derivative(model, q, v, Task.POINTING)
+    np.testing.assert_allclose(slope, difference, rtol=0, atol=1e-7 * np.abs(A).max())
+
+
+@pytest.mark.parametrize("structure", ARMS)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_configurations_point(structure, seed):
+    """Starts have the position and the z axis of the path; of redundant arms many rolls."""
+    start = redundant(structure, Task.POINTING, None, seed)
+    branches = start.problem.branches(start.attitude)
+    pose = start.problem.path.pose(0.0)
+    rolls = []
+    for branch in branches:
+        found = start.problem.model.end_effector_pose(start.attitude, branch.joints)
+        np.testing.assert_allclose(found.position, pose.position, rtol=0, atol=1e-8)
+        np.testing.assert_allclose(found.rotation[:, 2], pose.rotation[:, 2], rtol=0, atol=1e-8)
+        across = pose.rotation.T @ found.rotation[:, 0]
+        rolls.append(np.arctan2(across[1], across[0]))
+    assert len(branches) >= (8 if len(structure) > 5 else 1)
+    if len(structure) > 5:
+        assert np.ptp(rolls) > 1.0
+    if len(structure) == 5:  # the configuration at which the path was made is among them
+        near = [start.problem.model.joint_distance(b.joints, start.joints) for b in branches]
+        assert min(near) < 1e-6
+
+
+@pytest.mark.parametrize("measure", ["gjm", "system", "sigma"])
+@pytest.mark.parametrize("structure", ["RRRRR", "RRRRRRR"])
+def test_certificates_hold(structure, measure):
+    """Proven bounds are below the minima and reach nine tenths of them."""
+    start = redundant(structure, Task.POINTING, None, 1)
+    function = ff.singularity_measure(start.problem.model, Task.POINTING, measure)
+    problem = start.problem.replace(margin=ff.Margin(function, 0.0))
+    motion = integrate_motion(problem, start.attitude, start.joints)
+    assert motion.completed
+    certificate = certify(motion)
+    least = {entry.measure: entry for entry in certificate.minima}[measure]
+    assert certificate.end_effector_orientation.value < 1e-7
+    samples = [abs(function(q)) for q in motion.joints]
+    assert 0.9 * closest_approach(motion, function).value <= least.bound * (1.0 + 1e-9)
+    assert least.bound <= min(samples)
+
+
+@pytest.mark.parametrize("structure", ARMS)
+def test_ensembles_agree(structure):
+    """Compiled motions end as the precise ones."""
+    start = redundant(structure, Task.POINTING, None, 1)
+    (case,) = both(start.problem, start.attitude[None], start.joints[None])
+    case.assert_same()
+
+
+@pytest.mark.parametrize("structure", ["RRRRR", "RRRRRR"])
+def test_torques_leave_the_base_free(structure):
+    """No wrench on the spacecraft, also of an arm with as many joints as rows."""
+    start = redundant(structure, Task.POINTING, None, 1)
+    motion = integrate_motion(start.problem, start.attitude, start.joints)
+    assert motion.completed
+    dynamics = InverseDynamics(start.problem)
+    for t in (2.0, 6.0, 13.0):
+        (state,) = motion.sample(t)
+        effort = dynamics.effort(t, state.attitude, state.joints)
+        largest = np.abs(effort.joint_torques).max()
+        assert largest > 0.0
+        assert np.abs(effort.base_wrench).max() < 1e-7 * largest
+
+
+def test_the_impossible_motion_at_the_nearest_singularity():
+    """Of a five-joint arm, in spacecraft and inertial axes: no joint rates contribute to it."""
+    start = redundant("RRRRR", Task.POINTING, None, 1)
+    model, attitude = start.problem.model, start.attitude
+    found = ff.distance_to_singularity(model, start.joints, "pointing", attitude=attitude)
+    R, (v, omega) = Rotation.from_quat(attitude).as_matrix(), np.split(found.direction, 2)
+    inertial = np.concatenate([R @ v, R @ omega])
+    np.testing.assert_allclose(found.inertial_direction, inertial, rtol=0, atol=1e-12)
+    axis = model.end_effector_pose([0, 0, 0, 1], found.joints).rotation[:, 2]
+    assert abs(omega @ axis) < 1e-12
+    A, J = (f(model, found.joints) for f in (momentum_map, end_effector_jacobian))
+    S = J[:, 6:] - J[:, :6] @ np.linalg.solve(A[:, :6], A[:, 6:])
+    assert np.abs(found.direction @ S).max() < 1e-8 * np.abs(S).max()
+
+
+def test_an_arm_that_spins_its_last_joint_is_singular():
+    """A UR5 rolls about its last axis: its motion ends, in an ensemble and precisely."""
+    problem = ff.load_scenario("ur5_servicer/inspect").problem().replace(task="pointing")
+    attitude = np.array([0.87425374, -0.15937048, -0.17901087, -0.42218073])
+    joints = [2.78216059, -2.87964745, -0.12794249, 1.34412274, 1.11930785, -3.10945249]
+    start = problem.branch_near(attitude, joints, ()).joints
+    (case,) = both(problem, attitude[None], start[None])
+    assert case.motion.ending is Ending.SINGULAR
+    assert case.motion.final.time == pytest.approx(3.306, abs=1e-3)
+    for result in (case.coarse, case.fine):
+        assert result.endings[0] == SINGULAR
+        assert result.ended_at[0] == pytest.approx(case.motion.final.time, abs=1e-3)
+
+
+def test_a_path_without_orientation_raises():
+    """The z axis needs a direction; so does a task for which the arm has too few joints."""
+    start = redundant("RRRRRR", Task.POSITION, None)
+    path = start.problem.path
+    free = replace(path, path=EndEffectorPath(path.path.curve))
+    assert error_key(start.problem.replace, path=free, task="pointing") == "path.attitude"
+    four = redundant("RRRR", Task.POSITION, None).problem
+    assert error_key(four.replace, task="pointing") == "task"
