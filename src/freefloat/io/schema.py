@@ -281,7 +281,8 @@ class ScenarioFile(Section):
 
     robot: RobotSection
     task: Task
-    """``pose``, ``position``, ``planar-pose`` or ``planar-position``: what the path prescribes."""
+    """What the path prescribes: ``pose``; ``pointing``, the position and the direction of the
+    end-effector's z axis; ``position``; ``planar-pose`` or ``planar-position``."""
     momentum: Vector = (0.0, 0.0, 0.0)
     """Angular momentum x, y, z about the centre of mass, inertial axes [N m s]."""
     wheels: WheelsSection = WheelsSection(momentum=(0.0, 0.0, 0.0))

@@ -26,8 +26,8 @@ def require_planar(model: FreeFloatingModel, path: TimedPath, task: Task) -> Non
         raise InputError(
             "task",
             f"{task}, but this robot does not stay in the x-y plane",
-            "pose or position; planar tasks require joint axes along z and a mass distribution "
-            "symmetric about z = 0",
+            "pose, pointing or position; planar tasks require joint axes along z and a mass "
+            "distribution symmetric about z = 0",
         )
     straight = virtual.pose(np.zeros(model.dof))
     level = float(straight.position[2])
