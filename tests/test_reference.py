@@ -174,7 +174,10 @@ def test_every_key_of_a_document_is_described(in_folder: Path) -> None:
             document("map", line, *spatial, "--plots", "plots"),
         ],
         "check": [document("check", "plan.h5")],
-        "info": [document("info", line, "--joints", "0,0.1,0.2,0.3,0.4,0.5")],
+        "info": [
+            document("info", line, "--joints", "0,0.1,0.2,0.3,0.4,0.5"),
+            document("info", "planar_2dof/line", "--hold"),
+        ],
         "workspace": [document("workspace", planar)],
         "singularities": [
             document(
