@@ -71,7 +71,21 @@ class InverseDynamics:
         """
         path = self._problem.path
         twist, speed = path.twist_and_speed(t, segment)
-        change = path.twist_rate(t, segment)
+        change, acceleration = path.twist_rate(t, segment), path.timing.s(t, 2, segment)
+        return self.effort_of(attitude, joints, (twist, speed), (change, acceleration))
+
+    def effort_of(
+        self,
+        attitude: Array,
+        joints: Array,
+        prescribed: tuple[Array, float],
+        change: tuple[Array, float],
+    ) -> Effort:
+        """Forces at a state for an end-effector twist (6,) with ds/dt, and for their derivatives.
+
+        All are NaN where the arm is exactly singular.
+        """
+        (twist, speed), (twist_rate, acceleration) = prescribed, change
         omega, joint_rates = self._solver.rates(attitude, joints, twist, speed)
         count = 6 + len(joints)
         if not np.isfinite(joint_rates).all():
@@ -82,9 +96,7 @@ class InverseDynamics:
         v = np.concatenate([-np.linalg.solve(A[:3, :3], A[:3, 3:] @ rates), rates])
         q = np.concatenate([np.zeros(3), attitude, joints])
         model, scratch = self._weightless, self._scratch
-        gyroscopic = np.cross(
-            omega, self._problem.wheel_momentum
-        )  # of the wheels, spacecraft frame
+        gyroscopic = np.cross(omega, self._problem.wheel_momentum)
         variation = pin.computeCentroidalMomentumTimeVariation(
             model, scratch, q, v, np.zeros(count)
         )
@@ -95,11 +107,11 @@ class InverseDynamics:
         ).vector[self._rows]
         if not self._problem.redundant and self._problem.task is not Task.POINTING:
             J = end_effector_jacobian(self._problem.model, joints, attitude)[self._rows]
-            right = np.concatenate([-drift, change[self._rows] - bias])
+            right = np.concatenate([-drift, twist_rate[self._rows] - bias])
             a = np.linalg.solve(np.vstack([A, J]), right)
         else:
-            prescribed = np.append(twist, speed), np.append(change, path.timing.s(t, 2, segment))
-            accelerations = self._differentiated(attitude, joints, rates, *prescribed)
+            ahead = np.append(twist, speed), np.append(twist_rate, acceleration)
+            accelerations = self._differentiated(attitude, joints, rates, *ahead)
             base = -np.linalg.solve(A[:, :6], drift + A[:, 6:] @ accelerations)
             a = np.concatenate([base, accelerations])
         forces = np.array(pin.rnea(model, scratch, q, v, a))

@@ -16,6 +16,7 @@ from scipy.optimize import brentq
 
 from freefloat.errors import InputError, finite_number, member, require_type
 from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.time_segments import Speeds, TimeSegment, require_speeds, segments_of
 from freefloat.so3 import Array, Pose, frozen
 
 _BLEND = 0.25
@@ -35,11 +36,15 @@ class TimeLaw(StrEnum):
     QUINTIC = "quintic"
     CUBIC = "cubic"
     TRAPEZOIDAL = "trapezoidal"
+    OPTIMAL = "optimal"
 
     @property
     def polynomials(self) -> tuple[tuple[float, Polynomial], ...]:
-        """Segments of the law: end and s, a polynomial, both in dimensionless time."""
-        if self is TimeLaw.QUINTIC:  # (18b)
+        """Segments of the law: end and s, a polynomial, both in dimensionless time.
+
+        That of ``optimal`` is quintic until the fastest timing is known.
+        """
+        if self in (TimeLaw.QUINTIC, TimeLaw.OPTIMAL):  # (18b)
             return ((1.0, Polynomial([0, 0, 0, 10, -15, 6])),)
         if self is TimeLaw.CUBIC:
             return ((1.0, Polynomial([0, 0, 3, -2])),)
@@ -71,31 +76,6 @@ class Stop:
 
 
 @dataclass(frozen=True)
-class TimeSegment:
-    """s as a polynomial of ``(t - origin) / span``, smooth beyond its ends, too.
-
-    Attributes:
-        end: Time at which it ends [s].
-        origin: Time from which it counts [s].
-        span: Unit of its time [s].
-        orders: Coefficients of s and its two derivatives by time, highest power first.
-    """
-
-    end: float
-    origin: float
-    span: float
-    orders: tuple[tuple[float, ...], ...]
-
-    def __call__(self, t: float, order: int) -> float:
-        """s, or its derivative of order 1 or 2, at a time [s]."""
-        tau = (t - self.origin) / self.span
-        value = 0.0
-        for coefficient in self.orders[order]:
-            value = value * tau + coefficient
-        return value
-
-
-@dataclass(frozen=True)
 class Timing:
     """s(t), from rest to rest, at rest at every stop.
 
@@ -103,6 +83,8 @@ class Timing:
         duration: Duration of the path [s].
         law: Law between every two rests.
         stops: Stops in order.
+        speeds: Pairs of times [s] and speeds ds/dt [1/s], rising in time from rest to rest, between
+            which ds/dt is linear: the law ``optimal``, once the fastest timing is known.
 
     Example:
         >>> timing = ff.Timing(100.0, "quintic", stops=[ff.paths.Stop(0.5, 40.0)])
@@ -113,6 +95,7 @@ class Timing:
     duration: float
     law: TimeLaw = TimeLaw.QUINTIC
     stops: tuple[Stop, ...] = ()
+    speeds: Speeds = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "law", member("timing.law", TimeLaw, self.law))
@@ -129,16 +112,21 @@ class Timing:
         if not (steps > _CLOSEST).all():
             accepted = f"0 < s < 1 and 0 < t < {self.duration:g}, both rising from stop to stop"
             raise InputError("timing.stops", "they do not rise in s and t", accepted)
+        if self.speeds:
+            require_speeds(self.speeds, self.duration)
 
     def stretched(self, factor: float) -> Timing:
         """The same law with all times multiplied by a factor."""
         factor = finite_number("factor", factor, "a positive number")
         stops = tuple(Stop(stop.s, factor * stop.t) for stop in self.stops)
-        return replace(self, duration=factor * self.duration, stops=stops)
+        speeds = tuple((factor * t, speed / factor) for t, speed in self.speeds)
+        return replace(self, duration=factor * self.duration, stops=stops, speeds=speeds)
 
     @cached_property
     def segments(self) -> tuple[TimeSegment, ...]:
         """The segments of s(t)."""
+        if self.speeds:
+            return tuple(segments_of(self.speeds))
         segments = []
         for before, after in pairwise([Stop(0.0, 0.0), *self.stops, Stop(1.0, self.duration)]):
             span = after.t - before.t

@@ -1,0 +1,69 @@
+"""Parts of a time law s(t), which are polynomials."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from freefloat.errors import InputError, number_array
+
+_LENGTH = 1e-9
+"""Deviation of the last s from 1."""
+
+Speeds = tuple[tuple[float, float], ...]
+"""Pairs of times [s] and speeds ds/dt [1/s]."""
+
+
+@dataclass(frozen=True)
+class TimeSegment:
+    """s as a polynomial of ``(t - origin) / span``, smooth beyond its ends, too.
+
+    Attributes:
+        end: Time at which it ends [s].
+        origin: Time from which it counts [s].
+        span: Unit of its time [s].
+        orders: Coefficients of s and its two derivatives by time, highest power first.
+    """
+
+    end: float
+    origin: float
+    span: float
+    orders: tuple[tuple[float, ...], ...]
+
+    def __call__(self, t: float, order: int) -> float:
+        """s, or its derivative of order 1 or 2, at a time [s]."""
+        tau = (t - self.origin) / self.span
+        value = 0.0
+        for coefficient in self.orders[order]:
+            value = value * tau + coefficient
+        return value
+
+
+def require_speeds(speeds: Speeds, duration: float) -> None:
+    """Raise an InputError unless speeds lead from s = 0 at rest to s = 1 at rest."""
+    accepted = (
+        "pairs of time and speed ds/dt, the times rising from 0 to the duration, the speeds "
+        "positive and zero at both ends, with s = 1 at the end"
+    )
+    t, speed = number_array("timing.speeds", speeds, accepted).reshape(-1, 2).T
+    spans = np.diff(t)
+    valid = len(t) > 2 and t[0] == 0.0 and abs(t[-1] - duration) <= _LENGTH * duration
+    valid = valid and speed[0] == speed[-1] == 0.0
+    if not (valid and (spans > 0.0).all() and (speed[1:-1] > 0.0).all()):
+        raise InputError("timing.speeds", "they do not lead from rest to rest", accepted)
+    length = float((spans * (speed[1:] + speed[:-1])).sum()) / 2.0
+    if not abs(length - 1.0) <= _LENGTH:
+        raise InputError("timing.speeds", f"they lead to s = {length:.12g}", accepted)
+
+
+def segments_of(speeds: Speeds) -> Iterator[TimeSegment]:
+    """The segments of a law whose speed is linear between given ones."""
+    s = 0.0
+    for (start, slow), (end, fast) in pairwise(speeds):
+        span, change = end - start, fast - slow
+        orders = (change * span / 2.0, slow * span, s), (change, slow), (change / span,)
+        yield TimeSegment(end, start, span, orders)
+        s += span * (slow + fast) / 2.0

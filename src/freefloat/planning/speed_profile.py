@@ -1,0 +1,178 @@
+"""The fastest speeds along the path of a motion under limits of rates and torques.
+
+With x = (ds/dt)² and u = d²s/dt² the torques of a drifting robot without momentum are a(s) u +
+b(s) x, its rates q'(s) ds/dt: nothing else depends on time. In intervals of s with constant u, x is
+linear in s, and all limits are linear in the values of x at their ends. The fastest speeds are the
+solution of a linear program, see Verscheure et al., Time-optimal path tracking for robots, IEEE
+Transactions on Automatic Control 54(10), 2009. With momentum the further terms of the rates and
+torques are linearized about the speeds that the motion has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.optimize import brentq, linprog
+from scipy.sparse import csr_array
+
+from freefloat.limits.limits import Limits
+from freefloat.limits.torques import InverseDynamics
+from freefloat.motion.motion import Motion
+from freefloat.paths.time_segments import Speeds
+from freefloat.so3 import Array
+
+_FRACTIONS = (0.0, 0.5, 1.0)
+"""Places in each interval at which limits are looked at."""
+_INTERVALS = 320
+"""Number of intervals: constant u in each costs about 0.05 % of the duration."""
+_PASSES = 3
+"""Linear programs: the first maximizes the sum of x, the next the time saved near the last."""
+_NONE = np.empty(0)
+_SLOW = 1e-2
+"""Fraction of the largest speed below which terms of the momentum are linearized at it."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Limits at a place of the path: a u + b x <= c, and x <= most; shape (rows,) but for most."""
+
+    a: Array
+    b: Array
+    c: Array
+    most: float
+
+
+def fastest_speeds(motion: Motion, limits: Limits, scale: float = 1.0) -> Speeds:
+    """Pairs of times [s] and speeds ds/dt of the fastest timing.
+
+    Args:
+        motion: From rest to rest along the whole path.
+        limits: Of joint rates, joint torques or the spacecraft's rate.
+        scale: Factor on the limits.
+    """
+    place = _Place(motion, limits, scale)
+    knots = np.linspace(0.0, 1.0, _INTERVALS + 1)
+    speeds = np.sqrt(_squared_speeds(knots, place.rows))
+    times = np.append(0.0, np.cumsum(2.0 * np.diff(knots) / (speeds[1:] + speeds[:-1])))
+    return tuple(zip(times.tolist(), speeds.tolist(), strict=True))
+
+
+def _squared_speeds(knots: Array, rows: Callable[[float], _Rows]) -> Array:
+    """The fastest squared speeds at knots, shape (N + 1,)."""
+    weights = np.ones(len(knots))
+    for _ in range(_PASSES):
+        x = _largest_squares(knots, rows, weights)
+        weights = np.maximum(x / x.max(), 1e-4) ** -1.5
+        weights /= weights.max()
+    return x
+
+
+def _largest_squares(knots: Array, rows: Callable[[float], _Rows], weights: Array) -> Array:
+    """The largest weighted sum of squared speeds at knots."""
+    before, after, right, columns = [], [], [], []
+    for k, (start, end) in enumerate(pairwise(knots.tolist())):
+        for fraction in _FRACTIONS:
+            found = rows(min(start + fraction * (end - start), 1.0))
+            rise = found.a / (2.0 * (end - start))  # u = (x after - x before) / (2 width)
+            before += [*(found.b * (1.0 - fraction) - rise), 1.0 - fraction]
+            after += [*(found.b * fraction + rise), fraction]
+            right += [*found.c, found.most]
+            columns += [k] * (len(found.c) + 1)
+    scale = min(limit for limit in right if limit > 0.0)  # the unit of x
+    limits, column = np.array(right), np.array(columns)
+    number = np.arange(len(limits))
+    index = np.concatenate([number, number]), np.concatenate([column, column + 1])
+    matrix = csr_array((np.concatenate([before, after]), index), shape=(len(limits), len(knots)))
+    finite = np.isfinite(limits)
+    bounds = [(0.0, 0.0), *[(0.0, None)] * (len(knots) - 2), (0.0, 0.0)]
+    result = linprog(-weights, matrix[finite], limits[finite] / scale, bounds=bounds)
+    return np.asarray(np.maximum(result.x, 0.0) * scale)
+
+
+class _Place:
+    """A place on the path of a motion."""
+
+    def __init__(self, motion: Motion, limits: Limits, scale: float) -> None:
+        problem = motion.problem
+        self._motion, self._limits, self._scale = motion, limits, scale
+        self._path, self._timing = problem.path.path, problem.path.timing
+        self._momentum = problem.has_momentum
+        self._solver = problem.resolved_rate_solver()
+        self._dynamics = InverseDynamics(problem)
+        times = np.linspace(0.0, problem.path.duration, 201)
+        fastest = max(problem.path.timing.s(t, 1) for t in times.tolist())
+        self._slowest = _SLOW * fastest
+        self._known: dict[float, _Rows] = {}
+
+    def rows(self, s: float) -> _Rows:
+        """The limits at a value of s."""
+        if s not in self._known:
+            self._go_to(s)
+            a, b, c = _NONE, _NONE, _NONE
+            if self._limits.joint_torque is not None:
+                a, b, c = self._torque_rows()
+            self._known[s] = _Rows(a, b, c, self._largest_speed() ** 2)
+        return self._known[s]
+
+    def _go_to(self, s: float) -> None:
+        """Go to the state of the motion at a value of s."""
+        duration, timing = self._motion.problem.path.duration, self._timing
+        t = s * duration
+        if 0.0 < s < 1.0:
+            t = brentq(lambda t: timing.s(t) - s, 0.0, duration, xtol=1e-14 * duration)
+        _, attitudes, joints = self._motion.evaluate(self._motion.coordinate_at(t))
+        self._attitude, self._joints = attitudes[0], joints[0]
+        self._tangent = self._path.tangent(s)
+        self._curvature = self._path.second_derivative(s)
+        self._speed = max(timing.s(t, 1), self._slowest)
+
+    def _rates(self, speed: float) -> tuple[Array, Array]:
+        return self._solver.rates(self._attitude, self._joints, self._tangent * speed, speed)
+
+    def _largest_speed(self) -> float:
+        """The largest ds/dt that rates allow [1/s]."""
+        omega, q_rates = self._rates(1.0)
+        drift, q_drift = self._rates(0.0) if self._momentum else (0.0 * omega, 0.0 * q_rates)
+        omega, q_rates = omega - drift, q_rates - q_drift
+        speed = np.inf
+        if self._limits.joint_rate is not None:
+            left = self._scale * self._limits.joint_rate - np.sign(q_rates) * q_drift
+            with np.errstate(divide="ignore"):
+                speed = float((np.maximum(left, 0.0) / np.abs(q_rates)).min(initial=np.inf))
+        if self._limits.base_rate is not None:
+            size = float(omega @ omega)
+            if size > 0.0:  # |drift + omega v| = limit
+                half = float(omega @ drift)
+                limit = (self._scale * self._limits.base_rate) ** 2 - float(drift @ drift)
+                root = (np.sqrt(max(half**2 + size * limit, 0.0)) - half) / size
+                speed = min(speed, max(root, 0.0))
+        return speed
+
+    def _torques(self, speed: float, acceleration: float) -> Array:
+        twist_rate = self._curvature * speed**2 + self._tangent * acceleration
+        return self._dynamics.effort_of(
+            self._attitude, self._joints, (self._tangent * speed, speed), (twist_rate, acceleration)
+        ).joint_torques
+
+    def _torque_rows(self) -> tuple[Array, Array, Array]:
+        """Rows a, b, c of a u + b x <= c, both signs of every joint, shape (2 n,) each."""
+        v = self._speed
+        rest = self._torques(0.0, 0.0) if self._momentum else 0.0 * self._joints
+        per_acceleration = self._torques(0.0, 1.0) - rest
+        once = self._torques(v, 0.0) - rest
+        linear = 0.0 * once
+        if self._momentum:
+            twice = self._torques(2.0 * v, 0.0) - rest
+            linear = (4.0 * once - twice) / (2.0 * v)
+        squared = (once - linear * v) / v**2
+        squared = squared + linear / (2.0 * v)  # v is linearized in x = v²
+        rest = rest + linear * v / 2.0
+        limit = self._scale * np.asarray(self._limits.joint_torque)
+        return (
+            np.concatenate([per_acceleration, -per_acceleration]),
+            np.concatenate([squared, -squared]),
+            np.concatenate([limit - rest, limit + rest]),
+        )
