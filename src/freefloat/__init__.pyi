@@ -45,6 +45,7 @@ from .planning.mapping import attitude_map as attitude_map
 from .planning.plan import Search as Search
 from .planning.objective import Weights as Weights
 from .planning.planner import plan as plan
+from .planning.retiming import retime as retime
 
 # Files and pictures
 from .io.results import load as load

@@ -14,7 +14,7 @@ from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.summary import frames_at
 from freefloat.errors import InputError
 from freefloat.io.orientation_section import quaternion_of, rotation_of
-from freefloat.io.schema import (
+from freefloat.io.path_schema import (
     AttitudeSection,
     FollowSection,
     PathFrame,

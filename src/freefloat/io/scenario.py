@@ -86,7 +86,8 @@ class Scenario:
             path = path_of(content.path, content.task, self.samples, folder, frame)
         with self.error_context():
             stops = tuple(Stop(stop.s, stop.t) for stop in content.timing.stops)
-            timing = Timing(content.timing.duration, content.timing.law, stops)
+            speeds = tuple(content.timing.speeds)
+            timing = Timing(content.timing.duration, content.timing.law, stops, speeds)
             value = content.margin.value or 0.0
             with file_keys(measure="margin.measure"):
                 measure = singularity_measure(model, content.task, content.margin.measure)
@@ -244,6 +245,7 @@ def scenario_of(
             "duration": float(timing.duration),
             "law": str(timing.law),
             "stops": [{"s": float(stop.s), "t": float(stop.t)} for stop in timing.stops],
+            "speeds": [list(pair) for pair in timing.speeds],
         },
         "margin": {"measure": margin.measure.name, "value": float(margin.threshold)},
         "search": search.to_dict(),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -11,7 +10,6 @@ from freefloat.dynamics.measures import MeasureName
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.redundancy import LARGEST_GAIN, Metric, Toward
 from freefloat.io.field_types import (
-    Coefficients,
     Factor,
     Name,
     NotNegative,
@@ -22,113 +20,13 @@ from freefloat.io.field_types import (
     Vector,
     exactly_one_of,
 )
-from freefloat.io.orientation_section import Orientation
+from freefloat.io.path_schema import PathSection
 from freefloat.io.robot_section import RobotSection
 from freefloat.io.scene_section import SceneSection
 from freefloat.motion.pointing import Keep
 from freefloat.paths.timing import TimeLaw
 from freefloat.planning.objective import Objective
 from freefloat.planning.plan import FEWEST_SAMPLES
-
-
-class LineSection(Section):
-    """A straight line."""
-
-    start: Vector = Field(alias="from")
-    """First point [m]."""
-    end: Vector = Field(alias="to")
-    """Last point [m]."""
-
-
-class PolynomialSection(Section):
-    """Polynomials in s, coefficients [m] from the lowest power up."""
-
-    x: Coefficients
-    """x coordinate [m]."""
-    y: Coefficients
-    """y coordinate [m]."""
-    z: Coefficients
-    """z coordinate [m]."""
-
-
-class ArcSection(Section):
-    """A circular arc."""
-
-    center: Vector
-    """Centre [m]."""
-    normal: Vector
-    """Axis of rotation."""
-    start: Vector = Field(alias="from")
-    """First point [m]."""
-    angle_deg: Number
-    """Angle [degrees]."""
-
-
-class SlerpSection(Section):
-    """The shortest rotation between two orientations; a plain list is a quaternion x, y, z, w."""
-
-    start: Orientation = Field(alias="from")
-    """At the start of the path."""
-    end: Orientation = Field(alias="to")
-    """At the end of the path."""
-
-
-class FollowSection(Section):
-    """An axis along the direction of travel."""
-
-    axis: Literal["x", "-x", "y", "-y"]
-    """The end-effector's axis."""
-    normal: Vector
-    """Direction of its z axis, made orthogonal to the travel."""
-
-
-class PointAtSection(Section):
-    """An axis toward a point."""
-
-    target: Vector
-    """The point [m]."""
-    axis: Literal["x", "-x", "y", "-y", "z", "-z"]
-    """The end-effector's axis."""
-
-
-class AttitudeSection(Section):
-    """Orientation of the end-effector along the path; exactly one key."""
-
-    fixed: Orientation | None = None
-    slerp: SlerpSection | None = None
-    follow: FollowSection | None = None
-    point_at: PointAtSection | None = None
-
-    _exactly_one = exactly_one_of("fixed", "slerp", "follow", "point_at")
-
-
-class PathFrame(StrEnum):
-    """Frames of a path."""
-
-    INERTIAL = "inertial"
-    SPACECRAFT = "spacecraft"
-    BASE = "base"
-
-
-class PathSection(Section):
-    """Path of the end-effector: exactly one kind of curve, and its orientation."""
-
-    frame: PathFrame = PathFrame.INERTIAL
-    """Frame of all coordinates and orientations: ``inertial``, about the centre of mass;
-    ``spacecraft``, the root link; or ``base``, the link that carries the first joint. The last two
-    are those at ``search.joints`` and ``search.from_attitude`` (default: along the inertial
-    axes)."""
-    line: LineSection | None = None
-    polynomial: PolynomialSection | None = None
-    arc: ArcSection | None = None
-    waypoints: Annotated[list[Vector], Field(min_length=2, max_length=10_000)] | None = None
-    """Points [m] of a twice continuously differentiable spline."""
-    samples: str | None = None
-    """A CSV file, relative to the scenario file: x, y, z [m], optionally s and qx, qy, qz, qw."""
-    attitude: AttitudeSection | None = None
-    """Orientation; not for position tasks or samples with quaternions."""
-
-    _exactly_one = exactly_one_of("line", "polynomial", "arc", "waypoints", "samples")
 
 
 class StopSection(Section):
@@ -149,6 +47,9 @@ class TimingSection(Section):
     """Time law between rests."""
     stops: list[StopSection] = Field(default=[])
     """Rests between start and end."""
+    speeds: list[tuple[Number, Number]] = Field(default=[])
+    """Times [s] and speeds ds/dt [1/s] of the law ``optimal``, linear in between, from rest to
+    rest. Without them ``plan`` finds the fastest timing; until then the law is quintic."""
 
 
 class MarginSection(Section):

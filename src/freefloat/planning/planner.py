@@ -13,6 +13,7 @@ from freefloat.limits.contact import self_contact
 from freefloat.limits.limits import Limits
 from freefloat.motion.certificate import certify
 from freefloat.motion.problem import Problem, require_problem
+from freefloat.paths.timing import TimeLaw
 from freefloat.planning.attitude_map import AttitudeMap, Ball, Candidate, NearAttitude, Peak
 from freefloat.planning.deepest import deepest
 from freefloat.planning.diagnostics import (
@@ -60,7 +61,8 @@ def plan(
     """Find the initial attitudes from which the path can be followed, and choose one.
 
     For planar tasks all feasible headings are found; for spatial ones the motions of a grid over
-    SO(3) are integrated and the chosen attitude is refined between its samples.
+    SO(3) are integrated and the chosen attitude is refined between its samples. The time law
+    ``optimal`` becomes the fastest one, see :func:`~freefloat.planning.retiming.retime`.
 
     Args:
         problem: Robot, path, momentum and margin.
@@ -91,7 +93,13 @@ def plan(
         require_type("limits", limits, Limits, accepted)
     problem = search.applied_to(problem)
     plan_problem = partial(_plan, search=search, limits=limits, threads=threads, progress=progress)
-    return stretched_plan(plan_problem, problem) if stretch else plan_problem(problem)
+    result = stretched_plan(plan_problem, problem) if stretch else plan_problem(problem)
+    timing = problem.path.timing
+    if timing.law is not TimeLaw.OPTIMAL or timing.speeds or not result.feasible:
+        return result
+    from freefloat.planning.retiming import retime  # which plans again, with momentum
+
+    return retime(result, threads=threads).plan
 
 
 def _plan(

@@ -1,0 +1,70 @@
+"""``freefloat retime``: the fastest timing of a plan's path."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import RenderableType
+from rich.text import Text
+
+from freefloat.cli.console import DONE, NO, Console, draw, limit_tables, motion_lines, table
+from freefloat.cli.options import Json, Plots, Quiet, ResultFile, Threads, prepare_outputs
+from freefloat.errors import InputError
+
+if TYPE_CHECKING:
+    from freefloat.planning.retiming import Retiming
+
+_PlanFile = Annotated[Path, typer.Argument(metavar="PLAN", help="A file that plan wrote.")]
+
+
+def retime(
+    plan: _PlanFile,
+    output: ResultFile = None,
+    plots: Plots = None,
+    threads: Threads = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Find the fastest timing of a plan's path under its limits of rates and torques.
+
+    Without momentum spacecraft and arm follow the same configurations at other times, and the
+    margin remains. With momentum the path is planned again until timing and motion agree. Exit code
+    1: they do not agree, or the motion violates the margin or another limit.
+
+    Example: freefloat retime plan.h5 -o fast.h5
+    """
+    from freefloat.io.results import load, save
+    from freefloat.planning.plan import Plan
+    from freefloat.planning.retiming import retime as find_timing
+
+    console = Console(as_json, quiet)
+    prepare_outputs(plan, output=output, folder=plots)
+    loaded = load(plan)
+    if not isinstance(loaded, Plan):
+        raise InputError("plan", f"{plan} has no plan", "a file of freefloat plan -o")
+    with console.progress("planning again") as progress:
+        result = find_timing(loaded, threads=threads, progress=progress)
+    document = result.to_dict()
+    console.tables(_tables(str(plan), result))
+    if output is not None:
+        save(result.plan, output)
+    if plots is not None:
+        document["plots"] = draw(console, plots, result.plan, threads)
+    console.json(document)
+    raise typer.Exit(DONE if result.plan.feasible and result.agrees else NO)
+
+
+def _tables(name: str, result: Retiming) -> Iterator[RenderableType]:
+    yield f"{name}: {result.before:.6g} s become {result.duration:.6g} s"
+    rows = table("limit", "used up for [% of the time]")
+    for limit, fraction in result.usage.items():
+        rows.add_row(limit.replace("_", " "), f"{100.0 * fraction:.1f}")
+    yield rows
+    if not result.agrees:
+        yield Text("No timing was found that agrees with its own motion.", "red")
+    if result.plan.chosen is not None:
+        yield from motion_lines(result.plan.chosen)
+    yield from limit_tables(result.plan.limit_results)

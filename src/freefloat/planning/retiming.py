@@ -1,0 +1,146 @@
+"""The fastest timing of a plan's path."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from freefloat.concurrency import Progress, step_of
+from freefloat.errors import InputError, require_type
+from freefloat.limits.check import LimitChecker
+from freefloat.limits.limits import Limits, needed_stretch, violated
+from freefloat.motion.certificate import certify
+from freefloat.motion.motion import Motion
+from freefloat.motion.problem import Problem
+from freefloat.paths.time_segments import Speeds
+from freefloat.paths.timing import TimeLaw, Timing
+from freefloat.planning.plan import Plan
+from freefloat.planning.planner import plan as find_plan
+from freefloat.planning.simulation import SimulatedBranch, simulate
+from freefloat.planning.speed_profile import fastest_speeds, limit_usage
+from freefloat.planning.trials import OVER
+
+_TIMED = ("joint_rate", "joint_torque", "base_rate")
+_MOST, _AGREE = 12, 1e-3
+"""Plans with momentum at most, and relative difference of durations that agree."""
+_INTERVALS = 64
+"""Intervals of the timing with momentum: every motion of the map passes all of them."""
+_INSIDE = 0.995
+"""Fraction of the limits to be used with momentum, where the motion depends on the timing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Retiming:
+    """A plan with the fastest timing of its path.
+
+    Attributes:
+        plan: With that timing; infeasible where it does not keep its limits or its margin.
+        before: Duration that the plan had [s].
+        agrees: Whether the timing is the fastest of the plan's own motion. With momentum the motion
+            depends on the timing; it is False where no timing was found that does.
+        usage: Fraction of the duration during which a limit is used up to one percent, by limit.
+    """
+
+    plan: Plan
+    before: float
+    agrees: bool
+    usage: Mapping[str, float] = field(repr=False)
+
+    @property
+    def duration(self) -> float:
+        """Duration of the fastest timing [s]."""
+        return self.plan.problem.path.duration
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document of ``freefloat retime``."""
+        return {
+            "before": self.before,
+            "agrees": self.agrees,
+            "usage": dict(self.usage),
+            **self.plan.to_dict(),
+        }
+
+
+def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None = None) -> Retiming:
+    """Find the fastest timing of a plan's path under its limits of rates and torques.
+
+    Without momentum spacecraft and arm follow the same configurations, at other times: margin,
+    ranges and attitude tolerance remain. With momentum the motion is another one; the path is
+    planned again until timing and motion agree.
+
+    Args:
+        plan: A feasible plan with limits of joint rates, joint torques or the spacecraft's rate.
+        threads: As for :func:`~freefloat.planning.planner.plan`.
+        progress: Called with the fraction done, in [0, 1], where the path is planned again.
+
+    Raises:
+        InputError: If the plan is not feasible, has none of these limits, or its path has stops.
+
+    Example:
+        >>> scenario = ff.load_scenario("planar_2dof/line")
+        >>> plan = ff.plan(scenario.problem(), limits=scenario.limits())
+        >>> fastest = ff.retime(plan)
+        >>> fastest.plan.feasible, round(fastest.duration / fastest.before, 1)
+        (True, 0.5)
+    """
+    require_type("plan", plan, Plan, "a Plan, such as plan(...) or load(...)")
+    limits, chosen = plan.limits or Limits(), plan.chosen
+    if chosen is None or not plan.feasible:
+        raise InputError("plan", "it is not feasible", "a feasible plan")
+    if plan.problem.path.timing.stops:
+        raise InputError("timing.stops", "the path has stops", "a path without stops")
+    if all(getattr(limits, key) is None for key in _TIMED):
+        accepted = "joint_rate, joint_torque or base_rate"
+        raise InputError("limits", "none of them depends on the timing", accepted)
+    if plan.problem.has_momentum:
+        return _with_momentum(plan, chosen.motion, limits, threads, progress)
+    problem = _retimed(plan.problem, fastest_speeds(chosen.motion, limits))
+    result = _moved(plan, chosen, problem, limits)
+    stretch = needed_stretch(result.limit_results)
+    if stretch > 1.0:
+        result = _moved(plan, chosen, problem.stretched(stretch * OVER), limits)
+    return _retiming(result, plan, agrees=True)
+
+
+def _retimed(problem: Problem, speeds: Speeds) -> Problem:
+    timing = Timing(speeds[-1][0], TimeLaw.OPTIMAL, speeds=speeds)
+    return replace(problem, path=replace(problem.path, timing=timing))
+
+
+def _moved(plan: Plan, before: SimulatedBranch, problem: Problem, limits: Limits) -> Plan:
+    """The plan with the motion from the same state and another timing, without momentum."""
+    start = before.motion.initial
+    chosen = simulate(problem, start.attitude, joints=start.joints).chosen
+    chosen = replace(chosen, branch=before.branch)
+    results = LimitChecker(problem, limits).results(chosen.motion)
+    samples = None if plan.map is None else replace(plan.map, problem=problem)
+    return replace(
+        plan, problem=problem, chosen=chosen, limit_results=results, map=samples, stretch=1.0,
+        feasible=chosen.feasible and not violated(results), certificate=certify(chosen.motion),
+    )  # fmt: skip
+
+
+def _with_momentum(
+    plan: Plan, motion: Motion, limits: Limits, threads: int | None, progress: Progress | None
+) -> Retiming:
+    """Plan and retime until the duration does not change."""
+    for number in range(_MOST):
+        before = motion.problem.path.duration
+        problem = _retimed(plan.problem, fastest_speeds(motion, limits, _INSIDE, _INTERVALS))
+        step = step_of(progress, number / _MOST, (number + 1) / _MOST)
+        current = find_plan(problem, plan.search, limits, threads=threads, progress=step)
+        if current.chosen is None or not current.chosen.motion.completed:
+            break
+        motion = current.chosen.motion
+        same = abs(problem.path.duration - before) <= _AGREE * before
+        if current.feasible and same:
+            return _retiming(current, plan, agrees=True)
+    return _retiming(replace(current, feasible=False), plan, agrees=False)
+
+
+def _retiming(result: Plan, plan: Plan, *, agrees: bool) -> Retiming:
+    usage: dict[str, float] = {}
+    if result.chosen is not None:
+        usage = limit_usage(result.chosen.motion, result.limits or Limits())
+    return Retiming(result, plan.problem.path.duration, agrees, usage)

@@ -1,0 +1,186 @@
+"""The fastest timing, against toppra and a published case, within all limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import toppra
+from scipy.interpolate import CubicSpline
+from toppra import algorithm, constraint
+
+import freefloat as ff
+from freefloat.limits.check import check_limits
+from freefloat.limits.limits import Limits
+from freefloat.planning.speed_profile import fastest_speeds
+from freefloat.so3 import heading_quaternion
+from tests.commands import document, error, run
+from tests.errors import error_key
+
+PEAKS = Limits(
+    joint_rate=np.array([0.1290148, 0.0343564]),
+    joint_torque=np.array([0.0438365, 0.0043348]),
+    base_rate=0.0407604,
+)
+"""The largest values of the published case with its quintic time law."""
+
+
+def straight(start, step, duration: float = 20.0):
+    """Problem of the arm with two joints, its links at absolute angles first; and its joints."""
+    model = ff.FreeFloatingModel.from_urdf("planar_2dof")
+    joints = np.diff(start)
+    begin = model.end_effector_pose(heading_quaternion(start[0]), joints).position
+    line = ff.paths.PolynomialCurve.line(begin, begin + np.array([*step, 0.0]))
+    path = ff.TimedPath(ff.EndEffectorPath(line), ff.Timing(duration))
+    margin = ff.Margin(ff.singularity_measure(model, "planar-position", "system"), 0.1)
+    return ff.Problem(model, path, "planar-position", np.zeros(3), margin), joints
+
+
+def as_plan(problem, attitude, joints, limits: Limits):
+    """The plan whose motion begins at an attitude."""
+    heading = ff.Search("nearest", attitude, within=1e-3, spare=0.0)
+    plan = ff.plan(problem, replace(heading, joints=joints), limits)
+    assert plan.feasible, plan.reason
+    return plan
+
+
+def test_the_published_case() -> None:
+    problem, joints = straight([0.0, 0.9, -0.9], [-0.45, 0.55])
+    slack = replace(
+        PEAKS, joint_rate=1.00001 * PEAKS.joint_rate, joint_torque=1.00001 * PEAKS.joint_torque,
+        base_rate=1.00001 * PEAKS.base_rate,
+    )  # fmt: skip
+    plan = as_plan(problem, [0.0, 0.0, 0.0, 1.0], joints, slack)
+    result = ff.retime(plan)
+    assert result.duration == pytest.approx(16.971, rel=1e-3)
+    assert result.agrees
+    assert result.plan.feasible
+    assert sum(result.usage.values()) > 0.95
+    before, after = plan.chosen.motion, result.plan.chosen.motion
+    np.testing.assert_allclose(after.joints[-1], before.joints[-1], atol=1e-8)
+    assert result.plan.chosen.minimum_margin == pytest.approx(plan.chosen.minimum_margin, rel=1e-8)
+    assert all(entry.ratio <= 1.0 + 1e-9 for entry in result.plan.limit_results)
+    times = np.linspace(0.0, result.duration, 20_001)
+    motion = after.evaluate(after.coordinate_at(times))[2]
+    rates = np.abs(np.diff(motion, axis=0) / np.diff(times)[:, None])
+    assert (rates <= slack.joint_rate * (1.0 + 1e-5)).all()
+
+
+def torque_of(model):
+    """Joint torques of the drifting arm at rest in momentum, by Pinocchio's matrices alone."""
+    pinocchio = model.pin_model.copy()
+    pinocchio.gravity = pin.Motion.Zero()
+    data = pinocchio.createData()
+
+    def torques(q, rates, accelerations):
+        configuration = model.configuration([0.0, 0.0, 0.0, 1.0], q)
+        M = pin.crba(pinocchio, data, configuration)
+        M = np.triu(M) + np.triu(M, 1).T
+        base = -np.linalg.solve(M[:6, :6], M[:6, 6:] @ rates)
+        v = np.concatenate([base, rates])
+        bias = pin.rnea(pinocchio, data, configuration, v, np.zeros(len(v)))
+        a = -np.linalg.solve(M[:6, :6], M[:6, 6:] @ accelerations + bias[:6])
+        forces = pin.rnea(pinocchio, data, configuration, v, np.concatenate([a, accelerations]))
+        return np.asarray(forces[6:])
+
+    return torques
+
+
+def toppra_duration(motion, limits: Limits) -> float:
+    """The duration that toppra finds for the same joint path."""
+    path = motion.problem.path
+    times = np.linspace(0.0, path.duration, 3001)
+    s = np.array([path.timing.s(t) for t in times])
+    s, kept = np.unique(s, return_index=True)
+    joints = motion.evaluate(motion.coordinate_at(times[kept]))[2]
+    dense = np.linspace(0.0, 1.0, 401)
+    spline = toppra.SplineInterpolator(dense, CubicSpline(s, joints)(dense))
+    bounds = [
+        constraint.JointVelocityConstraint(
+            np.column_stack([-limits.joint_rate, limits.joint_rate])
+        ),
+        constraint.JointTorqueConstraint(
+            torque_of(motion.problem.model),
+            np.column_stack([-limits.joint_torque, limits.joint_torque]),
+            np.zeros(joints.shape[1]),
+            discretization_scheme=constraint.DiscretizationType.Interpolation,
+        ),
+    ]
+    solver = algorithm.TOPPRA(bounds, spline, gridpoints=np.linspace(0.0, 1.0, 1001))
+    return float(solver.compute_trajectory(0.0, 0.0).duration)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(7))
+def test_toppra_agrees_in_the_plane(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    problem, joints = straight([0.0, 0.9, -0.9], rng.uniform([-0.5, 0.2], [-0.2, 0.6]))
+    motion = ff.simulate(problem, heading=0.0, joints=joints).chosen.motion
+    limits = Limits(
+        joint_rate=rng.uniform(0.05, 0.3, 2), joint_torque=rng.uniform([0.02, 0.002], [0.1, 0.02])
+    )
+    duration = fastest_speeds(motion, limits)[-1][0]
+    assert duration == pytest.approx(toppra_duration(motion, limits), rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ets_vii/line", "ur5_servicer/arc", "panda_servicer/line"])
+def test_toppra_agrees_in_space(name: str) -> None:
+    scenario = ff.load_scenario(name)
+    problem = scenario.problem().replace(momentum=np.zeros(3))
+    motion = ff.plan(problem, ff.Search(samples=64)).chosen.motion
+    limits = Limits(joint_rate=np.full(problem.model.dof, 0.2),
+                    joint_torque=np.full(problem.model.dof, 3.0))  # fmt: skip
+    duration = fastest_speeds(motion, limits)[-1][0]
+    assert duration == pytest.approx(toppra_duration(motion, limits), rel=1e-3)
+
+
+@pytest.mark.slow
+def test_with_momentum_timing_and_motion_agree() -> None:
+    problem, _ = straight([0.0, 0.9, -0.9], [-0.3, 0.4])
+    problem = problem.replace(momentum=np.array([0.0, 0.0, 0.05]))
+    limits = Limits(joint_rate=np.full(2, 0.2), joint_torque=np.array([0.1, 0.02]))
+    plan = ff.plan(problem, limits=limits)
+    result = ff.retime(plan)
+    assert result.agrees
+    assert result.plan.feasible
+    again = fastest_speeds(result.plan.chosen.motion, limits, 0.995, 64)[-1][0]
+    assert again == pytest.approx(result.duration, rel=2e-3)
+    assert all(entry.kept for entry in check_limits(result.plan.chosen.motion, limits))
+
+
+@pytest.mark.slow
+def test_the_law_optimal_in_a_scenario_and_in_files(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = run("models", "planar_2dof/line").stdout
+    law = text.replace("duration: 30", "duration: 30, law: optimal")
+    assert law != text
+    (tmp_path / "fast.yaml").write_text(law.replace("law: quintic, ", ""))
+    planned = document("plan", "fast.yaml", "-o", "fast.h5")
+    (tmp_path / "slow.yaml").write_text(text)
+    document("plan", "slow.yaml", "-o", "slow.h5")
+    retimed = document("retime", "slow.h5", "-o", "retimed.h5")
+    assert retimed["duration"] == pytest.approx(planned["duration"])
+    assert retimed["duration"] < 0.6 * retimed["before"]
+    assert document("check", "retimed.h5")["proved"]
+    loaded = ff.load("retimed.h5")
+    assert loaded.problem.path.duration == retimed["duration"]
+
+
+def test_errors(tmp_path, monkeypatch) -> None:
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    plan = ff.plan(problem)
+    assert error_key(lambda: ff.retime(plan)) == "limits"
+    assert error_key(lambda: ff.retime(problem)) == "plan"
+    rates = Limits(joint_rate=np.full(2, 1e-4))
+    assert error_key(lambda: ff.retime(ff.plan(problem, limits=rates))) == "plan"
+    stops = ff.load_scenario("planar_3dof/parabola").problem()
+    limits = Limits(base_rate=10.0)
+    assert error_key(lambda: ff.retime(ff.plan(stops, limits=limits))) == "timing.stops"
+    for speeds in ([(0.0, 0.0), (1.0, 1.0)], [(0, 0), (1, 1), (2, 0.5)], [(0, 0), (1, 2), (2, 0)]):
+        assert error_key(lambda s=speeds: ff.Timing(2.0, "optimal", speeds=s)) == "timing.speeds"
+    monkeypatch.chdir(tmp_path)
+    run("simulate", "planar_2dof/line", "--heading", 0, "-o", "motion.h5")
+    assert error("retime", "motion.h5")["key"] == "plan"
