@@ -47,7 +47,8 @@ def assert_same_rates(structure, task, redundancy, seed):
     with plain_kernels():
         kernels = Kernels(problem)
         work, course = kernels.work, kernels.problem.course
-        work.h.array[:] = np.append(problem.momentum, problem.wheel_momentum)[:, None]
+        h = problem.momentum, problem.wheel_momentum, problem.path.drift
+        work.h.array[:] = np.concatenate(h)[:, None]
         work.status[BY_TIME], work.status[FORWARD] = 1.0, 1.0
         work.status[SEGMENT] = np.searchsorted([*problem.path.breaks], times)
         y = kernels.column(np.column_stack(

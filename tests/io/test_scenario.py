@@ -439,11 +439,16 @@ def test_a_misspelt_key_and_word_come_with_the_nearest_one(folder: Path) -> None
             "arc.normal",
         ),
         ("arc: {center: [0, 0, 0], normal: [0, 0, 1], from: [1, 0, 1], angle_deg: 9}", "arc.from"),
-        ("line: {from: [1, 0, 0], to: [1, 0, 0]}", "line"),
     ],
 )
 def test_errors_of_curves_name_keys_of_the_file(path: str, key: str, folder: Path) -> None:
     assert error_key(path_of, folder, f"{path}, {UPRIGHT}") == f"path.{key}"
+
+
+def test_a_path_of_length_zero_needs_a_drift(folder: Path) -> None:
+    path = f"line: {{from: [1, 0, 0], to: [1, 0, 0]}}, {UPRIGHT}"
+    assert error_key(path_of, folder, path) == "path"
+    assert path_of(folder, path, rest="drift: [0.1, 0, 0]").pose(1.0).position.tolist() == [1, 0, 0]
 
 
 # --- frames ---------------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ from freefloat.errors import InputError
 from freefloat.paths.curves import ArcCurve, PolynomialCurve, SplineCurve
 from freefloat.paths.orientation import DirectedOrientation, FixedOrientation, SlerpOrientation
 from freefloat.paths.path import EndEffectorPath, parse_samples, samples_text
+from freefloat.paths.timing import TimedPath, Timing
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
@@ -71,9 +72,11 @@ def test_second_derivative_is_the_derivative_of_the_tangent(s):
     ids=["point", "line", "arc"],
 )
 def test_a_path_of_zero_length_is_refused(curve):
-    """Something has to move."""
+    """Something has to move: the end-effector, or the centre of mass."""
+    path = EndEffectorPath(curve, UPRIGHT)
     with pytest.raises(InputError, match="length is zero"):
-        EndEffectorPath(curve, UPRIGHT)
+        TimedPath(path, Timing(10.0))
+    assert TimedPath(path, Timing(10.0), [0.1, 0.0, 0.0]).drifts
 
 
 def test_a_rotation_in_place_is_a_path():

@@ -138,9 +138,11 @@ def test_toppra_agrees_in_space(name: str) -> None:
 
 
 @pytest.mark.slow
-def test_with_momentum_timing_and_motion_agree() -> None:
+@pytest.mark.parametrize(("momentum", "drift"), [(0.05, 0.0), (0.0, 0.01)])
+def test_with_momentum_or_drift_timing_and_motion_agree(momentum: float, drift: float) -> None:
     problem, _ = straight([0.0, 0.9, -0.9], [-0.3, 0.4])
-    problem = problem.replace(momentum=np.array([0.0, 0.0, 0.05]))
+    path = replace(problem.path, drift=[drift, -drift, 0.0])
+    problem = problem.replace(momentum=np.array([0.0, 0.0, momentum]), path=path)
     limits = Limits(joint_rate=np.full(2, 0.2), joint_torque=np.array([0.1, 0.02]))
     plan = ff.plan(problem, limits=limits)
     result = ff.retime(plan)

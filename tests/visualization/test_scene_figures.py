@@ -70,7 +70,7 @@ def test_the_path_runs_from_its_start_to_its_end() -> None:
     assert np.allclose(path[:, 1], path[:, 0] ** 2 / 6 - 5 * path[:, 0] / 6 + 1)  # (30a)
     assert np.allclose(line(axes, "start"), path[:1])
     assert np.allclose(line(axes, "end"), path[-1:])
-    wanted = [point_3_on_path(PLANAR, s) for s in (0.0, 1.0)]
+    wanted = [point_3_on_path(PLANAR, s) for s in (0.0, PLANAR.path.duration)]
     assert np.allclose(point[[0, -1]] @ [1.0, 1.0j], wanted)
 
 

@@ -74,6 +74,18 @@ def test_moving_bodies_have_tracks_and_fixed_ones_a_place(motion: Motion) -> Non
     np.testing.assert_allclose(np.reshape(placed, (4, 4)).T, expected, atol=1e-12)
 
 
+def test_while_the_centre_of_mass_drifts_fixed_bodies_and_the_corridor_move(motion: Motion) -> None:
+    """Shown is the frame of the centre of mass."""
+    path = replace(motion.problem.path, drift=[0.01, 0.0, -0.02])
+    moving = replace(motion, problem=motion.problem.replace(path=path))
+    corridor = ff.Corridor([0.1, 0.2, -0.3], [1.0, 2.0, 0.5], radius=2.0)
+    moves = tracks(scene_of(moving, BODIES, corridor))
+    for key, start in (("Scene bodies/mast", [3.0, 0.0, 1.0]), ("Corridor", [0.0, 0.0, 0.0])):
+        times, positions = moves[f"{ROOT}/{key}.position"]
+        expected = start - np.outer(times, path.drift)
+        assert positions.reshape(-1, 3) == pytest.approx(expected, abs=1e-5)
+
+
 def test_fast_tumbling_has_enough_key_times(motion: Motion) -> None:
     """Between two of them it turns by less than half a revolution, else it seems to turn back."""
     fast = ff.Tumbling([1.0, 1.0, 1.0], [0.0, 0.0, 10.0])

@@ -98,5 +98,10 @@ def test_largest_s_at_the_worst_place_of_the_path_is_that_of_a_fine_search(plana
     arm = PlanarArm.of(planar.model)
     q = rng.uniform(-np.pi, np.pi, (100_000, 2))
     angles = arm.angles(np.zeros(len(q)), np.column_stack([q, np.zeros(len(q))]))
-    near = np.abs(np.abs(point_3(arm, q)) - abs(point_3_on_path(planar, s))) < 0.005
+    near = (
+        np.abs(
+            np.abs(point_3(arm, q)) - abs(point_3_on_path(planar, planar.path.timing.time_at(s)))
+        )
+        < 0.005
+    )
     assert largest == pytest.approx(np.abs(arm.determinant(angles[near])).max(), rel=0.05)

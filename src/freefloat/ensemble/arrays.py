@@ -58,12 +58,16 @@ def kernel_problem(problem: Problem, limits: AttitudeLimits | None = None) -> Ke
     polynomial = trigonometric_terms(problem.margin.measure) if name == "arm" else np.zeros((0, 4))
     reach = VirtualManipulator.of(model).reach
     measure = Measure(NAMES.index(name), reach, len(polynomial), polynomial)
-    cones = _cones(model, frames, limits) if limits is not None and limits.number else None
+    cones = None
+    if limits is not None and limits.number:
+        cones = _cones(model, frames, limits, problem.path.duration)
     null_space = _null_space(problem)
     return KernelProblem(robot, _course(problem), measure, null_space, TABLEAU, cones)
 
 
-def _cones(model: FreeFloatingModel, frames: LinkFrames, limits: AttitudeLimits) -> Cones:
+def _cones(
+    model: FreeFloatingModel, frames: LinkFrames, limits: AttitudeLimits, duration: float
+) -> Cones:
     """Limits of attitude as the rows that the kernels read."""
     zero = np.zeros(model.dof)
     at_zero, base = frames_at_zero(frames), model.base_position(_UPRIGHT, zero)
@@ -83,7 +87,7 @@ def _cones(model: FreeFloatingModel, frames: LinkFrames, limits: AttitudeLimits)
         turn = np.zeros(CONE_COLUMNS)
         turn[:AXIS] = -1.0, 0.0, 1.0, np.cos(limits.base_turn / 2.0)
         rows = np.vstack([rows, turn])
-    return Cones(len(rows), rows)
+    return Cones(len(rows), duration, rows)
 
 
 def spare_slacks(limits: AttitudeLimits) -> Array:

@@ -131,6 +131,7 @@ class EnsembleIntegrator:
         *,
         momenta: Array | None = None,
         wheels: Array | None = None,
+        drifts: Array | None = None,
         starts: Array | None = None,
         ends: Array | None = None,
         stop_below: float = 0.0,
@@ -144,6 +145,8 @@ class EnsembleIntegrator:
             momenta: Angular momenta [N m s], shape (K, 3); the problem's when left out.
             wheels: Momenta stored in wheels, spacecraft frame [N m s], shape (K, 3); the problem's
                 when left out.
+            drifts: Velocities of the centre of mass [m/s], shape (K, 3); the problem's when left
+                out.
             starts: Initial times [s], shape (K,); 0 when left out.
             ends: Final times [s], shape (K,); the duration when left out. With an end before its
                 start a motion is integrated backward.
@@ -157,12 +160,14 @@ class EnsembleIntegrator:
         K, n = len(joints), self.problem.model.dof
         momenta = self.problem.momentum if momenta is None else momenta
         wheels = self.problem.wheel_momentum if wheels is None else wheels
+        drifts = self.problem.path.drift if drifts is None else drifts
         duration = self.problem.path.duration
         motions = Motions(
             _checked("attitudes", attitudes, (K, 4)),
             _checked("joints", joints, (K, n)),
             _checked("momenta", np.broadcast_to(momenta, (K, 3)), (K, 3)),
             _checked("wheels", np.broadcast_to(wheels, (K, 3)), (K, 3)),
+            _checked("drifts", np.broadcast_to(drifts, (K, 3)), (K, 3)),
             _checked("starts", np.zeros(K) if starts is None else starts, (K,), duration),
             _checked("ends", np.full(K, duration) if ends is None else ends, (K,), duration),
             stop_below * (1.0 - ROUNDING),

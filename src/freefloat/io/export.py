@@ -27,6 +27,10 @@ _FRAMES = (
     "positions from the centre of mass of the whole system, inertial axes; attitudes are unit "
     "quaternions x y z w that rotate spacecraft or end-effector axes into inertial ones"
 )
+_FIXED_FRAME = (
+    "; centre_of_mass_position and positions named fixed are in the frame of the path, in which "
+    "the centre of mass has the velocity drift; velocities are relative to the centre of mass"
+)
 
 
 class Format(StrEnum):
@@ -78,6 +82,13 @@ def _groups(trajectory: Trajectory) -> list[_Group]:
         kinds = (body.prismatic for body in model.bodies[1:])
         return _Group(key, values, names, tuple(prismatic if k else revolute for k in kinds))
 
+    centre, fixed = trajectory.centre_of_mass_positions, list[_Group]()
+    if problem.path.drifts:
+        fixed = [
+            space("centre_of_mass_position", centre, "m"),
+            space("base_position_fixed", centre + trajectory.base_positions, "m"),
+            space("end_effector_position_fixed", centre + trajectory.end_effector_positions, "m"),
+        ]
     return [
         _Group("time", trajectory.times[:, None], ("time",), ("s",)),
         space("attitude", trajectory.attitudes, "1"),
@@ -92,6 +103,7 @@ def _groups(trajectory: Trajectory) -> list[_Group]:
         space("end_effector_position", trajectory.end_effector_positions, "m"),
         space("end_effector_attitude", trajectory.end_effector_orientations, "1"),
         _Group("measure", trajectory.measure[:, None], (measure.name,), (measure.unit,)),
+        *fixed,
     ]  # fmt: skip
 
 
@@ -147,10 +159,11 @@ def _head(motion: Motion) -> dict[str, Any]:
         "joint_names": list(problem.model.joint_names),
         "momentum": problem.momentum.tolist(),
         "wheel_momentum": problem.wheel_momentum.tolist(),
+        "drift": problem.path.drift.tolist(),
         "measure_name": problem.margin.measure.name,
         "completed": motion.completed,
         "ending": motion.ending.value,
-        "frames": _FRAMES,
+        "frames": _FRAMES + _FIXED_FRAME * problem.path.drifts,
     }
 
 

@@ -96,7 +96,7 @@ class Scenario:
             redundancy = None
             if content.redundancy is not None:
                 redundancy = Redundancy(**content.redundancy.model_dump(exclude_none=True))
-            timed = TimedPath(path, timing)
+            timed = TimedPath(path, timing, np.array(content.drift))
             momentum, margin = np.array(content.momentum), Margin(measure, value)
             scene = content.scene.to_scene(self.source.parent, self.shapes)
             return Problem(
@@ -257,6 +257,8 @@ def scenario_of(
     content = {"task": str(problem.task), "momentum": problem.momentum.tolist()}
     if problem.wheel_momentum.any():
         sections["wheels"] = {"momentum": problem.wheel_momentum.tolist()}
+    if problem.path.drifts:
+        content["drift"] = problem.path.drift.tolist()
     for name, section in sections.items():
         content[name] = {key: value for key, value in section.items() if value is not None}
     text = yaml.safe_dump(content, sort_keys=False)

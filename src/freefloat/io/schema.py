@@ -126,7 +126,7 @@ class TargetSection(Section):
     direction: Vector | None = None
     """Direction of a target far away, inertial axes."""
     point: Vector | None = None
-    """A point [m], inertial axes, about the centre of mass."""
+    """A point [m], inertial axes, about the centre of mass at time zero."""
 
     _exactly_one = exactly_one_of("direction", "point")
 
@@ -187,6 +187,9 @@ class ScenarioFile(Section):
     momentum: Vector = (0.0, 0.0, 0.0)
     """Angular momentum x, y, z about the centre of mass, inertial axes [N m s]."""
     wheels: WheelsSection = WheelsSection(momentum=(0.0, 0.0, 0.0))
+    drift: Vector = (0.0, 0.0, 0.0)
+    """Velocity of the centre of mass x, y, z [m/s]. Path, scene and points that are pointed at are
+    given in a frame that does not move, whose origin is the centre of mass at time zero."""
     path: PathSection
     timing: TimingSection
     margin: MarginSection = MarginSection(measure="gjm", value=0.0)

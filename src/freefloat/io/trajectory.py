@@ -40,6 +40,7 @@ class Trajectory:
         joint_torques: Of inverse dynamics [N m or N], shape (K, n).
         end_effector_positions: From the centre of mass, inertial axes [m], shape (K, 3).
         end_effector_orientations: Quaternions x, y, z, w of continuous sign, shape (K, 4).
+        centre_of_mass_positions: In the path's frame [m], shape (K, 3).
         measure: Signed singularity measure of the margin, shape (K,).
     """
 
@@ -55,6 +56,7 @@ class Trajectory:
     joint_torques: Array
     end_effector_positions: Array
     end_effector_orientations: Array
+    centre_of_mass_positions: Array
     measure: Array
 
     def __post_init__(self) -> None:
@@ -123,6 +125,7 @@ class Trajectory:
             joint_torques=torques,
             end_effector_positions=np.array([pose.position for pose in poses]),
             end_effector_orientations=without_jumps(orientations.as_quat()),
+            centre_of_mass_positions=np.outer(times, problem.path.drift),
             measure=np.array([problem.margin.measure(q) for q in joints]),
         )
 

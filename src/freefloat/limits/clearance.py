@@ -170,8 +170,8 @@ def _frame_path_lengths(motion: Motion, scene: Scene, edges: Array) -> Array:
         if body.motion == "target":
             frames.append(lengths([problem.path.pose(t) @ body.pose for t in motion.times]))
             continue
-        rate = com = 0.0
+        speed, rate, com = float(np.linalg.norm(problem.path.drift)), 0.0, 0.0
         if isinstance(body.motion, Tumbling):
             rate, com = body.motion.largest_rate, float(np.linalg.norm(body.motion.com))
-        frames.append(np.outer(rate * elapsed, [com, 1.0]))
+        frames.append(np.outer(elapsed, [speed + rate * com, rate]))
     return np.stack(frames, axis=-1).reshape(len(edges), -1)

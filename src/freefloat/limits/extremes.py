@@ -105,14 +105,17 @@ def pointing(limits: tuple[PointingLimit, ...], motion: Motion) -> LimitResult:
 def _of_axis(limit: PointingLimit, number: int, motion: Motion) -> LimitResult:
     model, inside = motion.problem.model, limit.keep is Keep.INSIDE
 
+    def vectors(t: float, attitude: Array, joints: Array) -> tuple[Array, Array]:
+        return limit.vectors(model, attitude, joints, motion.problem.path.origin(t))
+
     def cosine(panel: int, x: float) -> Array:
         """The cosine of the angle; negative where that should be small."""
-        axis, target = limit.vectors(model, *motion.at(panel, x)[1:])
+        axis, target = vectors(*motion.at(panel, x))
         return np.array([-axis @ target if inside else axis @ target])
 
     place = maximum(at_nodes(motion, cosine), cosine).u if motion.panels else 0.0
-    _, attitudes, joints = motion.evaluate(place)
-    angle = angle_of(*limit.vectors(model, attitudes[0], joints[0]))
+    times, attitudes, joints = motion.evaluate(place)
+    angle = angle_of(*vectors(times[0], attitudes[0], joints[0]))
     with np.errstate(divide="ignore"):
         ratio = angle / limit.angle if inside else np.divide(limit.angle, angle)
     where = f"{limit.body} (pointing.{number})"

@@ -34,7 +34,6 @@ class ArcFlow:
         if problem.redundant:
             pointing = problem.task is Task.POINTING
             self.stalled = _TIME_UNITS / SPINNING_SPEED if pointing else _STALLED
-        self._timing = problem.path.timing
         self._solver = problem.resolved_rate_solver()
 
     def __call__(self, y: Array, leg: Leg, reference: Array) -> Array:
@@ -44,8 +43,7 @@ class ArcFlow:
         singularity, where time reverses.
         """
         t = float(y[0]) * self.unit
-        speed = self._timing.s(t, 1, leg.segment)
-        twist = leg.tangent(self._timing.s(t, 0, leg.segment)) * speed
+        twist, speed = leg(t)
         attitude = y[1:5]
         attitude = attitude / math.sqrt(attitude @ attitude)
         omega, rates = self._solver.rates(attitude, y[5:], twist, speed)

@@ -19,6 +19,13 @@ def require_in_plane(key: str, momentum: Array) -> None:
         raise InputError(key, problem, "[0, 0, hz]")
 
 
+def require_level(key: str, velocity: Array) -> None:
+    """Raise an InputError that names a key unless a velocity (3,) has no component along z."""
+    if velocity[2] != 0.0:
+        problem = f"{velocity.tolist()} has a component along z in a planar task"
+        raise InputError(key, problem, "[vx, vy, 0]")
+
+
 def require_planar(model: FreeFloatingModel, path: TimedPath, task: Task) -> None:
     """Raise an InputError unless a robot and a path stay in the x-y plane."""
     virtual = VirtualManipulator.of(model)

@@ -34,8 +34,8 @@ class PointingLimit:
         angle: Half the opening angle of the cone [rad], above 0 and below pi.
         keep: The side of the cone.
         direction: Direction of a target far away, inertial axes, normalized, shape (3,).
-        point: In its place a point [m], inertial axes, about the centre of mass, shape (3,); the
-            line of sight begins at the origin of the link's frame.
+        point: In its place a point [m] in the path's frame, shape (3,); the line of sight begins at
+            the origin of the link's frame.
 
     Raises:
         InputError: If an attribute is not of this kind, or not exactly one of direction and point
@@ -78,15 +78,18 @@ class PointingLimit:
             raise InputError(key, problem, ", ".join(links))
 
     def vectors(
-        self, model: FreeFloatingModel, attitude: Array, joints: Array
+        self, model: FreeFloatingModel, attitude: Array, joints: Array, origin: Array | float = 0.0
     ) -> tuple[Array, Array]:
-        """The axis and the direction of the target in a configuration, inertial unit vectors."""
+        """The axis and the direction of the target in a configuration, inertial unit vectors.
+
+        The origin (3,) is that of the path's frame from the centre of mass [m].
+        """
         number, placement = model.link_places[self.body]
         pose = model.body_poses(attitude, joints)[number]
         axis = pose.rotation @ placement.rotation @ self.axis
         if self.point is None:
             return axis, np.asarray(self.direction)
-        sight = self.point - pose.position - pose.rotation @ placement.position
+        sight = self.point + origin - pose.position - pose.rotation @ placement.position
         return axis, sight / np.linalg.norm(sight)
 
     def to_dict(self) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from freefloat.errors import InputError, finite_number, finite_vector, require_t
 from freefloat.ik.branches import ArmBranch, BranchSets, arm_branches, many_arm_branches
 from freefloat.ik.nearest import closest_branches, newton_configuration
 from freefloat.motion.margin import Margin
-from freefloat.motion.planar_requirements import require_in_plane, require_planar
+from freefloat.motion.planar_requirements import require_in_plane, require_level, require_planar
 from freefloat.paths.orientation import FreeOrientation
 from freefloat.paths.scene import Scene
 from freefloat.paths.timing import TimedPath
@@ -106,6 +106,7 @@ class Problem:
         if self.task.planar:
             require_planar(self.model, self.path, self.task)
             require_in_plane("momentum", self.momentum)
+            require_level("drift", self.path.drift)
             require_in_plane("wheels.momentum", self.wheel_momentum)
         self._require_few_revolutions()
 
@@ -115,9 +116,12 @@ class Problem:
         return self.model.dof > len(self.task.rows)
 
     @property
-    def has_momentum(self) -> bool:
-        """Whether the spacecraft moves while the end-effector rests."""
-        return bool(self.momentum.any() or self.wheel_momentum.any())
+    def depends_on_timing(self) -> bool:
+        """Whether the system moves while the end-effector rests, for momentum or drift.
+
+        Otherwise motions at different speeds have the same configurations.
+        """
+        return bool(self.momentum.any() or self.wheel_momentum.any() or self.path.drifts)
 
     def stretched(self, factor: float) -> Problem:
         """The same problem, all times of its path multiplied by a factor."""

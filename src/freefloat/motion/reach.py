@@ -23,10 +23,9 @@ def out_of_reach(problem: Problem) -> float | None:
         0 where the path begins out of reach, None where all of it lies within the reach.
     """
     reach = VirtualManipulator.of(problem.model).reach
-    curve = problem.path.path.curve
 
     def excess(s: float) -> float:
-        return float(np.linalg.norm(curve(s))) - reach
+        return float(np.linalg.norm(problem.path.pose_at(s).position)) - reach
 
     samples = np.linspace(0.0, 1.0, _SAMPLES).tolist()
     outside = next((k for k, s in enumerate(samples) if excess(s) > 0.0), None)
@@ -44,7 +43,7 @@ def reach_message(problem: Problem) -> str | None:
     hint = light_spacecraft_hint(problem)
     if s > 0.0:
         return f"the path leaves the reach of {reach:.4g} m at s = {s:.3g}{hint}"
-    start = problem.path.path.curve(0.0)
+    start = problem.path.pose(0.0).position
     distance = float(np.linalg.norm(start))
     units = "; lengths are in metres" if distance > _OTHER_UNITS * reach else ""
     return (

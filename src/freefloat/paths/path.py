@@ -54,15 +54,21 @@ class EndEffectorPath:
             "an OrientationLaw, such as FixedOrientation(axes) or SlerpOrientation(start, end)"
         )
         require_type("orientation", self.orientation, OrientationLaw, accepted)
-        positions = np.array([self.curve(float(s)) for s in _SAMPLES])
-        rates = [np.linalg.norm(self.orientation.rate(float(s))) for s in _SAMPLES[::10]]
-        if not np.isfinite(positions).all():
+        if not np.isfinite(self._positions).all():
             raise InputError("curve", "a coordinate is not finite", "finite coordinates")
-        if np.ptp(positions, axis=0).max() == 0.0 and max(rates) == 0.0:
-            raise InputError("curve", "its length is zero", "a path that moves or rotates")
+
+    @cached_property
+    def _positions(self) -> Array:
+        return np.array([self.curve(float(s)) for s in _SAMPLES])
+
+    @property
+    def has_length(self) -> bool:
+        """Whether the end-effector moves or rotates."""
+        rates = [self.orientation.rate(float(s)) for s in _SAMPLES[::10]]
+        return bool(np.ptp(self._positions, axis=0).any() or np.any(rates))
 
     def pose(self, s: float) -> Pose:
-        """Pose in the inertial frame, whose origin is the system's centre of mass."""
+        """Pose in the frame of the path: see :class:`~freefloat.paths.timing.TimedPath`."""
         return Pose(self.curve(s), self.orientation.rotation(s))
 
     def tangent(self, s: float) -> Array:

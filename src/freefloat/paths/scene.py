@@ -13,7 +13,6 @@ from freefloat.errors import InputError, finite_number, finite_vector, require_t
 from freefloat.paths.scene_body import SceneBody
 from freefloat.paths.timing import TimedPath
 from freefloat.paths.tumbling import MOST_REVOLUTIONS, Tumbling
-from freefloat.robot.description import IDENTITY
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, Pose, frozen, unit_vector
 
@@ -26,8 +25,8 @@ class Corridor:
     """A cone or a cylinder that the end-effector's origin must stay in.
 
     Attributes:
-        point: Apex of the cone, or a point on the axis of the cylinder [m], shape (3,); relative to
-            the system's centre of mass, or in the frame of ``body``.
+        point: Apex of the cone, or a point on the axis of the cylinder [m], shape (3,); in
+            the path's frame, or in that of ``body``.
         axis: Direction from the apex into the cone, or of the cylinder's axis, same axes, shape
             (3,).
         half_angle: Largest angle between the axis and the line from the apex [rad]; what is less
@@ -155,11 +154,11 @@ class Scene:
         return any(isinstance(body.motion, Tumbling) for body in self.bodies)
 
     def poses(self, t: float, path: TimedPath) -> tuple[Pose, ...]:
-        """The frames of all bodies at time t [s] in the inertial frame."""
+        """The frames of all bodies at time t [s] relative to the centre of mass, inertial axes."""
         return tuple(body.pose_at(t, path) for body in self.bodies)
 
     def corridor_pose(self, t: float, path: TimedPath) -> Pose:
-        """The corridor's frame at time t [s] in the inertial frame."""
+        """The corridor's frame at time t [s] relative to the centre of mass, inertial axes."""
         if self.corridor is None or self.corridor.body is None:
-            return IDENTITY
+            return Pose(path.origin(t), np.eye(3))
         return self.bodies[self.names.index(self.corridor.body)].pose_at(t, path)

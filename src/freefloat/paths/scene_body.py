@@ -40,11 +40,12 @@ class SceneBody:
         name: Its name, not that of another body or of a link of the robot.
         shape: A box, sphere, cylinder or mesh; or the name of a file, of a mesh in metres or of a
             URDF, whose joints are all fixed at zero.
-        position: Of its frame at time zero [m], shape (3,): relative to the system's centre of
-            mass; of a body that moves with the target in the end-effector's prescribed frame.
+        position: Of its frame at time zero [m], shape (3,): in the path's frame, whose origin is
+            the system's centre of mass at time zero; of a body that moves with the target in the
+            end-effector's prescribed frame.
         orientation: Of its frame at time zero in the same axes: axes as columns, shape (3, 3), or a
             quaternion x, y, z, w; kept as a matrix.
-        motion: ``"fixed"`` in inertial axes; with the ``"target"``, the pose that the path
+        motion: ``"fixed"`` in the path's frame; with the ``"target"``, the pose that the path
             prescribes for the end-effector (of tasks without orientation: its position); or a
             torque-free rotation.
         touch_links: Links of the robot that may touch it.
@@ -87,13 +88,14 @@ class SceneBody:
         return Pose(self.position, self.orientation)
 
     def pose_at(self, t: float, path: TimedPath) -> Pose:
-        """Its frame at time t [s] in the inertial frame."""
-        if self.motion == "fixed":
-            return self.pose
+        """Its frame at time t [s] relative to the centre of mass, inertial axes."""
         if self.motion == "target":
             return path.pose(t) @ self.pose
+        pose = Pose(self.position + path.origin(t), self.orientation)
+        if self.motion == "fixed":
+            return pose
         com, turned = self.motion.com, self.motion.rotation(t)
-        return self.pose @ Pose(com - turned @ com, turned)
+        return pose @ Pose(com - turned @ com, turned)
 
     @property
     def source(self) -> str:

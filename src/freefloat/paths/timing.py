@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
 
-from freefloat.errors import InputError, finite_number, member, require_type
+from freefloat.errors import InputError, finite_number, finite_vector, member, require_type
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.time_segments import Speeds, TimeSegment, require_speeds, segments_of
 from freefloat.so3 import Array, Pose, frozen
@@ -161,23 +160,30 @@ class Timing:
             segment = self.segment_at(t)
         return self.segments[segment](t, order)
 
+    def time_at(self, s: float) -> float:
+        """The time [s] at which the path parameter has a value in [0, 1]."""
+        if not 0.0 < s < self.s(self.duration):
+            return 0.0 if s <= 0.0 else self.duration
+        accuracy = 1e-14 * self.duration
+        return float(brentq(lambda t: self.s(t) - s, 0.0, self.duration, xtol=accuracy))
 
-class Leg(NamedTuple):
-    """A part of a timed path without jumps of its derivatives, also valid a little beyond."""
 
-    segment: int
-    """Number of the segment of the time law."""
-    tangent: Callable[[float], Array]
-    """Derivative of the pose by s, shape (6,)."""
+Leg = Callable[[float], tuple[Array, float]]
+"""Twist and path speed by time along a part of a timed path without jumps of its derivatives."""
 
 
 @dataclass(frozen=True, eq=False)
 class TimedPath:
-    """A path and the time law by which it is travelled.
+    """A path, the time law by which it is travelled, and the velocity of the centre of mass.
+
+    The path is given in a frame that does not move. Its origin is the place of the system's centre
+    of mass at time zero. Poses and twists are relative to the centre of mass, which has the
+    position ``drift * t`` in that frame.
 
     Attributes:
         path: The path by s.
         timing: s by time.
+        drift: Velocity of the centre of mass [m/s], shape (3,).
 
     Example:
         >>> line = ff.paths.PolynomialCurve.line([1.6, 0.4, 0.0], [1.2, 0.9, 0.0])
@@ -188,19 +194,45 @@ class TimedPath:
 
     path: EndEffectorPath
     timing: Timing
+    drift: Array = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
         require_type("path", self.path, EndEffectorPath, "EndEffectorPath(curve, orientation)")
         require_type("timing", self.timing, Timing, "Timing(duration), in seconds")
+        object.__setattr__(self, "drift", frozen(finite_vector("drift", self.drift, 3)))
+        if not (self.drifts or self.path.has_length):
+            raise InputError("path", "its length is zero", "a path that moves or rotates")
 
     @property
     def duration(self) -> float:
         """Duration of the path [s]."""
         return self.timing.duration
 
+    @cached_property
+    def drifts(self) -> bool:
+        """Whether the centre of mass moves."""
+        return bool(self.drift.any())
+
+    @cached_property
+    def drift_twist(self) -> Array:
+        """Twist of the centre of mass in the path's frame, shape (6,)."""
+        return frozen([*self.drift, 0.0, 0.0, 0.0])
+
+    def origin(self, t: float) -> Array:
+        """The origin of the path's frame at time t [s] from the centre of mass [m], shape (3,)."""
+        return -t * self.drift
+
     def pose(self, t: float) -> Pose:
-        """End-effector pose at time t [s], inertial frame."""
-        return self.path.pose(self.timing.s(t))
+        """End-effector pose at time t [s] relative to the centre of mass, inertial axes."""
+        pose = self.path.pose(self.timing.s(t))
+        return Pose(pose.position + self.origin(t), pose.rotation)
+
+    def pose_at(self, s: float) -> Pose:
+        """The pose at a value of s; :meth:`pose` is more accurate near rests."""
+        pose = self.path.pose(s)
+        if not self.drifts:
+            return pose
+        return Pose(pose.position + self.origin(self.timing.time_at(s)), pose.rotation)
 
     @cached_property
     def breaks(self) -> Array:
@@ -218,22 +250,33 @@ class TimedPath:
         return frozen(times[1:-1])
 
     def leg(self, start: float, end: float) -> Leg:
-        """The part of the path that holds between two times [s] without a break between them."""
-        segment = self.timing.segment_at((start + end) / 2.0)
-        low, high = sorted(self.timing.s(t, 0, segment) for t in (start, end))
-        return Leg(segment, self.path.tangent_within(low, high))
+        """The twist and path speed between two times [s] without a break between them.
+
+        They are also valid a little beyond.
+        """
+        timing, drift = self.timing, self.drift_twist
+        segment = timing.segment_at((start + end) / 2.0)
+        low, high = sorted(timing.s(t, 0, segment) for t in (start, end))
+        tangent = self.path.tangent_within(low, high)
+
+        def twist_and_speed(t: float) -> tuple[Array, float]:
+            speed = timing.s(t, 1, segment)
+            return tangent(timing.s(t, 0, segment)) * speed - drift, speed
+
+        return twist_and_speed
 
     def twist(self, t: float, segment: int | None = None) -> Array:
-        """End-effector twist: [linear; angular], inertial axes [m/s; rad/s], shape (6,).
+        """End-effector twist relative to the centre of mass, inertial axes.
 
-        Time [s] and segment are those of :meth:`Timing.s`.
+        [linear; angular] [m/s; rad/s], shape (6,). Time [s] and segment are those of
+        :meth:`Timing.s`.
         """
         return self.twist_and_speed(t, segment)[0]
 
     def twist_and_speed(self, t: float, segment: int | None = None) -> tuple[Array, float]:
         """The twist as in :meth:`twist`, and the speed ds/dt along the path [1/s]."""
         s, speed = self.timing.s(t, 0, segment), self.timing.s(t, 1, segment)
-        return self.path.tangent(s) * speed, speed
+        return self.path.tangent(s) * speed - self.drift_twist, speed
 
     def twist_rate(self, t: float, segment: int | None = None) -> Array:
         """Derivative of the twist by time, axes fixed [m/s²; rad/s²], shape (6,).

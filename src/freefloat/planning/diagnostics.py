@@ -32,7 +32,7 @@ from freefloat.planning.plan import Search
 from freefloat.planning.search import best_branch, largest_margins
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch
 from freefloat.so3 import angle_between, heading_quaternion
-from freefloat.workspace.planar import PlanarArm, most_singular_place, point_3_on_path
+from freefloat.workspace.planar import PlanarArm, most_singular_place, point_3_of_pose
 
 ALREADY = "the attitude the spacecraft has keeps the margin already"
 NOT_UNIQUE = "; the optimum is not unique, attitudes around it have the same margin"
@@ -197,7 +197,7 @@ def infeasible_distance_message(problem: Problem) -> str | None:
     point = "last joint" if problem.task is Task.PLANAR_POSE else "end-effector"
     inner, outer = PlanarArm.of(problem.model).reach
     for s in np.linspace(0.0, 1.0, 401).tolist():
-        place = point_3_on_path(problem, s)
+        place = point_3_of_pose(problem, problem.path.pose_at(s))
         if not inner <= abs(place) <= outer:
             return (
                 f"the path is out of reach at s = {s:.3g}: it requires the {point} at "
@@ -209,8 +209,9 @@ def infeasible_distance_message(problem: Problem) -> str | None:
         s, largest = most_singular_place(problem, angles)
         if largest >= _CERTAIN * threshold:
             return None
+    place = point_3_of_pose(problem, problem.path.pose_at(s))
     return (
-        f"at s = {s:.3g}, with the {point} at {_point(point_3_on_path(problem, s))} m, "
+        f"at s = {s:.3g}, with the {point} at {_point(place)} m, "
         f"no configuration has |S| above {largest:.4g}; the margin requires {threshold:.4g}"
     )
 

@@ -54,7 +54,7 @@ def stretched_plan(
     if result.needed_stretch is None:
         return result
     factor = result.needed_stretch
-    if not problem.has_momentum and not problem.scene.tumbles:
+    if not problem.depends_on_timing and not problem.scene.tumbles:
         factor *= OVER  # it just keeps the limits; else it is one that was integrated
     return replace(plan(problem.stretched(factor), result.stretch_candidate), stretch=factor)
 

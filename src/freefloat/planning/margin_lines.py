@@ -58,7 +58,7 @@ class StatesOnPath:
         self.problem, self.q2, self._q1 = problem, q2, q1
         self.measure = problem.margin.measure
         self._gradient = lru_cache(1024)(self._gradient_in_plane)  # along a line it is constant
-        self._has_momentum = problem.has_momentum
+        self._by_time = problem.depends_on_timing
         self._solver = problem.resolved_rate_solver()
         virtual = VirtualManipulator.of(problem.model)
         p, R, points, axes = virtual.kinematics(np.zeros(6))
@@ -112,9 +112,9 @@ class StatesOnPath:
         return np.array([self.measure(q) if np.isfinite(q).all() else np.nan for q in joints])
 
     def _rates(self, t: float, attitude: Array, joints: Array) -> tuple[Array, Array]:
-        """Base and joint rates (8), per second; without momentum per unit of s."""
+        """Base and joint rates (8), per second; without momentum and drift per unit of s."""
         path = self.problem.path
-        twist = path.twist(t) if self._has_momentum else path.path.tangent(path.timing.s(t))
+        twist = path.twist(t) if self._by_time else path.path.tangent(path.timing.s(t))
         return self._solver.rates(attitude, joints, twist)
 
     def slopes(self, t: Array, attitudes: Rotation, joints: Array) -> Array:
@@ -143,7 +143,7 @@ class StatesOnPath:
         """Whether the magnitude of S has a minimum, not a maximum, along the motion."""
         path = self.problem.path
         omega, rates = self._rates(t, attitude.as_quat(), joints)
-        speed = 1.0 if self._has_momentum else path.timing.s(t, 1)
+        speed = 1.0 if self._by_time else path.timing.s(t, 1)
         fastest = speed * max(np.abs(omega).max(), np.abs(rates).max())
         steps = np.array([[1e-4], [-1e-4]]) / max(fastest, 1.0 / path.duration)
         attitudes = attitude * Rotation.from_rotvec(speed * steps * omega)

@@ -16,7 +16,7 @@ from freefloat.workspace.planar import Complex, PlanarArm, margin_curves, point_
 _TIMES = 400
 """Instants of each segment between stops at which candidates are computed."""
 _NEAR_REST = np.geomspace(1e-6, 1.0 / _TIMES, 40)
-"""Fractions of a segment next to a stop: there momentum counts for more than the path."""
+"""Fractions of a segment next to a stop: there momentum and drift count for more than the path."""
 
 
 class PathState(NamedTuple):
@@ -55,6 +55,7 @@ class PlanarCandidates:
         self.timing = problem.path.timing
         self._virtual = VirtualManipulator.of(problem.model)
         self._momentum = float(problem.momentum[2] - problem.wheel_momentum[2])
+        self._by_time = bool(self._momentum or problem.path.drifts)
         self.times = _instants(self.timing.ends)
         path = self.path_at(self.times)
         self.path = path._replace(last=np.unwrap(path.last))
@@ -62,14 +63,18 @@ class PlanarCandidates:
     def path_at(self, t: npt.ArrayLike) -> PathState:
         """The path at times [s], shape (...).
 
-        Without momentum the speed on the path does not matter to where S is smallest, and at rest
-        would hide it: then rates are per unit of s.
+        Without momentum and drift the speed on the path does not matter to where S is smallest, and
+        at rest would hide it: then rates are per unit of s.
         """
-        times, path = np.clip(t, 0.0, self.duration), self._problem.path.path
-        s = [self.timing.s(time) for time in times.ravel().tolist()]
-        speed = self._speed(times.ravel()) if self._momentum else np.ones(len(s))
-        tangents = np.array([path.tangent(value) for value in s])
-        position = _flat(np.array([path.curve(value) for value in s]))
+        times, timed = np.clip(t, 0.0, self.duration), self._problem.path
+        path, instants = timed.path, times.ravel().tolist()
+        s = [self.timing.s(time) for time in instants]
+        if self._by_time:
+            tangents = np.array([timed.twist(time) for time in instants])
+        else:
+            tangents = np.array([path.tangent(value) for value in s])
+        moved = np.outer(times.ravel(), timed.drift)
+        position = _flat(np.array([path.curve(value) for value in s]) - moved)
         velocity = _flat(tangents)
         angle, rate = np.zeros((2, len(s)))
         if self._problem.task.prescribes_orientation:
@@ -77,11 +82,8 @@ class PlanarCandidates:
             link = _flat(rotations @ self._virtual.last_link)
             angle, rate = np.arctan2(rotations[:, 1, 0], rotations[:, 0, 0]), tangents[:, 5]
             position, velocity = position - link, velocity - 1j * rate * link
-        values = position, velocity * speed, angle, rate * speed
+        values = position, velocity, angle, rate
         return PathState._make(np.reshape(value, times.shape) for value in values)
-
-    def _speed(self, t: Array) -> Array:
-        return np.array([self.timing.s(time, 1) for time in t.tolist()])
 
     def path_between(self, index: Array) -> PathState:
         """The sampled path at fractional indices into :attr:`times`, linear between."""
@@ -110,8 +112,8 @@ class PlanarCandidates:
         """How :meth:`slope` changes along motions (K,): positive at minima of S."""
         step = 1e-5 * self.duration
         rates = self.arm.signs * np.diff(self.rates(q, self.path_at(t)))
-        pace = 1.0 if self._momentum else self._speed(t)[:, None]
-        along = rates[:, :2] * pace * step
+        pace = [1.0 if self._by_time else self.timing.s(time, 1) for time in t.tolist()]
+        along = rates[:, :2] * np.array(pace)[:, None] * step
         after = self.slope(q + along, self.path_at(t + step))
         return np.asarray(after - self.slope(q - along, self.path_at(t - step)))
 

@@ -215,7 +215,7 @@ def _branch_of(problem: Problem, heading: float, joints: Array, at: float) -> in
 def reach_limits(problem: Problem, at: float) -> Iterator[float]:
     """Headings at which the arm is stretched or folded onto the path: |b| + |c| or |b| - |c|."""
     a, b, c = PlanarArm.of(problem.model).links[:3]
-    point = point_3_on_path(problem, problem.path.timing.s(at))
+    point = point_3_on_path(problem, at)
     product = 2.0 * abs(point) * abs(a)
     for length in (abs(b) + abs(c), abs(abs(b) - abs(c))):
         cosine = (abs(point) ** 2 + abs(a) ** 2 - length**2) / product if product else np.inf

@@ -23,11 +23,11 @@ from freefloat.planning.trials import OVER
 
 _TIMED = ("joint_rate", "joint_torque", "base_rate")
 _MOST, _AGREE = 12, 1e-3
-"""Plans with momentum at most, and relative difference of durations that agree."""
+"""Plans with momentum or drift at most, and relative difference of durations that agree."""
 _INTERVALS = 64
-"""Intervals of the timing with momentum: every motion of the map passes all of them."""
+"""Intervals of the timing in these plans: every motion of the map passes all of them."""
 _INSIDE = 0.995
-"""Fraction of the limits to be used with momentum, where the motion depends on the timing."""
+"""Fraction of the limits to be used in these plans: the motion depends on the timing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +37,8 @@ class Retiming:
     Attributes:
         plan: With that timing; infeasible where it does not keep its limits or its margin.
         before: Duration that the plan had [s].
-        agrees: Whether the timing is the fastest of the plan's own motion. With momentum the motion
-            depends on the timing; it is False where no timing was found that does.
+        agrees: Whether the timing is the fastest of the plan's own motion. With momentum or drift
+            the motion depends on the timing; it is False where no timing was found that does.
         usage: Fraction of the duration during which a limit is used up to one percent, by limit.
     """
 
@@ -65,8 +65,8 @@ class Retiming:
 def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None = None) -> Retiming:
     """Find the fastest timing of a plan's path under its limits of rates and torques.
 
-    Without momentum spacecraft and arm follow the same configurations, at other times: margin,
-    ranges and attitude tolerance remain. With momentum the motion is another one; the path is
+    Without momentum and drift spacecraft and arm follow the same configurations, at other times:
+    margin, ranges and attitude tolerance remain. Otherwise the motion is another one; the path is
     planned again until timing and motion agree.
 
     Args:
@@ -93,8 +93,8 @@ def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None 
     if all(getattr(limits, key) is None for key in _TIMED):
         accepted = "joint_rate, joint_torque or base_rate"
         raise InputError("limits", "none of them depends on the timing", accepted)
-    if plan.problem.has_momentum:
-        return _with_momentum(plan, chosen.motion, limits, threads, progress)
+    if plan.problem.depends_on_timing:
+        return _iterated(plan, chosen.motion, limits, threads, progress)
     problem = _retimed(plan.problem, fastest_speeds(chosen.motion, limits))
     result = _moved(plan, chosen, problem, limits)
     stretch = needed_stretch(result.limit_results)
@@ -109,7 +109,7 @@ def _retimed(problem: Problem, speeds: Speeds) -> Problem:
 
 
 def _moved(plan: Plan, before: SimulatedBranch, problem: Problem, limits: Limits) -> Plan:
-    """The plan with the motion from the same state and another timing, without momentum."""
+    """The plan with the motion from the same state at another timing; its states are the same."""
     start = before.motion.initial
     chosen = simulate(problem, start.attitude, joints=start.joints).chosen
     chosen = replace(chosen, branch=before.branch)
@@ -121,7 +121,7 @@ def _moved(plan: Plan, before: SimulatedBranch, problem: Problem, limits: Limits
     )  # fmt: skip
 
 
-def _with_momentum(
+def _iterated(
     plan: Plan, motion: Motion, limits: Limits, threads: int | None, progress: Progress | None
 ) -> Retiming:
     """Plan and retime until the duration does not change."""

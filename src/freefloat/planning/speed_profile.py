@@ -4,8 +4,8 @@ With x = (ds/dt)² and u = d²s/dt² the torques of a drifting robot without mom
 b(s) x, its rates q'(s) ds/dt: nothing else depends on time. In intervals of s with constant u, x is
 linear in s, and all limits are linear in the values of x at their ends. The fastest speeds are the
 solution of a linear program, see Verscheure et al., Time-optimal path tracking for robots, IEEE
-Transactions on Automatic Control 54(10), 2009. With momentum the further terms of the rates and
-torques are linearized about the speeds that the motion has.
+Transactions on Automatic Control 54(10), 2009. With momentum or drift the further terms of the
+rates and torques are linearized about the speeds that the motion has.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import brentq, linprog
+from scipy.optimize import linprog
 from scipy.sparse import csr_array
 
 from freefloat.limits.limits import Limits
@@ -136,7 +136,7 @@ class _Place:
         problem = motion.problem
         self._motion, self._limits, self._scale = motion, limits, scale
         self._path, self._timing = problem.path.path, problem.path.timing
-        self._momentum = problem.has_momentum
+        self._by_time, self._drift = problem.depends_on_timing, problem.path.drift_twist
         self._solver = problem.resolved_rate_solver()
         self._dynamics = InverseDynamics(problem)
         times = np.linspace(0.0, problem.path.duration, 201)
@@ -156,10 +156,8 @@ class _Place:
 
     def _go_to(self, s: float) -> None:
         """Go to the state of the motion at a value of s."""
-        duration, timing = self._motion.problem.path.duration, self._timing
-        t = s * duration
-        if 0.0 < s < 1.0:
-            t = brentq(lambda t: timing.s(t) - s, 0.0, duration, xtol=1e-14 * duration)
+        timing = self._timing
+        t = timing.time_at(s)
         _, attitudes, joints = self._motion.evaluate(self._motion.coordinate_at(t))
         self._attitude, self._joints = attitudes[0], joints[0]
         self._tangent = self._path.tangent(s)
@@ -167,12 +165,15 @@ class _Place:
         self._speed = max(timing.s(t, 1), self._slowest)
 
     def _rates(self, speed: float) -> tuple[Array, Array]:
-        return self._solver.rates(self._attitude, self._joints, self._tangent * speed, speed)
+        return self._solver.rates(self._attitude, self._joints, self._twist(speed), speed)
+
+    def _twist(self, speed: float) -> Array:
+        return np.asarray(self._tangent * speed - self._drift)
 
     def _largest_speed(self) -> float:
         """The largest ds/dt that rates allow [1/s]."""
         omega, q_rates = self._rates(1.0)
-        drift, q_drift = self._rates(0.0) if self._momentum else (0.0 * omega, 0.0 * q_rates)
+        drift, q_drift = self._rates(0.0) if self._by_time else (0.0 * omega, 0.0 * q_rates)
         omega, q_rates = omega - drift, q_rates - q_drift
         speed = _FASTEST / self._motion.problem.path.duration
         if self._limits.joint_rate is not None:
@@ -191,17 +192,17 @@ class _Place:
     def _torques(self, speed: float, acceleration: float) -> Array:
         twist_rate = self._curvature * speed**2 + self._tangent * acceleration
         return self._dynamics.effort_of(
-            self._attitude, self._joints, (self._tangent * speed, speed), (twist_rate, acceleration)
+            self._attitude, self._joints, (self._twist(speed), speed), (twist_rate, acceleration)
         ).joint_torques
 
     def _torque_rows(self) -> tuple[Array, Array, Array]:
         """Rows a, b, c of a u + b x <= c, both signs of every joint, shape (2 n,) each."""
         v = self._speed
-        rest = self._torques(0.0, 0.0) if self._momentum else 0.0 * self._joints
+        rest = self._torques(0.0, 0.0) if self._by_time else 0.0 * self._joints
         per_acceleration = self._torques(0.0, 1.0) - rest
         once = self._torques(v, 0.0) - rest
         linear = 0.0 * once
-        if self._momentum:
+        if self._by_time:
             twice = self._torques(2.0 * v, 0.0) - rest
             linear = (4.0 * once - twice) / (2.0 * v)
         squared = (once - linear * v) / v**2

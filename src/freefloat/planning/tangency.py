@@ -5,9 +5,10 @@ motion through a state of them is tangent to the surface (the paper's touch poin
 dS/dt = 0 (14).
 
 Only tangency inside the path is computed: the paper's Case I. A minimum at an end of the path needs
-no dS/dt = 0 and is not looked for. With momentum the system moves while the end-effector rests, and
-tangency there is found like any other. Without momentum everything is at rest there, dS/dt = 0 is
-no condition, and the minimum of S does not depend on the speed: rates are then per unit of s.
+no dS/dt = 0 and is not looked for. With momentum or drift the system moves while the end-effector
+rests, and tangency there is found like any other. Without them everything is at rest there,
+dS/dt = 0 is no condition, and the minimum of S does not depend on the speed: rates are then per
+unit of s.
 """
 
 from __future__ import annotations

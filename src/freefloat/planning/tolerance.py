@@ -43,7 +43,7 @@ class Tolerance:
             during the motion. ``momentum`` equal to it means at least that.
         shortest: Shortest duration that keeps the margin, of those around the planned one [s].
         longest: Longest such duration [s]. Durations from a tenth to ten times the planned one are
-            tried; without momentum all of them are feasible.
+            tried; without momentum and drift all of them are feasible.
     """
 
     momentum: float
@@ -59,8 +59,8 @@ class Tolerance:
 def tolerance(integrator: EnsembleIntegrator, attitude: Array, joints: Array) -> Tolerance:
     """Largest deviations of momentum and duration with which a motion keeps its margin.
 
-    A motion is the same at another speed with the momentum, and that of wheels, scaled by the same
-    factor (8): a duration changed by a factor is equivalent to momenta changed by it.
+    A motion is the same at another speed with the momentum, that of wheels, and the drift scaled by
+    the same factor (8): a duration changed by a factor is equivalent to these changed by it.
 
     Args:
         integrator: For the problem.
@@ -68,23 +68,25 @@ def tolerance(integrator: EnsembleIntegrator, attitude: Array, joints: Array) ->
         joints: Initial joint values, shape (n,).
     """
     problem = integrator.problem
-    h, wheels = problem.momentum, problem.wheel_momentum
+    h, wheels, drift = problem.momentum, problem.wheel_momentum, problem.path.drift
     duration, margin = problem.path.duration, problem.margin.threshold
 
-    def keeps(momenta: Array, wheels: Array = wheels) -> Flags:
+    def keeps(momenta: Array, wheels: Array = wheels, drifts: Array = drift) -> Flags:
         K = len(momenta)
         states = np.broadcast_to(attitude, (K, 4)), np.broadcast_to(joints, (K, len(joints)))
-        result = integrator.integrate(*states, momenta=momenta, wheels=wheels, stop_below=margin)
+        result = integrator.integrate(
+            *states, momenta=momenta, wheels=wheels, drifts=drifts, stop_below=margin
+        )
         return result.keeps(margin)
 
     def keeps_scaled(powers: Array) -> Flags:
         factors = np.exp(powers * signs[:, None]).reshape(-1, 1)
-        return keeps(factors * h, factors * wheels)
+        return keeps(factors * h, factors * wheels, factors * drift)
 
     D, _ = inertia_matrices(problem.model, joints)
     limit = float(np.trace(D)) / 3.0 * 2.0 * np.pi / duration
     deviation = _momentum_tolerance(lambda deviations: ~keeps(h + deviations), limit)
-    if not problem.has_momentum:
+    if not problem.depends_on_timing:
         return Tolerance(deviation, limit, duration / _LONGEST, duration * _LONGEST)
     signs = np.array([-1.0, 1.0])
     shorter, longer = _first_failures(keeps_scaled, np.log(_LONGEST))

@@ -103,12 +103,12 @@ class Trials:
             attitude, branch = simulated.motion.initial.attitude, simulated.branch.index
             candidate = ScreenedCandidate(attitude, branch)
             enough: float | None = needed
-            if self.problem.has_momentum or self.problem.scene.tumbles:
+            if self.problem.depends_on_timing or self.problem.scene.tumbles:
                 enough = self._integrated_stretch(candidate, needed)
             if enough is not None:
                 return enough, candidate
         joint_rate = self._limits.joint_rate
-        if not ranked or joint_rate is None or not self.problem.has_momentum:
+        if not ranked or joint_rate is None or not self.problem.depends_on_timing:
             return None, None
         try:
             return self._searched_stretch(attitudes, joint_rate, ranked[0][0])

@@ -145,10 +145,16 @@ def _instants(
 
 
 def _differentiated(motion: Motion, t: float, window: float) -> tuple[Array, Array, Array]:
-    """Position, attitude and joints, and their first two derivatives: a fit of samples."""
+    """Position, attitude and joints, and their first two derivatives: a fit of samples.
+
+    The position is that of the spacecraft in the frame of the path.
+    """
     places = chebyshev.chebpts1(_SAMPLES)
     states = motion.sample(t + window * places)
-    rows = np.array([np.concatenate([s.base_position, s.attitude, s.joints]) for s in states])
+    drift = motion.problem.path.drift
+    rows = np.array([
+        np.concatenate([s.base_position + s.time * drift, s.attitude, s.joints]) for s in states
+    ])  # fmt: skip
     fit = chebyshev.chebfit(places, rows, _DEGREE)
     value, rate, acceleration = (
         np.asarray(chebyshev.chebval(0.0, chebyshev.chebder(fit, k)) / window**k) for k in range(3)
@@ -160,7 +166,8 @@ def _off_path(motion: Motion, engine: Engine, t: float) -> float:
     """Distance of MuJoCo's end-effector from the path [m]."""
     position, _ = engine.end_effector()
     rows = [row for row in motion.problem.task.rows if row < 3]
-    return float(np.linalg.norm((position - motion.problem.path.pose(t).position)[rows]))
+    path = motion.problem.path
+    return float(np.linalg.norm((position - path.path.curve(path.timing.s(t)))[rows]))
 
 
 def forward_run(motion: Motion, engine: Engine) -> ForwardRun:
@@ -194,24 +201,25 @@ def forward_run(motion: Motion, engine: Engine) -> ForwardRun:
         )
         base = -np.linalg.solve(M[:6, :6], M[:6, 6:] @ acceleration + bias[:6])
         engine.step(M[6:, :6] @ base + M[6:, 6:] @ acceleration + bias[6:])
-    (state,) = motion.sample(last)
+    (state,), drift = motion.sample(last), motion.problem.path.drift
     return ForwardRun(
         attitude=float(angle_between(np.roll(data.qpos[3:7], -1), state.attitude)),
         joints=float(np.abs(data.qpos[7:] - state.joints).max()),
-        position=float(np.linalg.norm(data.qpos[:3] - state.base_position)),
+        position=float(np.linalg.norm(data.qpos[:3] - state.base_position - last * drift)),
         until=last,
         steps=steps,
     )
 
 
 def _start(motion: Motion, engine: Engine, t: float, rates: Array) -> None:
-    """Set the initial state of the motion, with its momentum."""
+    """Set the initial state of the motion in the frame of the path, with its momentum."""
     (state,) = motion.sample(t)
     A = momentum_map(motion.problem.model, state.joints, state.attitude)
     wheels = rotation_matrix(state.attitude) @ motion.problem.wheel_momentum
     demanded = np.concatenate([np.zeros(3), motion.problem.momentum - wheels])
     twist = np.linalg.solve(A[:, :6], demanded - A[:, 6:] @ rates)
-    data = engine.data
-    data.qpos[:] = [*state.base_position, *np.roll(state.attitude, 1), *state.joints]
-    data.qvel[:] = [*(rotation_matrix(state.attitude) @ twist[:3]), *twist[3:], *rates]
+    data, drift = engine.data, motion.problem.path.drift
+    position = state.base_position + t * drift
+    data.qpos[:] = [*position, *np.roll(state.attitude, 1), *state.joints]
+    data.qvel[:] = [*(rotation_matrix(state.attitude) @ twist[:3] + drift), *twist[3:], *rates]
     data.qacc[:] = 0.0

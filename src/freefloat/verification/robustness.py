@@ -175,7 +175,7 @@ def _tolerance_check(
     ensemble = evaluator.integrator.integrate(*states, momenta=momenta)
     worst = [*momenta[np.argsort(ensemble.minimum)[:_PRECISE_COUNT]]]
     problems = [replace(problem, momentum=h) for h in worst]
-    if problem.has_momentum:
+    if problem.depends_on_timing:
         duration = problem.path.duration
         factors = tolerance.shortest / _INSIDE / duration, tolerance.longest * _INSIDE / duration
         problems += [_scaled(problem, factor) for factor in factors]
@@ -189,6 +189,7 @@ def _tolerance_check(
 
 
 def _scaled(problem: Problem, factor: float) -> Problem:
-    """The problem with the momenta of a motion at another speed."""
+    """The problem with the momenta and the drift of a motion at another speed."""
+    path = replace(problem.path, drift=problem.path.drift * factor)
     wheels = problem.wheel_momentum * factor
-    return replace(problem, momentum=problem.momentum * factor, wheel_momentum=wheels)
+    return replace(problem, path=path, momentum=problem.momentum * factor, wheel_momentum=wheels)

@@ -39,8 +39,8 @@ def thickness(problem: Problem) -> float:
 
 def draw_path(builder: SceneBuilder, root: str, problem: Problem) -> list[Label]:
     """Draw the path as a thin tube; return the labels of its ends."""
-    curve = problem.path.path.curve
-    points = np.array([curve(float(s)) for s in np.linspace(0.0, 1.0, 201)])
+    path = problem.path
+    points = np.array([path.pose_at(float(s)).position for s in np.linspace(0.0, 1.0, 201)])
     if not np.ptp(points, axis=0).any():
         return [Label("path", points[0].tolist(), PATH)]
     line = tube(points, 0.5 * thickness(problem))

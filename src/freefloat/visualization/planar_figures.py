@@ -75,8 +75,9 @@ def _draw_distances(axes: Any, problem: Problem, arm: PlanarArm) -> None:
     """Draw where point 3 has the radius of the start and of the end of the path (28)."""
     axis = np.linspace(-np.pi, np.pi, _GRID)
     radii = np.abs(point_3(arm, np.stack(np.meshgrid(axis, axis), axis=-1)))
-    for s, dashes, name in ((0.0, (0, (6, 2)), "start"), (1.0, (0, (1, 1.5)), "end")):
-        level = abs(point_3_on_path(problem, s))
+    last = problem.path.duration
+    for time, dashes, name in ((0.0, (0, (6, 2)), "start"), (last, (0, (1, 1.5)), "end")):
+        level = abs(point_3_on_path(problem, time))
         if radii.min() < level < radii.max():
             degrees = np.degrees(axis)
             axes.contour(

@@ -125,7 +125,7 @@ def _draw_distances(axes: Any, problem: Problem, workspace: Workspace) -> None:
 def _sampled_path(problem: Problem, workspace: Workspace | None) -> tuple[Array, Array, Array]:
     """Path parameter (K,), positions of the end-effector and of the reference point (K, 3) [m]."""
     s = np.linspace(0.0, 1.0, 301)
-    poses = [problem.path.path.pose(float(value)) for value in s]
+    poses = [problem.path.pose_at(float(value)) for value in s]
     offset = np.zeros(3) if workspace is None else workspace.offset
     path = np.array([pose.position for pose in poses])
     return s, path, path + np.array([pose.rotation @ offset for pose in poses])

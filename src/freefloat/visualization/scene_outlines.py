@@ -30,10 +30,11 @@ _JOGGLE = "QJ"
 
 def draw_in_plane(axes: Any, problem: Problem, times: Array) -> None:
     """Draw the outlines of the bodies in the x-y plane, of those that move at all times [s]."""
+    drifts = problem.path.drifts
     label: str | None = "other bodies"
     for number, time in enumerate(times.tolist()):
         for body, points in outline_points(problem, time):
-            if number == 0 or body.motion != "fixed":
+            if number == 0 or drifts or body.motion != "fixed":
                 outline = points[ConvexHull(points[:, :2], qhull_options=_JOGGLE).vertices, :2]
                 style: Any = {
                     "facecolor": ORANGE,

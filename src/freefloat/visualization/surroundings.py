@@ -117,9 +117,9 @@ class Surroundings:
             path = f"{root}/{BODIES}/{node(body.name)}"
             for visual in self.visuals[number].shapes:
                 builder.visual(f"{path}/{visual.name}", visual)
-            poses = [row[number] for row in self.poses]
-            _move(builder, path, body, self.times, poses)
-            if body.motion != "target":  # labels do not move
+            fixed = body.motion == "fixed" and not self.problem.path.drifts
+            _move(builder, path, self.times, [row[number] for row in self.poses], fixed=fixed)
+            if body.motion != "target" and not self.problem.path.drifts:  # labels do not move
                 com = body.motion.com if isinstance(body.motion, Tumbling) else np.zeros(3)
                 place = body.position + body.orientation @ com
                 labels.append(Label(body.name, place.tolist(), BODIES))
@@ -127,10 +127,12 @@ class Surroundings:
         if corridor is not None:
             surface = _corridor_surface(corridor, self._path_in_corridor())
             builder.mesh(path, surface, _CORRIDOR, shaded=False)
-            if corridor.body is not None:
-                number = self.problem.scene.names.index(corridor.body)
-                poses = [row[number] for row in self.poses]
-                _move(builder, path, self.problem.scene.bodies[number], self.times, poses)
+            scene, timed = self.problem.scene, self.problem.path
+            motions = {body.name: body.motion for body in scene.bodies}
+            if corridor.body is not None or timed.drifts:
+                poses = [scene.corridor_pose(float(t), timed) for t in self.times]
+                fixed = motions.get(str(corridor.body)) == "fixed" and not timed.drifts
+                _move(builder, path, self.times, poses, fixed=fixed)
         return labels
 
     def _path_in_corridor(self) -> Array:
@@ -172,11 +174,11 @@ def _corridor_surface(corridor: Corridor, path: Array) -> tuple[Array, IntArray]
 
 
 def _move(
-    builder: SceneBuilder, path: str, body: SceneBody, times: Array, poses: list[Pose]
+    builder: SceneBuilder, path: str, times: Array, poses: list[Pose], *, fixed: bool
 ) -> None:
-    """Place a path at a fixed body's frame, or move it with another body's."""
-    if body.motion == "fixed":
-        builder.place(path, body.pose)
+    """Place a path at a fixed frame, or move it with another."""
+    if fixed:
+        builder.place(path, poses[0])
         return
     positions = np.array([pose.position for pose in poses])
     rotations = Rotation.from_matrix([pose.rotation for pose in poses])

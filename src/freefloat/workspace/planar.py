@@ -21,7 +21,7 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.branches import ClosedForm, closed_form
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, frozen
+from freefloat.so3 import Array, Pose, frozen
 
 Complex = npt.NDArray[np.complex128]
 Interval = tuple[float, float]
@@ -221,9 +221,13 @@ def _polished(arm: PlanarArm, joints: Array, level: Array) -> Array:
     return joints
 
 
-def point_3_on_path(problem: Problem, s: float) -> complex:
-    """Point 3 on the path [m], the end-effector or the joint of the last link (20)."""
-    pose = problem.path.path.pose(s)
+def point_3_on_path(problem: Problem, t: float) -> complex:
+    """Point 3 at time t [s] on the path [m]."""
+    return point_3_of_pose(problem, problem.path.pose(t))
+
+
+def point_3_of_pose(problem: Problem, pose: Pose) -> complex:
+    """Point 3 for an end-effector pose [m], the end-effector or the joint of the last link (20)."""
     if problem.task is not Task.PLANAR_POSE:
         return _flat(pose.position)
     virtual = VirtualManipulator.of(problem.model)
@@ -244,7 +248,8 @@ def most_singular_place(problem: Problem, angles: int = _GRID) -> tuple[float, f
     largest = np.zeros(len(shells))
     np.maximum.at(largest, np.ceil(radii / shells[1]).astype(int).clip(max=400), S)
     s = np.linspace(0.0, 1.0, 401)
-    radii_on_path = [abs(point_3_on_path(problem, value)) for value in s.tolist()]
+    poses = [problem.path.pose_at(value) for value in s.tolist()]
+    radii_on_path = [abs(point_3_of_pose(problem, pose)) for pose in poses]
     attainable = np.interp(radii_on_path, shells, np.maximum(largest, np.append(largest[1:], 0.0)))
     worst = int(np.argmin(attainable))
     return float(s[worst]), float(attainable[worst])

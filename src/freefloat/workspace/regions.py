@@ -167,7 +167,7 @@ def _path_areas(problem: Problem, workspace: Workspace) -> tuple[tuple[Interval,
     if workspace.path_dependent is None:
         return ()
     s = np.linspace(0.0, 1.0, 1001)
-    poses = [problem.path.path.pose(float(value)) for value in s]
+    poses = [problem.path.pose_at(float(value)) for value in s]
     points = np.array([pose.position + pose.rotation @ workspace.offset for pose in poses])
     radii = np.linalg.norm(points[:, :2] if problem.task.planar else points, axis=1)
     inside = np.zeros(len(s), dtype=bool)

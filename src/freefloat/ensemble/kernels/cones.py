@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 BODY, OF_POINT, SIDE, BOUND, AXIS, ORIGIN, TARGET = 0, 1, 2, 3, 4, 7, 10
 """Columns of ``Cones.table``: number of the body, -1 for the turn of the spacecraft; 1 for a target
 that is a point; 1 for inside, -1 for outside; cosine of the bound; axis and origin of the line of
-sight in the body's link frame; direction or place of the target, inertial frame."""
+sight in the body's link frame; direction of the target, or its place in the path's frame."""
 BEFORE, LOWEST = 0, 1
 """Rows of a limit in ``Workspace.slacks``: slack at the last step, and the smallest."""
 
@@ -82,12 +82,12 @@ def store_slacks(
 
 @inlined
 def state_inside(problem: Problem, dt: Float, x: Float, work: Workspace) -> None:
-    """Write attitude and joint values at a fraction of the step into ``work.inside``."""
+    """Write attitude, joint values and time at a fraction of the step into ``work.inside``."""
     tableau, K, y = problem.tableau, work.K, work.y
     for s in range(7):
         power = tableau[8, s] + x * (tableau[9, s] + x * (tableau[10, s] + x * tableau[11, s]))
         work.weights[s] = power * x * dt
-    for j in range(4 + problem.robot.n):
+    for j in range(5 + problem.robot.n):
         total = y[j]
         for s in range(7):
             total += work.weights[s] * K[j, s]
@@ -104,7 +104,9 @@ def slack(robot: Robot, cones: Cones, i: int, y: Table, work: Workspace) -> Floa
     if body < 0:
         x0 = vector(work.initial[0], work.initial[1], work.initial[2])
         return magnitude(dot(x, x0) + e * work.initial[3]) * scale - table[i, BOUND]
-    target = to_spacecraft(x * scale, e * scale, get_vector(table, i, TARGET))
+    t = y[4 + robot.n] * (cones.duration * table[i, OF_POINT])
+    target = get_vector(table, i, TARGET) - vector(work.h[6], work.h[7], work.h[8]) * t
+    target = to_spacecraft(x * scale, e * scale, target)
     axis = to_base(robot, body, get_vector(table, i, AXIS), 0.0, y)
     if table[i, OF_POINT] != 0.0:
         origin = to_base(robot, body, get_vector(table, i, ORIGIN), 1.0, y)

@@ -37,7 +37,7 @@ def of_segment(course: Course, segment: Float, column: int) -> Float:
 
 @inlined
 def twist_at(course: Course, segment: Float, t: Float) -> tuple[Vector, Vector, Float]:
-    """End-effector velocity, angular velocity and path speed ds/dt, inertial frame."""
+    """End-effector velocity, angular velocity and path speed ds/dt, frame of the path."""
     since = t * course.duration - of_segment(course, segment, ORIGIN)
     tau = since * of_segment(course, segment, FREQUENCY)
     s, speed = 0.0 * tau, 0.0 * tau
@@ -105,6 +105,7 @@ def flow(
     scale = 1.0 / sqrt(dot(x, x) + e * e)
     x, e = x * scale, e * scale
     v, omega, speed = twist_at(course, status[SEGMENT], y[4 + n])
+    v = v - vector(work.h[6], work.h[7], work.h[8])  # relative to the centre of mass
     h = to_spacecraft(x, e, vector(work.h[0], work.h[1], work.h[2]))
     h = h - vector(work.h[3], work.h[4], work.h[5])  # what wheels do not store
     if null_space is not None and null_space.toward != 0:

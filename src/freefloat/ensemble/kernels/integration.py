@@ -134,6 +134,7 @@ def load_motion(
     for j in range(3):
         set_lane(work.h, j, lane, motions.momenta[k, j])
         set_lane(work.h, 3 + j, lane, motions.wheels[k, j])
+        set_lane(work.h, 6 + j, lane, motions.drifts[k, j])
     forward, segment = 1.0 if goal >= start else -1.0, 0
     stride = LAW + 2 * (course.degree + 1)
     while segment < course.number - 1 and (

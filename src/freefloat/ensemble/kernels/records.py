@@ -75,6 +75,7 @@ class Cones(NamedTuple):
     """Limits of attitude."""
 
     number: int
+    duration: float  # of the path
     table: Table  # see freefloat.ensemble.kernels.cones
 
 
@@ -96,6 +97,7 @@ class Motions(NamedTuple):
     joints: Array
     momenta: Array
     wheels: Array
+    drifts: Array
     starts: Array
     goals: Array
     stop_below: float
@@ -110,7 +112,7 @@ class Workspace(NamedTuple):
     probe: Table  # joints and time inside a step
     weights: Table  # of the interpolant
     status: Table
-    h: Table  # angular momentum, and that of wheels in the spacecraft frame
+    h: Table  # angular momentum, that of wheels in the spacecraft frame, and the drift
     extent: Table  # of each joint, the largest rate, smallest and largest value
     momenta: Table  # see freefloat.ensemble.kernels.equation
     centre: Table  # of mass
@@ -125,7 +127,7 @@ class Workspace(NamedTuple):
     column: Table
     gradient: Table
     initial: Table  # attitude; this and the following are for limits of attitude
-    inside: Table  # attitude and joints inside a step
+    inside: Table  # attitude, joints and time inside a step
     slacks: Table
     across: Table  # x and y axes of the end-effector, for the task ``pointing``
 
@@ -134,9 +136,9 @@ def make_workspace(n: int, m: int, cones: int = 0) -> Workspace:
     """Workspace for a robot of n joints, a task of m rows and a number of limits of attitude."""
     r = n - m
     shapes = (
-        (5 + n,), (5 + n,), (5 + n, 7), (1 + n,), (7,), (STATUS_ROWS,), (6,), (3 * n,),
+        (5 + n,), (5 + n,), (5 + n, 7), (1 + n,), (7,), (STATUS_ROWS,), (9,), (3 * n,),
         (n, JOINT_COLUMNS), (3,), (n, 6), (6,), (6,), (n,), (n * n,), (n * r,), (r * r,), (2 * r,),
-        (n,), (n,), (4,), (4 + n,), (2 * cones,),
+        (n,), (n,), (4,), (5 + n,), (2 * cones,),
         (2, 3),
     )  # fmt: skip
     return Workspace(*(np.zeros((*shape, WIDTH)) for shape in shapes))
@@ -194,4 +196,6 @@ def _axes_in_table(across: Any) -> Any:
 
 @inner
 def _cones_in_tables(cones: Any) -> Any:
-    return None if cones is None else Cones(cones.number, floats(cones.table, CONE_COLUMNS))
+    if cones is None:
+        return None
+    return Cones(cones.number, cones.duration, floats(cones.table, CONE_COLUMNS))

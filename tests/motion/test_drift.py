@@ -1,0 +1,216 @@
+"""Motions while the centre of mass moves, against integrations and simulations in a fixed frame."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.integrate import solve_ivp
+
+import freefloat as ff
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.redundancy import Redundancy
+from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.limits.torques import InverseDynamics
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.problem import Problem
+from freefloat.so3 import angle_between, attitude_grid, heading_quaternion
+from freefloat.verification.mujoco import forward_run, inverse_run
+from freefloat.verification.mujoco_model import Engine
+from tests.errors import error_key
+from tests.motions import GOOD, bundled
+from tests.redundant import redundant
+
+SPATIAL, PLANAR = "spatial_6dof/line", "planar_3dof/parabola_nonstop"
+DRIFT = {SPATIAL: np.array([0.002, 0.001, -0.0015]), PLANAR: np.array([-0.01, 0.006, 0.0])}
+MOMENTUM = {SPATIAL: np.array([0.5, 0.3, 0.1]), PLANAR: np.array([0.0, 0.0, 1.5])}
+STARTS = {SPATIAL: np.array(GOOD), PLANAR: heading_quaternion(np.radians(230.0))}
+
+
+def drifting(problem: Problem, drift: np.ndarray, **changes) -> Problem:
+    return replace(problem, path=replace(problem.path, drift=drift), **changes)
+
+
+def problem_of(name: str, momentum: bool = False) -> Problem:
+    h = MOMENTUM[name] if momentum else np.zeros(3)
+    return drifting(bundled(name), DRIFT[name], momentum=h)
+
+
+def start_of(problem: Problem, attitude: np.ndarray, branch: int = 0) -> ff.Motion:
+    return integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints)
+
+
+def _configuration(model: pin.Model, state: np.ndarray) -> np.ndarray:
+    """Pinocchio's configuration; that of a continuous joint is a cosine and a sine."""
+    attitude, q = state[3:7] / np.linalg.norm(state[3:7]), [*state[:3]]
+    q += attitude.tolist()
+    for joint, angle in zip(list(model.joints)[2:], state[7:], strict=True):
+        q += [np.cos(angle), np.sin(angle)] if joint.nq == 2 else [angle]
+    return np.array(q)
+
+
+@pytest.mark.parametrize("momentum", [False, True])
+@pytest.mark.parametrize("name", [SPATIAL, PLANAR])
+def test_motions_agree_with_an_integration_in_the_fixed_frame(name: str, momentum: bool) -> None:
+    """Base, attitude and joints follow from both momenta and the path in the fixed frame alone."""
+    problem = problem_of(name, momentum)
+    motion = start_of(problem, STARTS[name])
+    assert motion.completed
+    duration, rows = problem.path.duration, list(problem.task.rows)
+    model = pin.buildModelFromXML(problem.model.description.text, pin.JointModelFreeFlyer())
+    data, tool = model.createData(), model.getFrameId(problem.model.end_effector)
+    mass = sum(inertia.mass for inertia in model.inertias)
+
+    def change(t: float, state: np.ndarray) -> np.ndarray:
+        tau = t / duration
+        s = tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)
+        speed = 30.0 * tau**2 * (1.0 - tau) ** 2 / duration
+        wanted = problem.path.path.tangent(s) * speed
+        q = _configuration(model, state)
+        A = np.array(pin.computeCentroidalMap(model, data, q))
+        J = pin.computeFrameJacobian(model, data, q, tool, pin.LOCAL_WORLD_ALIGNED)
+        right = [*(mass * problem.path.drift), *problem.momentum, *wanted[rows]]
+        v = np.linalg.lstsq(np.vstack([A, J[rows]]), right, rcond=None)[0]
+        x, w = q[3:6], q[6]
+        linear = pin.Quaternion(q[3:7]).toRotationMatrix() @ v[:3]
+        spin = 0.5 * np.array([*(w * v[3:6] + np.cross(x, v[3:6])), -x @ v[3:6]])
+        return np.concatenate([linear, spin, v[6:]])
+
+    first, last = motion.initial, motion.final
+    start = np.concatenate([first.base_position, first.attitude, first.joints])
+    end = solve_ivp(change, (0.0, duration), start, "DOP853", rtol=1e-10, atol=1e-11).y[:, -1]
+    moved = last.base_position + duration * problem.path.drift
+    np.testing.assert_allclose(end[:3], moved, atol=1e-7)
+    np.testing.assert_allclose(end[7:], last.joints, atol=1e-7)
+    assert angle_between(end[3:7] / np.linalg.norm(end[3:7]), last.attitude) < 1e-7
+    still = start_of(drifting(problem, np.zeros(3)), STARTS[name])
+    assert np.abs(still.final.joints - last.joints).max() > 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("momentum", [False, True])
+@pytest.mark.parametrize("name", [SPATIAL, PLANAR])
+def test_ensembles_and_precise_motions_agree(name: str, momentum: bool) -> None:
+    problem = problem_of(name, momentum)
+    attitudes = attitude_grid(48)
+    if problem.task.planar:
+        attitudes = heading_quaternion(np.linspace(0.0, 6.0, 24))
+    branches = problem.many_branches(attitudes)
+    starts = attitudes[np.nonzero(branches.exist)[0]], branches.joints[branches.exist]
+    assert compared_with_precise(problem, *starts) > 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("metric", ["joints", "energy", "base"])
+def test_motions_of_redundant_arms_agree(metric: str) -> None:
+    toward = "none" if metric == "base" else "sigma"
+    start = redundant("RRRRRRR", Task.POSE, Redundancy(metric, toward=toward))
+    problem = drifting(start.problem, np.array([0.3, -0.2, 0.1]) / start.problem.path.duration)
+    assert compared_with_precise(problem, start.attitude[None], start.joints[None]) == 1
+
+
+def compared_with_precise(problem: Problem, attitudes: np.ndarray, joints: np.ndarray) -> int:
+    """Compare at most five compiled motions that complete with precise ones; their number."""
+    result = EnsembleIntegrator(problem, 1, tolerance=1e-9).integrate(attitudes, joints)
+    completed = np.flatnonzero(result.endings == 0)[:5]
+    for k in completed:
+        precise = integrate_motion(problem, attitudes[k], joints[k])
+        assert angle_between(precise.final.attitude, result.attitudes[k]) < 1e-6
+        np.testing.assert_allclose(precise.final.joints, result.joints[k], atol=1e-6)
+    return len(completed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [SPATIAL, PLANAR])
+def test_mujoco_ends_at_the_same_place_of_the_fixed_frame(name: str) -> None:
+    problem = problem_of(name, momentum=True)
+    motion = start_of(problem, STARTS[name])
+    engine = Engine(problem.model, problem.wheel_momentum)
+    inverse, forward = inverse_run(motion, engine), forward_run(motion, engine)
+    assert inverse.end_effector < 1e-7
+    assert inverse.wrench < 1e-4 * inverse.torque
+    assert forward.position < 1e-4
+    assert forward.attitude < 1e-4
+    moved = motion.final.base_position + problem.path.duration * problem.path.drift
+    np.testing.assert_allclose(engine.data.qpos[:3], moved, atol=1e-4)
+
+
+@pytest.mark.parametrize("redundant_arm", [False, True])
+def test_no_wrench_acts_on_the_spacecraft(redundant_arm: bool) -> None:
+    """Accelerations are those of the recorded joints, and need no external force."""
+    problem, motion = problem_of(SPATIAL, momentum=True), None
+    if redundant_arm:
+        start = redundant("RRRRRRR", Task.POSE, Redundancy("energy"))
+        problem = drifting(start.problem, np.array([0.3, -0.2, 0.1]) / start.problem.path.duration)
+        motion = integrate_motion(problem, start.attitude, start.joints)
+    motion = motion or start_of(problem, STARTS[SPATIAL])
+    dynamics, h = InverseDynamics(problem), 1e-3 * problem.path.duration
+    for t in np.array([0.2, 0.5, 0.8]) * problem.path.duration:
+        before, state, after = motion.sample([t - h, t, t + h])
+        effort = dynamics.effort(t, state.attitude, state.joints)
+        assert np.abs(effort.base_wrench).max() < 1e-8 * np.abs(effort.joint_torques).max()
+        change = (after.joints - 2.0 * state.joints + before.joints) / h**2
+        assert effort.accelerations[6:] == pytest.approx(change, abs=1e-3 * np.abs(change).max())
+
+
+def test_the_same_motion_at_another_speed() -> None:
+    """Momentum and drift that are scaled with the speed leave the configurations as they are."""
+    problem = problem_of(SPATIAL, momentum=True)
+    slower = problem.stretched(2.0)
+    scaled = drifting(slower, problem.path.drift / 2.0, momentum=problem.momentum / 2.0)
+    first, second, third = (start_of(p, STARTS[SPATIAL]) for p in (problem, scaled, slower))
+    np.testing.assert_allclose(first.final.joints, second.final.joints, atol=1e-8)
+    assert np.abs(first.final.joints - third.final.joints).max() > 0.05
+    assert problem.depends_on_timing
+    assert problem_of(PLANAR).depends_on_timing
+    assert not bundled("planar_2dof/line").depends_on_timing
+
+
+def test_a_held_attitude_leads_to_the_end_of_the_path() -> None:
+    problem = problem_of(SPATIAL)
+    held = ff.hold_attitude(problem, STARTS[SPATIAL])
+    assert held.completed
+    last = problem.model.end_effector_pose(held.attitude, held.joints[-1]).position
+    np.testing.assert_allclose(last, problem.path.pose(problem.path.duration).position, atol=1e-6)
+
+
+def test_a_fixed_point_is_held() -> None:
+    """The end-effector stays where it is while the centre of mass moves on."""
+    point = np.array([1.2, 0.3, 0.2])
+    path = ff.EndEffectorPath(ff.paths.PolynomialCurve.line(point, point), _upright())
+    timed = ff.TimedPath(path, ff.Timing(100.0), [-0.003, 0.002, 0.001])
+    problem = bundled(SPATIAL).replace(path=timed)
+    motion = start_of(problem, STARTS[SPATIAL])
+    assert motion.completed
+    for state in motion.sample([0.0, 40.0, 100.0]):
+        place = problem.model.end_effector_pose(state.attitude, state.joints).position
+        np.testing.assert_allclose(place + state.time * timed.drift, point, atol=1e-7)
+    assert error_key(lambda: ff.TimedPath(path, ff.Timing(100.0))) == "path"
+
+
+def _upright() -> ff.paths.FixedOrientation:
+    return ff.paths.FixedOrientation(np.eye(3))
+
+
+def test_poses_and_twists_of_a_path_are_relative_to_the_centre_of_mass() -> None:
+    path = problem_of(SPATIAL).path
+    h = 1e-4
+    for t in (10.0, 55.0):
+        change = (path.pose(t + h).position - path.pose(t - h).position) / (2.0 * h)
+        np.testing.assert_allclose(path.twist(t)[:3], change, atol=1e-9)
+        np.testing.assert_allclose(path.leg(0.0, 100.0)(t)[0], path.twist(t), atol=1e-15)
+        s = path.timing.s(t)
+        assert path.timing.time_at(s) == pytest.approx(t, abs=1e-9)
+        np.testing.assert_allclose(path.pose_at(s).position, path.pose(t).position, atol=1e-12)
+    np.testing.assert_array_equal(path.twist(0.0)[:3], -path.drift)
+    assert [path.timing.time_at(s) for s in (0.0, 1.0)] == [0.0, 100.0]
+
+
+def test_errors() -> None:
+    planar, path = bundled(PLANAR), bundled(PLANAR).path
+    upward = replace(path, drift=[0.0, 0.0, 0.1])
+    assert error_key(lambda: planar.replace(path=upward)) == "drift"
+    assert error_key(lambda: replace(path, drift=[0.1, 0.0])) == "drift"
+    assert error_key(lambda: replace(path, drift=[np.nan, 0.0, 0.0])) == "drift"
