@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,20 +19,25 @@ _STDOUT = "-"
 
 _Format = Annotated[
     str | None,
-    typer.Option("--format", metavar="csv|mat|json|ros2",
+    typer.Option("--format", metavar="csv|mat|json|ros2|ros2-goal|mcap|aem|mjcf|basilisk",
                  help="Default: by the name of -o; without -o csv."),
 ]  # fmt: skip
 _Output = Annotated[
     str | None,
     typer.Option(
         *("--output", "-o"), metavar="OUT",
-        help="Output file, - for stdout. Default: NAME_trajectory.csv (.mat, .json, .yaml).",
+        help="Output file, - for stdout. Default: NAME_trajectory.csv (.mat, .json, .yaml, ...).",
     ),
 ]  # fmt: skip
 _Rate = Annotated[float | None, typer.Option(metavar="HZ", help="Samples per second.")]
 _Times = Annotated[
     int | None, typer.Option(metavar="N", help="Number of samples, evenly spaced; 501.")
 ]
+_Epoch = Annotated[
+    datetime | None,
+    typer.Option(formats=["%Y-%m-%dT%H:%M:%S"], metavar="DATE",
+                 help="Date of t = 0 in aem and mcap, UTC: 2026-05-01T12:00:00. Default: J2000."),
+]  # fmt: skip
 
 
 def export(
@@ -40,14 +46,17 @@ def export(
     output: _Output = None,
     rate: _Rate = None,
     times: _Times = None,
+    epoch: _Epoch = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a motion as CSV, for MATLAB (mat), as JSON, or as a ROS 2 JointTrajectory (YAML).
+    """Write a motion for other tools: as a table, a message, a log, a model or a script.
 
-    Columns: time, attitude, base position, their rates, joints, joint rates, accelerations and
-    torques, end-effector pose and the measure of the margin; ros2 has the joints alone. Rates and
-    accelerations solve the equations of motion; they are not differences.
+    csv, mat and json have time, attitude, base position, their rates, joints, joint rates,
+    accelerations and torques, end-effector pose and the measure of the margin; rates and
+    accelerations solve the equations of motion. ros2 is a JointTrajectory, ros2-goal a goal of
+    FollowJointTrajectory; mcap a log for Foxglove and rerun; aem a CCSDS attitude ephemeris; mjcf
+    the robot with both ends of the motion for MuJoCo; basilisk a script that repeats the motion.
 
     Example: freefloat export plan.h5 -o plan.csv
 
@@ -55,13 +64,13 @@ def export(
     """
     from freefloat.io.export import TEXTS, save_trajectory
     from freefloat.io.results import load_motion
-    from freefloat.io.trajectory import Trajectory
+    from freefloat.io.trajectory import J2000, Trajectory
 
     if output == _STDOUT and as_json:
         raise InputError("output", "both -o - and --json were given", "one of the two")
     kind, target = _format_and_file(file, format_, output)
     motion, violation = load_motion(file)
-    trajectory = Trajectory.sampled(motion, times, rate)
+    trajectory = Trajectory.sampled(motion, times, rate, epoch or J2000)
     at = trajectory.times
     if target is None:
         typer.echo(TEXTS[kind](trajectory), nl=False)
@@ -86,7 +95,7 @@ def _format_and_file(
 ) -> tuple[Format, Path | None]:
     """The format, and the file; None for stdout."""
     from freefloat.errors import member
-    from freefloat.io.export import Format
+    from freefloat.io.export import TEXTS, Format
 
     file = None if output in (None, _STDOUT) else Path(str(output))
     kind = Format.of(file) if name is None else member("format", Format, name)
@@ -96,6 +105,6 @@ def _format_and_file(
     kind = kind or Format.CSV
     if output != _STDOUT:
         return kind, file or Path(f"{source.stem}_trajectory{kind.suffix}")
-    if kind is Format.MAT:
-        raise InputError("output", "- was given for mat, a binary format", "a file")
+    if kind not in TEXTS:
+        raise InputError("output", f"- was given for {kind}, a binary format", "a file")
     return kind, None

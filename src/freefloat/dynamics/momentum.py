@@ -113,6 +113,13 @@ def momentum_map(
     return np.array(pin.computeCentroidalMap(model.pin_model, model.scratch, q))
 
 
+def mass_matrix(model: FreeFloatingModel, joints: npt.ArrayLike) -> Array:
+    """The mass matrix, base twist in the spacecraft frame first, shape (6 + n, 6 + n)."""
+    q = np.concatenate([np.zeros(3), _IDENTITY, joints])
+    upper = np.triu(pin.crba(model.pin_model, model.scratch, q))
+    return np.asarray(upper + np.triu(upper, 1).T)
+
+
 def end_effector_jacobian(
     model: FreeFloatingModel, joints: npt.ArrayLike, attitude: npt.ArrayLike = _IDENTITY
 ) -> Array:

@@ -41,7 +41,7 @@ import numpy.typing as npt
 import pinocchio as pin
 from scipy.linalg.lapack import dgesv, dtrtrs
 
-from freefloat.dynamics.momentum import Task, require_enough_joints
+from freefloat.dynamics.momentum import Task, mass_matrix, require_enough_joints
 from freefloat.dynamics.redundancy import (
     DAMPED_BELOW,
     NEARLY_DEPENDENT,
@@ -193,8 +193,7 @@ class ResolvedRateSolver:
         """W divided by its mean diagonal element, shape (n, n)."""
         if self._redundancy.metric is not Metric.ENERGY:
             return self._weights
-        upper = np.triu(pin.crba(self._model.pin_model, self._model.scratch, self._q))
-        H = upper + np.triu(upper, 1).T
+        H = mass_matrix(self._model, self._q[7:])
         W = H[6:, 6:] - H[6:, :6] @ base
         return np.asarray(W / W.diagonal().mean())
 

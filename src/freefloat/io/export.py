@@ -1,28 +1,30 @@
-"""Trajectories in the formats of other tools: CSV, JSON, MATLAB and ROS 2."""
+"""Trajectories as files of other tools; here the tables, CSV, JSON and MATLAB."""
 
 from __future__ import annotations
 
 import csv
 import io
 import json
+from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 
 from freefloat.errors import InputError, require_type
+from freefloat.io.attitude_ephemeris import attitude_ephemeris_text
+from freefloat.io.basilisk_script import basilisk_text
 from freefloat.io.files import written_beside
-from freefloat.io.trajectory import Trajectory
+from freefloat.io.mcap_file import write_mcap
+from freefloat.io.mjcf_file import mjcf_text
+from freefloat.io.ros2 import ros2_goal_text, ros2_text
+from freefloat.io.trajectory import J2000, Trajectory
 from freefloat.motion.motion import Motion
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
 from freefloat.so3 import Array
 
-_NANO = 1_000_000_000
-_LATEST = 2**31
-"""Whole seconds of a ROS duration have 32 bits."""
 _FRAMES = (
     "positions from the centre of mass of the whole system, inertial axes; attitudes are unit "
     "quaternions x y z w that rotate spacecraft or end-effector axes into inertial ones"
@@ -40,17 +42,28 @@ class Format(StrEnum):
     MAT = "mat"
     JSON = "json"
     ROS2 = "ros2"
+    ROS2_GOAL = "ros2-goal"
+    MCAP = "mcap"
+    AEM = "aem"
+    MJCF = "mjcf"
+    BASILISK = "basilisk"
 
     @property
     def suffix(self) -> str:
         """Suffix of file names."""
-        return ".yaml" if self is Format.ROS2 else f".{self}"
+        return _SUFFIXES.get(self, f".{self}")
 
     @classmethod
     def of(cls, file: Path | None) -> Format | None:
         """Format by the suffix of a file name; None if it has none of them."""
         suffix = "" if file is None else file.suffix.lower().replace(".yml", ".yaml")
         return next((kind for kind in cls if kind.suffix == suffix), None)
+
+
+_SUFFIXES = {
+    Format.ROS2: ".yaml", Format.ROS2_GOAL: ".yaml", Format.MJCF: ".xml", Format.BASILISK: ".py",
+}  # fmt: skip
+"""Suffixes that are not the name of the format."""
 
 
 class _Group(NamedTuple):
@@ -167,44 +180,18 @@ def _head(motion: Motion) -> dict[str, Any]:
     }
 
 
-def ros2_text(trajectory: Trajectory) -> str:
-    """YAML text of a ``trajectory_msgs/msg/JointTrajectory`` message.
-
-    Raises:
-        InputError: If the motion ends early, or the message cannot hold its times.
-    """
-    motion = trajectory.motion
-    if not motion.completed:
-        accepted = "for ros2 a motion that follows its whole path; csv, mat or json"
-        raise InputError("format", f"ros2 was given, but: {motion.ending.value}", accepted)
-    since = [round(float(t) * _NANO) for t in trajectory.times - trajectory.times[0]]
-    if since[-1] >= _LATEST * _NANO or min(np.diff(np.array(since, dtype=object))) < 1:
-        raise InputError(
-            "format",
-            f"ros2 was given for {len(since):,} times in {since[-1] / _NANO:g} s",
-            f"for ros2 times a nanosecond apart or more, the last before {_LATEST:,} s",
-        )
-    points = [
-        {
-            "positions": trajectory.joints[k].tolist(),
-            "velocities": trajectory.joint_rates[k].tolist(),
-            "accelerations": trajectory.joint_accelerations[k].tolist(),
-            "effort": [],  # position controllers of ros2_control reject messages with effort
-            "time_from_start": {"sec": ns // _NANO, "nanosec": ns % _NANO},
-        }
-        for k, ns in enumerate(since)
-    ]
-    header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
-    names = list(motion.problem.model.joint_names)
-    message = {"header": header, "joint_names": names, "points": points}
-    dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # compiled: ten times faster
-    return str(
-        yaml.dump(message, Dumper=dumper, sort_keys=False, width=10**6, default_flow_style=None)
-    )
-
-
-TEXTS = {Format.CSV: csv_text, Format.JSON: json_text, Format.ROS2: ros2_text}
-"""Functions that return a trajectory as text, by format; MATLAB files are binary."""
+TEXTS = {
+    Format.CSV: csv_text,
+    Format.JSON: json_text,
+    Format.ROS2: ros2_text,
+    Format.ROS2_GOAL: ros2_goal_text,
+    Format.AEM: attitude_ephemeris_text,
+    Format.MJCF: mjcf_text,
+    Format.BASILISK: basilisk_text,
+}
+"""Functions that return a trajectory as text, by format."""
+_WRITERS = {Format.MAT: write_mat, Format.MCAP: write_mcap}
+"""Functions that write a trajectory to a file, by format."""
 
 
 def export(
@@ -213,15 +200,17 @@ def export(
     *,
     times: int | None = None,
     rate: float | None = None,
+    epoch: datetime = J2000,
 ) -> None:
     """Write the trajectory of a motion for other tools.
 
     Args:
         result: A motion, or a plan or simulation, whose chosen motion is written.
         file: Its suffix is the format: ``.csv``, ``.mat``, ``.json``, ``.yaml`` (a ROS 2
-            JointTrajectory).
+            JointTrajectory), ``.mcap``, ``.aem``, ``.xml`` (MJCF), ``.py`` (Basilisk).
         times: Number of evenly spaced times; default is 501.
         rate: In its place, times per second [Hz].
+        epoch: Instant of t = 0 in formats with dates, AEM and MCAP; UTC.
 
     Raises:
         InputError: If the suffix is unknown, there is no motion or the format cannot hold it, or
@@ -239,7 +228,7 @@ def export(
     chosen = result.chosen if isinstance(result, Plan | Simulation) else None
     motion: Any = result if chosen is None else chosen.motion
     require_type("result", motion, Motion, "a motion, a simulation, or a plan that is feasible")
-    save_trajectory(Path(file), Trajectory.sampled(motion, times, rate), kind)
+    save_trajectory(Path(file), Trajectory.sampled(motion, times, rate, epoch), kind)
 
 
 def save_trajectory(path: Path, trajectory: Trajectory, format_: Format) -> None:
@@ -249,7 +238,7 @@ def save_trajectory(path: Path, trajectory: Trajectory, format_: Format) -> None
         InputError: If the file cannot be written, or the format cannot hold this motion.
     """
     with written_beside(path) as temporary:
-        if format_ is Format.MAT:
-            write_mat(temporary, trajectory)
+        if format_ in _WRITERS:
+            _WRITERS[format_](temporary, trajectory)
         else:
             temporary.write_text(TEXTS[format_](trajectory), encoding="utf-8")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
+from datetime import UTC, datetime
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,8 @@ from freefloat.so3 import Array, frozen, without_jumps
 
 MAX_SAMPLES = 1_000_000
 """More samples would fill gigabytes of text."""
+J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
+"""Epoch of motions whose date is not given."""
 _ROUNDING = 1e-9
 """Fraction of a step by which the last sample may miss the end."""
 
@@ -42,6 +45,7 @@ class Trajectory:
         end_effector_orientations: Quaternions x, y, z, w of continuous sign, shape (K, 4).
         centre_of_mass_positions: In the path's frame [m], shape (K, 3).
         measure: Signed singularity measure of the margin, shape (K,).
+        epoch: Instant of t = 0.
     """
 
     motion: Motion = field(repr=False)
@@ -58,14 +62,21 @@ class Trajectory:
     end_effector_orientations: Array
     centre_of_mass_positions: Array
     measure: Array
+    epoch: datetime = J2000
 
     def __post_init__(self) -> None:
-        for entry in fields(self)[1:]:
+        if self.epoch.tzinfo is None:
+            object.__setattr__(self, "epoch", self.epoch.replace(tzinfo=UTC))
+        for entry in fields(self)[1:-1]:
             object.__setattr__(self, entry.name, frozen(getattr(self, entry.name)))
 
     @classmethod
     def sampled(
-        cls, motion: Motion, count: int | None = None, rate: float | None = None
+        cls,
+        motion: Motion,
+        count: int | None = None,
+        rate: float | None = None,
+        epoch: datetime = J2000,
     ) -> Trajectory:
         """Sample a motion at evenly spaced times.
 
@@ -73,23 +84,25 @@ class Trajectory:
             motion: The motion.
             count: Number of times; default is 501.
             rate: In its place, times per second [Hz].
+            epoch: Instant of t = 0; UTC where it has no time zone.
 
         Raises:
             InputError: If both are given, or there would be fewer than two or too many times.
         """
         if rate is None:
-            return cls.of(motion, even_times(motion, 501 if count is None else count))
+            return cls.of(motion, even_times(motion, 501 if count is None else count), epoch)
         if count is not None:
             raise InputError("rate", "a number of times was given, too", "one of the two")
-        return cls.of(motion, times_at_rate(motion, rate))
+        return cls.of(motion, times_at_rate(motion, rate), epoch)
 
     @classmethod
-    def of(cls, motion: Motion, times: npt.ArrayLike) -> Trajectory:
+    def of(cls, motion: Motion, times: npt.ArrayLike, epoch: datetime = J2000) -> Trajectory:
         """Sample a motion.
 
         Args:
             motion: The motion.
             times: Rising [s], shape (K,).
+            epoch: Instant of t = 0.
 
         Raises:
             InputError: If a time lies outside the motion.
@@ -127,6 +140,7 @@ class Trajectory:
             end_effector_orientations=without_jumps(orientations.as_quat()),
             centre_of_mass_positions=np.outer(times, problem.path.drift),
             measure=np.array([problem.margin.measure(q) for q in joints]),
+            epoch=epoch,
         )
 
 

@@ -1,0 +1,193 @@
+"""Exports read by the tools they are for: ROS 2, MCAP, CCSDS, MuJoCo and Basilisk."""
+
+import json
+import re
+import subprocess
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import yaml
+from ccsds_ndm.ndm_io import NdmIo
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from scipy.spatial.transform import Rotation
+
+import freefloat as ff
+from freefloat.io.basilisk_script import basilisk_text
+from freefloat.io.mjcf_file import mjcf_text
+from freefloat.io.ros2 import ros2_goal_text
+from freefloat.io.trajectory import Trajectory
+from freefloat.motion.motion import Motion
+from freefloat.so3 import angle_between
+from tests.commands import document, error, run
+from tests.errors import error_key
+
+EPOCH = datetime(2026, 5, 1, 12, 0, 0, 250_000, tzinfo=UTC)
+GOAL = {
+    "control_msgs/msg/JointTolerance":
+        "string name\nfloat64 position\nfloat64 velocity\nfloat64 acceleration",
+    "control_msgs/msg/FollowJointTrajectoryGoal":
+        "trajectory_msgs/JointTrajectory trajectory\n"
+        "control_msgs/JointTolerance[] path_tolerance\n"
+        "control_msgs/JointTolerance[] goal_tolerance\n"
+        "builtin_interfaces/Duration goal_time_tolerance",
+}  # fmt: skip
+"""Definitions of control_msgs, without fields for planar joints."""
+
+
+def motion_of(name: str) -> Motion:
+    """A motion of a bundled scenario along its whole path."""
+    problem = ff.load_scenario(name).problem()
+    return ff.plan(problem, ff.Search(samples=32)).chosen.motion
+
+
+@pytest.fixture(scope="module")
+def motion() -> Motion:
+    return motion_of("ets_vii/inspect")
+
+
+@pytest.fixture(scope="module")
+def trajectory(motion) -> Trajectory:
+    assert np.abs(motion.problem.momentum).max() > 0.0
+    return Trajectory.sampled(motion, 301, epoch=EPOCH)
+
+
+def test_ros_2_reads_a_goal_with_tolerances(trajectory) -> None:
+    goal = yaml.safe_load(ros2_goal_text(trajectory))
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    for name, text in GOAL.items():
+        store.register(get_types_from_msg(text, name))
+    types = store.types
+
+    def duration(value):
+        return types["builtin_interfaces/msg/Duration"](**value)
+
+    def tolerances(rows):
+        return [types["control_msgs/msg/JointTolerance"](**row) for row in rows]
+
+    points = [
+        types["trajectory_msgs/msg/JointTrajectoryPoint"](
+            **{key: np.array(point[key], dtype=float)
+               for key in ("positions", "velocities", "accelerations", "effort")},
+            time_from_start=duration(point["time_from_start"]),
+        )
+        for point in goal["trajectory"]["points"]
+    ]  # fmt: skip
+    stamp = types["builtin_interfaces/msg/Time"](**goal["trajectory"]["header"]["stamp"])
+    header = types["std_msgs/msg/Header"](stamp, goal["trajectory"]["header"]["frame_id"])
+    message = types["control_msgs/msg/FollowJointTrajectoryGoal"](
+        trajectory=types["trajectory_msgs/msg/JointTrajectory"](
+            header, goal["trajectory"]["joint_names"], points
+        ),
+        path_tolerance=tolerances(goal["path_tolerance"]),
+        goal_tolerance=tolerances(goal["goal_tolerance"]),
+        goal_time_tolerance=duration(goal["goal_time_tolerance"]),
+    )
+    name = "control_msgs/msg/FollowJointTrajectoryGoal"
+    read = store.deserialize_cdr(store.serialize_cdr(message, name), name)
+    assert read.trajectory.joint_names == list(trajectory.motion.problem.model.joint_names)
+    rows = [point.positions for point in read.trajectory.points]
+    np.testing.assert_allclose(rows, trajectory.joints, rtol=0, atol=1e-9)
+    assert all(entry.position > 0.0 for entry in [*read.path_tolerance, *read.goal_tolerance])
+
+
+def test_an_mcap_reader_reads_joints_transforms_and_margin(trajectory, tmp_path) -> None:
+    file = tmp_path / "motion.mcap"
+    ff.export(trajectory.motion, file, times=301, epoch=EPOCH)
+    model = trajectory.motion.problem.model
+    topics: dict[str, list] = {}
+    with file.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        for message in reader.iter_decoded_messages():
+            topics.setdefault(message.channel.topic, []).append(message)
+    assert topics["/robot_description"][0].decoded_message.data == model.description.text
+    states = topics["/joint_states"]
+    joints = [message.decoded_message.position for message in states]
+    np.testing.assert_allclose(joints, trajectory.joints, rtol=0, atol=1e-9)
+    zero = int(EPOCH.timestamp() * 1e6) * 1000
+    times = np.array([message.message.log_time - zero for message in states])
+    np.testing.assert_allclose(times * 1e-9, trajectory.times, atol=1e-9)
+    margins = [message.decoded_message.data for message in topics["/margin"]]
+    np.testing.assert_allclose(margins, trajectory.measure, rtol=1e-12)
+    frames = {
+        entry.child_frame_id: entry.transform
+        for entry in topics["/tf"][-1].decoded_message.transforms
+    }
+    assert set(frames) == {link.name for link in model.description.links_by_name.values()}
+    pose = model.end_effector_pose(trajectory.attitudes[-1], trajectory.joints[-1])
+    found = frames[model.end_effector]
+    place = [getattr(found.translation, axis) for axis in "xyz"]
+    turn = Rotation.from_quat([getattr(found.rotation, axis) for axis in "xyzw"]).as_matrix()
+    np.testing.assert_allclose(place, pose.position, atol=1e-9)
+    np.testing.assert_allclose(turn, pose.rotation, atol=1e-9)
+
+
+def test_a_parser_of_ccsds_messages_reads_attitudes_and_dates(trajectory, tmp_path) -> None:
+    file = tmp_path / "motion.aem"
+    ff.export(trajectory.motion, file, times=301, epoch=EPOCH)
+    (segment,) = NdmIo().from_path(file).body.segment
+    assert segment.metadata.start_time == "2026-05-01T12:00:00.250000000"
+    states = [state.quaternion_state for state in segment.data.attitude_state]
+    read = [[s.quaternion.q1, s.quaternion.q2, s.quaternion.q3, s.quaternion.qc] for s in states]
+    assert angle_between(np.array(read), trajectory.attitudes).max() < 1e-9
+    seconds = [
+        (datetime.fromisoformat(state.epoch[:26]) - EPOCH.replace(tzinfo=None)).total_seconds()
+        for state in states
+    ]
+    np.testing.assert_allclose(seconds, trajectory.times, atol=1.1e-6)
+
+
+@pytest.mark.parametrize("name", ["ets_vii/inspect", "planar_3dof/parabola", "ur5_servicer/arc"])
+def test_mujoco_reads_the_robot_and_both_ends(name: str) -> None:
+    trajectory = Trajectory.sampled(motion_of(name), 21)
+    problem = trajectory.motion.problem
+    model = mujoco.MjModel.from_xml_string(mjcf_text(trajectory))
+    data = mujoco.MjData(model)
+    for key, k in (("initial", 0), ("final", -1)):
+        mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
+        mujoco.mj_forward(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        np.testing.assert_allclose(data.subtree_com[1], 0.0, atol=1e-9)
+        np.testing.assert_allclose(data.subtree_angmom[1], problem.momentum, atol=1e-9)
+        pose = problem.model.end_effector_pose(trajectory.attitudes[k], trajectory.joints[k])
+        site = model.site("end_effector").id
+        np.testing.assert_allclose(data.site_xpos[site], pose.position, atol=1e-9)
+        np.testing.assert_allclose(data.site_xmat[site].reshape(3, 3), pose.rotation, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["ets_vii/inspect", "planar_3dof/parabola", "ur5_servicer/arc"])
+def test_basilisk_arrives_at_the_same_attitude(name: str, tmp_path) -> None:
+    script = tmp_path / "motion.py"
+    ff.export(motion_of(name), script)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
+    found = json.loads(done.stdout.splitlines()[-1])
+    assert found["attitude_rad"] < 1e-5
+    assert found["joints_rad"] < 1e-6
+
+
+def test_what_a_format_cannot_hold_is_refused(motion) -> None:
+    wheels = motion.problem.replace(wheel_momentum=np.array([0.1, 0.0, 0.0]))
+    start = motion.initial
+    turning = ff.integrate_motion(wheels, start.attitude, start.joints)
+    assert error_key(lambda: mjcf_text(Trajectory.sampled(turning, 3))) == "format"
+    unphysical = Trajectory.sampled(motion_of("spatial_6dof/line"), 3)
+    assert error_key(lambda: mjcf_text(unphysical)) == "format"
+    assert error_key(lambda: basilisk_text(Trajectory.sampled(motion, 20))) == "times"
+
+
+def test_the_command_writes_each_format(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    run("plan", "planar_2dof/line", "-o", "plan.h5")
+    for name, suffix in {"ros2-goal": ".yaml", "mcap": ".mcap", "aem": ".aem", "mjcf": ".xml",
+                         "basilisk": ".py"}.items():  # fmt: skip
+        words = ("--format", name, "--epoch", "2026-05-01T12:00:00")
+        assert document("export", "plan.h5", *words)["file"] == f"plan_trajectory{suffix}"
+    assert "2026-05-01T12:00:30" in Path("plan_trajectory.aem").read_text("utf-8")
+    assert error("export", "plan.h5", "-o", "-", "--format", "mcap")["key"] == "output"
+    assert run("export", "plan.h5", "--epoch", "today").exit_code == 2
+    assert re.match("CCSDS_AEM_VERS", run("export", "plan.h5", "-o", "-", "--format", "aem").stdout)
