@@ -63,7 +63,7 @@ def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
     if highest > threshold:
         bar = figure.colorbar(shown, ax=panels.tolist(), shrink=0.9, aspect=30.0, pad=0.02)
         bar.set_label(_label(result, " of the best arm branch"))
-        bar.outline.set_linewidth(0.6)
+        bar.ax.spines["outline"].set_linewidth(0.6)
     below = f"all branches below the margin {digits(threshold)}"
     entries: list[Any] = [
         Patch(facecolor=PALE, edgecolor=GREY, linewidth=0.5, label=below),
