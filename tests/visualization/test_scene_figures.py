@@ -16,12 +16,8 @@ from freefloat.planning.simulation import simulate
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
 from freefloat.so3 import heading_quaternion, rotation_matrix
-from freefloat.visualization.scene_figures import (
-    outlines,
-    snapshots_figure,
-    spacecraft_box,
-    workspace_figure,
-)
+from freefloat.visualization.scene_figures import outlines, snapshots_figure, workspace_figure
+from freefloat.visualization.visuals import largest_box, robot_visuals
 from freefloat.workspace.planar import point_3_on_path
 from freefloat.workspace.regions import exact_workspace, workspace_regions
 from tests.figures import labels, line
@@ -189,7 +185,7 @@ def test_the_spacecraft_is_its_largest_box() -> None:
     """Not one of its solar panels; it moves with the spacecraft."""
     attitude = heading_quaternion(0.7)
     motion = motion_at_rest("planar_3dof/parabola", attitude.tolist())
-    box = spacecraft_box(motion.problem.model)
+    box = largest_box(robot_visuals(motion.problem.model), 0)
     assert np.allclose(np.ptp(box, axis=0), [1.0, 1.0, 0.6])
     assert np.allclose(box.mean(axis=0), 0.0)
     (shown,) = outlines(motion, [0.0])
@@ -206,6 +202,6 @@ def test_a_spacecraft_without_boxes_gets_the_box_around_its_shape() -> None:
         "</visual>"
     )
     text = f"{bare}{shown}</link>{rest}"
-    box = spacecraft_box(FreeFloatingModel.from_urdf(text))
+    box = largest_box(robot_visuals(FreeFloatingModel.from_urdf(text)), 0)
     assert np.allclose(box.min(axis=0), [-0.5, -0.5, -0.5])
     assert np.allclose(box.max(axis=0), [0.5, 0.5, 2.5])

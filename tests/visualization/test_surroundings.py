@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-import umsgpack
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
@@ -16,6 +15,7 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.visualization.scene import motion_scene
 from freefloat.visualization.scene_builder import Scene
+from tests.scene_commands import commands, tracks, vertices
 
 ROOT = "/meshcat/good"
 TURN = Rotation.from_euler("xyz", [0.3, 0.2, 0.1]).as_matrix()
@@ -35,24 +35,6 @@ def motion(spatial: Problem) -> Motion:
 def scene_of(motion: Motion, *arguments: Any) -> Scene:
     problem = motion.problem.replace(scene=ff.Scene(*arguments))
     return motion_scene({"good": replace(motion, problem=problem)})
-
-
-def commands(scene: Scene, kind: str) -> dict[str, Any]:
-    found = map(umsgpack.unpackb, scene.objects)
-    return {command["path"]: command for command in found if command["type"] == kind}
-
-
-def tracks(scene: Scene) -> dict[str, tuple[np.ndarray, ...]]:
-    """Times and values of the tracks by path and property."""
-    return {
-        clip["path"] + track["name"]: tuple(
-            np.frombuffer(track[name].data, dtype="<f4").astype(float)
-            for name in ("times", "values")
-        )
-        for clip in umsgpack.unpackb(scene.animation)["animations"]
-        for track in clip["clip"]["tracks"]
-        if track["type"] != "boolean"
-    }
 
 
 def test_moving_bodies_have_tracks_and_fixed_ones_a_place(motion: Motion) -> None:
@@ -111,8 +93,7 @@ def test_the_surface_of_the_corridor_is_at_its_limit(
     corridor = ff.Corridor([0.1, 0.2, -0.3], [1.0, 2.0, 0.5], half_angle, radius, body)
     scene = scene_of(motion, BODIES, corridor)
     item = commands(scene, "set_object")[f"{ROOT}/Corridor"]["object"]
-    packed = item["geometries"][0]["data"]["attributes"]["position"]["array"]
-    points = np.frombuffer(packed.data, dtype="<f4").reshape(-1, 3).astype(float)
+    points = vertices(scene, f"{ROOT}/Corridor")
     deviations = np.array([corridor.deviation(point) for point in points])
     assert deviations[deviations > 0.0] == pytest.approx(corridor.allowed, abs=1e-6)
     assert item["materials"][0]["opacity"] < 0.3

@@ -25,15 +25,17 @@ class Label:
 
     Attributes:
         text: The text.
-        position: The point [m].
+        position: The point [m], in the frame of ``node``.
         item: Item that the label is shown and hidden with.
         since: Time from which on it is shown [s].
+        node: Path of a node that it moves with, below that of the scene; empty for the scene.
     """
 
     text: str
     position: list[float]
     item: str
     since: float = 0.0
+    node: str = ""
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from freefloat.concurrency import Progress
 from freefloat.errors import UnreachableError, require_type
+from freefloat.limits.limits import Limits
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
@@ -20,6 +21,7 @@ from freefloat.planning.heading_map import HeadingMap, evaluator_for, sample_hea
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation, simulate
 from freefloat.so3 import heading_of, heading_quaternion
+from freefloat.visualization.angle_figures import angles_figure
 from freefloat.visualization.figure_style import Figures, styled
 from freefloat.visualization.map_figures import histogram_figure, slices_figure
 from freefloat.visualization.motion_figures import motion_figures
@@ -40,6 +42,7 @@ _TITLES = {
     "motion": "Motion",
     "margin": "Singularity measure of the motion",
     "momentum": "Errors of the motion",
+    "angles": "Pointing and turn of the spacecraft",
     "map_slices": "Minimum margin by initial attitude",
     "map_histogram": "Distribution of the minimum margin",
     "singularities": "Singularities in joint space",
@@ -58,7 +61,8 @@ def figures(
 ) -> Figures:
     """Return the figures of a result by name; a notebook shows them.
 
-    Motions and simulations: ``snapshots``, ``motion``, ``margin`` and ``momentum``. Maps:
+    Motions and simulations: ``snapshots``, ``motion``, ``margin`` and ``momentum``; where the
+    spacecraft's turn or the pointing of axes is limited ``angles``. Maps:
     ``headings``, or ``map_slices`` and ``map_histogram``. Plans: ``workspace``, the figures of
     their motion and map, and in the plane ``headings`` (if a heading reaches the path) and
     ``joint_space`` (if S depends on two joint angles). Maps of the joint space:
@@ -91,7 +95,8 @@ def _add_title(figure: Figure, title: str) -> None:
 
 def _figures(result: Any, threads: int | None, progress: Progress | None) -> dict[str, Figure]:
     if isinstance(result, Simulation):
-        result = result.chosen.motion
+        motion = result.chosen.motion
+        return _figures(motion, threads, progress) | _angles(motion, result.limits)
     if isinstance(result, Motion):
         areas = workspace_regions(result.problem)
         closest = closest_approach(result, result.problem.margin.measure)
@@ -138,11 +143,18 @@ def _plan_figures(plan: Plan, threads: int | None, progress: Progress | None) ->
     if chosen is not None:
         drawn["snapshots"] = snapshots_figure(chosen.motion, areas)
         drawn |= motion_figures(chosen.motion, chosen.closest_approach)
+        drawn |= _angles(chosen.motion, plan.limits)
     if plan.map is not None:
         drawn |= _map_figures(plan.map, marks, threads, progress)
     if progress is not None:
         progress(1.0)
     return drawn
+
+
+def _angles(motion: Motion, limits: Limits | None) -> dict[str, Figure]:
+    if limits is None or not limits.attitude.number:
+        return {}
+    return {"angles": angles_figure(motion, limits.attitude)}
 
 
 def _compared_motions(plan: Plan) -> list[Motion]:

@@ -30,6 +30,8 @@ _AXES = np.array([[0.90, 0.25, 0.20], [0.25, 0.75, 0.30], [0.30, 0.50, 1.00]])
 
 SIDES = 10
 """Corners of the cross-section of a tube."""
+_AROUND = 64
+"""Corners of the cross-section of a surface of revolution."""
 
 
 def thickness(problem: Problem) -> float:
@@ -162,6 +164,23 @@ def arrow(end: Array, radius: float) -> tuple[Array, IntArray]:
     """Return a straight tube from the origin to a point (3,) whose last quarter is a cone."""
     points = np.outer([0.0, 0.0, 0.75, 0.75, 1.0], end)
     return tube(points, [0.0, radius, radius, 2.5 * radius, 0.0])
+
+
+def surface_of_revolution(ends: Array, radii: Array) -> tuple[Array, IntArray]:
+    """Return the cone, or cylinder, about z between two places on it (2,), with radii (2,) [m]."""
+    angles = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    rings = [
+        np.column_stack([radius * circle, np.full(_AROUND, end)])
+        for end, radius in zip(ends, radii, strict=True)
+    ]
+    k = np.arange(_AROUND)
+    following = (k + 1) % _AROUND
+    faces = np.vstack([
+        np.column_stack([k, following, k + _AROUND]),
+        np.column_stack([following, following + _AROUND, k + _AROUND]),
+    ])  # fmt: skip
+    return np.vstack(rings), faces
 
 
 def _directions(points: Array) -> Array:

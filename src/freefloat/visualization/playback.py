@@ -195,7 +195,8 @@ def playback(
 
     Args:
         result: A motion, motions by name, a plan (its chosen motion), a simulation (its arm
-            branches) or a map; see :func:`singularity_scene` for maps of the joint space.
+            branches) or a map; see :func:`singularity_scene` for maps of the joint space. Limits of
+            pointing are drawn with plans and simulations.
         title: Title of the page.
 
     Raises:
@@ -208,7 +209,9 @@ def playback(
         ('branch 0 elbow+', 'branch 1 elbow-')
     """
     if isinstance(result, Motion | Plan | Simulation | Mapping):
-        return Playback(motion_scene(_named_motions(result), title))
+        limits = result.limits if isinstance(result, Plan | Simulation) else None
+        pointing = () if limits is None else limits.pointing
+        return Playback(motion_scene(_named_motions(result), title, pointing))
     from freefloat.planning.attitude_map import AttitudeMap
     from freefloat.planning.heading_map import HeadingMap
     from freefloat.visualization.heading_scene import heading_scene

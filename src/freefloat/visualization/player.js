@@ -165,11 +165,11 @@ class Player {
   labels(width, height) {
     const { camera } = this.viewer, placed = [];
     for (const scene of this.shown) {
-      const offset = this.offset(scene);
       for (const label of scene.labels) {
         if (this.time < label.since || this.hidden.has(label.item)) continue;
-        const point = new MeshCat.THREE.Vector3(...label.position.map((x, i) => x + offset[i]));
-        this.viewer.scene.localToWorld(point).project(camera); // the viewer's world has y up
+        const { object } = this.node(`${ROOT}/${scene.node}/${label.node}`);
+        const point = new MeshCat.THREE.Vector3(...label.position);
+        object.localToWorld(point).project(camera); // the viewer's world has y up
         if (Math.abs(point.z) > 1) continue;
         placed.push({ text: label.text, x: (1 + point.x) * width / 2, y: (1 - point.y) * height / 2 });
       }

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.errors import InputError
 from freefloat.limits.contact import self_contact
 from freefloat.motion.motion import Motion
+from freefloat.motion.pointing import PointingLimit
 from freefloat.motion.singularity import singular_event
 from freefloat.paths.tumbling import Tumbling
 from freefloat.so3 import Array
@@ -36,6 +37,7 @@ from freefloat.visualization.overlays import (
     draw_trail,
     thickness,
 )
+from freefloat.visualization.pointing_cones import POINTING, PointingCone
 from freefloat.visualization.scene_builder import ROOT, Scene, SceneBuilder, node
 from freefloat.visualization.surroundings import Surroundings
 from freefloat.visualization.visuals import (
@@ -57,12 +59,17 @@ _INSTANTS = 25
 """Instants of a motion that the view covers."""
 
 
-def motion_scene(motions: Mapping[str, Motion], title: str = "freefloat") -> Scene:
+def motion_scene(
+    motions: Mapping[str, Motion],
+    title: str = "freefloat",
+    pointing: Sequence[PointingLimit] = (),
+) -> Scene:
     """Return the scene of motions, each below a node with its name.
 
     Args:
         motions: Motions by name.
         title: Title of the page.
+        pointing: Limits of pointing that are drawn with each motion.
 
     Raises:
         InputError: If there is no motion, names coincide, or measures or margins differ.
@@ -75,7 +82,9 @@ def motion_scene(motions: Mapping[str, Motion], title: str = "freefloat") -> Sce
     areas_of = cache(exact_workspace)
     limit = _MAX_KEYS // len(nodes)
     samples = [
-        _sampled(motion, visuals_of(motion.problem.model), areas_of(motion.problem), limit)
+        _sampled(
+            motion, visuals_of(motion.problem.model), areas_of(motion.problem), limit, pointing
+        )
         for motion in motions.values()
     ]
     problem = samples[0].motion.problem
@@ -87,6 +96,7 @@ def motion_scene(motions: Mapping[str, Motion], title: str = "freefloat") -> Sce
         for name, sampled in zip(motions, samples, strict=True)
     )
     others = dict.fromkeys(item for sampled in samples for item in sampled.surroundings.items)
+    others |= {POINTING: None} if pointing else {}
     items = {item: item != AREAS or planar for item in (ROBOT, *ITEMS, *others)}
     remarks = dict.fromkeys(
         text
@@ -132,7 +142,7 @@ def key_times(motion: Motion, limit: int = _MAX_KEYS) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Sampled:
-    """A motion at its key times: poses of bodies and end-effector, |measure|, s, its scene."""
+    """A motion at its key times: poses of bodies and end-effector, |measure|, s, surroundings."""
 
     motion: Motion
     visuals: RobotVisuals
@@ -143,10 +153,15 @@ class _Sampled:
     fractions: Array
     areas: Workspace | None
     surroundings: Surroundings
+    cones: tuple[PointingCone, ...]
 
 
 def _sampled(
-    motion: Motion, visuals: RobotVisuals, areas: Workspace | None, limit: int
+    motion: Motion,
+    visuals: RobotVisuals,
+    areas: Workspace | None,
+    limit: int,
+    pointing: Sequence[PointingLimit],
 ) -> _Sampled:
     problem = motion.problem
     times = key_times(motion, limit)
@@ -154,15 +169,20 @@ def _sampled(
     # Exact end points: a singular motion has no state after its end.
     parameters[[0, -1]] = motion.coordinate_at([motion.times.min(), motion.times.max()])
     measure = problem.margin.measure
+    poses = body_poses(motion, parameters)
     return _Sampled(
         motion,
         visuals,
         times,
-        *body_poses(motion, parameters),
+        *poses,
         np.abs([measure(q) for q in motion.evaluate(parameters)[2]]),
         np.array([problem.path.timing.s(float(t)) for t in times]),
         areas,
         Surroundings.of(problem, times),
+        tuple(
+            PointingCone.of(problem, axis, number, times, poses, visuals)
+            for number, axis in enumerate(pointing)
+        ),
     )
 
 
@@ -187,6 +207,7 @@ def _draw(
     indices = draw_trail(builder, root, problem, positions[-1], colours(sampled.values))
     labels += draw_centre(builder, root, problem) + draw_ending(builder, root, motion)
     labels += sampled.surroundings.draw(builder, root)
+    labels += [cone.draw(builder, root, size) for cone in sampled.cones]
     moved = {path: body for body, path in enumerate(bodies)}
     for item, body in ((BASE_AXES, 0), (END_EFFECTOR_AXES, -1)):
         draw_axes(builder, f"{root}/{item}", 25.0 * size, 0.6 * size)
@@ -247,9 +268,10 @@ def _view(samples: Sequence[_Sampled], planar: bool) -> View:
 
 
 def _extent(sampled: _Sampled) -> list[Array]:
-    """Joints, end-effector, corners of the spacecraft and of the scene at some instants [m]."""
+    """Joints, end-effector, corners of spacecraft and scene, cones at some instants [m]."""
     chosen = np.unique(np.linspace(0, len(sampled.times) - 1, _INSTANTS).astype(int))
     positions, rotations = sampled.positions[chosen], sampled.rotations[chosen, 0]
     corners = [bounding_box(shape) for shape in sampled.visuals.shapes if shape.body == 0]
     box = np.einsum("kij,cj->kci", rotations, np.vstack(corners)) + positions[:, :1]
-    return [positions.reshape(-1, 3), box.reshape(-1, 3), *sampled.surroundings.extent()]
+    cones = (cone.extent() for cone in sampled.cones)
+    return [positions.reshape(-1, 3), box.reshape(-1, 3), *sampled.surroundings.extent(), *cones]

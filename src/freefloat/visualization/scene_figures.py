@@ -15,8 +15,6 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
-from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.shapes import Box
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (
     BLACK,
@@ -34,7 +32,7 @@ from freefloat.visualization.figure_style import (
     styled,
 )
 from freefloat.visualization.scene_outlines import draw_in_plane, draw_in_space, outline_points
-from freefloat.visualization.visuals import body_poses, bounding_box, robot_visuals, view_direction
+from freefloat.visualization.visuals import body_poses, largest_box, robot_visuals, view_direction
 from freefloat.workspace.planar import Interval
 from freefloat.workspace.regions import Workspace
 
@@ -67,7 +65,7 @@ def outlines(motion: Motion, times: npt.ArrayLike) -> list[Outline]:
         InputError: If a time lies outside the motion.
     """
     model = motion.problem.model
-    box = spacecraft_box(model)
+    box = largest_box(robot_visuals(model), 0)
     edges = box[[4, 2, 1]] - box[0]
     fractions = edges @ (model.bodies[1].placement.position - box[0]) / (edges**2).sum(axis=1)
     mount = box[0] + np.clip(fractions, 0.0, 1.0) @ edges  # point nearest to the first joint
@@ -76,19 +74,6 @@ def outlines(motion: Motion, times: npt.ArrayLike) -> list[Outline]:
         Outline(base + box @ R.T, np.vstack([base + R @ mount, arm]))
         for (base, *arm), R in zip(positions, rotations[:, 0], strict=True)
     ]
-
-
-def spacecraft_box(model: FreeFloatingModel) -> Array:
-    """Return the corners of the spacecraft's largest box in its frame [m], shape (8, 3).
-
-    Without a box among its visuals: the bounding box of the largest other shape.
-    """
-    visuals = [visual for visual in robot_visuals(model).shapes if visual.body == 0]
-    boxes = [visual for visual in visuals if isinstance(visual.shape, Box)]
-    return max(
-        map(bounding_box, boxes or visuals),
-        key=lambda box: float(np.prod(np.linalg.norm(box[[1, 2, 4]] - box[0], axis=1))),
-    )
 
 
 @styled

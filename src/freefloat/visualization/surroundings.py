@@ -18,6 +18,7 @@ from freefloat.robot.names import MeshFileError, find_mesh
 from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
 from freefloat.so3 import Array, IntArray, Pose, axes_rotation
 from freefloat.visualization.description import Label
+from freefloat.visualization.overlays import surface_of_revolution
 from freefloat.visualization.scene_builder import SceneBuilder, node
 from freefloat.visualization.visuals import Shape, Visual, bounding_box
 
@@ -26,8 +27,6 @@ BODIES, CORRIDOR = "Scene bodies", "Corridor"
 _BODY = (0.93, 0.62, 0.30, 1.0)
 _OPACITY = 0.6
 _CORRIDOR = (0.35, 0.85, 0.75, 0.16)
-_SIDES = 64
-"""Corners of the cross-section of a corridor."""
 _BEYOND = 1.1
 """Length of a corridor over that of the path along it."""
 
@@ -158,19 +157,8 @@ def _corridor_surface(corridor: Corridor, path: Array) -> tuple[Array, IntArray]
         radii = np.array([0.0, slant * np.sin(corridor.half_angle)])
     across = np.eye(3)[int(np.argmin(np.abs(corridor.axis)))]
     axes = axes_rotation("axis", ("z", corridor.axis), ("x", across))
-    angles = np.linspace(0.0, 2.0 * np.pi, _SIDES, endpoint=False)
-    circle = np.column_stack([np.cos(angles), np.sin(angles)])
-    rings = [
-        np.column_stack([radius * circle, np.full(_SIDES, end)])
-        for end, radius in zip(ends, radii, strict=True)
-    ]
-    k = np.arange(_SIDES)
-    following = (k + 1) % _SIDES
-    faces = np.vstack([
-        np.column_stack([k, following, k + _SIDES]),
-        np.column_stack([following, following + _SIDES, k + _SIDES]),
-    ])  # fmt: skip
-    return corridor.point + np.vstack(rings) @ axes.T, faces
+    vertices, faces = surface_of_revolution(ends, radii)
+    return corridor.point + vertices @ axes.T, faces
 
 
 def _move(

@@ -191,3 +191,16 @@ def bounding_box(visual: Visual) -> Array:
     else:
         points = corners(shape)
     return np.asarray(at.position + points @ at.rotation.T)
+
+
+def largest_box(visuals: RobotVisuals, body: int) -> Array:
+    """Return the corners of a body's largest box in its frame [m], as :func:`bounding_box`.
+
+    Without a box among its visuals: the bounding box of the largest other shape.
+    """
+    shapes = [visual for visual in visuals.shapes if visual.body == body]
+    boxes = [visual for visual in shapes if isinstance(visual.shape, Box)]
+    return max(
+        map(bounding_box, boxes or shapes),
+        key=lambda box: float(np.prod(np.linalg.norm(box[[1, 2, 4]] - box[0], axis=1))),
+    )

@@ -1,0 +1,35 @@
+"""What the commands of a page's scene contain."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import umsgpack
+
+from freefloat.visualization.scene_builder import Scene
+
+
+def commands(scene: Scene, kind: str) -> dict[str, Any]:
+    found = map(umsgpack.unpackb, scene.objects)
+    return {command["path"]: command for command in found if command["type"] == kind}
+
+
+def tracks(scene: Scene) -> dict[str, tuple[np.ndarray, ...]]:
+    """Times and values of the tracks by path and property."""
+    return {
+        clip["path"] + track["name"]: tuple(
+            np.frombuffer(track[name].data, dtype="<f4").astype(float)
+            for name in ("times", "values")
+        )
+        for clip in umsgpack.unpackb(scene.animation)["animations"]
+        for track in clip["clip"]["tracks"]
+        if track["type"] != "boolean"
+    }
+
+
+def vertices(scene: Scene, path: str) -> np.ndarray:
+    """Vertices of the surface at a path, shape (V, 3)."""
+    item = commands(scene, "set_object")[path]["object"]
+    packed = item["geometries"][0]["data"]["attributes"]["position"]["array"]
+    return np.frombuffer(packed.data, dtype="<f4").reshape(-1, 3).astype(float)

@@ -1,0 +1,111 @@
+"""Cones and axes of limits of pointing on the page."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser
+from scipy.spatial.transform import Rotation
+
+import freefloat as ff
+from freefloat.motion.motion import Motion
+from freefloat.motion.problem import Problem
+from freefloat.visualization.scene import motion_scene
+from tests.browser import differing, opened
+from tests.scene_commands import tracks, vertices
+
+ATTITUDE = [0.46008, 0.09337, 0.73519, -0.48898]
+SUN = ff.PointingLimit("spacecraft", [0.6, 0.0, 0.8], 2.0, "outside", direction=[1.0, 2.0, -1.0])
+VIEW = ff.PointingLimit("end_effector", [1.0, 0.0, 0.0], 0.3, point=[2.0, 0.5, 1.0])
+LIMITS = ff.Limits(pointing=[SUN, VIEW])
+
+
+@pytest.fixture(scope="module")
+def motion(spatial: Problem) -> Motion:
+    return ff.simulate(spatial, ATTITUDE, branch=0).chosen.motion
+
+
+@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("drift", [0.0, 0.02])
+def test_the_rim_is_at_the_angle_from_the_target_and_the_arrow_is_the_axis(
+    number: int, drift: float, motion: Motion
+) -> None:
+    """Also of a cone that opens backward, and while the target passes by."""
+    limit = LIMITS.pointing[number]
+    path = replace(motion.problem.path, drift=[drift, 0.0, 0.0])
+    motion = replace(motion, problem=motion.problem.replace(path=path))
+    scene = motion_scene({"good": motion}, pointing=LIMITS.pointing)
+    root = f"/meshcat/good/Pointing limits/pointing.{number}"
+    surface, arrow = vertices(scene, f"{root}/cone/surface"), vertices(scene, f"{root}/axis")
+    distances = np.linalg.norm(surface, axis=1)
+    rim, tip = surface[distances > 1e-9], arrow[np.linalg.norm(arrow, axis=1).argmax()]
+    assert np.ptp(np.linalg.norm(rim, axis=1)) < 1e-6
+    moves = tracks(scene)
+    times, _ = moves[f"{root}/cone.position"]
+    for k in (0, len(times) // 3, len(times) - 1):
+        t = min(float(times[k]), 100.0)
+        (state,) = motion.sample([t])
+        axis, target = limit.vectors(
+            motion.problem.model, state.attitude, state.joints, path.origin(t)
+        )
+        apexes, axes = (
+            moves[f"{root}/{part}.position"][1][3 * k :][:3] for part in ("cone", "axis")
+        )
+        assert apexes == pytest.approx(axes)
+        if limit.point is not None:
+            sight = limit.point + path.origin(t) - apexes
+            assert sight / np.linalg.norm(sight) == pytest.approx(target, abs=1e-5)
+        turned, pointed = (
+            Rotation.from_quat(moves[f"{root}/{part}.quaternion"][1][4 * k :][:4])
+            for part in ("cone", "axis")
+        )
+        cosines = turned.apply(rim) @ target / np.linalg.norm(rim, axis=1)
+        assert np.arccos(cosines) == pytest.approx(limit.angle, abs=1e-5)
+        assert pointed.apply(tip) / np.linalg.norm(tip) == pytest.approx(axis, abs=1e-5)
+
+
+def test_the_first_view_contains_arrows_that_reach_beyond_the_spacecraft(motion: Motion) -> None:
+    scene = motion_scene({"good": motion}, pointing=LIMITS.pointing)
+    arrow = vertices(scene, "/meshcat/good/Pointing limits/pointing.0/axis")
+    tip = arrow[np.linalg.norm(arrow, axis=1).argmax()]
+    box = [1.0, 1.0, 1.0]
+    assert (np.abs(tip) > 0.5 * np.array(box)).any()
+    shown = motion.base_positions[0] + Rotation.from_quat(ATTITUDE).apply(tip)
+    points = np.array(scene.description.view.points)
+    assert np.linalg.norm(points - shown, axis=1).min() < 1e-3
+
+
+def test_plans_and_simulations_without_limits_have_no_item(spatial: Problem) -> None:
+    plain = ff.simulate(spatial, ATTITUDE, branch=0)
+    assert "Pointing limits" not in ff.playback(plain).scene.description.items
+    limited = replace(plain, limits=LIMITS)
+    assert ff.playback(limited).scene.description.items["Pointing limits"]
+
+
+@pytest.mark.slow
+def test_a_page_shows_and_hides_them_with_labels_that_move(
+    browser: Browser, motion: Motion, tmp_path: Path
+) -> None:
+    """The label is at the tip of the arrow at every time."""
+    simulation = ff.simulate(motion.problem, ATTITUDE, branch=0)
+    file = ff.playback(replace(simulation, limits=LIMITS)).save(tmp_path / "page.html")
+    with opened(browser, file) as page:
+        page.only()
+        empty = page.picture()
+        page.only("Pointing limits")
+        assert differing(page.picture(), empty) > 500
+        places = []
+        for time in (0.0, 60.0):
+            page.ask("t => freefloat.seek(t)", time)
+            label = page.page.locator("#labels .label", has_text="pointing.1 inside 17.19°")
+            places.append(
+                [label.evaluate(f"item => item.style.{side}") for side in ("left", "top")]
+            )
+        assert places[0] != places[1]
+        page.only("Robot")
+        page.ask("freefloat.seek(60)")
+        assert page.page.locator("#labels .label").count() == 0
+        assert page.errors == []
