@@ -50,6 +50,13 @@ def test_a_map_has_the_documented_keys_and_is_written() -> None:
         assert json.loads(file["document"].asstr()[()])["best"] == result["best"]
 
 
+def test_a_map_says_that_it_does_not_consider_the_scene() -> None:
+    assert "scene" not in run("map", "easy.yaml").stdout
+    scene = "scene: {bodies: [{name: client, sphere: 0.5, position: [9, 0, 0]}]}"
+    Path("scene.yaml").write_text(f"{Path('easy.yaml').read_text()}\n{scene}\n")
+    assert "The scene is not considered" in run("map", "scene.yaml").stdout
+
+
 def test_a_planar_map_has_regions_of_headings() -> None:
     words = ("map", "planar_3dof/parabola", "--samples", "36")
     result = document(*words)

@@ -84,6 +84,50 @@ def test_info_describes_the_same_robot_by_any_name(
     assert "1 warning" in text
 
 
+MISSION: dict[str, Any] = {
+    "limits": {
+        "base_turn_deg": 8.0,
+        "pointing": [
+            {"body": "spacecraft", "axis": [0.0, 1.0, 0.0], "target": {"point": [9.0, 0.0, 1.0]},
+             "keep": "outside", "angle_deg": 30.0},
+        ],
+    },
+    "scene": {
+        "bodies": [
+            {"name": "client", "box": [1.0, 1.0, 2.0], "position": [9.0, 0.0, 0.0],
+             "tumbling": {"inertia": [9.0, 8.0, 4.0], "rate": [0.03, 0.0, 0.04]}},
+            {"name": "mast", "cylinder": {"radius": 0.1, "length": 3.0}},
+        ],
+        "corridor": {"point": [0.0, 0.0, 1.0], "axis": [0.0, 0.0, 1.0], "radius": 0.3,
+                     "body": "client"},
+    },
+    "wheels": {"momentum": [0.1, 0.0, -0.2]},
+}  # fmt: skip
+
+
+def test_info_lists_scene_pointing_turn_and_wheels_of_a_scenario(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    content = yaml.safe_load(ENTRIES["spatial_6dof/line"].text)
+    Path("mission.yaml").write_text(yaml.safe_dump(content | MISSION))
+    shown = document("info", "mission.yaml")
+    (limit,) = shown["pointing"]
+    assert limit["target"] == MISSION["limits"]["pointing"][0]["target"]
+    assert [limit["angle_deg"], shown["base_turn_deg"]] == pytest.approx([30.0, 8.0])
+    assert [body["name"] for body in shown["scene"]["bodies"]] == ["client", "mast"]
+    assert shown["scene"]["corridor"] == MISSION["scene"]["corridor"]
+    assert shown["wheel_momentum"] == MISSION["wheels"]["momentum"]
+    text = run("info", "mission.yaml").stdout
+    for words in (
+        "box 1 x 1 x 2 m", "tumbling, 2.865 deg/s", "cylinder, radius 0.1 m, length 3 m",
+        "cylinder of radius 0.3 m", "axes of client", "spacecraft (pointing.0)", "outside 30°",
+        "point 9.0000 0.0000 1.0000 m", "at most 8 deg", "0.1000 0.0000 -0.2000 N m s",
+    ):  # fmt: skip
+        assert words in text
+    assert not {"scene", "pointing"} & document("info", "spatial_6dof").keys()
+
+
 @pytest.mark.slow
 def test_info_takes_an_end_effector_and_stock_arms() -> None:
     robot = document("info", "spatial_6dof", "--end-effector", "link_3")

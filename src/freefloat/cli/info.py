@@ -10,18 +10,15 @@ import typer
 from rich.console import RenderableType
 from rich.text import Text
 
-from freefloat.cli.console import (
-    Console,
-    decimals,
-    extent,
-    table,
-)
+from freefloat.cli.console import Console, decimals, extent, table
+from freefloat.cli.mission import mission_document, mission_tables
 from freefloat.cli.options import Attitude, Json, Quiet, comma_separated
 from freefloat.cli.robots import EndEffector, RobotName, diagnostic_lines, load_robot
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.dynamics.summary import Configuration, RobotSummary
+    from freefloat.io.scenario import Scenario
     from freefloat.motion.attitude_hold import HeldAttitude
     from freefloat.robot.rigid_bodies import Body
 
@@ -51,6 +48,8 @@ def info(
 ) -> None:
     """Describe a robot: bodies, joints, barycentric lengths, errors and warnings of its URDF.
 
+    Of a scenario also its scene, its limits of pointing and of the spacecraft's turn, and wheels.
+
     Errors and warnings have file, line, link or joint, and a correction. With --joints, the pose of
     the end-effector in spacecraft, base and inertial axes, the last from --attitude (identity when
     left out). With --hold, what wheels would have to do to hold --attitude (search.from_attitude or
@@ -67,30 +66,38 @@ def info(
     """
     from freefloat.dynamics.summary import RobotSummary
     from freefloat.limits.contact import why_unchecked
-    from freefloat.robot.names import is_scenario
 
     console = Console(as_json, quiet)
-    model, task, measure, diagnostics = load_robot(console, robot, end_effector)
+    loaded = load_robot(console, robot, end_effector)
+    scenario = loaded.scenario
     values = None if joints is None else comma_separated("joints", joints)
     summary = RobotSummary.of(
-        model, task, measure, diagnostics, values, attitude, why_unchecked(model)
+        loaded.model,
+        loaded.task,
+        loaded.measure,
+        loaded.diagnostics,
+        values,
+        attitude,
+        why_unchecked(loaded.model),
     )
-    held = _held(robot, attitude) if hold else None
-    console.json(summary.to_dict() | ({} if held is None else {"hold": held.to_dict()}))
-    default_link = end_effector is None and not is_scenario(robot)
+    held = _held(robot, scenario, attitude) if hold else None
+    document = summary.to_dict()
+    document |= {} if scenario is None else mission_document(scenario)
+    console.json(document | ({} if held is None else {"hold": held.to_dict()}))
+    default_link = end_effector is None and scenario is None
     console.tables(_tables(summary, default_link))
+    if scenario is not None:
+        console.tables(mission_tables(scenario))
+    console.tables(_remarks(summary))
     if held is not None:
         console.tables(_hold_tables(held))
 
 
-def _held(name: str, attitude: Sequence[float] | None) -> HeldAttitude:
-    from freefloat.io.scenario import load_scenario
+def _held(name: str, scenario: Scenario | None, attitude: Sequence[float] | None) -> HeldAttitude:
     from freefloat.motion.attitude_hold import hold_attitude
-    from freefloat.robot.names import is_scenario
 
-    if not is_scenario(name):
+    if scenario is None:
         raise InputError("hold", f"{name} has no path", "a scenario")
-    scenario = load_scenario(name)
     present = scenario.search().from_attitude if attitude is None else attitude
     return hold_attitude(scenario.problem(), [0.0, 0.0, 0.0, 1.0] if present is None else present)
 
@@ -111,7 +118,7 @@ def _hold_tables(held: HeldAttitude) -> Iterator[RenderableType]:
 
 
 def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableType]:
-    """The bodies, the joints, the reach, and what validation found."""
+    """The bodies, the joints, and the reach."""
     from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 
     model, measure, extremes = summary.model, summary.measure, summary.extremes
@@ -144,8 +151,13 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
         )  # fmt: skip
     if summary.contact_unchecked is not None:
         yield f"motions are not searched for contact: {summary.contact_unchecked}"
+
+
+def _remarks(summary: RobotSummary) -> Iterator[RenderableType]:
+    """The end-effector at given joints, and what validation found."""
     if summary.configuration is not None:
-        yield from _configuration_lines(summary.configuration, model.moving_joints[0].parent)
+        carrier = summary.model.moving_joints[0].parent
+        yield from _configuration_lines(summary.configuration, carrier)
     yield from diagnostic_lines(summary.diagnostics)
 
 

@@ -179,6 +179,8 @@ def _attitude_tables(name: str, result: AttitudeMap) -> Iterator[RenderableType]
 def _start_lines(result: AttitudeMap | HeadingMap) -> Iterator[str]:
     """Yield lines on what the fractions depend on."""
     yield from search_lines(result.search)
+    if result.problem.scene.bodies or result.problem.scene.corridor is not None:
+        yield "The scene is not considered: plan keeps clear of its bodies and inside its corridor."
     if result.search.joints is None and result.problem.redundant:
         yield (
             "The arm is redundant: up to 16 of its infinitely many configurations at each attitude "

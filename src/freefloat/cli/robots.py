@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,6 +20,7 @@ from freefloat.errors import InputError
 if TYPE_CHECKING:
     from freefloat.dynamics.measures import SingularityMeasure
     from freefloat.dynamics.momentum import Task
+    from freefloat.io.scenario import Scenario
     from freefloat.robot.description import UrdfDiagnostic
     from freefloat.robot.model import FreeFloatingModel
 
@@ -40,10 +41,27 @@ EndEffector = Annotated[
 ]
 
 
-def load_robot(
-    console: Console, robot: str, end_effector: str | None
-) -> tuple[FreeFloatingModel, Task, SingularityMeasure, tuple[UrdfDiagnostic, ...]]:
-    """Model, task and measure of a scenario or a URDF, and what validation found."""
+@dataclass(frozen=True, eq=False)
+class LoadedRobot:
+    """The robot of a scenario or a URDF.
+
+    Attributes:
+        model: The robot.
+        task: The scenario's task, or one with as many rows as the arm can do.
+        measure: The measure of the scenario's margin, or ``gjm``.
+        diagnostics: Warnings of the URDF.
+        scenario: The scenario; None for a URDF.
+    """
+
+    model: FreeFloatingModel
+    task: Task
+    measure: SingularityMeasure
+    diagnostics: tuple[UrdfDiagnostic, ...]
+    scenario: Scenario | None = None
+
+
+def load_robot(console: Console, robot: str, end_effector: str | None) -> LoadedRobot:
+    """The robot of a scenario or a URDF; exits with its errors if it has some."""
     from freefloat.dynamics.measures import singularity_measure
     from freefloat.dynamics.summary import natural_task
     from freefloat.io.scenario import load_scenario
@@ -65,13 +83,14 @@ def load_robot(
         mounted = loaded.content.robot.spacecraft is not None
         diagnostics = _require_no_error(console, examine(loaded.urdf(), mounted))
         problem = loaded.problem()
-        return problem.model, problem.task, problem.margin.measure, diagnostics
+        measure = problem.margin.measure
+        return LoadedRobot(problem.model, problem.task, measure, diagnostics, loaded)
     if robot.startswith(_EXAMPLES) or robot in bundled_robots() or is_file(Path(robot)):
         urdf = find_robot(robot, Path())
         diagnostics = _require_no_error(console, examine(urdf))
         model = FreeFloatingModel.from_urdf(urdf, end_effector)
         task = natural_task(model)
-        return model, task, singularity_measure(model, task, "gjm"), diagnostics
+        return LoadedRobot(model, task, singularity_measure(model, task, "gjm"), diagnostics)
     if scenarios := [name for name in bundled_scenarios() if name.startswith(f"{robot}/")]:
         accepted = f"one of them: {', '.join(scenarios)}"
         raise InputError("robot", f"{robot} is assembled in scenarios, not a URDF", accepted)

@@ -70,7 +70,8 @@ def singularities(
     from freefloat.workspace.singularity_map import singularity_map
 
     console = Console(as_json, quiet)
-    model, task, measure, _ = load_robot(console, robot, end_effector)
+    loaded = load_robot(console, robot, end_effector)
+    model, task, measure = loaded.model, loaded.task, loaded.measure
     prepare_outputs(output=output, html=html, folder=plots)
     width = None if resolution is None else math.radians(resolution)
     began = time.perf_counter()

@@ -1,0 +1,99 @@
+"""What ``freefloat info`` says of a scenario beside its robot: scene, pointing, turn, wheels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from rich.console import RenderableType
+
+from freefloat.cli.console import decimals, table
+
+if TYPE_CHECKING:
+    from freefloat.io.scenario import Scenario
+    from freefloat.motion.pointing import PointingLimit
+    from freefloat.paths.scene import Corridor
+    from freefloat.paths.scene_body import SceneBody
+
+
+def mission_document(scenario: Scenario) -> dict[str, Any]:
+    """Scene, limits of pointing and turn, and wheels with the keys of a scenario."""
+    from freefloat.io.limits_section import limits_content
+    from freefloat.io.scene_section import scene_content
+
+    problem = scenario.problem()
+    limits = limits_content(scenario.limits(), problem.model.joint_names)
+    return {
+        "scene": scene_content(problem.scene),
+        "pointing": limits["pointing"],
+        "base_turn_deg": limits["base_turn_deg"],
+        "wheel_momentum": problem.wheel_momentum.tolist(),
+    }
+
+
+def mission_tables(scenario: Scenario) -> Iterator[RenderableType]:
+    """The same as tables and lines, of those that there are."""
+    problem, limits = scenario.problem(), scenario.limits()
+    if problem.scene.bodies:
+        rows = table("body of the scene", "shape", "position [m]", "motion")
+        for body in problem.scene.bodies:
+            rows.add_row(body.name, _shape(body), decimals(body.position), _motion(body))
+        yield rows
+    if problem.scene.corridor is not None:
+        yield _corridor(problem.scene.corridor)
+    if limits.pointing:
+        rows = table("limit of pointing", "axis", "keeps", "target")
+        for number, limit in enumerate(limits.pointing):
+            angle = f"{limit.keep} {math.degrees(limit.angle):.4g}°"
+            where = f"{limit.body} (pointing.{number})"
+            rows.add_row(where, decimals(limit.axis), angle, _target(limit))
+        yield rows
+    if limits.base_turn is not None:
+        yield f"turn of the spacecraft: at most {math.degrees(limits.base_turn):.4g} deg"
+    if problem.wheel_momentum.any():
+        yield f"momentum in wheels: {decimals(problem.wheel_momentum)} N m s, spacecraft axes"
+
+
+def _shape(body: SceneBody) -> str:
+    """Kind and size of a body."""
+    from pathlib import Path
+
+    from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
+
+    match body.shape:
+        case Box(size=size):
+            return f"box {' x '.join(f'{edge:g}' for edge in size)} m"
+        case Sphere(radius=radius):
+            return f"sphere, radius {radius:g} m"
+        case Cylinder(radius=radius, length=length):
+            return f"cylinder, radius {radius:g} m, length {length:g} m"
+        case MeshFile(filename=name):
+            return f"mesh {Path(name).name}"
+        case description:
+            return f"URDF {Path(description.source).name}"
+
+
+def _motion(body: SceneBody) -> str:
+    from freefloat.paths.tumbling import Tumbling
+
+    if isinstance(body.motion, Tumbling):
+        rate = math.degrees(float(np.linalg.norm(body.motion.rate)))
+        return f"tumbling, {rate:.4g} deg/s"
+    return "fixed" if body.motion == "fixed" else "with the target"
+
+
+def _corridor(corridor: Corridor) -> str:
+    if corridor.half_angle is None:
+        kind = f"cylinder of radius {corridor.radius:g} m through"
+    else:
+        kind = f"cone of half angle {math.degrees(corridor.half_angle):.4g} deg from"
+    frame = "" if corridor.body is None else f", axes of {corridor.body}"
+    return f"corridor: {kind} {decimals(corridor.point)} m along {decimals(corridor.axis)}{frame}"
+
+
+def _target(limit: PointingLimit) -> str:
+    if limit.point is None:
+        return f"direction {decimals(np.asarray(limit.direction))}"
+    return f"point {decimals(limit.point)} m"
