@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import sys
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from rich.console import Console
@@ -107,7 +108,8 @@ def slacks(
 
 def sweep(problem: ff.Problem, limits: ff.Limits, branch: int) -> Array:
     """Whether motions from all headings keep the margin and the limits."""
-    integrator, duration = EnsembleIntegrator(problem, tolerance=1e-9), problem.path.duration
+    integrator = EnsembleIntegrator(problem, tolerance=1e-9)
+    times = np.linspace(0.0, problem.path.duration, SPANS + 1)
     branches = problem.many_branches(heading_quaternion(HEADINGS))
     found = np.flatnonzero(branches.exist[:, branch])
     A, Q = heading_quaternion(HEADINGS[found]), branches.joints[found, branch]
@@ -117,8 +119,8 @@ def sweep(problem: ff.Problem, limits: ff.Limits, branch: int) -> Array:
     if len(found) == 0:
         return verdicts
     initial, values = A, [slacks(problem, limits, A, A, Q)]
-    for k in range(SPANS):
-        starts, ends = (np.full(len(A), duration * j / SPANS) for j in (k, k + 1))
+    for start, end in pairwise(times):
+        starts, ends = np.full(len(A), start), np.full(len(A), end)
         result = integrator.integrate(A, Q, starts=starts, ends=ends)
         A, Q = result.attitudes.copy(), result.joints.copy()
         values.append(slacks(problem, limits, initial, A, Q))
