@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import freefloat.dynamics.global_maximum as maxima
 from freefloat.dynamics.global_maximum import global_maximum, guaranteed_magnitude
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.measures import singularity_measure
@@ -70,6 +71,25 @@ def test_the_search_does_not_depend_on_its_start() -> None:
         found = global_maximum(polynomial, start, 1e-6)
         assert found.value == pytest.approx(7.127288996993473, abs=1e-6)
         assert found.upper_bound >= 7.127288996993473
+
+
+def test_the_bound_holds_when_the_search_ends_early(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(maxima, "_MOST", 64)
+    problem = bundled("spatial_6dof/line")
+    early = guaranteed_magnitude(problem.model, problem.task, "system")
+    assert early.upper_bound > 1.01 * early.value
+    unproven = guaranteed_magnitude(problem.model, problem.task, "gjm")
+    assert unproven.upper_bound == np.inf
+    monkeypatch.undo()
+    proven = guaranteed_magnitude(problem.model, problem.task, "system")
+    assert early.value <= proven.upper_bound < early.upper_bound
+
+
+def test_a_tolerance_below_rounding_ends() -> None:
+    problem = bundled("planar_2dof/line")
+    polynomial = SingularityPolynomial.of(problem.model, problem.task)
+    found = global_maximum(polynomial, np.array([0.1, 1.0]), 0.0)
+    assert found.value <= found.upper_bound < found.value + 1e-6
 
 
 def test_a_wrong_polynomial_is_noticed() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from itertools import product
 
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from freefloat.dynamics import singularity_polynomial
+from freefloat.dynamics.joint_polynomial import JointPolynomial
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task, system_matrix
@@ -23,8 +25,11 @@ from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.workspace.planar import PlanarArm, two_angles
+from freefloat.workspace.singularity_distance import distance_to_singularity
+from freefloat.workspace.singularity_map import singularity_map
+from tests.errors import error_key
 from tests.motions import bundled
-from tests.robots import random_robot, robots
+from tests.robots import planar_robot, random_robot, robots
 
 BUNDLED = ("planar_2dof/line", "planar_3dof/parabola", "spatial_6dof/line", "ets_vii/line",
            "ur5_servicer/arc")  # fmt: skip
@@ -173,3 +178,50 @@ def test_polynomials_that_are_too_large_are_refused(monkeypatch: pytest.MonkeyPa
     with pytest.raises(InputError) as error:
         SingularityPolynomial.of(problem.model, problem.task)
     assert error.value.key == "robot"
+
+
+def extremes_beyond_bounds(polynomial: JointPolynomial, half: float) -> int:
+    """Number of random boxes (half widths in rad) with a sampled value out of their bounds."""
+    rng = np.random.default_rng(3)
+    n = len(polynomial.bases)
+    centres = rng.uniform(-np.pi, np.pi, (200, n))
+    lower, upper = polynomial.enclosures(centres, np.full(n, half))
+    points = centres[:, None] + rng.uniform(-half, half, (200, 400, n))
+    values = polynomial.values(points.reshape(-1, n)).reshape(200, 400)
+    beyond = (values < lower[:, None]) | (values > upper[:, None])
+    return int(np.count_nonzero(beyond.any(axis=1)))
+
+
+@pytest.mark.parametrize("half", [0.02, 0.5])
+def test_values_in_boxes_are_within_their_bounds(half: float) -> None:
+    """Of small boxes by bounds of the third derivatives, of large ones by those of the second."""
+    _, polynomial = of_scenario("planar_3dof/parabola")
+    assert extremes_beyond_bounds(polynomial, half) == 0
+
+
+def test_a_wrong_bound_of_second_derivatives_is_noticed() -> None:
+    _, polynomial = of_scenario("planar_3dof/parabola")
+    wrong, bounds = replace(polynomial), polynomial.derivative_bounds
+    object.__setattr__(wrong, "derivative_bounds", (*bounds[:2], 0.1 * bounds[2], bounds[3]))
+    assert extremes_beyond_bounds(wrong, 0.5) > 0
+
+
+def test_arms_without_the_freedom_for_a_task_are_refused() -> None:
+    planar = bundled("planar_2dof/line").model
+    assert error_key(lambda: SingularityPolynomial.of(planar)) == "task"
+    assert error_key(lambda: singularity_map(planar)) == "task"
+    assert error_key(lambda: distance_to_singularity(planar, [0.3, 0.7])) == "task"
+    coaxial = planar_robot([100.0, 1e-13, 10.0], [20.0, 1e-13, 1.0], [0.0, 0.5], [0.5, 0.0, 0.5])
+    model = FreeFloatingModel.from_urdf(coaxial)
+    assert error_key(lambda: SingularityPolynomial.of(model, "planar-position")) == "task"
+
+
+def test_joints_are_fixed_within_their_ranges_and_in_radians() -> None:
+    problem, polynomial = of_scenario("planar_2dof/line")
+    model, task = problem.model, problem.task
+    for value in (90.0, np.nan):
+        fixed = {"q1": value}
+        assert error_key(lambda f=fixed: SingularityPolynomial.of(model, task, f)) == "fixed q1"
+    for joints in ([[0.3, 0.7, 1.0]], [[[0.3, 0.7]]], [0.3]):
+        assert error_key(lambda q=joints: polynomial.values(q)) == "joints"
+    assert polynomial.values([0.3, 0.7]).shape == (1,)

@@ -84,7 +84,7 @@ def test_boxes_marked_singular_hold_a_change_of_sign() -> None:
     assert count > 50
 
 
-def test_a_wrong_bound_on_second_derivatives_is_contradicted(
+def test_wrong_bounds_are_contradicted(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     problem = bundled("planar_2dof/line")

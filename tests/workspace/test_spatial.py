@@ -1,4 +1,4 @@
-"""Areas of spatial arms: exact ones of elbow arms, and those of samples of any arm."""
+"""Areas of spatial arms: exact ones of elbow arms, and certified shells of any arm."""
 
 from __future__ import annotations
 

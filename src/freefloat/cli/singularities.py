@@ -14,7 +14,7 @@ from rich.console import RenderableType
 from freefloat.cli.console import Console, decimals, draw, short_label, table
 from freefloat.cli.options import Json, Plots, Quiet, ResultFile, comma_separated, prepare_outputs
 from freefloat.cli.robots import EndEffector, RobotName, load_robot
-from freefloat.errors import InputError
+from freefloat.errors import InputError, finite_number
 
 if TYPE_CHECKING:
     from freefloat.dynamics.global_maximum import GlobalMaximum
@@ -73,13 +73,17 @@ def singularities(
     loaded = load_robot(console, robot, end_effector)
     model, task, measure = loaded.model, loaded.task, loaded.measure
     prepare_outputs(output=output, html=html, folder=plots)
-    width = None if resolution is None else math.radians(resolution)
+    width = None
+    if resolution is not None:
+        accepted = "0.0001 to 180, in degrees"
+        width = math.radians(finite_number("resolution", resolution, accepted, 1e-4, 180.0))
     began = time.perf_counter()
     with console.progress("dividing the joint space") as progress:
         found = singularity_map(model, task, width, fixed=_fixed(fix or ()), progress=progress)
     with console.progress("joining boxes"):
         components = singularity_components(found)
-        names = ("system", *(["gjm"] if measure.name == "gjm" else [])) if _square(found) else ()
+        whole = model.dof == len(task.rows) and not fix
+        names = ("system", *(["gjm"] if measure.name == "gjm" else [])) if whole else ()
         largest = {name: guaranteed_magnitude(model, task, name) for name in names}
     seconds = time.perf_counter() - began
     document = {
@@ -87,7 +91,10 @@ def singularities(
         **found.to_dict(),
         "components": components.to_dict(),
         "largest": {
-            name: {"value": maximum.value, "upper_bound": maximum.upper_bound}
+            name: {
+                "value": maximum.value,
+                "upper_bound": maximum.upper_bound if math.isfinite(maximum.upper_bound) else None,
+            }
             for name, maximum in largest.items()
         },
         "seconds": seconds,
@@ -107,18 +114,15 @@ def singularities(
     console.json(document)
 
 
-def _square(found: SingularityMap) -> bool:
-    return found.model.dof == len(found.task.rows)
-
-
 def _fixed(options: Sequence[str]) -> dict[str, float]:
     """Values of joints from options such as ``q1=0.5``."""
-    values = {}
+    values: dict[str, float] = {}
     for option in options:
         name, _, value = option.partition("=")
         numbers = comma_separated("fix", value)
-        if len(numbers) != 1:
-            raise InputError("fix", f"{option!r} was given", "a joint and a value: q1=0.5")
+        if len(numbers) != 1 or name in values:
+            accepted = "a joint and its only value: q1=0.5"
+            raise InputError("fix", f"{option!r} was given", accepted)
         values[name] = numbers[0]
     return values
 
@@ -152,10 +156,10 @@ def _tables(
         yield listed
     for measure, maximum in largest.items():
         where = decimals(maximum.joints)
-        gap = maximum.upper_bound / maximum.value - 1.0
         word = "det A" if measure == "system" else "det S*"
-        yield (
-            f"largest |{word}|: {maximum.value:.8g} at joints {where}; no configuration exceeds it "
-            f"by more than {gap:.1g} of it"
-        )
+        proof = "not proven: it takes too many boxes"
+        if math.isfinite(maximum.upper_bound):
+            gap = maximum.upper_bound / maximum.value - 1.0
+            proof = f"no configuration exceeds it by more than {gap:.1g} of it"
+        yield f"largest |{word}|: {maximum.value:.8g} at joints {where}; {proof}"
     yield f"{seconds:.1f} s"

@@ -10,6 +10,8 @@ from rich.console import RenderableType
 from freefloat.cli.console import Console, extent, table
 from freefloat.cli.options import Json, Quiet, ScenarioName
 
+_WORDS = {True: "inside", False: "outside", None: "undecided"}
+
 if TYPE_CHECKING:
     from freefloat.workspace.regions import Workspace
 
@@ -51,8 +53,7 @@ def _tables(name: str, result: Workspace, measure: str) -> Iterator[RenderableTy
         yield "Regions: unknown, the arm is redundant"
         return
     parts = "; ".join(
-        f"{low:.3f} to {high:.3f} {'inside' if inside else 'outside'}"
-        for (low, high), inside in result.path
+        f"{low:.3f} to {high:.3f} {_WORDS[inside]}" for (low, high), inside in result.path
     )
     yield f"The path, by s, and the path-dependent regions: {parts}"
     if result.measure == "arm":

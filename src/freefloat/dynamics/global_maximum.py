@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from freefloat.so3 import Array, frozen
 
 _TOLERANCE = 1e-7
 """Relative difference between guaranteed bounds and values."""
+_ROUNDS = 8
+"""Largest number of improvements of the ratio of two polynomials."""
 _MOST = 2**20
 """Largest number of boxes at a time."""
 
@@ -30,7 +32,7 @@ class GlobalMaximum:
     Attributes:
         value: Largest value found.
         joints: Joint values there, shape (n,).
-        upper_bound: No value is larger.
+        upper_bound: No value is larger; infinite where nothing was proven.
     """
 
     value: float
@@ -38,17 +40,20 @@ class GlobalMaximum:
     upper_bound: float
 
 
-def global_maximum(polynomial: JointPolynomial, start: Array, tolerance: float) -> GlobalMaximum:
+def global_maximum(
+    polynomial: JointPolynomial, start: Array, tolerance: float, floor: float = -np.inf
+) -> GlobalMaximum:
     """The maximum of a polynomial over the joint space, and a bound that proves it.
 
     Boxes of the joint space are halved until none can contain a value more than ``tolerance`` above
     the largest one found, the joint being chosen that changes the value most. The bound is wider
-    where that takes more than a million boxes at a time.
+    where that takes more than a million boxes at a time, or is finer than rounding.
 
     Args:
         polynomial: The polynomial.
         start: Joint values (n,) of a large value, such as a local maximum.
         tolerance: Difference of :attr:`GlobalMaximum.upper_bound` from the value.
+        floor: Smaller values are not told apart.
     """
     centres, halves = whole_joint_space(polynomial)
     best, at = float(polynomial.values(start[None])[0]), start
@@ -57,12 +62,13 @@ def global_maximum(polynomial: JointPolynomial, start: Array, tolerance: float) 
         first = int(values.argmax())
         if values[first] > best:
             best, at = float(values[first]), centres[first]
-        bounds = values + parts.sum(axis=1) + polynomial.rounding
-        left = bounds > best + tolerance
-        if 2 * left.sum() > _MOST:
+        far = parts.sum(axis=1)
+        bounds = values + far + polynomial.rounding
+        left = bounds > max(best + tolerance, floor)
+        if 2 * left.sum() > _MOST or (far[left] < polynomial.rounding).any():
             return GlobalMaximum(best, frozen(at), float(bounds.max()))
         centres, halves = halved(centres[left], halves[left], parts[left])
-    return GlobalMaximum(best, frozen(at), best + tolerance)
+    return GlobalMaximum(best, frozen(at), max(best + tolerance, floor))
 
 
 def whole_joint_space(polynomial: JointPolynomial) -> tuple[Array, Array]:
@@ -89,35 +95,40 @@ def halved(centres: Array, halves: Array, parts: Array) -> tuple[Array, Array]:
 def guaranteed_magnitude(model: FreeFloatingModel, task: Task, name: str) -> GlobalMaximum:
     """The largest magnitude of a determinant over the joint space, and a bound that proves it.
 
-    Where r is that of ``gjm``, which is det A / det D, neither det A - r det D nor
-    -det A - r det D is positive anywhere, and these are polynomials.
+    That of ``gjm``, which is det A / det D, is at most r where neither det A - r det D nor
+    -det A - r det D is positive anywhere; these are polynomials.
 
     Args:
         model: Robot, whose arm is not redundant.
         task: Task.
         name: ``system`` or ``gjm``.
 
+    Returns:
+        With the bound infinity where nothing could be proven.
+
     Raises:
         InputError: See :meth:`SingularityPolynomial.of`.
     """
     extremes = joint_space_extremes(model, singularity_measure(model, task, name))
     A = SingularityPolynomial.of(model, task)
-    r, at = extremes.magnitude, extremes.largest_at
-    if extremes.largest < r:
-        at = extremes.smallest_at
+    sides = (A, extremes.largest_at), (-A, extremes.smallest_at)
     if name == "system":
-        positive = global_maximum(A, extremes.largest_at, _TOLERANCE * r)
-        negative = global_maximum(-A, extremes.smallest_at, _TOLERANCE * r)
-        return max(positive, negative, key=lambda maximum: maximum.value)
+        tolerance = _TOLERANCE * extremes.magnitude
+        found = [global_maximum(side, start, tolerance) for side, start in sides]
+        bound = max(maximum.upper_bound for maximum in found)
+        return replace(max(found, key=lambda maximum: maximum.value), upper_bound=bound)
     D = locked_inertia_polynomial(model, task)
-    own = model.bodies[0].inertia  # D less it is positive semidefinite
-    smallest = float(own[2, 2] if task.planar else np.linalg.det(own))
-    while True:
-        tolerance = _TOLERANCE * r * smallest
-        positive = global_maximum(A.minus(D, r), extremes.largest_at, tolerance)
-        negative = global_maximum((-A).minus(D, r), extremes.smallest_at, tolerance)
-        larger = max(positive, negative, key=lambda maximum: maximum.value)
-        if larger.value <= tolerance:
-            return GlobalMaximum(r, at, r + larger.upper_bound / smallest)
+    r, at = max(
+        (float(side.values(start[None])[0] / D.values(start[None])[0]), start)
+        for side, start in sides
+    )
+    for _ in range(_ROUNDS):
+        bound = (1.0 + _TOLERANCE) * r
+        found = [global_maximum(side.minus(D, bound), at, 0.0, floor=0.0) for side, _ in sides]
+        larger = max(found, key=lambda maximum: maximum.value)
+        if larger.value <= 0.0:
+            break
         at = larger.joints
         r = float(np.abs(A.values(at[None])[0] / D.values(at[None])[0]))
+    proven = all(maximum.upper_bound <= 0.0 for maximum in found)
+    return GlobalMaximum(r, at, bound if proven else np.inf)

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import chebyshev
 
+from freefloat.dynamics.joint_space import configurations
 from freefloat.so3 import Array, IntArray
 
 _ROUNDINGS, _EPSILON = 10.0, 1e-15
@@ -79,8 +80,8 @@ class JointBasis:
         inverse = np.linalg.inv(self.functions(self.nodes))
         return np.asarray(np.tensordot(inverse, samples, axes=1))
 
-    def magnitudes(self, coefficients: Array) -> Array:
-        """Those of complex exponentials instead of cosines and sines, along the first axis."""
+    def exponential(self, coefficients: Array) -> Array:
+        """Coefficients of complex exponentials instead of cosines and sines, along axis 0."""
         if self.prismatic:
             return coefficients
         cosines, sines = coefficients[1::2], coefficients[2::2]
@@ -88,7 +89,7 @@ class JointBasis:
         return np.concatenate([coefficients[:1], *pairs])
 
     def largest(self, derivative: int) -> Array:
-        """Largest magnitudes of the derivative of the functions of :meth:`magnitudes`, (size,)."""
+        """Largest magnitudes of the derivative of the functions of :meth:`exponential`, (size,)."""
         if not self.prismatic:
             orders = np.arange(1.0, self.degree + 1)
             return np.asarray(np.concatenate([[0.0], orders, orders]) ** derivative)
@@ -118,17 +119,18 @@ class JointPolynomial:
 
     def values(self, joints: npt.ArrayLike) -> Array:
         """Values at joint values (K, n); shape (K,)."""
-        q = np.asarray(joints, dtype=float)
+        q = configurations(joints, len(self.bases))
         return self._by_batch(q, [()])[:, 0]
 
     def gradients(self, joints: npt.ArrayLike) -> Array:
         """Gradients at joint values (K, n); shape (K, n)."""
-        q = np.asarray(joints, dtype=float)
+        q = configurations(joints, len(self.bases))
         return self._by_batch(q, [(joint,) for joint in range(len(self.bases))])
 
     def hessians(self, joints: npt.ArrayLike) -> Array:
         """Second derivatives at joint values (K, n); shape (K, n, n)."""
-        q, n = np.asarray(joints, dtype=float), len(self.bases)
+        n = len(self.bases)
+        q = configurations(joints, n)
         rows, columns = np.triu_indices(n)
         upper = self._by_batch(q, list(zip(rows.tolist(), columns.tolist(), strict=True)))
         result = np.empty((len(q), n, n))
@@ -223,8 +225,7 @@ class JointPolynomial:
         """Partial derivatives by the joints listed, shape (K, len(derivatives))."""
         order = np.lexsort(q.T[::-1])  # neighbours share work
         result = np.empty((len(q), len(derivatives)))
-        rest = self.coefficients[0].size
-        batch = max(1, min(_BATCH, _NUMBERS // rest))
+        batch = max(1, min(_BATCH, _NUMBERS // self.coefficients[0].size))
         for first in range(0, len(q), batch):
             rows = order[first : first + batch]
             result[rows] = self._derivatives(q[rows], derivatives)
@@ -265,7 +266,7 @@ class JointPolynomial:
         """
         series: Any = self.coefficients
         for axis, basis in enumerate(self.bases):
-            series = along(axis, basis.magnitudes, series)
+            series = along(axis, basis.exponential, series)
         n = len(self.bases)
         bounds = [np.zeros((n,) * order) for order in range(4)]
         for order, bound in enumerate(bounds):

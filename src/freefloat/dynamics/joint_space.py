@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
 from freefloat.dynamics.measures import SingularityMeasure
 from freefloat.errors import InputError
@@ -63,17 +64,39 @@ def largest_magnitude(
     return max(largest, abs(_minimized(model, measure, points[:_REFINED])[0]))
 
 
-def joint_box(model: FreeFloatingModel) -> tuple[Array, Array]:
+def joint_box(
+    model: FreeFloatingModel, fixed: Mapping[int, float] | None = None
+) -> tuple[Array, Array]:
     """Lower and upper bounds of the joint space: a full revolution or a prismatic joint's range.
 
+    Args:
+        model: Robot.
+        fixed: Joints with a fixed value, by index; their bounds are one unit to either side.
+
     Raises:
-        InputError: If a prismatic joint has no finite range.
+        InputError: If another prismatic joint has no finite range.
     """
-    lower, upper = model.joint_ranges
-    for joint in np.flatnonzero(model.prismatic & ~np.isfinite(upper - lower)):
+    lower, upper = map(np.copy, model.joint_ranges)
+    revolute = ~model.prismatic
+    lower[revolute], upper[revolute] = -np.pi, np.pi
+    for joint, value in (fixed or {}).items():
+        lower[joint], upper[joint] = value - 1.0, value + 1.0
+    for index in np.flatnonzero(~np.isfinite(upper - lower)):
         problem = "it is prismatic and has no limits"
-        raise InputError(f"joint {model.joint_names[joint]}", problem, "a finite range")
-    return np.where(model.prismatic, lower, -np.pi), np.where(model.prismatic, upper, np.pi)
+        raise InputError(f"joint {model.joint_names[index]}", problem, "a finite range")
+    return lower, upper
+
+
+def configurations(joints: npt.ArrayLike, n: int) -> Array:
+    """Joint values as an array of shape (K, n); one configuration (n,) is a row.
+
+    Raises:
+        InputError: If the shape is another one, or a value is not finite.
+    """
+    q = np.atleast_2d(np.asarray(joints, dtype=float))
+    if q.ndim != 2 or q.shape[1] != n or not np.isfinite(q).all():
+        raise InputError("joints", f"shape {np.shape(joints)} was given", f"finite, shape (K, {n})")
+    return q
 
 
 def optimizer_bounds(model: FreeFloatingModel) -> list[tuple[float | None, float | None]]:

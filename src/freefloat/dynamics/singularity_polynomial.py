@@ -14,8 +14,8 @@ import numpy as np
 
 from freefloat.dynamics.joint_polynomial import JointBasis, JointPolynomial, along
 from freefloat.dynamics.joint_space import joint_box
-from freefloat.dynamics.momentum import Task, system_matrix
-from freefloat.errors import InputError
+from freefloat.dynamics.momentum import Task, require_enough_joints, system_matrix
+from freefloat.errors import InputError, finite_number
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen, low_discrepancy
 
@@ -27,6 +27,10 @@ _PROBES, _CHECKS = 4, 256
 """Configurations at which degrees are determined, and those at which the result is checked."""
 _ROUNDING = 1e-13
 """Magnitude of coefficients that are rounding, relative to the largest value."""
+_LARGEST_RESIDUAL, _VANISHING = 1e-9, 1e-11
+"""Largest residual, and the largest value over Hadamard's bound that is rounding."""
+_MOST_RADIANS = 4.0 * np.pi
+"""Magnitude above which the value of a fixed joint is taken for degrees."""
 _BATCH = 4096
 """Configurations of which matrices are held at a time."""
 
@@ -64,26 +68,40 @@ class SingularityPolynomial(JointPolynomial):
                 others.
 
         Raises:
-            InputError: If there is no such task or joint, a prismatic joint has no finite range, or
-                the polynomial has more than five million coefficients.
+            InputError: If there is no such task or joint, the arm has too few joints, a prismatic
+                joint has no finite range, or a joint is fixed outside of it; if det A vanishes
+                everywhere, has more than five million coefficients or cannot be represented.
         """
         task = Task.of(task)
-        values = {_joint(model, name): value for name, value in (fixed or {}).items()}
-
-        def with_fixed(q: Array) -> Array:
-            q = q.copy()
-            q[:, list(values)] = list(values.values())
-            return determinants(model, q, task)
-
-        found = fitted(with_fixed, model)
+        require_enough_joints(model, task)
+        values = dict(_fixed_joint(model, *pair) for pair in (fixed or {}).items())
+        _require_freedom(model, task, values)
+        found = fitted(lambda q: determinants(model, q, task), model, values)
         return cls(found.bases, found.coefficients, found.residual)
 
 
-def _joint(model: FreeFloatingModel, name: str) -> int:
-    """Index of a joint."""
+def _fixed_joint(model: FreeFloatingModel, name: str, value: float) -> tuple[int, float]:
+    """Index and value of a fixed joint."""
     if name not in model.joint_names:
         raise InputError("fixed", f"there is no joint {name}", ", ".join(model.joint_names))
-    return model.joint_names.index(name)
+    joint = model.joint_names.index(name)
+    lower, upper = (float(ends[joint]) for ends in model.joint_ranges)
+    if not model.prismatic[joint]:
+        lower, upper = -_MOST_RADIANS, _MOST_RADIANS
+    accepted = f"a value from {lower:g} to {upper:g} [rad or m]"
+    return joint, finite_number(f"fixed {name}", value, accepted, lower, upper)
+
+
+def _require_freedom(model: FreeFloatingModel, task: Task, fixed: Mapping[int, float]) -> None:
+    """Raise an InputError where det A vanishes in all configurations, see Hadamard's inequality."""
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (_PROBES, model.dof))
+    q[:, list(fixed)] = list(fixed.values())
+    bounds = np.linalg.norm(system_matrix(model, q, task), axis=-1).prod(axis=-1)
+    if model.dof > len(task.rows):
+        bounds = bounds**2
+    if (np.abs(determinants(model, q, task)) <= _VANISHING * bounds).all():
+        problem = "det A vanishes in all configurations: the arm cannot follow the task"
+        raise InputError("task", problem, "a task for which the arm has the freedom")
 
 
 def determinants(model: FreeFloatingModel, joints: Array, task: Task) -> Array:
@@ -103,42 +121,58 @@ def locked_inertia_polynomial(model: FreeFloatingModel, task: Task) -> JointPoly
     return fitted(lambda q: np.linalg.det(system_matrix(model, q, task)[:, :k, :k]), model)
 
 
-def fitted(function: Callable[[Array], Array], model: FreeFloatingModel) -> JointPolynomial:
+def fitted(
+    function: Callable[[Array], Array],
+    model: FreeFloatingModel,
+    fixed: Mapping[int, float] | None = None,
+) -> JointPolynomial:
     """The polynomial that a function of the joints is.
 
     Args:
         function: Its values at joint values (K, n); shape (K,).
         model: Robot.
+        fixed: Joints that keep a value, by index.
 
     Raises:
         InputError: See :meth:`SingularityPolynomial.of`.
     """
-    lower, upper = joint_box(model)
+    lower, upper = joint_box(model, fixed)
+    joints, values = list(fixed or {}), list((fixed or {}).values())
+
+    def evaluated(q: Array) -> Array:
+        q = q.copy()
+        q[:, joints] = values
+        return function(q)
+
     checks = lower + (upper - lower) * low_discrepancy(_CHECKS, model.dof)
-    exact = function(checks)
+    exact = evaluated(checks)
     scale = np.abs(exact).max() or 1.0
     kinds = zip(model.prismatic.tolist(), lower.tolist(), upper.tolist(), strict=True)
     bases = []
     for joint, kind in enumerate(kinds):
         highest = JointBasis(_HIGHEST, *kind)
-        degree = _degree(function, highest, joint, checks[:_PROBES], _ROUNDING * scale)
+        degree = _degree(evaluated, highest, joint, checks[:_PROBES], _ROUNDING * scale)
         bases.append(JointBasis(degree, *kind))
     count = int(np.prod([float(basis.size) for basis in bases]))
     if count > MOST_COEFFICIENTS:
         degrees = ", ".join(str(basis.degree) for basis in bases)
         raise InputError(
-            "robot", f"det A of degrees {degrees} in the joints has {count:,} coefficients",
+            "robot", f"a polynomial of degrees {degrees} in the joints has {count:,} coefficients",
             f"at most {MOST_COEFFICIENTS:,}",
         )  # fmt: skip
     nodes = np.meshgrid(*(basis.nodes for basis in bases), indexing="ij")
     grid = np.stack(nodes, axis=-1).reshape(count, -1)
-    samples = [function(grid[first : first + _BATCH]) for first in range(0, count, _BATCH)]
+    samples = [evaluated(grid[first : first + _BATCH]) for first in range(0, count, _BATCH)]
     coefficients = np.concatenate(samples).reshape([basis.size for basis in bases])
     for axis, basis in enumerate(bases):
         coefficients = along(axis, basis.coefficients, coefficients)
     coefficients = frozen(np.ascontiguousarray(coefficients))
     deviations = JointPolynomial(tuple(bases), coefficients, 0.0).values(checks) - exact
-    return JointPolynomial(tuple(bases), coefficients, float(np.abs(deviations).max() / scale))
+    residual = float(np.abs(deviations).max() / scale)
+    if not residual < _LARGEST_RESIDUAL:
+        problem = f"its determinants cannot be represented: residual {residual:.1g}"
+        raise InputError("robot", problem, "lengths and ranges of like magnitudes")
+    return JointPolynomial(tuple(bases), coefficients, residual)
 
 
 def _degree(

@@ -33,6 +33,9 @@ from freefloat.workspace.singularity_map import Kind, SingularityMap
 
 _RASTER = 360
 """Cells of the raster, and intervals of the grid for det A = 0, across a panel."""
+_SHIFT = -1e-3
+"""Shift of the grid of revolute joints in revolutions: zeros at 180 degrees, which are also at -180
+degrees, are a whole line at one of the edges."""
 _COLOURS = ("#FBE3C0", "#7FB8DC", "#6E6E6E")
 """Det A positive, negative, undecided: light, medium and dark in grey tones."""
 _LABELS = ("det A > 0", "det A < 0", "singular or undecided")
@@ -115,7 +118,10 @@ def _draw_section(axes: Any, plane: Section) -> list[Any]:
         Patch(facecolor=_COLOURS[k], edgecolor=BLACK, linewidth=0.4, label=_LABELS[k])
         for k in np.unique(classes)
     ]
-    ticks = plane.ticks(np.linspace(0.0, 1.0, _RASTER + 1))
+    revolute = [unit == "deg" for unit, _ in units]
+    shifts = _SHIFT * (plane.upper - plane.lower) * revolute
+    lines = plane.ticks(np.linspace(0.0, 1.0, _RASTER + 1))
+    ticks = [tick + shift for tick, shift in zip(lines, shifts, strict=True)]
     values = plane.polynomial.values(plane.grid(ticks)).reshape(_RASTER + 1, _RASTER + 1)
     if plane.signs_differ(values):
         x, y = (factor * tick for factor, tick in zip(factors, ticks, strict=True))

@@ -42,7 +42,7 @@ class Workspace:
         smallest_s: Smallest S found in the joint space.
         undecided: Intervals of which neither is proven.
         path: Intervals of s along the path, in order, each with whether it lies in a path-dependent
-            area; ends accurate to 1e-3. Empty if the areas are unknown.
+            area, None in an undecided one; ends accurate to 1e-3. Empty if the areas are unknown.
     """
 
     point: str
@@ -55,7 +55,7 @@ class Workspace:
     largest_s: float
     smallest_s: float
     undecided: tuple[Interval, ...] = ()
-    path: tuple[tuple[Interval, bool], ...] = ()
+    path: tuple[tuple[Interval, bool | None], ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``freefloat workspace``."""
@@ -162,7 +162,7 @@ def _complement(intervals: tuple[Interval, ...], whole: Interval) -> tuple[Inter
     return tuple((a, b) for a, b in gaps if b - a > 1e-6 * whole[1])
 
 
-def _path_areas(problem: Problem, workspace: Workspace) -> tuple[tuple[Interval, bool], ...]:
+def _path_areas(problem: Problem, workspace: Workspace) -> tuple[tuple[Interval, bool | None], ...]:
     """Parts of the path inside and outside of path-dependent areas, see :class:`Workspace`."""
     if workspace.path_dependent is None:
         return ()
@@ -170,10 +170,11 @@ def _path_areas(problem: Problem, workspace: Workspace) -> tuple[tuple[Interval,
     poses = [problem.path.pose_at(float(value)) for value in s]
     points = np.array([pose.position + pose.rotation @ workspace.offset for pose in poses])
     radii = np.linalg.norm(points[:, :2] if problem.task.planar else points, axis=1)
-    inside = np.zeros(len(s), dtype=bool)
-    for low, high in workspace.path_dependent:
-        inside |= (radii >= low) & (radii <= high)
-    changes = np.flatnonzero(inside[1:] != inside[:-1])
+    kinds = np.zeros(len(s), dtype=int)
+    for kind, areas in enumerate((workspace.path_dependent, workspace.undecided), start=1):
+        for low, high in areas:
+            kinds[(radii >= low) & (radii <= high) & (kinds == 0)] = kind
+    changes = np.flatnonzero(np.diff(kinds))
     edges = [0.0, *((s[changes] + s[changes + 1]) / 2.0).tolist(), 1.0]
-    flags = inside[[0, *(changes + 1)]].tolist()
+    flags = [(False, True, None)[kind] for kind in kinds[[0, *(changes + 1)]]]
     return tuple(zip(pairwise(edges), flags, strict=True))

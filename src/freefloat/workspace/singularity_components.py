@@ -37,7 +37,7 @@ class Component:
 
     Attributes:
         sign: Sign of det A.
-        volume: Fraction of the joint space.
+        volume: Fraction of the joint space, of the boxes that were joined, the 200,000 largest.
         branches: How many of the arm branches of random poses lie in it, by label.
     """
 
@@ -61,7 +61,11 @@ class SingularityComponents:
     components: tuple[Component, ...]
 
     def at(self, joints: npt.ArrayLike) -> _Labels:
-        """Numbers of the components that hold joint values (K, n), -1 for none; shape (K,)."""
+        """Numbers of the components that hold joint values (K, n), shape (K,).
+
+        It is -1 where no component is known, also in boxes without singularities that were too
+        small to be joined.
+        """
         return self.labels[self.singularity_map.locate(joints)]
 
     def to_dict(self) -> list[dict[str, Any]]:
@@ -110,6 +114,7 @@ def _connected(found: SingularityMap, nodes: IntArray, centres: Array, halves: A
     edges = []
     for joint, side in product(found.joints if len(nodes) else (), (-1.0, 1.0)):
         points = centres.copy()
+        # boxes have dyadic widths: half of the smallest one is within the neighbour of any
         points[:, joint] += side * (halves[:, joint] + halves[:, joint].min() / 2.0)
         neighbours = row[found.locate(points)]
         free = np.flatnonzero(neighbours >= 0)

@@ -40,7 +40,8 @@ class SingularityDistance:
     Distances are Euclidean, in rad for revolute joints and m for prismatic ones.
 
     Attributes:
-        lower_bound: No configuration closer than this is singular.
+        lower_bound: No configuration closer than this is singular, prismatic joints within their
+            ranges.
         distance: Distance of ``joints``; infinite where no singular configuration was found.
         joints: Nearest singular configuration that was found, shape (n,); revolute joints continue
             from those given.
@@ -104,6 +105,8 @@ def distance_to_singularity(
         raise InputError("joints", f"{q.tolist()} is out of range", "prismatic joints within it")
     lower, upper = np.where(model.prismatic, (lower, upper), (q - np.pi, q + np.pi))
     S = polynomial or SingularityPolynomial.of(model, task)
+    if any((basis.upper - basis.lower < 2.0 * np.pi) & (not basis.prismatic) for basis in S.bases):
+        raise InputError("polynomial", "some of its joints are fixed", "that of all joints")
     search = _Search(S, q, lower, upper)
     lower_bound = search.lower_bound()
     if search.nearest is None:

@@ -24,6 +24,7 @@ import numpy.typing as npt
 from freefloat.concurrency import Progress
 from freefloat.dynamics.global_maximum import halved, whole_joint_space
 from freefloat.dynamics.joint_polynomial import JointPolynomial
+from freefloat.dynamics.joint_space import configurations
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.singularity_polynomial import SingularityPolynomial
 from freefloat.errors import InputError, finite_number
@@ -34,8 +35,8 @@ _RESOLUTIONS = (0.1, 0.1, 0.1, 1.0, 5.0, 15.0)
 """Default resolutions [deg] for maps of so many joints; the last one for more joints."""
 _MOST_JOINTS = 5
 """Joints of redundant arms, whose polynomials have twice the degree, that can be mapped."""
-_BOXES = 2**17
-"""Boxes that are processed together."""
+_BOXES, _MOST_BOXES = 2**17, 200_000_000
+"""Boxes that are processed together, and the largest number of all: one byte each."""
 
 
 class Kind(IntEnum):
@@ -113,7 +114,7 @@ class SingularityMap:
         """
         bases = self.polynomial.bases
         lower, upper = (np.array([getattr(b, end) for b in bases]) for end in ("lower", "upper"))
-        u = (np.asarray(joints, dtype=float) - lower) / (upper - lower)
+        u = (configurations(joints, len(bases)) - lower) / (upper - lower)
         prismatic = np.array([basis.prismatic for basis in bases])
         u = np.where(prismatic, np.clip(u, 0.0, np.nextafter(1.0, 0.0)), u % 1.0)
         found = np.zeros(len(u), dtype=int)
@@ -176,8 +177,8 @@ def singularity_map(
         progress: Called with the fraction of the joint space that is done.
 
     Raises:
-        InputError: See :meth:`SingularityPolynomial.of`; if the resolution is not positive, or more
-            than five joints of a redundant arm are not fixed.
+        InputError: See :meth:`SingularityPolynomial.of`; if the resolution is not within 1e-6 and
+            pi, or more than five joints of a redundant arm are not fixed.
 
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
@@ -187,10 +188,7 @@ def singularity_map(
         True
     """
     task = Task.of(task)
-    values = {
-        name: finite_number(f"fixed {name}", value, "a joint value [rad or m]")
-        for name, value in (fixed or {}).items()
-    }
+    values = dict(fixed or {})
     if model.dof > len(task.rows) and model.dof - len(values) > _MOST_JOINTS:
         problem = f"its arm is redundant and {model.dof - len(values)} joints are not fixed"
         raise InputError("robot", problem, f"all but {_MOST_JOINTS} joints fixed")
@@ -198,7 +196,8 @@ def singularity_map(
     count = len(polynomial.moving)
     if resolution is None:
         resolution = float(np.radians(_RESOLUTIONS[min(count, len(_RESOLUTIONS) - 1)]))
-    resolution = finite_number("resolution", resolution, "a width above 0", 1e-6)
+    accepted = "a width from 1e-6 rad to pi, half a revolution"
+    resolution = finite_number("resolution", resolution, accepted, 1e-6, np.pi)
     nodes = _Subdivision(polynomial, resolution, progress).nodes()
     return SingularityMap(model, task, polynomial, values, resolution, nodes)
 
@@ -215,7 +214,7 @@ class _Subdivision:
         )
         self._progress = progress
         self._levels: list[list[npt.NDArray[np.uint8]]] = []
-        self._done = 0.0
+        self._done, self._count = 0.0, 0
 
     def nodes(self) -> npt.NDArray[np.uint8]:
         """The tree of boxes, see the module."""
@@ -232,6 +231,10 @@ class _Subdivision:
                     part = slice(first, first + _BOXES)
                     self._process(level, centres[part], halves[part])
                 return
+            self._count += len(centres)
+            if self._count > _MOST_BOXES:
+                problem = f"it takes more than {_MOST_BOXES:,} boxes"
+                raise InputError("resolution", problem, "a coarser one, or more joints fixed")
             values, parts = self._polynomial.variations(centres, halves)
             signed = np.abs(values) > parts.sum(axis=1) + self._polynomial.rounding
             joints = parts.argmax(axis=1)
