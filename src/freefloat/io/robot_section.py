@@ -97,8 +97,8 @@ class RobotSection(Section):
     """The robot."""
 
     urdf: Name
-    """A URDF file, relative to the scenario file, the name of a bundled robot, or
-    ``example-robot-data:NAME``."""
+    """A URDF, xacro or MJCF file, relative to the scenario file, the name of a bundled robot,
+    ``example-robot-data:NAME`` or ``robot_descriptions:NAME``."""
     end_effector: Name
     """The link that follows the path."""
     scale_mass: Factor | dict[str, Factor] = 1.0

@@ -80,8 +80,8 @@ class FreeFloatingModel:
         """Load a robot whose root link is the spacecraft, or an arm with its spacecraft.
 
         Args:
-            urdf: A file, XML text, or a name: of a bundled robot, such as ``"spatial_6dof"``, or
-                ``"example-robot-data:ur10"``.
+            urdf: A URDF, xacro or MJCF file, XML text of a URDF, or a name: of a bundled robot, as
+                ``"spatial_6dof"``, ``"example-robot-data:ur10"``, ``"robot_descriptions:panda"``.
             end_effector: Link that follows the path; optional where the robot has a single last
                 link.
             scale_mass: Factor on every mass and inertia, or a map from link to factor.

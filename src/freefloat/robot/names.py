@@ -7,7 +7,9 @@ import sysconfig
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, distribution
+from importlib.util import find_spec
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
@@ -16,6 +18,8 @@ from freefloat.errors import InputError, did_you_mean, one_line
 _EXAMPLES = "example-robot-data"
 EXAMPLE = f"{_EXAMPLES}:"
 """Prefix of the names of that package's robots."""
+DESCRIPTIONS = "robot_descriptions:"
+"""Prefix of the names of robots of the package robot_descriptions."""
 _LARGEST = 20_000_000
 """Size limit of a text file [bytes]."""
 
@@ -80,7 +84,8 @@ def find_robot(name: str, folder: Path) -> Path:
     """The URDF file of a path, or else of a bundled robot's name or file name.
 
     Args:
-        name: The path or name; ``example-robot-data:NAME`` is a robot of that package.
+        name: The path or name; ``example-robot-data:NAME`` and ``robot_descriptions:NAME`` are
+            robots of these packages.
         folder: The folder that the path is relative to.
 
     Raises:
@@ -92,6 +97,8 @@ def find_robot(name: str, folder: Path) -> Path:
         if short not in robots:
             raise unknown("urdf", name, [EXAMPLE + robot for robot in sorted(robots)], "one of")
         return robots[short]
+    if name.startswith(DESCRIPTIONS):
+        return described_robot(name.removeprefix(DESCRIPTIONS))
     path = folder / name
     stem = name.removesuffix(".urdf")
     if is_file(path):
@@ -103,6 +110,35 @@ def find_robot(name: str, folder: Path) -> Path:
         short = stem.removesuffix("_robot")
         names += [EXAMPLE + short] if short in example_robots() else []
     raise unknown("urdf", name, names, "a URDF file, or one of")
+
+
+def described_robot(name: str) -> Path:
+    """The URDF or MJCF file of a robot of the package robot_descriptions.
+
+    That package downloads a robot when it is first asked for.
+
+    Args:
+        name: With or without ``_description``, such as ``panda``.
+
+    Raises:
+        InputError: If the package is not installed, has no such robot or cannot download it.
+    """
+    module = f"robot_descriptions.{name.removesuffix('_description')}_description"
+    if find_spec("robot_descriptions") is None:
+        problem = "the package robot_descriptions is not installed"
+        raise InputError("urdf", problem, "pip install robot_descriptions, or a file")
+    try:
+        robot = import_module(module)
+    except ModuleNotFoundError:
+        problem = f"robot_descriptions has no robot {name}"
+        raise InputError("urdf", problem, "a name that it lists, such as panda") from None
+    except Exception as error:  # of any kind: it runs git
+        problem = f"robot_descriptions cannot load {name} ({one_line(str(error))})"
+        raise InputError("urdf", problem, "a robot that it can download") from None
+    for key in ("URDF_PATH", "MJCF_PATH"):
+        if hasattr(robot, key):
+            return Path(getattr(robot, key))
+    raise InputError("urdf", f"{module} names no file", "a robot with a URDF or MJCF file")
 
 
 def example_robots() -> dict[str, Path]:

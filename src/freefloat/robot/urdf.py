@@ -38,6 +38,8 @@ MAGNITUDE = 1e12
 _MOST = 1000
 """Number of links and joints that a robot may have."""
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+_MJCF = re.compile(r"\s*(?:<\?.*?\?>\s*|<!--.*?-->\s*)*<mujoco\b", re.DOTALL)
+"""Beginning of a model of MuJoCo."""
 
 
 def is_text(urdf: str | Path) -> bool:
@@ -59,7 +61,7 @@ def parse_urdf(urdf: str | Path) -> RobotDescription:
     """
     source = "URDF text" if is_text(urdf) else str(Path(urdf))
     try:
-        text = str(urdf) if is_text(urdf) else read_text(Path(urdf))
+        text = str(urdf) if is_text(urdf) else _text_of_file(Path(urdf))
     except ValueError as error:
         raise ModelError("urdf", f"{source}: {error}", "a readable URDF file") from None
     declaration = text.find("<!DOCTYPE")
@@ -91,9 +93,23 @@ def parse_urdf(urdf: str | Path) -> RobotDescription:
     return decode(robot, source)
 
 
+def _text_of_file(file: Path) -> str:
+    """Text of a URDF, also of what a xacro or MJCF file describes."""
+    text = read_text(file)
+    if file.suffix == ".xacro":
+        from freefloat.robot.xacro import urdf_of_xacro
+
+        return urdf_of_xacro(file)
+    if _MJCF.match(text):
+        from freefloat.robot.mjcf import urdf_of_mjcf
+
+        return urdf_of_mjcf(file)
+    return text
+
+
 def _xacro_error(source: str, line: int) -> ModelError:
     problem = "it is xacro, macros and expressions from which a URDF is made"
-    remedy = "what `xacro FILE > robot.urdf` writes (pip install xacro)"
+    remedy = "a file whose name ends in .xacro, or what `xacro FILE > robot.urdf` writes"
     return ModelError("urdf", problem, remedy, source, line)
 
 

@@ -1,0 +1,201 @@
+"""Robots in xacro and MJCF files, and of the package robot_descriptions."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import freefloat as ff
+from freefloat.dynamics.momentum import mass_matrix
+from freefloat.io.mjcf_file import mjcf_text
+from freefloat.io.trajectory import Trajectory
+from freefloat.robot.names import models_folder
+from tests.errors import error_key
+from tests.motions import bundled
+
+HEAD = '<robot name="{name}" xmlns:xacro="http://www.ros.org/wiki/xacro">\n'
+BODIES = """
+  <xacro:macro name="body" params="name mass:=10 length:=0.5 radius:=0.05">
+    <link name="${name}">
+      <visual><origin xyz="${length / 2} 0 0" rpy="0 ${pi / 2} 0"/>
+        <geometry><cylinder radius="${radius}" length="${length}"/></geometry></visual>
+      <inertial>
+        <origin xyz="${length / 2} 0 0"/><mass value="${mass}"/>
+        <inertia ixx="${mass * radius**2 / 2}" ixy="0" ixz="0"
+          iyy="${mass * (3 * radius**2 + length**2) / 12}" iyz="0"
+          izz="${mass * (3 * radius**2 + length**2) / 12}"/>
+      </inertial>
+    </link>
+  </xacro:macro>
+  <xacro:macro name="hinge" params="name parent child x axis">
+    <joint name="${name}" type="revolute">
+      <parent link="${parent}"/><child link="${child}"/>
+      <origin xyz="${x} 0 0"/><axis xyz="${axis}"/>
+      <limit lower="${-pi}" upper="${pi}" effort="30" velocity="0.5"/>
+    </joint>
+  </xacro:macro>
+"""
+TOOL = """
+  <link name="tool"/>
+  <joint name="tool_joint" type="fixed"><parent link="{last}"/><child link="tool"/>
+    <origin xyz="{x} 0 0"/></joint>
+"""
+ETS_VII = """
+  <xacro:include filename="$(find onorbit_description)/urdf/bodies.xacro"/>
+  <xacro:body name="satellite" mass="2550" length="2.4" radius="1.0"/>
+  <xacro:property name="links" value="${[0.2, 1.0, 0.9, 0.2, 0.15, 0.1]}"/>
+  <xacro:property name="axes" value="${['0 0 1', '0 1 0', '0 1 0', '1 0 0', '0 1 0', '1 0 0']}"/>
+  <xacro:macro name="arm" params="parent x k">
+    <xacro:body name="link_${k}" mass="${20 / (k + 1)}" length="${links[k]}"/>
+    <xacro:hinge name="joint_${k}" parent="${parent}" child="link_${k}" x="${x}" axis="${axes[k]}"/>
+    <xacro:if value="${k &lt; 5}">
+      <xacro:arm parent="link_${k}" x="${links[k]}" k="${k + 1}"/>
+    </xacro:if>
+  </xacro:macro>
+  <xacro:arm parent="satellite" x="2.4" k="0"/>
+"""
+PREFIXED = """
+  <xacro:arg name="prefix" default="left_"/>
+  <xacro:property name="p" value="$(arg prefix)"/>
+  <xacro:body name="bus" mass="${200 + 50}" length="1.0" radius="0.5"/>
+  <xacro:body name="${p}upper" length="0.8"/><xacro:body name="${p}lower" length="0.7"/>
+  <xacro:hinge name="${p}q1" parent="bus" child="${p}upper" x="1.0" axis="0 0 1"/>
+  <xacro:hinge name="${p}q2" parent="${p}upper" child="${p}lower" x="0.8" axis="0 0 1"/>
+"""
+CONDITIONS = """
+  <xacro:property name="slender" value="true"/>
+  <xacro:body name="bus" mass="100" length="1.0" radius="0.4"/>
+  <xacro:if value="${slender}"><xacro:body name="a" length="0.9" radius="0.02"/></xacro:if>
+  <xacro:unless value="${slender}"><xacro:body name="a" length="0.5"/></xacro:unless>
+  <xacro:body name="b" length="${0.5 * sqrt(2)}"/><xacro:body name="c" length="${sin(pi / 6)}"/>
+  <xacro:hinge name="q1" parent="bus" child="a" x="1.0" axis="0 0 1"/>
+  <xacro:hinge name="q2" parent="a" child="b" x="0.9" axis="0 0 1"/>
+  <xacro:hinge name="q3" parent="b" child="c" x="${0.5 * sqrt(2)}" axis="0 0 1"/>
+"""
+SLIDE = """
+  <xacro:property name="stroke" value="0.6"/>
+  <xacro:body name="bus" mass="300" length="1.0" radius="0.5"/>
+  <xacro:body name="boom" length="1.0"/><xacro:body name="slider" length="0.4"/>
+  <xacro:hinge name="q1" parent="bus" child="boom" x="1.0" axis="0 0 1"/>
+  <joint name="d2" type="prismatic"><parent link="boom"/><child link="slider"/>
+    <origin xyz="1.0 0 0"/><axis xyz="1 0 0"/>
+    <limit lower="0" upper="${stroke}" effort="10" velocity="0.1"/></joint>
+"""
+FILES = {
+    "ets_vii_like": (ETS_VII, "link_5", 0.1, 6, "pose"),
+    "prefixed": (BODIES + PREFIXED, "left_lower", 0.7, 2, "planar-position"),
+    "conditions": (BODIES + CONDITIONS, "c", 0.5, 3, "planar-pose"),
+    "slide": (BODIES + SLIDE, "slider", 0.4, 2, "planar-position"),
+}
+"""Text, last link and its length, number of joints, and task."""
+
+
+@pytest.fixture
+def xacro(tmp_path: Path):
+    """Write a xacro file into a package of ROS; its path."""
+    folder = tmp_path / "onorbit_description" / "urdf"
+    folder.mkdir(parents=True)
+    (folder.parent / "package.xml").write_text(
+        "<package><name>onorbit_description</name></package>"
+    )
+    (folder / "bodies.xacro").write_text(HEAD.format(name="bodies") + BODIES + "</robot>")
+
+    def write(name: str) -> Path:
+        text, last, length, _, _ = FILES[name]
+        file = folder / f"{name}.urdf.xacro"
+        file.write_text(
+            HEAD.format(name=name) + text + TOOL.format(last=last, x=length) + "</robot>"
+        )
+        return file
+
+    return write
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_robots_in_xacro_load_and_plan(name: str, xacro) -> None:
+    file = xacro(name)
+    _, _, _, joints, task = FILES[name]
+    model = ff.FreeFloatingModel.from_urdf(file)
+    assert model.dof == joints
+    rng = np.random.default_rng(1)
+    q = np.where(model.prismatic, 0.3, rng.uniform(0.5, 1.0, joints))
+    start = model.end_effector_pose([0.0, 0.0, 0.0, 1.0], q)
+    scenario = {
+        "robot": {"urdf": str(file), "end_effector": "tool"},
+        "task": task,
+        "path": {"line": {"from": start.position.tolist(),
+                          "to": (0.97 * start.position).tolist()}},
+        "timing": {"duration": 60},
+        "margin": {"measure": "system", "fraction": 0.01},
+        "search": {"samples": 64},
+    }  # fmt: skip
+    if task in ("pose", "planar-pose"):
+        scenario["path"]["attitude"] = {"fixed": {"axes": {
+            "x": start.rotation[:, 0].tolist(), "y": start.rotation[:, 1].tolist()}}}  # fmt: skip
+    loaded = ff.load_scenario(scenario)
+    plan = ff.plan(loaded.problem(), loaded.search(), loaded.limits())
+    assert plan.feasible, plan.reason
+    assert ff.check(plan).discrepancies == ()
+
+
+def test_expressions_are_evaluated(xacro) -> None:
+    model = ff.FreeFloatingModel.from_urdf(xacro("conditions"))
+    tool = model.end_effector_pose([0.0, 0.0, 0.0, 1.0], np.zeros(3)).position
+    bus = model.base_position([0.0, 0.0, 0.0, 1.0], np.zeros(3))
+    assert tool[0] - bus[0] == pytest.approx(1.0 + 0.9 + np.sqrt(0.5) + 0.5)
+
+
+def test_errors_of_xacro_files(tmp_path: Path) -> None:
+    for text in ("<robot", HEAD.format(name="a") + "<xacro:none/></robot>",
+                 HEAD.format(name="a") + '<link name="${1 / 0}"/></robot>'):  # fmt: skip
+        (tmp_path / "a.xacro").write_text(text)
+        assert error_key(ff.FreeFloatingModel.from_urdf, tmp_path / "a.xacro") == "urdf"
+
+
+@pytest.mark.parametrize("name", ["ets_vii/line", "planar_3dof/parabola", "ssrms/transfer"])
+def test_a_model_of_mujoco_has_the_same_dynamics(name: str, tmp_path: Path) -> None:
+    problem = bundled(name)
+    motion = ff.plan(problem, ff.Search(samples=16)).chosen.motion
+    file = tmp_path / "robot.xml"
+    file.write_text(mjcf_text(Trajectory.sampled(motion, 3)))
+    read = ff.FreeFloatingModel.from_urdf(file)
+    assert read.joint_names == problem.model.joint_names
+    for q in np.random.default_rng(0).uniform(-1.0, 1.0, (5, read.dof)):
+        M = mass_matrix(problem.model, q)
+        np.testing.assert_allclose(mass_matrix(read, q), M, atol=1e-9 * np.abs(M).max())
+
+
+def test_models_of_mujoco_that_are_no_arms_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "robot.xml"
+    bodies = {
+        "two roots": '<body name="a"><geom size="1"/></body><body name="b"><geom size="1"/></body>',
+        "ball": '<body name="a"><freejoint/><geom size="1"/><body name="b"><joint type="ball"/>'
+                '<geom size="1"/></body></body>',
+        "two joints": '<body name="a"><geom size="1"/><body name="b"><joint axis="1 0 0"/>'
+                      '<joint axis="0 1 0"/><geom size="1"/></body></body>',
+        "not closed": "<body>",
+    }  # fmt: skip
+    for text in bodies.values():
+        file.write_text(f"<mujoco><worldbody>{text}</worldbody></mujoco>")
+        assert error_key(ff.FreeFloatingModel.from_urdf, file) == "urdf"
+
+
+def test_robots_of_robot_descriptions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    package = tmp_path / "robot_descriptions"
+    package.mkdir()
+    urdf = models_folder() / "planar_2dof" / "planar_2dof.urdf"
+    (package / "__init__.py").write_text("")
+    (package / "mine_description.py").write_text(f"URDF_PATH = {str(urdf)!r}")
+    (package / "torn_description.py").write_text("raise OSError('no network')")
+    for name in [name for name in sys.modules if name.startswith("robot_descriptions")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.syspath_prepend(tmp_path)
+    assert ff.FreeFloatingModel.from_urdf("robot_descriptions:mine").dof == 2
+    for name in ("torn", "missing"):
+        name = f"robot_descriptions:{name}"
+        assert error_key(ff.FreeFloatingModel.from_urdf, name) == "urdf"
+    for name in [name for name in sys.modules if name.startswith("robot_descriptions")]:
+        monkeypatch.delitem(sys.modules, name)
