@@ -31,6 +31,8 @@ from .io.scenario import load_scenario as load_scenario
 from .motion.integration import integrate_motion as integrate_motion
 from .motion.attitude_hold import hold_attitude as hold_attitude
 from .motion.extrema import closest_approach as closest_approach
+from .dynamics.capture import Client as Client
+from .dynamics.capture import capture as capture
 from .limits.limits import Limits as Limits
 from .motion.pointing import PointingLimit as PointingLimit
 from .limits.check import check_limits as check_limits

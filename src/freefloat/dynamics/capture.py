@@ -1,0 +1,195 @@
+"""Capture of a client spacecraft: momentum, impulse and rates when it becomes a payload.
+
+At contact the grapple of the client coincides with the end-effector, to which it is fixed from then
+on. The impact is plastic; its impulse on both bodies is the one that makes their velocities there
+equal. The linear momentum of both and their angular momentum about the common centre of mass do not
+change.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.dynamics.momentum import end_effector_jacobian, mass_matrix, momentum_map
+from freefloat.errors import finite_vector, require_type
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.parts import Mount, Payload
+from freefloat.so3 import Array, frozen, rotation_matrix, unit_quaternion
+
+
+def _zeros() -> Array:
+    return np.zeros(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Client:
+    """A rigid spacecraft that is captured.
+
+    Attributes:
+        mass: [kg].
+        inertia: About its centre of mass, axes of its frame [kg m²]; in the forms of
+            :class:`~freefloat.robot.parts.Spacecraft`.
+        grapple: Pose of the end-effector's frame in the client's frame at contact.
+        angular_velocity: Before contact, axes of its frame [rad/s], shape (3,).
+        velocity: Of its centre of mass before contact, inertial axes [m/s], shape (3,).
+        com: Centre of mass in its frame [m], shape (3,).
+
+    Example:
+        >>> grapple = ff.robot.parts.Mount([0.5, 0.0, 0.0])
+        >>> ff.Client(mass=100.0, inertia=[20.0, 20.0, 10.0], grapple=grapple).payload.mass
+        100.0
+    """
+
+    mass: float
+    inertia: Array = field(repr=False)
+    grapple: Mount = field(default_factory=Mount)
+    angular_velocity: Array = field(default_factory=_zeros)
+    velocity: Array = field(default_factory=_zeros)
+    com: Array = field(default_factory=_zeros)
+
+    def __post_init__(self) -> None:
+        require_type("client.grapple", self.grapple, Mount, "Mount(xyz, rpy)")
+        for name in ("angular_velocity", "velocity", "com"):
+            values = frozen(finite_vector(f"client.{name}", getattr(self, name), 3))
+            object.__setattr__(self, name, values)
+        body = Payload(self.mass, self.inertia, self.com)  # which checks them
+        object.__setattr__(self, "inertia", body.inertia)
+
+    @property
+    def payload(self) -> Payload:
+        """The client as a payload of the end-effector."""
+        grapple = self.grapple.pose
+        R = grapple.rotation
+        return Payload(self.mass, R.T @ self.inertia @ R, R.T @ (self.com - grapple.position))
+
+
+@dataclass(frozen=True, eq=False)
+class Capture:
+    """The system just after a capture. All vectors are in inertial axes.
+
+    Attributes:
+        model: The robot with the client as payload.
+        mismatch: End-effector twist minus that of the grapple before contact [m/s; rad/s], (6,).
+        impulse: On the end-effector, at the origin of its frame, with joints that move freely
+            [N s; N m s], shape (6,); zero where the velocities match.
+        joint_rates: Just after contact, joints moving freely [rad/s or m/s], shape (n,).
+        base_rate: The spacecraft's angular velocity then [rad/s], shape (3,).
+        momentum: Angular momentum about the common centre of mass [N m s], shape (3,).
+        velocity: Of the common centre of mass [m/s], shape (3,).
+        centre_of_mass: The common one, from that of the robot before [m], shape (3,).
+        locked_rate: Angular velocity of the whole system once its joints are locked [rad/s], (3,).
+        smallest_rate: Of the locked system's rotation about its axis of largest inertia [rad/s]: no
+            rotation in these joints with this momentum is slower.
+        largest_rate: About its axis of smallest inertia: none is faster.
+    """
+
+    model: FreeFloatingModel = field(repr=False)
+    mismatch: Array
+    impulse: Array
+    joint_rates: Array
+    base_rate: Array
+    momentum: Array
+    velocity: Array
+    centre_of_mass: Array
+    locked_rate: Array
+    smallest_rate: float
+    largest_rate: float
+
+
+def capture(
+    model: FreeFloatingModel,
+    client: Client,
+    attitude: npt.ArrayLike,
+    joints: npt.ArrayLike,
+    joint_rates: npt.ArrayLike,
+    momentum: npt.ArrayLike = (0.0, 0.0, 0.0),
+    velocity: npt.ArrayLike = (0.0, 0.0, 0.0),
+) -> Capture:
+    """Fix a client to the end-effector.
+
+    Args:
+        model: Robot.
+        client: Client, its grapple at the end-effector.
+        attitude: Of the spacecraft, unit quaternion x, y, z, w.
+        joints: Joint values, shape (n,).
+        joint_rates: Before contact, shape (n,).
+        momentum: Angular momentum of the robot about its centre of mass before contact, inertial
+            axes [N m s], shape (3,).
+        velocity: Of the robot's centre of mass before contact, inertial axes [m/s], shape (3,).
+
+    Raises:
+        InputError: If a vector has another shape or is not finite, or no rigid body has the
+            client's inertia.
+
+    Example:
+        >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
+        >>> client = ff.Client(50.0, [4.0, 4.0, 4.0], angular_velocity=[0.0, 0.0, 0.1])
+        >>> after = ff.capture(model, client, [0.0, 0.0, 0.0, 1.0], [0.3, 0.7], [0.0, 0.0])
+        >>> after.momentum.round(6)
+        array([0. , 0. , 0.4])
+    """
+    require_type("client", client, Client, "Client(mass, inertia, grapple)")
+    a = unit_quaternion("attitude", attitude)
+    q, rates = model.joint_vector(joints), model.joint_vector(joint_rates, "joint_rates")
+    h, v = finite_vector("momentum", momentum, 3), finite_vector("velocity", velocity, 3)
+    R = rotation_matrix(a)
+    A = momentum_map(model, q, a)
+    before = np.linalg.solve(A[:, :6], [*(model.total_mass * v), *h] - A[:, 6:] @ rates)
+    before = np.concatenate([before, rates])
+
+    pose = model.end_effector_pose(a, q)
+    body, axes = client.payload, pose.rotation @ client.grapple.pose.rotation.T
+    omega = axes @ client.angular_velocity
+    arm = pose.rotation @ body.com  # from the end-effector to the client's centre of mass
+    J = end_effector_jacobian(model, q, a)
+    mismatch = J @ before - np.concatenate([client.velocity - np.cross(omega, arm), omega])
+    M_inverse = np.linalg.inv(mass_matrix(model, q))
+    impulse = -np.linalg.solve(
+        J @ M_inverse @ J.T + _mobility(client.mass, axes @ client.inertia @ axes.T, arm), mismatch
+    )
+    after = before + M_inverse @ J.T @ impulse
+
+    total = model.total_mass + client.mass
+    place = pose.position + arm
+    centre, common = client.mass * place / total, model.total_mass * v
+    common = (common + client.mass * client.velocity) / total
+    H = (
+        h + model.total_mass * np.cross(-centre, v - common)
+        + axes @ client.inertia @ client.angular_velocity
+        + client.mass * np.cross(place - centre, client.velocity - common)
+    )  # fmt: skip
+    new = _with_payload(model, body)
+    D = R @ momentum_map(new, q)[3:, 3:6] @ R.T
+    moments = np.linalg.eigvalsh(D)
+    size = float(np.linalg.norm(H))
+    return Capture(
+        new, frozen(mismatch), frozen(impulse), frozen(after[6:]), frozen(R @ after[3:6]),
+        frozen(H), frozen(common), frozen(centre), frozen(np.linalg.solve(D, H)),
+        size / float(moments[-1]), size / float(moments[0]),
+    )  # fmt: skip
+
+
+def _mobility(mass: float, inertia: Array, arm: Array) -> Array:
+    """Change of a rigid body's twist at a point per impulse there, shape (6, 6).
+
+    Args:
+        mass: [kg].
+        inertia: About the centre of mass [kg m²], shape (3, 3).
+        arm: From the point to the centre of mass [m], shape (3,).
+    """
+    to_centre = np.eye(6)  # twist at the centre of mass from that at the point
+    to_centre[:3, 3:] = -np.cross(np.eye(3), arm)
+    at_centre = np.zeros((6, 6))
+    at_centre[:3, :3], at_centre[3:, 3:] = mass * np.eye(3), inertia
+    return np.asarray(np.linalg.inv(to_centre.T @ at_centre @ to_centre))
+
+
+def _with_payload(model: FreeFloatingModel, payload: Payload) -> FreeFloatingModel:
+    """The robot with a payload at its end-effector."""
+    loaded = FreeFloatingModel.from_urdf(
+        model.description.text, model.end_effector, fixed_joints=model.fixed_joints, payload=payload
+    )
+    return replace(loaded, description=replace(loaded.description, source=model.description.source))

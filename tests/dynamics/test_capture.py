@@ -1,0 +1,224 @@
+"""Captures conserve momentum, and agree with MuJoCo's weld constraint."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import freefloat as ff
+from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
+from freefloat.io.mjcf_file import mjcf_text
+from freefloat.io.trajectory import Trajectory
+from freefloat.robot.parts import Mount
+from freefloat.so3 import rotation_matrix
+from tests.errors import error_key
+from tests.motions import bundled
+
+ROBOTS = ("spatial_6dof/line", "ets_vii/line", "ur5_servicer/arc", "ssrms/transfer")
+
+
+def case(name: str, seed: int):
+    """A robot, a client and a state just before contact; everything moves."""
+    rng = np.random.default_rng(seed)
+    model = bundled(name).model
+    Q = Rotation.random(rng=rng).as_matrix()
+    client = ff.Client(
+        mass=rng.uniform(20.0, 2000.0),
+        inertia=Q @ np.diag([50.0, 70.0, 90.0]) @ Q.T,
+        grapple=Mount(rng.normal(size=3), rng.uniform(-1.0, 1.0, 3)),
+        angular_velocity=rng.normal(0.0, 0.05, 3),
+        velocity=rng.normal(0.0, 0.02, 3),
+        com=rng.normal(0.0, 0.3, 3),
+    )
+    state = {
+        "attitude": Rotation.random(rng=rng).as_quat(),
+        "joints": rng.uniform(-1.0, 1.0, model.dof),
+        "joint_rates": rng.normal(0.0, 0.05, model.dof),
+        "momentum": rng.normal(0.0, 1.0, 3),
+        "velocity": rng.normal(0.0, 0.02, 3),
+    }
+    return model, client, state
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_linear_and_angular_momentum_are_conserved(name: str) -> None:
+    """Sums over the bodies of both, by Pinocchio's centroidal map of the robot with payload."""
+    model, client, state = case(name, 1)
+    after = ff.capture(model, client, **state)
+    a, q = state["attitude"], state["joints"]
+    R = rotation_matrix(a)
+    pose = model.end_effector_pose(a, q)
+    axes = pose.rotation @ client.grapple.pose.rotation.T
+    place = pose.position + axes @ (client.com - client.grapple.xyz)
+    linear = model.total_mass * state["velocity"] + client.mass * client.velocity
+    about_origin = (
+        state["momentum"]  # its own centre of mass is the origin
+        + axes @ client.inertia @ client.angular_velocity
+        + client.mass * np.cross(place, client.velocity)
+    )
+    total = model.total_mass + client.mass
+    assert after.model.total_mass == pytest.approx(total)
+    np.testing.assert_allclose(total * after.velocity, linear, atol=1e-10)
+    moved = np.cross(after.centre_of_mass, total * after.velocity)
+    scale = np.linalg.norm(about_origin)
+    np.testing.assert_allclose(after.momentum + moved, about_origin, atol=1e-10 * scale)
+
+    before_base = R.T @ (after.base_rate)
+    A = momentum_map(after.model, q, a)
+    linear_base = np.linalg.solve(
+        A[:3, :3], linear - A[:3, 3:6] @ before_base - A[:3, 6:] @ after.joint_rates
+    )
+    twist = np.concatenate([linear_base, before_base, after.joint_rates])
+    np.testing.assert_allclose(A[3:] @ twist, after.momentum, atol=1e-10 * scale)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_the_impulse_makes_the_velocities_at_the_grapple_equal(name: str) -> None:
+    """The change of the client's momentum is minus the impulse, and no energy is gained."""
+    model, client, state = case(name, 2)
+    after = ff.capture(model, client, **state)
+    a, q = state["attitude"], state["joints"]
+    pose = model.end_effector_pose(a, q)
+    axes = pose.rotation @ client.grapple.pose.rotation.T
+    arm = axes @ (client.com - client.grapple.xyz)
+    omega = axes @ client.angular_velocity
+    inertia = axes @ client.inertia @ axes.T
+    velocity = client.velocity - after.impulse[:3] / client.mass
+    moment = after.impulse[3:] - np.cross(arm, after.impulse[:3])
+    omega_after = omega - np.linalg.solve(inertia, moment)
+    at_grapple = np.concatenate([velocity - np.cross(omega_after, arm), omega_after])
+
+    A = momentum_map(model, q, a)
+    robot = np.concatenate([
+        model.total_mass * state["velocity"] + after.impulse[:3],
+        state["momentum"] + np.cross(pose.position, after.impulse[:3]) + after.impulse[3:],
+    ])  # fmt: skip
+    base = np.linalg.solve(A[:, :6], robot - A[:, 6:] @ after.joint_rates)
+    np.testing.assert_allclose(rotation_matrix(a) @ base[3:], after.base_rate, atol=1e-10)
+    tip = end_effector_jacobian(model, q, a) @ np.concatenate([base, after.joint_rates])
+    np.testing.assert_allclose(tip, at_grapple, atol=1e-10)
+
+
+def test_locked_joints_spin_at_inverse_inertia_times_momentum() -> None:
+    model, client, state = case("ets_vii/line", 3)
+    after = ff.capture(model, client, **state)
+    poses = after.model.body_poses(state["attitude"], state["joints"])
+    inertia = np.zeros((3, 3))
+    for body, pose in zip(after.model.bodies, poses, strict=True):
+        c = pose.position + pose.rotation @ body.centre
+        inertia += pose.rotation @ body.inertia @ pose.rotation.T
+        inertia += body.mass * (c @ c * np.eye(3) - np.outer(c, c))
+    np.testing.assert_allclose(inertia @ after.locked_rate, after.momentum, rtol=1e-10)
+    rate = np.linalg.norm(after.locked_rate)
+    assert after.smallest_rate <= rate <= after.largest_rate
+
+
+def test_matching_velocities_need_no_impulse() -> None:
+    model, client, state = case("ur5_servicer/arc", 4)
+    after = ff.capture(model, client, **state)
+    a, q = state["attitude"], state["joints"]
+    pose = model.end_effector_pose(a, q)
+    axes = pose.rotation @ client.grapple.pose.rotation.T
+    arm = axes @ (client.com - client.grapple.xyz)
+    tip = after.mismatch.copy()
+    omega = axes @ client.angular_velocity
+    tip += np.concatenate([client.velocity - np.cross(omega, arm), omega])
+    matching = ff.Client(
+        client.mass, client.inertia, client.grapple, axes.T @ tip[3:],
+        tip[:3] + np.cross(tip[3:], arm), client.com,
+    )  # fmt: skip
+    soft = ff.capture(model, matching, **state)
+    np.testing.assert_allclose(soft.mismatch, 0.0, atol=1e-12)
+    np.testing.assert_allclose(soft.impulse, 0.0, atol=1e-10)
+    np.testing.assert_allclose(soft.joint_rates, state["joint_rates"], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["ets_vii/line", "ur5_servicer/arc"])
+def test_mujoco_welds_the_client_to_the_end_effector(name: str) -> None:
+    model, client, state = case(name, 5)
+    state["velocity"] = np.zeros(3)  # the trajectory's frame
+    after = ff.capture(model, client, **state)
+    a, q = state["attitude"], state["joints"]
+    problem = bundled(name).replace(momentum=state["momentum"])
+    motion = ff.plan(problem, ff.Search(samples=16)).chosen.motion
+    root = ET.fromstring(mjcf_text(Trajectory.sampled(motion, 2)))
+    pose = model.end_effector_pose(a, q)
+    axes = pose.rotation @ client.grapple.pose.rotation.T
+    place = pose.position + axes @ (client.com - client.grapple.xyz)
+    moments, principal = np.linalg.eigh(client.inertia)
+    principal[:, 0] *= np.linalg.det(principal)
+    turn = Rotation.from_matrix(axes @ principal)
+    world = root.find("worldbody")
+    body = ET.SubElement(world, "body", name="client")
+    ET.SubElement(body, "freejoint")
+    ET.SubElement(body, "inertial", pos="0 0 0", mass=repr(client.mass),
+                  diaginertia=" ".join(map(repr, moments.tolist())))  # fmt: skip
+    ET.SubElement(
+        body,
+        "site",
+        name="grapple",
+        size="0.01",
+        **_place(
+            turn.inv().apply(pose.position - place),
+            turn.inv() * Rotation.from_matrix(pose.rotation),
+        ),
+    )
+    equality = ET.SubElement(root, "equality")
+    ET.SubElement(equality, "weld", site1="end_effector", site2="grapple",
+                  solref="0.00002 1", solimp="0.9999 0.9999 0.001")  # fmt: skip
+    root.remove(root.find("keyframe"))
+    simulated = mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
+    simulated.opt.timestep = 1e-6
+    data = mujoco.MjData(simulated)
+    n = model.dof
+    A = momentum_map(model, q, a)
+    R = rotation_matrix(a)
+    twist = np.linalg.solve(
+        A[:, :6], [0.0, 0.0, 0.0, *state["momentum"]] - A[:, 6:] @ state["joint_rates"]
+    )
+    omega = axes @ client.angular_velocity
+    data.qpos[:] = [*model.base_position(a, q), *np.roll(a, 1), *q, *place,
+                    *np.roll(turn.as_quat(), 1)]  # fmt: skip
+    data.qvel[:] = [*(R @ twist[:3]), *twist[3:], *state["joint_rates"], *client.velocity,
+                    *turn.inv().apply(omega)]  # fmt: skip
+    for _ in range(500):
+        mujoco.mj_step(simulated, data)
+    np.testing.assert_allclose(data.qvel[6 : 6 + n], after.joint_rates, atol=1e-4)
+    np.testing.assert_allclose(R @ data.qvel[3:6], after.base_rate, atol=1e-4)
+
+
+def _place(position, rotation) -> dict[str, str]:
+    quaternion = np.roll(rotation.as_quat(), 1)
+    return {"pos": " ".join(map(repr, position.tolist())),
+            "quat": " ".join(map(repr, quaternion.tolist()))}  # fmt: skip
+
+
+def test_a_symmetric_client_goes_on_precessing() -> None:
+    """Its own motion before contact: about the momentum at L / I_t."""
+    inertia, rate = np.array([70.0, 70.0, 40.0]), np.array([0.05, 0.0, 0.2])
+    L = inertia * rate
+    tumbling = ff.Tumbling(inertia, rate)
+    axis = np.array([tumbling.rotation(t) @ [0.0, 0.0, 1.0] for t in (0.0, 1.0)])
+    along = L / np.linalg.norm(L)
+    across = [row - along * (row @ along) for row in axis]
+    cosine = across[0] @ across[1] / np.linalg.norm(across[0]) / np.linalg.norm(across[1])
+    assert np.arccos(cosine) == pytest.approx(np.linalg.norm(L) / 70.0, abs=1e-9)
+
+
+def test_bad_input() -> None:
+    model = bundled("planar_2dof/line").model
+    client = ff.Client(10.0, [1.0, 1.0, 1.0])
+    upright, joints = [0.0, 0.0, 0.0, 1.0], [0.1, 0.2]
+    for key, arguments in {
+        "client": (model, 3, upright, joints, joints),
+        "attitude": (model, client, [0.0, 0.0], joints, joints),
+        "joints": (model, client, upright, [0.1], joints),
+        "joint_rates": (model, client, upright, joints, [np.nan, 0.0]),
+        "momentum": (model, client, upright, joints, joints, [1.0]),
+    }.items():
+        assert error_key(ff.capture, *arguments).startswith(key)
+    assert error_key(ff.Client, -1.0, [1.0, 1.0, 1.0]).startswith("payload.mass")
