@@ -48,6 +48,7 @@ from .planning.plan import Search as Search
 from .planning.objective import Weights as Weights
 from .planning.planner import plan as plan
 from .planning.retiming import retime as retime
+from .planning.reorientation import reorient as reorient
 
 # Files and pictures
 from .io.results import load as load

@@ -8,9 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from freefloat.errors import InputError, require_type
+from freefloat.errors import require_type
 from freefloat.limits import extremes
-from freefloat.limits.limits import LimitKind, LimitResult, Limits, violated
+from freefloat.limits.limits import (
+    LimitKind,
+    LimitResult,
+    Limits,
+    require_applicable,
+    violated,
+)
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 
@@ -58,15 +64,7 @@ class LimitChecker:
             limits: The limits in addition to the joint ranges and the scene's corridor.
         """
         model = problem.model
-        accepted = "Limits, such as Limits(base_rate=0.02), or load_scenario(...).limits()"
-        require_type("limits", limits, Limits, accepted)
-        for key in ("joint_rate", "joint_torque"):
-            values = getattr(limits, key)
-            if values is not None and values.shape != (model.dof,):
-                accepted = f"for {', '.join(model.joint_names)}"
-                raise InputError(f"limits.{key}", f"shape {values.shape} was given", accepted)
-        for k, pointing in enumerate(limits.pointing):
-            pointing.require_body(model, f"limits.pointing.{k}.body")
+        require_applicable(model, limits)
         self.pairs: CollisionPairs | None = None
         checks: dict[LimitKind, _Check] = {}
         decisions: dict[LimitKind, _Check] = {}

@@ -59,15 +59,19 @@ def corridor(limit: Corridor, motion: Motion) -> LimitResult:
     return _result(LimitKind.CORRIDOR, worst, allowed, worst / allowed, time, name)
 
 
-def joint_rate(allowed: Array, motion: Motion) -> LimitResult:
-    """The joint whose rate is largest over its limit."""
-    rates = _rates(motion)
+Rates = Callable[[int, float], tuple[Array, Array]]
+"""The spacecraft's angular velocity and the joint rates, by panel and its parameter."""
+
+
+def joint_rate(allowed: Array, motion: Motion, rates: Rates | None = None) -> LimitResult:
+    """The joint whose rate is largest over its limit; ``rates`` replace those along the path."""
+    rates = rates or _rates(motion)
     return _largest_of_joints(LimitKind.JOINT_RATE, allowed, motion, lambda k, x: rates(k, x)[1])
 
 
-def base_rate(allowed: float, motion: Motion) -> LimitResult:
-    """The largest angular velocity of the spacecraft."""
-    rates = _rates(motion)
+def base_rate(allowed: float, motion: Motion, rates: Rates | None = None) -> LimitResult:
+    """The largest angular velocity of the spacecraft; ``rates`` replace those along the path."""
+    rates = rates or _rates(motion)
 
     def squared(panel: int, x: float) -> Array:
         """The squared ratio, smooth also where the rate passes through zero."""
@@ -123,8 +127,8 @@ def _of_axis(limit: PointingLimit, number: int, motion: Motion) -> LimitResult:
     return _result(LimitKind.POINTING, angle, limit.angle, float(ratio), time, where)
 
 
-def _rates(motion: Motion) -> Callable[[int, float], tuple[Array, Array]]:
-    """The spacecraft's angular velocity and the joint rates by panel and its parameter."""
+def _rates(motion: Motion) -> Rates:
+    """The rates along the path of a motion."""
     path, solver = motion.problem.path, motion.problem.resolved_rate_solver()
 
     def rates(panel: int, x: float) -> tuple[Array, Array]:
@@ -135,14 +139,12 @@ def _rates(motion: Motion) -> Callable[[int, float], tuple[Array, Array]]:
     return rates
 
 
-def joint_torque(allowed: Array, motion: Motion) -> LimitResult:
-    """The joint whose torque or force is largest over its limit."""
-    dynamics = InverseDynamics(motion.problem)
+def joint_torque(allowed: Array, motion: Motion, forces: Function | None = None) -> LimitResult:
+    """The joint whose torque or force is largest over its limit.
 
-    def forces(panel: int, x: float) -> Array:
-        effort = dynamics.effort(*motion.at(panel, x), motion.timing_segment(panel))
-        return np.concatenate([effort.joint_torques, effort.base_wrench])
-
+    ``forces`` replace the joint torques and the wrench on the base, shape (n + 6,), along the path.
+    """
+    forces = forces or _forces(motion)
     nodes = at_nodes(motion, forces).reshape(-1, len(NODES), len(allowed) + 6)
     torques, wrenches = np.split(nodes, [len(allowed)], axis=2)
     result = _largest_of_joints(
@@ -151,6 +153,17 @@ def joint_torque(allowed: Array, motion: Motion) -> LimitResult:
     wrench = float(np.nanmax(np.abs(wrenches), initial=0.0))
     torque = float(np.nanmax(np.abs(torques), initial=0.0))
     return replace(result, base_wrench=wrench / torque if torque else None)
+
+
+def _forces(motion: Motion) -> Function:
+    """Joint torques, then the wrench on the base, along the path of a motion."""
+    dynamics = InverseDynamics(motion.problem)
+
+    def forces(panel: int, x: float) -> Array:
+        effort = dynamics.effort(*motion.at(panel, x), motion.timing_segment(panel))
+        return np.concatenate([effort.joint_torques, effort.base_wrench])
+
+    return forces
 
 
 def _largest_of_joints(

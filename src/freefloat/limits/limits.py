@@ -12,6 +12,7 @@ import numpy as np
 
 from freefloat.errors import InputError, finite_number, number_array, require_type
 from freefloat.motion.pointing import AttitudeLimits, PointingLimit
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen
 
 
@@ -88,6 +89,19 @@ class Limits:
     def attitude(self) -> AttitudeLimits:
         """The limits that depend on the attitudes of bodies alone."""
         return AttitudeLimits(self.pointing, self.base_turn)
+
+
+def require_applicable(model: FreeFloatingModel, limits: Limits) -> None:
+    """Raise an InputError unless limits are those of a robot's joints and links."""
+    accepted = "Limits, such as Limits(base_rate=0.02), or load_scenario(...).limits()"
+    require_type("limits", limits, Limits, accepted)
+    for key in ("joint_rate", "joint_torque"):
+        values = getattr(limits, key)
+        if values is not None and values.shape != (model.dof,):
+            accepted = f"for {', '.join(model.joint_names)}"
+            raise InputError(f"limits.{key}", f"shape {values.shape} was given", accepted)
+    for k, pointing in enumerate(limits.pointing):
+        pointing.require_body(model, f"limits.pointing.{k}.body")
 
 
 @dataclass(frozen=True)

@@ -91,31 +91,48 @@ class InverseDynamics:
         if not np.isfinite(joint_rates).all():
             unknown = np.full(count, np.nan)
             return Effort(unknown, unknown, unknown[:6], unknown[6:])
+        A, q, v, drift = self._moving(attitude, joints, omega, joint_rates)
+        if not self._problem.redundant and self._problem.task is not Task.POINTING:
+            bias = pin.getFrameClassicalAcceleration(
+                self._weightless, self._scratch, self._problem.model.frame_id,
+                pin.LOCAL_WORLD_ALIGNED,
+            ).vector[self._rows]  # fmt: skip
+            J = end_effector_jacobian(self._problem.model, joints, attitude)[self._rows]
+            right = np.concatenate([-drift, twist_rate[self._rows] - bias])
+            return self._effort(q, v, np.linalg.solve(np.vstack([A, J]), right))
+        ahead = np.append(twist, speed), np.append(twist_rate, acceleration)
+        accelerations = self._differentiated(attitude, joints, v[3:], *ahead)
+        return self._effort(q, v, _with_base(A, drift, accelerations))
+
+    def effort_of_joints(
+        self, attitude: Array, joints: Array, omega: Array, rates: Array, accelerations: Array
+    ) -> Effort:
+        """Forces at a state for joint rates and accelerations (n,), whatever the path.
+
+        The spacecraft's angular velocity (3,) is in its own frame.
+        """
+        A, q, v, drift = self._moving(attitude, joints, omega, rates)
+        return self._effort(q, v, _with_base(A, drift, accelerations))
+
+    def _moving(
+        self, attitude: Array, joints: Array, omega: Array, joint_rates: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """Momentum matrix, configuration, rates, and change of momentum without accelerations."""
         A = momentum_map(self._problem.model, joints, attitude)
         rates = np.concatenate([omega, joint_rates])
         v = np.concatenate([-np.linalg.solve(A[:3, :3], A[:3, 3:] @ rates), rates])
         q = np.concatenate([np.zeros(3), attitude, joints])
-        model, scratch = self._weightless, self._scratch
-        gyroscopic = np.cross(omega, self._problem.wheel_momentum)
         variation = pin.computeCentroidalMomentumTimeVariation(
-            model, scratch, q, v, np.zeros(count)
+            self._weightless, self._scratch, q, v, np.zeros(len(v))
         )
         drift = variation.vector
+        gyroscopic = np.cross(omega, self._problem.wheel_momentum)
         drift[3:] += rotation_matrix(attitude) @ gyroscopic
-        bias = pin.getFrameClassicalAcceleration(
-            model, scratch, self._problem.model.frame_id, pin.LOCAL_WORLD_ALIGNED
-        ).vector[self._rows]
-        if not self._problem.redundant and self._problem.task is not Task.POINTING:
-            J = end_effector_jacobian(self._problem.model, joints, attitude)[self._rows]
-            right = np.concatenate([-drift, twist_rate[self._rows] - bias])
-            a = np.linalg.solve(np.vstack([A, J]), right)
-        else:
-            ahead = np.append(twist, speed), np.append(twist_rate, acceleration)
-            accelerations = self._differentiated(attitude, joints, rates, *ahead)
-            base = -np.linalg.solve(A[:, :6], drift + A[:, 6:] @ accelerations)
-            a = np.concatenate([base, accelerations])
-        forces = np.array(pin.rnea(model, scratch, q, v, a))
-        forces[3:6] += gyroscopic
+        return A, q, v, drift
+
+    def _effort(self, q: Array, v: Array, a: Array) -> Effort:
+        forces = np.array(pin.rnea(self._weightless, self._scratch, q, v, a))
+        forces[3:6] += np.cross(v[3:6], self._problem.wheel_momentum)
         return Effort(v, a, forces[:6], forces[6:])
 
     def _differentiated(
@@ -142,3 +159,9 @@ class InverseDynamics:
                 )
                 total += weight * solved[1]
         return np.asarray(total / step)
+
+
+def _with_base(A: Array, drift: Array, accelerations: Array) -> Array:
+    """Accelerations of base and joints that keep the momentum, shape (6 + n,)."""
+    base = -np.linalg.solve(A[:, :6], drift + A[:, 6:] @ accelerations)
+    return np.concatenate([base, accelerations])

@@ -170,8 +170,10 @@ def _off_path(motion: Motion, engine: Engine, t: float) -> float:
     return float(np.linalg.norm((position - path.path.curve(path.timing.s(t)))[rows]))
 
 
-def forward_run(motion: Motion, engine: Engine) -> ForwardRun:
+def forward_run(motion: Motion, engine: Engine, *, steps: int | None = None) -> ForwardRun:
     """Simulate a free base with joint servos that follow the recorded joints.
+
+    The number of steps is that given, or one that follows from the length of the motion.
 
     The servos are computed-torque controllers on MuJoCo's own mass matrix. Attitude and position
     of the spacecraft are not controlled: their deviations at the end are the result.
@@ -181,7 +183,7 @@ def forward_run(motion: Motion, engine: Engine) -> ForwardRun:
         _STEPS_PER_RADIAN * _moved(motion).sum(),
         _STEPS_PER_SEGMENT * len(motion.problem.path.breaks),
     )
-    steps = int(np.clip(required_steps, _STEPS, _MAX_STEPS))
+    steps = steps or int(np.clip(required_steps, _STEPS, _MAX_STEPS))
     nodes = np.linspace(first, last, round(_SPLINE * steps) + 1)
     _, _, rows = motion.evaluate(motion.coordinate_at(nodes))
     reference = CubicSpline(nodes, rows)

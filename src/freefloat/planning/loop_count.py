@@ -1,0 +1,104 @@
+"""The number of loops: the fewest with which a motion keeps its limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from freefloat.concurrency import Progress
+from freefloat.limits.limits import LimitResult, violated
+from freefloat.planning.loop_motion import LoopMotion, LoopMotions
+from freefloat.so3 import Array
+
+MOST_LOOPS = 64
+"""Largest number of loops that is tried."""
+_STARTS = 6
+"""Random loops from which a search begins."""
+_MORE = 3
+"""Further numbers of loops that are tried where the fewest take too long."""
+
+
+_WIDER = (1.5, 2.0, 3.0, 5.0, 10.0)
+"""Factors on the widths of joint ranges that are tried where loops do not fit into them."""
+
+
+class LoopCountSearch:
+    """Search for the fewest loops, each of which turns the spacecraft by the same rotation.
+
+    Attributes:
+        violation: The first limit that a motion with the most loops violated; None where loops with
+            the rotation were not found, or a motion was.
+    """
+
+    def __init__(self, motions: LoopMotions, seed: int, progress: Progress | None = None) -> None:
+        self._motions, self._rng = motions, np.random.default_rng(seed)
+        self._report = progress or (lambda fraction: None)
+        self._known: tuple[int, Array] | None = None
+        self.violation: LimitResult | None = None
+
+    def fewest(self, longest: float | None) -> LoopMotion | None:
+        """The motion with the fewest loops, or more if that takes too long; None without one.
+
+        The number is doubled until a motion keeps its limits, and then reduced, beginning with the
+        loop that was found.
+
+        Args:
+            longest: Duration that is allowed [s].
+        """
+        count = 1
+        found = self.exactly(count)
+        while found is None and count < MOST_LOOPS:
+            count *= 2
+            self._report(np.log2(count) / np.log2(2 * MOST_LOOPS))
+            found = self.exactly(count)
+        if found is None:
+            return None
+        for fewer in range(count - 1, count // 2, -1):
+            other = self.exactly(fewer)
+            if other is None:
+                break
+            found = other
+        for more in range(found.loops.count + 1, found.loops.count + 1 + _MORE):
+            if longest is None or found.duration <= longest:
+                break
+            found = min(filter(None, (found, self.exactly(more))), key=lambda m: m.duration)
+        return found
+
+    def exactly(self, count: int) -> LoopMotion | None:
+        """The shortest motion of some loops that keeps its limits; None where none was found."""
+        rotation, search = self._motions.rotation ** (1.0 / count), self._motions.search
+        starts = [search.random(self._rng) / np.sqrt(count) for _ in range(_STARTS)]
+        if self._known is not None:  # the rotation grows with the square of a small loop
+            known, coefficients = self._known
+            starts.append(np.sqrt(known / count) * coefficients)
+        candidates = filter(None, [search.shortest(rotation, start) for start in starts])
+        for effort, coefficients in sorted(candidates, key=lambda candidate: candidate[0]):
+            self._known = count, coefficients
+            violation = self._motions.shape_violation(coefficients)
+            if violation is None:
+                guess = self._motions.guess(effort, count)
+                found = self._motions.along(coefficients, count, guess)
+                if found is None:
+                    continue
+                violation = next(iter(violated(found.results)), None)
+                if violation is None:
+                    self.violation = None
+                    return found
+            self.violation = violation
+        return None
+
+    def needed(self, count: int | None) -> dict[str, float]:
+        """What would be enough: more loops than ``count``, or wider joint ranges, by a factor."""
+        if count is not None:
+            found = self.fewest(None)
+            return {} if found is None else {"loops": found.loops.count}
+        if self.violation is not None:
+            return {}
+        rotation = self._motions.rotation ** (1.0 / MOST_LOOPS)
+        for factor in _WIDER:
+            search = replace(self._motions.search, widened=factor)
+            starts = [search.random(self._rng) / np.sqrt(MOST_LOOPS) for _ in range(_STARTS)]
+            if any(search.shortest(rotation, start) for start in starts):
+                return {"range_factor": factor}
+        return {}

@@ -1,0 +1,143 @@
+"""Reorientations by the arm: exact goals, limits between samples, MuJoCo, what is out of reach."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import freefloat as ff
+from freefloat.limits.pairs import CollisionPairs
+from freefloat.planning.loop_count import MOST_LOOPS, LoopCountSearch
+from freefloat.planning.loop_motion import LoopMotions
+from freefloat.verification.mujoco import forward_run
+from freefloat.verification.mujoco_model import Engine
+from tests.errors import error_key
+
+IDENTITY = [0.0, 0.0, 0.0, 1.0]
+EFFORT = 'effort="9" velocity="9"/>'
+LARGEST_SIMPLE = 103.32
+"""Largest turn of the arm with two joints by one simple loop [deg]."""
+BENT = [0.0, 0.8, -1.2, 0.0, 0.6, 0.0]
+
+
+def planar(**options: object) -> ff.Problem:
+    return ff.load_scenario("planar_2dof/line").problem().replace(**options)
+
+
+def spatial() -> ff.Problem:
+    return ff.load_scenario("spatial_6dof/line").problem().replace(momentum=np.zeros(3))
+
+
+def about(axis: list[float], degrees: float) -> np.ndarray:
+    return Rotation.from_rotvec(np.radians(degrees) * np.array(axis)).as_quat()
+
+
+@pytest.mark.parametrize("degrees", [-LARGEST_SIMPLE - 0.1, 110.0])
+def test_one_simple_loop_does_not_turn_the_planar_arm_further_than_possible(degrees) -> None:
+    problem = planar()
+    goal = problem.attitude(heading=np.radians(degrees))
+    result = ff.reorient(problem, IDENTITY, goal, joints=[0.9, 0.7], loops=1)
+    assert not result.reached
+    assert result.needed["loops"] >= 2
+
+
+def test_two_or_more_loops_turn_the_planar_arm_by_170_degrees() -> None:
+    problem = planar()
+    goal = problem.attitude(heading=np.radians(170.0))
+    result = ff.reorient(problem, IDENTITY, goal, joints=[0.9, 0.7])
+    assert result.reached
+    assert result.loops.count >= 2
+    assert result.error < 1e-9
+    per_loop = 170.0 / result.loops.count
+    assert per_loop < LARGEST_SIMPLE
+
+
+def test_a_spatial_arm_reaches_the_goal_within_its_limits() -> None:
+    problem = spatial()
+    limits = ff.Limits(joint_rate=np.full(6, 0.1), joint_torque=np.full(6, 5.0), clearance=0.01)
+    start, goal = about([0.6, 0.0, 0.8], 10.0), about([0.0, 0.6, -0.8], 15.0)
+    result = ff.reorient(problem, start, goal, limits, joints=BENT)
+    assert result.reached
+    motion, model = result.motion, problem.model
+    assert result.error < 1e-6
+    np.testing.assert_allclose(motion.initial.attitude, start)
+    np.testing.assert_array_equal(motion.final.joints, BENT)
+    times = np.linspace(0.0, result.duration, 2000)
+    _, _, joints = motion.evaluate(motion.coordinate_at(times))
+    rates = np.abs(np.gradient(joints, times, axis=0)).max(axis=0)
+    assert (rates <= limits.joint_rate * (1.0 + 1e-4)).all()
+    pairs = CollisionPairs(model, limits.clearance)
+    every = np.arange(len(pairs.pairs))
+    distances = [pairs.distances(q, every).min() for q in joints[::40]]
+    assert min(distances) >= limits.clearance * (1.0 - 1e-6)
+    # a limit of rates or torques is used up
+    ratios = [entry.ratio for entry in result.limit_results if "r" in entry.limit.value]
+    assert max(ratios) == pytest.approx(1.0, abs=2e-3)
+    assert forward_run(motion, Engine(model), steps=6000).attitude < 1e-4
+
+
+def test_a_known_momentum_is_compensated() -> None:
+    problem = spatial().replace(momentum=[0.05, -0.03, 0.04])
+    limits = ff.Limits(joint_rate=np.full(6, 0.1), joint_torque=np.full(6, 5.0))
+    goal = about([0.0, 0.6, 0.8], 30.0)
+    result = ff.reorient(problem, IDENTITY, goal, limits, joints=BENT)
+    assert result.reached
+    assert result.error < 1e-9
+    assert forward_run(result.motion, Engine(problem.model)).attitude < 1e-4
+
+
+def test_pointing_limits_are_kept() -> None:
+    problem = spatial()
+    cone = ff.PointingLimit("spacecraft", [0, 0, 1], np.radians(40.0), direction=[0, 0, 1])
+    limits = ff.Limits(joint_rate=np.full(6, 0.1), pointing=(cone,))
+    result = ff.reorient(problem, IDENTITY, about([0.0, 0.0, 1.0], 30.0), limits)
+    assert result.reached
+    attitudes = Rotation.from_quat(result.motion.attitudes)
+    assert (attitudes.apply([0, 0, 1])[:, 2] >= np.cos(cone.angle) - 1e-9).all()
+
+
+def test_too_short_a_time_is_answered_with_the_time_that_is_enough() -> None:
+    problem, goal = planar(), about([0.0, 0.0, 1.0], 20.0)
+    limits = ff.Limits(joint_rate=np.full(2, 0.1))
+    options = {"limits": limits, "joints": [0.9, 0.7], "loops": 1}
+    result = ff.reorient(problem, IDENTITY, goal, duration=10.0, **options)
+    assert not result.reached
+    enough = result.needed["duration"]
+    assert enough > 10.0
+    assert ff.reorient(problem, IDENTITY, goal, duration=1.01 * enough, **options).reached
+
+
+def test_narrow_joint_ranges_are_answered_with_a_factor() -> None:
+    text = ff.FreeFloatingModel.from_urdf("planar_2dof").description.text
+    narrow = text.replace('"continuous">', '"revolute"><limit lower="0.73" upper="0.87" ' + EFFORT)
+    model = ff.FreeFloatingModel.from_urdf(narrow)
+    problem = planar(model=model)
+    goal = problem.attitude(heading=np.radians(60.0))
+    motions = LoopMotions(problem, ff.Limits(), np.array([0.8, 0.8]), np.array(IDENTITY), goal)
+    search = LoopCountSearch(motions, seed=0)
+    assert search.exactly(MOST_LOOPS) is None
+    assert search.needed(None)["range_factor"] > 1.0
+
+
+def test_an_axis_about_which_loops_do_not_turn_is_out_of_reach() -> None:
+    model = ff.FreeFloatingModel.from_urdf("planar_3dof", "end_effector")
+    line = ff.paths.PolynomialCurve.line([1.0, 0.2, 0.0], [0.9, 0.7, 0.0])
+    path = ff.TimedPath(ff.EndEffectorPath(line), ff.Timing(20.0))
+    margin = ff.Margin(ff.singularity_measure(model, "position", "sigma"), 0.0)
+    problem = ff.Problem(model, path, "position", np.zeros(3), margin)
+    result = ff.reorient(problem, IDENTITY, about([1.0, 0.0, 0.0], 10.0), joints=[0.5, 0.5, 0.5])
+    assert not result.reached
+    assert result.motion is None
+
+
+def test_misuse_names_the_argument() -> None:
+    problem, goal = planar(), about([0.0, 0.0, 1.0], 20.0)
+    assert error_key(lambda: ff.reorient(problem, IDENTITY, IDENTITY)) == "to"
+    assert error_key(lambda: ff.reorient(problem, about([1, 0, 0], 9.0), goal)) == "from"
+    assert error_key(lambda: ff.reorient(problem, IDENTITY, goal, loops=0)) == "loops"
+    assert error_key(lambda: ff.reorient(problem, IDENTITY, goal, duration=-1.0)) == "duration"
+    assert error_key(lambda: ff.reorient(problem, IDENTITY, goal, joints=[0.0])) == "joints"
+    servicer = ff.load_scenario("ets_vii/line").problem()
+    beyond = {"joints": [4.0, 0, 0, 0, 0, 0]}
+    assert error_key(lambda: ff.reorient(servicer, IDENTITY, goal, **beyond)) == "joints"
