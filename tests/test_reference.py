@@ -196,6 +196,8 @@ def test_every_key_of_a_document_is_described(in_folder: Path) -> None:
     }
     plan, retimed = documents["plan"][1], document("retime", "line.h5")
     documents["retime"] = [{key: retimed[key] for key in retimed.keys() - plan.keys()}]
+    turn = ("--from", 0, 0, 0, 1, "--to", 0, 0, 0.1305262, 0.9914449)
+    documents["reorient"] = [document("reorient", "planar_2dof/line", *turn)]
     for command, found in documents.items():
         described = rows_of(command)
         if command == "plan":

@@ -22,6 +22,7 @@ from freefloat.cli.map import map_
 from freefloat.cli.models import models, schema
 from freefloat.cli.plan import plan
 from freefloat.cli.plot import plot
+from freefloat.cli.reorient import reorient
 from freefloat.cli.retime import retime
 from freefloat.cli.simulate import simulate
 from freefloat.cli.singularities import singularities
@@ -95,8 +96,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for _command in (
-    *(models, info, workspace, singularities, simulate, plan, retime, map_, view, plot, check),
-    *(export, assemble, batch, schema),
+    *(models, info, workspace, singularities, simulate, plan, retime, reorient, map_, view, plot),
+    *(check, export, assemble, batch, schema),
 ):
     app.command(_command.__name__.rstrip("_"))(_command)
 

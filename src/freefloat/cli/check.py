@@ -41,6 +41,7 @@ def check(
     from freefloat.io.hdf5 import AlteredFileError
     from freefloat.io.results import load
     from freefloat.planning.plan import Plan
+    from freefloat.planning.reorientation import Reorientation
     from freefloat.planning.simulation import Simulation
     from freefloat.verification.check import PINOCCHIO, CheckReport
     from freefloat.verification.check import check as verify
@@ -50,8 +51,9 @@ def check(
     with console.progress("integrating the motion again"):
         try:
             result = load(file)
-            if not isinstance(result, Plan | Simulation):
-                raise InputError("file", "it is a map file", "a plan or motion file", str(file))
+            if not isinstance(result, Plan | Simulation | Reorientation):
+                accepted = "a plan, motion or reorientation file"
+                raise InputError("file", "it is a map file", accepted, str(file))
             report = verify(result, engine or PINOCCHIO)
         except AlteredFileError as error:
             report = CheckReport("file", (Check(error.key, False, error.problem),))

@@ -9,6 +9,7 @@ import typer
 
 from freefloat.cli.console import Console
 from freefloat.cli.options import Json, Quiet, Threads, distinct_stems, make_folder
+from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.motion.motion import Motion
@@ -43,6 +44,7 @@ def plot(
     """
     from freefloat.io.results import load
     from freefloat.planning.plan import Plan
+    from freefloat.planning.reorientation import Reorientation
     from freefloat.planning.simulation import Simulation
     from freefloat.visualization.comparison_figure import comparison_figure
     from freefloat.visualization.figure_style import save_figures
@@ -56,6 +58,9 @@ def plot(
     motions: dict[str, Motion] = {}
     with console.progress("drawing") as progress:
         for name, result in results.items():
+            if isinstance(result, Reorientation):
+                accepted = "plans, motions and maps; freefloat view plays it"
+                raise InputError("file", f"{name} is a reorientation file", accepted)
             place = folder / name if len(results) > 1 else folder
             written += save_figures(place, figures(result, threads=threads, progress=progress))
             if isinstance(result, Plan | Simulation) and result.chosen is not None:

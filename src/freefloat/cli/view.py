@@ -206,13 +206,14 @@ def _playback(files: Sequence[Path]) -> Playback:
     from freefloat.io.results import chosen_motion, load
     from freefloat.planning.attitude_map import AttitudeMap
     from freefloat.planning.heading_map import HeadingMap
+    from freefloat.planning.reorientation import Reorientation
     from freefloat.visualization.playback import playback
     from freefloat.workspace.singularity_map import SingularityMap
 
     results = [load(file) for file in files]
     if len(files) == 1:
         result = results[0]
-        if not isinstance(result, AttitudeMap | HeadingMap | SingularityMap):
+        if not isinstance(result, AttitudeMap | HeadingMap | SingularityMap | Reorientation):
             chosen_motion(result, files[0])
         return playback(result, files[0].stem)
     motions = {}

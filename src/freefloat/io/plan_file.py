@@ -60,7 +60,7 @@ def read_simulation(file: Any, scenario: Scenario, document: Document) -> Simula
     others = file.get("branches", {})
     branches = [_read_branch(others[name], problem, -1) for name in sorted(others, key=int)]
     branches.insert(int(file.attrs.get("chosen", 0)), chosen)
-    return Simulation(tuple(branches), chosen, *_read_limits(file, scenario, document))
+    return Simulation(tuple(branches), chosen, *read_limits(file, scenario, document))
 
 
 def write_plan(file: Any, plan: Plan, _: Document) -> None:
@@ -96,7 +96,7 @@ def read_plan(file: Any, scenario: Scenario, document: Document) -> Plan:
 
         samples = read_samples(file["map"], problem, search) if "map" in file else None
         tolerance = tolerance and Tolerance(**tolerance)
-    limits, results, contact = _read_limits(file, scenario, document)
+    limits, results, contact = read_limits(file, scenario, document)
     stretched = document["stretched_duration"]
     radius = document["robust_radius_deg"]
     motion = file.get("motion")
@@ -196,7 +196,7 @@ def _with_causes(
     return tuple(ranges)
 
 
-def _read_limits(
+def read_limits(
     file: Any, scenario: Scenario, document: Document
 ) -> tuple[Limits | None, tuple[LimitResult, ...], Contact | None]:
     """Limits of a file, their results, contact; version 0.1.0 always checked the scenario's."""
@@ -232,7 +232,7 @@ def _certificate(document: Document | None) -> Certificate | None:
 # --- motions --------------------------------------------------------------------------------------
 
 
-def _write_motion(file: Any, name: str, motion: Motion) -> Any:
+def write_motion(file: Any, name: str, motion: Motion) -> Any:
     """Write a motion as a group of an open file; the group."""
     group = file.create_group(name)
     group.attrs["ending"] = motion.ending.name
@@ -247,19 +247,19 @@ def _write_motion(file: Any, name: str, motion: Motion) -> Any:
 
 
 def _write_branch(file: Any, name: str, branch: SimulatedBranch) -> None:
-    group = _write_motion(file, name, branch.motion)
+    group = write_motion(file, name, branch.motion)
     group.attrs["branch"], group.attrs["label"] = branch.branch.index, branch.branch.label
 
 
 def _read_branch(group: Any, problem: Problem, index: int) -> SimulatedBranch:
     """The motion of an arm branch; its number is given for groups without one."""
-    motion = _read_motion(group, problem)
+    motion = read_motion(group, problem)
     index = int(group.attrs.get("branch", index))
     branch = ArmBranch(index, str(group.attrs.get("label", index)), motion.initial.joints)
     return SimulatedBranch(branch, motion, closest_approach(motion, problem.margin.measure))
 
 
-def _read_motion(group: Any, problem: Problem) -> Motion:
+def read_motion(group: Any, problem: Problem) -> Motion:
     """Motion of a group, along the path of a problem."""
     arrays = read_numbers(group, "time", "attitude", "joints", "base_position")
     times, attitudes, joints, positions = arrays

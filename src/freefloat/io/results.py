@@ -39,14 +39,15 @@ from freefloat.workspace.singularity_map import SingularityMap
 if TYPE_CHECKING:  # compiled kernels are slow to import
     from freefloat.planning.attitude_map import AttitudeMap
     from freefloat.planning.heading_map import HeadingMap
+    from freefloat.planning.reorientation import Reorientation
 
-    Result = Plan | Simulation | AttitudeMap | HeadingMap | SingularityMap
+    Result = Plan | Simulation | Reorientation | AttitudeMap | HeadingMap | SingularityMap
 
 FORMAT_VERSION = 2
 _SINGULARITIES = "singularity map"
 _KINDS = {
     "Plan": "plan", "Simulation": "motion", "HeadingMap": "map", "AttitudeMap": "attitude map",
-    "SingularityMap": _SINGULARITIES,
+    "SingularityMap": _SINGULARITIES, "Reorientation": "reorientation",
 }  # fmt: skip
 """Kinds of files by the class of the record."""
 _PREFIX = "freefloat "
@@ -64,6 +65,10 @@ def _functions(kind: str) -> tuple[Callable[..., None], Callable[..., Result]]:
         return plan_file.write_simulation, plan_file.read_simulation
     if kind == _SINGULARITIES:
         return write_singularity_map, read_singularity_map
+    if kind == "reorientation":
+        from freefloat.io.reorientation_file import read_reorientation, write_reorientation
+
+        return write_reorientation, read_reorientation
     from freefloat.io import map_file  # compiled kernels are slow to import
 
     if kind == "map":
@@ -92,7 +97,7 @@ def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> 
         raise InputError("output", "an empty name was given", "the name of a file")
     if type(result).__name__ not in _KINDS:
         problem = f"a {type(result).__name__} was given"
-        accepted = "a Plan, Simulation, AttitudeMap, HeadingMap or SingularityMap"
+        accepted = "a Plan, Simulation, Reorientation, AttitudeMap, HeadingMap or SingularityMap"
         raise InputError("result", problem, accepted)
     kind = _KINDS[type(result).__name__]
     described = None if isinstance(result, SingularityMap) else _describe(result, scenario)
@@ -187,7 +192,8 @@ def chosen_motion(result: Result, file: Path) -> tuple[Motion, str]:
     """As :func:`load_motion`, for a record that was loaded from the file."""
     if not isinstance(result, Plan | Simulation):
         accepted = "plans and motions, several together, or one map"
-        raise InputError("file", "it is a map file", accepted, str(file))
+        problem = f"it is a {_KINDS[type(result).__name__]} file"
+        raise InputError("file", problem, accepted, str(file))
     violation = result.violation if isinstance(result, Plan) else ""
     if result.chosen is None:
         problem = f"it has no motion, the plan is not feasible: {result.reason}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -106,7 +107,7 @@ def reorient(
     goal: npt.ArrayLike,
     limits: Limits | None = None,
     *,
-    joints: npt.ArrayLike | None = None,
+    joints: Mapping[str, float] | npt.ArrayLike | None = None,
     duration: float | None = None,
     loops: int | None = None,
     seed: int = 0,
@@ -125,7 +126,7 @@ def reorient(
         start: Attitude at the start, quaternion x, y, z, w.
         goal: Attitude at the end.
         limits: Limits in addition to the joint ranges.
-        joints: Where the arm begins and ends, shape (n,); by default the problem's
+        joints: Where the arm begins and ends, by name or shape (n,); by default the problem's
             ``start_joints``, without these the first arm branch from which the path can begin at
             the goal and that keeps the limits, or the middles of the joint ranges.
         duration: Longest duration [s].
@@ -184,7 +185,11 @@ def _failure(search: LoopCountSearch, count: int | None) -> str:
 
 
 def _motions(
-    problem: Problem, limits: Limits, start: Array, goal: Array, joints: npt.ArrayLike | None
+    problem: Problem,
+    limits: Limits,
+    start: Array,
+    goal: Array,
+    joints: Mapping[str, float] | npt.ArrayLike | None,
 ) -> LoopMotions:
     """Motions from the first joints at which the arm keeps its limits."""
     model = problem.model

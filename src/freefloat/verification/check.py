@@ -16,7 +16,9 @@ from freefloat.motion.certificate import Certificate, certify
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Motion
 from freefloat.planning.plan import Plan
+from freefloat.planning.reorientation import Reorientation
 from freefloat.planning.simulation import SimulatedBranch, Simulation
+from freefloat.verification.reorientation import reorientation_checks
 from freefloat.verification.tolerances import (
     Check,
     certificate_checks,
@@ -102,8 +104,8 @@ class CheckReport:
         }  # fmt: skip
 
 
-def check(result: Plan | Simulation, engine: str = PINOCCHIO) -> CheckReport:
-    """Verify a plan or the chosen motion of a simulation.
+def check(result: Plan | Simulation | Reorientation, engine: str = PINOCCHIO) -> CheckReport:
+    """Verify a plan, the chosen motion of a simulation or a reorientation.
 
     The motion is compared with the equations, the path and the robot, and integrated again by
     another integrator; the closest approach, the limits, the ranges of headings, the robust radius
@@ -123,21 +125,23 @@ def check(result: Plan | Simulation, engine: str = PINOCCHIO) -> CheckReport:
         >>> report.passed
         True
     """
-    if not isinstance(result, Plan | Simulation):
+    if not isinstance(result, Plan | Simulation | Reorientation):
         problem = f"a {type(result).__name__} was given"
-        raise InputError("result", problem, "a Plan or a Simulation")
+        raise InputError("result", problem, "a Plan, a Simulation or a Reorientation")
     if engine not in ENGINES:
         raise InputError("engine", f"{engine!r} was given", ", ".join(ENGINES))
     if engine == MUJOCO:
         from freefloat.verification.mujoco_model import engine_module
 
         engine_module()
+    if isinstance(result, Reorientation):
+        checks = reorientation_checks(result, mujoco=engine == MUJOCO)
+        return CheckReport("reorientation", tuple(_completed("motion", lambda: checks)))
     kind = "plan" if isinstance(result, Plan) else "motion"
     chosen = result.chosen
     if chosen is None:
         return CheckReport(kind, (Check("motion", False, "the plan has none"),))
-    span = span_check(chosen.motion)
-    if not span.passed:
+    if not (span := span_check(chosen.motion)).passed:
         return CheckReport(kind, (span,))
     return _verify(result, chosen, kind, engine)
 

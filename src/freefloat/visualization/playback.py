@@ -22,6 +22,7 @@ from freefloat.errors import InputError, require_type
 from freefloat.io.files import written_beside
 from freefloat.motion.motion import Motion
 from freefloat.planning.plan import Plan
+from freefloat.planning.reorientation import Reorientation
 from freefloat.planning.simulation import Simulation
 from freefloat.visualization.description import Samples
 from freefloat.visualization.scene import motion_scene
@@ -184,6 +185,7 @@ def playback(
         Motion
         | Plan
         | Simulation
+        | Reorientation
         | AttitudeMap
         | HeadingMap
         | SingularityMap
@@ -208,7 +210,7 @@ def playback(
         >>> playback.titles
         ('branch 0 elbow+', 'branch 1 elbow-')
     """
-    if isinstance(result, Motion | Plan | Simulation | Mapping):
+    if isinstance(result, Motion | Plan | Simulation | Reorientation | Mapping):
         limits = result.limits if isinstance(result, Plan | Simulation) else None
         pointing = () if limits is None else limits.pointing
         return Playback(motion_scene(_named_motions(result), title, pointing))
@@ -229,6 +231,11 @@ def playback(
 
 def _named_motions(result: Any) -> dict[str, Motion]:
     """Return the motions of a result by name; the chosen motion of a simulation first."""
+    if isinstance(result, Reorientation):
+        if result.motion is None:
+            accepted = "a reorientation with a motion"
+            raise InputError("result", f"it has no motion: {result.reason}", accepted)
+        return {"reorientation": result.motion}
     if isinstance(result, Motion):
         return {"motion": result}
     if isinstance(result, Mapping):

@@ -1,0 +1,40 @@
+"""Reorientations in HDF5 files."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from freefloat.io.hdf5 import Document
+from freefloat.io.plan_file import read_limits, read_motion, write_motion
+from freefloat.io.scenario import Scenario
+from freefloat.limits.limits import Limits
+from freefloat.motion.joint_loops import JointLoops
+from freefloat.planning.reorientation import Reorientation
+
+
+def write_reorientation(file: Any, result: Reorientation, _: Document) -> None:
+    """Write the motion of a reorientation; its loops are in the document."""
+    file.attrs["limits_checked"] = True
+    if result.motion is not None:
+        write_motion(file, "motion", result.motion)
+
+
+def read_reorientation(file: Any, scenario: Scenario, document: Document) -> Reorientation:
+    """Reorientation of a file."""
+    problem = scenario.problem()
+    limits, results, _ = read_limits(file, scenario, document)
+    loops = document["loops"]
+    return Reorientation(
+        problem=problem,
+        start=document["from"],
+        goal=document["to"],
+        joints=document["joints"],
+        limits=limits or Limits(),
+        allowed=document["allowed_duration"],
+        reached=document["reached"],
+        reason=document["reason"],
+        needed=document["needed"],
+        loops=None if loops is None else JointLoops(**loops),
+        motion=read_motion(file["motion"], problem) if "motion" in file else None,
+        limit_results=results,
+    )

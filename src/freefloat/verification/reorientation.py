@@ -1,0 +1,63 @@
+"""The checks of a reorientation: integrated again, its limits, MuJoCo's free simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from freefloat.limits.loop_limits import LoopLimitChecker
+from freefloat.motion.joint_loops import JointLoops, integrate_loops
+from freefloat.motion.motion import Motion
+from freefloat.planning.reorientation import Reorientation
+from freefloat.so3 import angle_between
+from freefloat.verification.tolerances import Check, comparison_check, error_check
+
+_SAME, _GOAL, _ENGINE = 1e-8, 1e-6, 1e-4
+"""Errors of integrating again [rad], of the attitude at the end, and of MuJoCo's simulation."""
+_RELATIVE = 1e-3
+_STEPS = 12_000
+"""Of MuJoCo's simulation per loop: its error falls with their square."""
+
+
+def reorientation_checks(result: Reorientation, *, mujoco: bool) -> Iterator[Check]:
+    """All checks of a reorientation.
+
+    Args:
+        result: The record, computed or loaded from a file.
+        mujoco: Simulate the free system with MuJoCo, too.
+    """
+    motion, loops = result.motion, result.loops
+    if motion is None or loops is None:
+        yield Check("motion", False, "the reorientation has none")
+        return
+    again = integrate_loops(motion.problem, loops, result.start)
+    same = again.times.shape == motion.times.shape
+    difference = np.inf
+    if same:
+        angles = angle_between(again.attitudes, motion.attitudes)
+        joints, times = np.abs(again.joints - motion.joints), np.abs(again.times - motion.times)
+        difference = float(max(angles.max(), joints.max(), times.max()))
+    yield error_check("integrated again", difference, _SAME, "rad", None)
+    error = float(angle_between(again.final.attitude, result.goal))
+    yield error_check("final attitude", error, _GOAL, "rad", float(again.times[-1]))
+    yield from _limit_checks(result, again, loops)
+    if mujoco:
+        from freefloat.verification.mujoco import forward_run
+        from freefloat.verification.mujoco_model import Engine
+
+        engine = Engine(motion.problem.model, motion.problem.wheel_momentum)
+        run = forward_run(motion, engine, steps=_STEPS * loops.count)
+        yield error_check("mujoco: final attitude", run.attitude, _ENGINE, "rad", run.until)
+
+
+def _limit_checks(result: Reorientation, again: Motion, loops: JointLoops) -> Iterator[Check]:
+    """Every limit is stated, and kept by a motion that is said to reach the goal."""
+    checker = LoopLimitChecker(again.problem.model, result.limits)
+    stated = {entry.limit: entry for entry in result.limit_results}
+    for entry in checker.results(again, loops):
+        name = f"limit {entry.limit}".replace("_", " ")
+        value = stated[entry.limit].worst if entry.limit in stated else None
+        check = comparison_check(name, value, entry.worst, 1e-6 + _RELATIVE * abs(entry.worst))
+        violated = result.reached and not entry.kept
+        yield Check(name, False, f"{entry.where} violates it") if violated else check
