@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from rich.console import RenderableType
 
 from freefloat.cli.console import decimals, table
@@ -79,7 +78,7 @@ def _motion(body: SceneBody) -> str:
     from freefloat.paths.tumbling import Tumbling
 
     if isinstance(body.motion, Tumbling):
-        rate = math.degrees(float(np.linalg.norm(body.motion.rate)))
+        rate = math.degrees(math.hypot(*body.motion.rate))
         return f"tumbling, {rate:.4g} deg/s"
     return "fixed" if body.motion == "fixed" else "with the target"
 
@@ -94,6 +93,6 @@ def _corridor(corridor: Corridor) -> str:
 
 
 def _target(limit: PointingLimit) -> str:
-    if limit.point is None:
-        return f"direction {decimals(np.asarray(limit.direction))}"
-    return f"point {decimals(limit.point)} m"
+    if limit.direction is not None:
+        return f"direction {decimals(limit.direction)}"
+    return f"point {decimals(() if limit.point is None else limit.point)} m"
