@@ -11,6 +11,7 @@ from freefloat.errors import InputError, require_type
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits, needed_stretch, violated
 from freefloat.motion.certificate import certify
+from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.paths.time_segments import Speeds
@@ -125,18 +126,33 @@ def _iterated(
     plan: Plan, motion: Motion, limits: Limits, threads: int | None, progress: Progress | None
 ) -> Retiming:
     """Plan and retime until the duration does not change."""
+    problem = _held(motion, limits)
     for number in range(_MOST):
-        before = motion.problem.path.duration
-        problem = _retimed(plan.problem, fastest_speeds(motion, limits, _INSIDE, _INTERVALS))
         step = step_of(progress, number / _MOST, (number + 1) / _MOST)
         current = find_plan(problem, plan.search, limits, threads=threads, progress=step)
         if current.chosen is None or not current.chosen.motion.completed:
             break
-        motion = current.chosen.motion
-        same = abs(problem.path.duration - before) <= _AGREE * before
-        if current.feasible and same:
+        following = _held(current.chosen.motion, limits)
+        if current.feasible and _agree(problem, following):
             return _retiming(current, plan, agrees=True)
+        problem = following
     return _retiming(replace(current, feasible=False), plan, agrees=False)
+
+
+def _held(motion: Motion, limits: Limits) -> Problem:
+    """The problem with the fastest timing of the motion from the same state, where one is found."""
+    start = motion.initial
+    for _ in range(_MOST):
+        before = motion.problem
+        problem = _retimed(before, fastest_speeds(motion, limits, _INSIDE, _INTERVALS))
+        motion = integrate_motion(problem, start.attitude, start.joints)
+        if _agree(before, problem) or not motion.completed:
+            break
+    return problem
+
+
+def _agree(first: Problem, second: Problem) -> bool:
+    return abs(second.path.duration - first.path.duration) <= _AGREE * first.path.duration
 
 
 def _retiming(result: Plan, plan: Plan, *, agrees: bool) -> Retiming:

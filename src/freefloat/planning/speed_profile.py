@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import linprog
@@ -85,7 +84,7 @@ def limit_usage(motion: Motion, limits: Limits) -> dict[str, float]:
     return {name: float((ratio > _USED).mean()) for name, ratio in ratios.items()}
 
 
-def _fastest_squares(knots: Array, rows: Callable[[float], _Rows]) -> tuple[Array, Array]:
+def _fastest_squares(knots: Array, rows: Callable[[Array], list[_Rows]]) -> tuple[Array, Array]:
     """Knots, closer where the solution bends, and the fastest squared speeds there, (N + 1,)."""
     x = _largest_squares(knots, rows, np.ones(len(knots)))
     for _ in range(_PASSES):
@@ -107,21 +106,22 @@ def _refined(knots: Array, x: Array) -> Array:
     return np.interp(np.linspace(0.0, place[-1], len(knots)), place, knots)
 
 
-def _largest_squares(knots: Array, rows: Callable[[float], _Rows], weights: Array) -> Array:
+def _largest_squares(knots: Array, rows: Callable[[Array], list[_Rows]], weights: Array) -> Array:
     """The largest weighted sum of squared speeds at knots."""
     before, after, right, columns = [], [], [], []
-    for k, (start, end) in enumerate(pairwise(knots.tolist())):
-        for fraction in _FRACTIONS:
-            found = rows(min(start + fraction * (end - start), 1.0))
-            rise = found.a / (2.0 * (end - start))  # u = (x after - x before) / (2 width)
-            before += [*(found.b * (1.0 - fraction) - rise), 1.0 - fraction]
-            after += [*(found.b * fraction + rise), fraction]
-            right += [*found.c, found.most]
-            columns += [k] * (len(found.c) + 1)
+    widths, count = np.diff(knots), len(_FRACTIONS)
+    places = knots[:-1, None] + np.array(_FRACTIONS) * widths[:, None]
+    for number, found in enumerate(rows(np.minimum(places.ravel(), 1.0))):
+        interval, fraction = number // count, _FRACTIONS[number % count]
+        rise = found.a / (2.0 * widths[interval])  # u = (x after - x before) / (2 width)
+        before += [*(found.b * (1.0 - fraction) - rise), 1.0 - fraction]
+        after += [*(found.b * fraction + rise), fraction]
+        right += [*found.c, found.most]
+        columns += [interval] * (len(found.c) + 1)
     scale = min(limit for limit in right if limit > 0.0)  # the unit of x
     limits, column = np.array(right), np.array(columns)
-    number = np.arange(len(limits))
-    index = np.concatenate([number, number]), np.concatenate([column, column + 1])
+    row = np.arange(len(limits))
+    index = np.concatenate([row, row]), np.concatenate([column, column + 1])
     matrix = csr_array((np.concatenate([before, after]), index), shape=(len(limits), len(knots)))
     finite = np.isfinite(limits)
     bounds = [(0.0, 0.0), *[(0.0, None)] * (len(knots) - 2), (0.0, 0.0)]
@@ -144,22 +144,23 @@ class _Place:
         self._slowest = _SLOW * fastest
         self._known: dict[float, _Rows] = {}
 
-    def rows(self, s: float) -> _Rows:
-        """The limits at a value of s."""
-        if s not in self._known:
-            self._go_to(s)
+    def rows(self, values: Array) -> list[_Rows]:
+        """The limits at values of s, shape (K,)."""
+        new = [s for s in dict.fromkeys(values.tolist()) if s not in self._known]
+        times = [self._timing.time_at(s) for s in new]
+        states = self._motion.evaluate(self._motion.coordinate_at(times))
+        for s, t, attitude, joints in zip(new, times, *states[1:], strict=True):
+            self._go_to(s, t, attitude, joints)
             a, b, c = _NONE, _NONE, _NONE
             if self._limits.joint_torque is not None:
                 a, b, c = self._torque_rows()
             self._known[s] = _Rows(a, b, c, self._largest_speed() ** 2)
-        return self._known[s]
+        return [self._known[s] for s in values.tolist()]
 
-    def _go_to(self, s: float) -> None:
-        """Go to the state of the motion at a value of s."""
+    def _go_to(self, s: float, t: float, attitude: Array, joints: Array) -> None:
+        """Go to the state of the motion at a value of s and its time [s]."""
         timing = self._timing
-        t = timing.time_at(s)
-        _, attitudes, joints = self._motion.evaluate(self._motion.coordinate_at(t))
-        self._attitude, self._joints = attitudes[0], joints[0]
+        self._attitude, self._joints = attitude, joints
         self._tangent = self._path.tangent(s)
         self._curvature = self._path.second_derivative(s)
         self._speed = max(timing.s(t, 1), self._slowest)
