@@ -118,6 +118,14 @@ def test_the_first_view_contains_the_bodies(motion: Motion) -> None:
     assert points[:, 0].max() > 3.0
 
 
+@pytest.mark.parametrize("place", [[6.0, 0.0, 0.0], [0.0, -6.0, 1.0], [-4.0, 4.0, 0.0]])
+def test_the_first_view_shows_bodies_beside_the_robot(motion: Motion, place: list[float]) -> None:
+    """Neither hides the other: the line between them is seen from its side."""
+    body = ff.SceneBody("client", ff.Box([1.0, 1.0, 2.0]), place)
+    eye = np.array(scene_of(motion, [body]).description.view.direction)
+    assert abs(eye @ place) < 0.3 * np.linalg.norm(eye) * np.linalg.norm(place)
+
+
 def test_meshes_are_drawn_and_missing_ones_are_named(motion: Motion, tmp_path: Any) -> None:
     file = tmp_path / "part.stl"
     trimesh.creation.box((1.0, 2.0, 3.0)).export(file)

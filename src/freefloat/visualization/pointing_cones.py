@@ -17,7 +17,7 @@ from freefloat.visualization.visuals import RobotVisuals, largest_box
 
 POINTING = "Pointing limits"
 """Node of the scene tree that can be hidden, and its name on the page."""
-_COLOURS = {Keep.INSIDE: (0.35, 0.85, 0.45), Keep.OUTSIDE: (0.95, 0.35, 0.30)}
+_COLOURS = {Keep.INSIDE: (0.55, 0.90, 0.30), Keep.OUTSIDE: (0.95, 0.35, 0.30)}
 _OPACITY = 0.16
 _ARROW = (0.95, 0.96, 0.98, 1.0)
 _SHORTEST = 50.0

@@ -257,12 +257,13 @@ def _view(samples: Sequence[_Sampled], planar: bool) -> View:
     points = np.vstack(parts)
     centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
     flat = np.array([0.0, -0.02, 1.0])
-    direction = flat if planar else view_direction([sampled.positions for sampled in samples])
+    others = [place for sampled in samples for place in sampled.surroundings.places()]
+    direction = view_direction([sampled.positions for sampled in samples], others)
     return View(
         centre=centre.round(4).tolist(),
         radius=float(np.linalg.norm(points - centre, axis=1).max()),
         points=points.round(4).tolist(),
-        direction=direction.round(4).tolist(),
+        direction=(flat if planar else direction).round(4).tolist(),
         flat=planar,
     )
 

@@ -152,9 +152,10 @@ def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figu
     _mark_singular(views[-1], motion, 3)
     bodies = np.array([[robot.spacecraft.mean(axis=0), *robot.arm[1:]] for robot in robots])
     points = np.vstack([np.vstack([robot.spacecraft, robot.arm]) for robot in robots])
-    others = (p for time in times for _, p in outline_points(motion.problem, float(time)))
+    others = [p for time in times for _, p in outline_points(motion.problem, float(time))]
     points = np.vstack([points, *others])
-    _set_equal_cubes(views, points, view_direction([bodies]))
+    eye = view_direction([bodies], [np.mean(other, axis=0) for other in others])
+    _set_equal_cubes(views, points, eye)
     handles, names = views[-1].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=len(handles))
     return figure

@@ -109,6 +109,13 @@ class Surroundings:
                 for visual in visuals.shapes:
                     yield pose.position + bounding_box(visual) @ pose.rotation.T
 
+    def places(self) -> Iterator[Array]:
+        """Yield the centre of each body at the first time [m], shape (3,)."""
+        for pose, visuals in zip(self.poses[0], self.visuals, strict=True):
+            if visuals.shapes:
+                corners = np.vstack([bounding_box(visual) for visual in visuals.shapes])
+                yield pose.position + pose.rotation @ corners.mean(axis=0)
+
     def draw(self, builder: SceneBuilder, root: str) -> list[Label]:
         """Draw the bodies and the corridor below a node; return the labels of the bodies."""
         labels = []

@@ -27,8 +27,9 @@ _DIRECTIONS = 400
 """View directions that are compared."""
 _ELEVATIONS = (-0.1, 0.75)
 """Range of the sines of the view's elevation."""
-_PATH_WEIGHT = 0.3
-"""Penalty on viewing a path end-on, relative to viewing the arm in front of the spacecraft."""
+_PATH_WEIGHT, _OTHERS_WEIGHT = 0.3, 2.0
+"""Penalties on viewing a path end-on, and a body of the scene behind or before the robot, relative
+to viewing the arm in front of the spacecraft."""
 
 Shape = Box | Cylinder | Sphere | Mesh
 
@@ -67,11 +68,14 @@ def body_poses(motion: Motion, parameters: Array) -> tuple[Array, Array]:
     return positions, np.array([[pose.rotation for pose in row] for row in poses])
 
 
-def view_direction(motions: Sequence[Array]) -> Array:
+def view_direction(motions: Sequence[Array], others: Sequence[Array] = ()) -> Array:
     """Return the direction to the eye with the arms in front and the paths across the picture.
+
+    Bodies of the scene are beside the robots, neither before nor behind them.
 
     Args:
         motions: Of each motion positions as of :func:`body_poses` [m], shape (K, n + 2, 3).
+        others: Places of bodies of the scene [m], shape (3,) each.
     """
     arms = np.vstack([(bodies[:, 1:-1] - bodies[:, :1]).mean(axis=1) for bodies in motions])
     z = np.linspace(*_ELEVATIONS, _DIRECTIONS)
@@ -84,6 +88,11 @@ def view_direction(motions: Sequence[Array]) -> Array:
         length = float(np.linalg.norm(path))
         if length > 0.0:
             score = score - _PATH_WEIGHT / len(motions) * np.abs(eyes @ path) / length
+    middle = np.mean([bodies.mean(axis=(0, 1)) for bodies in motions], axis=0)
+    for other in others:
+        aside = other - middle
+        distance = max(float(np.linalg.norm(aside)), 1e-9)
+        score = score - _OTHERS_WEIGHT / len(others) * np.abs(eyes @ aside) / distance
     return np.asarray(eyes[int(np.argmax(score))])
 
 
