@@ -95,6 +95,17 @@ def playback() -> Path:
     return file
 
 
+def mission() -> Path:
+    """The page of the tutorial's mission: a client, cones and a corridor."""
+    scenario = ff.load_scenario("servicing/inspect_client")
+    plan = ff.plan(scenario.problem(), scenario.search(), scenario.limits())
+    file = FOLDER / "mission.png"
+    (picture,) = take_pictures(ff.playback(plan).html(), [45.0], SIZE)
+    with written_beside(file) as temporary:
+        temporary.write_bytes(picture)
+    return file
+
+
 def door() -> Path:
     """Animation of the page, the first picture of README."""
     file = FOLDER / "door.gif"
@@ -106,6 +117,7 @@ def door() -> Path:
 PICTURES: dict[str, Callable[[], Figure | Path]] = {
     "door": door,
     "playback": playback,
+    "mission": mission,
     "snapshots": snapshots,
     "joint_space": joint_space,
     "motion": motion,

@@ -19,6 +19,7 @@ ENDS = {
     "06_plan_with_limits": ("duration: {} s instead of 30 s", 225.327, 0.5),
     "07_playback": ("apart: {} deg", 88.6512, 1e-3),
     "08_study": ("feasible: {} %", 50.0, 1e-9),
+    "09_inspect_a_client": ("moved by the cones: {} deg", 11.3, 3.0),
 }
 """The last line of each, the number in it, and how far it may be off: where a search decides, as
 far as its samples are apart."""
@@ -29,10 +30,11 @@ WRITTEN = {
     "06_plan_with_limits": ["snapshots.png"],
     "07_playback": ["playback.html"],
     "08_study": ["study/study.sqlite", "study/cases.csv", "study/summary.png"],
+    "09_inspect_a_client": ["inspect_client.html", "angles.png", "plan.h5", "plan.csv"],
 }
 
 
-def test_there_are_eight_short_scripts() -> None:
+def test_there_are_nine_short_scripts() -> None:
     assert [script.stem for script in SCRIPTS] == sorted(ENDS)
     for script in SCRIPTS:
         lines = script.read_text(encoding="utf-8").splitlines()

@@ -72,7 +72,8 @@ class SceneBodySection(Section):
     scale: tuple[Factor, Factor, Factor] | None = None
     """Of the mesh: metres per unit of the file along x, y, z; default 1."""
     urdf: Name | None = None
-    """A URDF, written as the robot's; its joints are all fixed at zero."""
+    """A URDF, written as the robot's, or ``client``, a bundled satellite; its joints are all fixed
+    at zero."""
     position: Vector = (0.0, 0.0, 0.0)
     """Of its frame at the start of the path [m]: relative to the centre of mass of the robot's
     system; with the target, in the end-effector's prescribed frame."""

@@ -53,6 +53,11 @@ def bundled_robots() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in models_folder().glob("*/*.urdf")))
 
 
+def bundled_bodies() -> dict[str, Path]:
+    """The URDFs of the bundled bodies of scenes, such as ``client``, by name."""
+    return {path.stem: path for path in sorted(models_folder().glob("*/bodies/*.urdf"))}
+
+
 def find_scenario(name: str) -> Path:
     """The scenario file of a path or a bundled name.
 
@@ -81,7 +86,7 @@ def _find(kind: str, name: str, known: tuple[str, ...], below: str) -> Path:
 
 
 def find_robot(name: str, folder: Path) -> Path:
-    """The URDF file of a path, or else of a bundled robot's name or file name.
+    """The URDF file of a path, or else of the name of a bundled robot or body of a scene.
 
     Args:
         name: The path or name; ``example-robot-data:NAME`` and ``robot_descriptions:NAME`` are
@@ -105,7 +110,9 @@ def find_robot(name: str, folder: Path) -> Path:
         return path
     if stem in bundled_robots():
         return models_folder() / stem / f"{stem}.urdf"
-    names = [*bundled_robots(), f"{EXAMPLE}NAME"]
+    if stem in bundled_bodies():
+        return bundled_bodies()[stem]
+    names = [*bundled_robots(), *bundled_bodies(), f"{EXAMPLE}NAME"]
     with suppress(InputError):
         short = stem.removesuffix("_robot")
         names += [EXAMPLE + short] if short in example_robots() else []

@@ -1,0 +1,72 @@
+"""The bundled mission: its plan keeps all limits, is verified, and is what the limits make it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import freefloat as ff
+from freefloat.limits.limits import LimitKind, Limits
+from freefloat.planning.plan import Plan
+from freefloat.so3 import angle_between
+
+SCENARIO = ff.load_scenario("servicing/inspect_client")
+LIMITS = SCENARIO.limits()
+
+
+@cache
+def planned(limits: Limits) -> Plan:
+    return ff.plan(SCENARIO.problem(), SCENARIO.search(), limits)
+
+
+def worst(plan: Plan, limits: Limits) -> list[float]:
+    """Extreme values of the limits of attitude along the motion of a plan [rad]."""
+    kinds = (LimitKind.POINTING, LimitKind.BASE_TURN)
+    results = ff.check_limits(plan.chosen.motion, limits)
+    return [result.worst for result in results if result.limit in kinds]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+def test_the_plan_of_the_mission_is_verified(engine: str, tmp_path: Path) -> None:
+    plan = planned(LIMITS)
+    assert plan.feasible, plan.reason
+    assert {result.limit for result in plan.limit_results} == set(LimitKind)
+    assert all(result.kept for result in plan.limit_results)
+    ff.save(plan, tmp_path / "plan.h5")
+    loaded = ff.load(tmp_path / "plan.h5")
+    report = ff.check(loaded, engine)
+    assert report.passed
+    items = ff.playback(loaded).scene.description.items
+    assert {"Scene bodies", "Corridor", "Pointing limits"} <= items.keys()
+
+
+@pytest.mark.slow
+def test_without_the_cones_antenna_and_star_tracker_are_on_the_wrong_side() -> None:
+    """They exclude the attitude with the largest weighted sum."""
+    free = planned(replace(LIMITS, pointing=()))
+    antenna, tracker = LIMITS.pointing
+    (seen,) = worst(free, Limits(pointing=[antenna]))
+    (glare,) = worst(free, Limits(pointing=[tracker]))
+    assert seen > antenna.angle + np.radians(1.0)
+    assert glare < tracker.angle - np.radians(1.0)
+    attitudes = [plan.chosen.motion.initial.attitude for plan in (planned(LIMITS), free)]
+    assert angle_between(*attitudes) > np.radians(5.0)
+
+
+@pytest.mark.slow
+def test_without_the_limit_of_the_turn_the_spacecraft_turns_farther() -> None:
+    free = planned(replace(LIMITS, base_turn=None))
+    (turn,) = worst(free, Limits(base_turn=LIMITS.base_turn))
+    assert turn > LIMITS.base_turn + np.radians(1.0)
+
+
+@pytest.mark.slow
+def test_without_the_wheels_the_momentum_turns_the_spacecraft_too_far() -> None:
+    problem = SCENARIO.problem().replace(wheel_momentum=np.zeros(3))
+    plan = ff.plan(problem, SCENARIO.search(), LIMITS)
+    assert not plan.feasible
