@@ -25,7 +25,7 @@ print(f"attitude {plan.chosen.motion.initial.attitude.round(2)}: {plan.reason}")
 for result in plan.limit_results:
     print(f"  {result.limit:12} {result.ratio:4.0%} of the limit, {result.where}")
 
-# The camera begins on the left. The antenna's axis stays inside the green cone, that of the star
+# The page of the motion. The antenna's axis stays inside the green cone, that of the star
 # tracker outside the red one; the corridor is the cone before the client.
 ff.playback(plan, "inspect_client").save("inspect_client.html")
 print("page: inspect_client.html")
