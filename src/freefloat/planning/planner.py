@@ -92,7 +92,9 @@ def plan(
         accepted = "Limits, such as Limits(base_rate=0.02), or load_scenario(...).limits()"
         require_type("limits", limits, Limits, accepted)
     problem = search.applied_to(problem)
-    plan_problem = partial(_plan, search=search, limits=limits, threads=threads, progress=progress)
+    plan_problem = partial(
+        plan_within, search=search, limits=limits, threads=threads, progress=progress
+    )
     result = stretched_plan(plan_problem, problem) if stretch else plan_problem(problem)
     timing = problem.path.timing
     if timing.law is not TimeLaw.OPTIMAL or timing.speeds or not result.feasible:
@@ -102,7 +104,7 @@ def plan(
     return retime(result, threads=threads).plan
 
 
-def _plan(
+def plan_within(
     problem: Problem,
     known: ScreenedCandidate | None = None,
     *,
@@ -111,7 +113,7 @@ def _plan(
     threads: int | None,
     progress: Progress | None,
 ) -> Plan:
-    """Plan with the duration as it is; ``known`` is as for :func:`keep_limits`."""
+    """Plan with the timing as it is; ``known`` is as for :func:`keep_limits`."""
     evaluator = evaluator_for(problem, threads, limits, search)
     planner = plan_in_plane if problem.task.planar else plan_in_space
     result = planner(evaluator, search, limits, progress)

@@ -17,7 +17,8 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.time_segments import Speeds
 from freefloat.paths.timing import TimeLaw, Timing
 from freefloat.planning.plan import Plan
-from freefloat.planning.planner import plan as find_plan
+from freefloat.planning.planner import plan_within
+from freefloat.planning.screening import ScreenedCandidate
 from freefloat.planning.simulation import SimulatedBranch, simulate
 from freefloat.planning.speed_profile import fastest_speeds, limit_usage
 from freefloat.planning.trials import OVER
@@ -95,7 +96,7 @@ def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None 
         accepted = "joint_rate, joint_torque or base_rate"
         raise InputError("limits", "none of them depends on the timing", accepted)
     if plan.problem.depends_on_timing:
-        return _iterated(plan, chosen.motion, limits, threads, progress)
+        return _iterated(plan, chosen, limits, threads, progress)
     problem = _retimed(plan.problem, fastest_speeds(chosen.motion, limits))
     result = _moved(plan, chosen, problem, limits)
     stretch = needed_stretch(result.limit_results)
@@ -123,16 +124,27 @@ def _moved(plan: Plan, before: SimulatedBranch, problem: Problem, limits: Limits
 
 
 def _iterated(
-    plan: Plan, motion: Motion, limits: Limits, threads: int | None, progress: Progress | None
+    plan: Plan,
+    held: SimulatedBranch,
+    limits: Limits,
+    threads: int | None,
+    progress: Progress | None,
 ) -> Retiming:
-    """Plan and retime until the duration does not change."""
-    problem = _held(motion, limits)
+    """Plan and retime until the duration does not change.
+
+    A state whose motion has the timing is chosen where no better one keeps the limits with it.
+    """
+    problem = _held(held.motion, limits)
     for number in range(_MOST):
         step = step_of(progress, number / _MOST, (number + 1) / _MOST)
-        current = find_plan(problem, plan.search, limits, threads=threads, progress=step)
+        known = ScreenedCandidate(held.motion.initial.attitude, held.branch.index)
+        current = plan_within(
+            problem, known, search=plan.search, limits=limits, threads=threads, progress=step
+        )
         if current.chosen is None or not current.chosen.motion.completed:
             break
-        following = _held(current.chosen.motion, limits)
+        held = current.chosen
+        following = _held(held.motion, limits)
         if current.feasible and _agree(problem, following):
             return _retiming(current, plan, agrees=True)
         problem = following
