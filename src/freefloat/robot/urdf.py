@@ -38,8 +38,8 @@ MAGNITUDE = 1e12
 _MOST = 1000
 """Number of links and joints that a robot may have."""
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
-_MJCF = re.compile(r"\s*(?:<\?.*?\?>\s*|<!--.*?-->\s*)*<mujoco\b", re.DOTALL)
-"""Beginning of a model of MuJoCo."""
+_MJCF = re.compile(r"\s*+(?>(?:<\?.*?\?>|<!--.*?-->)\s*+)*+<mujoco\b", re.DOTALL)
+"""Beginning of a model of MuJoCo; comments are matched once, without backtracking."""
 
 
 def is_text(urdf: str | Path) -> bool:
