@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from freefloat.io.field_types import Coefficients, Number, Section, Vector, exactly_one_of
+from freefloat.io.field_types import Coefficients, Name, Number, Section, Vector, exactly_one_of
 from freefloat.io.orientation_section import Orientation
 
 
@@ -93,11 +93,12 @@ class PathFrame(StrEnum):
 class PathSection(Section):
     """Path of the end-effector: exactly one kind of curve, and its orientation."""
 
-    frame: PathFrame = PathFrame.INERTIAL
+    frame: Annotated[PathFrame | Name, Field(union_mode="left_to_right")] = PathFrame.INERTIAL
     """Frame of all coordinates and orientations: ``inertial``, about the centre of mass;
     ``spacecraft``, the root link; or ``base``, the link that carries the first joint. The last two
     are those at ``search.joints`` and ``search.from_attitude`` (default: along the inertial
-    axes)."""
+    axes). Or the name of a body of the scene: path and time law are relative to it while it
+    tumbles."""
     line: LineSection | None = None
     polynomial: PolynomialSection | None = None
     arc: ArcSection | None = None

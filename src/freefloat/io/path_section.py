@@ -31,6 +31,8 @@ from freefloat.paths.orientation import (
     SlerpOrientation,
 )
 from freefloat.paths.path import EndEffectorPath, parse_samples
+from freefloat.paths.scene import Scene
+from freefloat.paths.scene_body import SceneBody
 from freefloat.planning.plan import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Pose
@@ -42,16 +44,26 @@ SAMPLES = "samples.csv"
 _INERTIAL = Pose(np.zeros(3), np.eye(3))
 
 
-def frame_of(kind: PathFrame, model: FreeFloatingModel, search: Search) -> Pose | None:
+def frame_of(
+    kind: PathFrame | str, model: FreeFloatingModel, search: Search, scene: Scene
+) -> Pose | SceneBody | None:
     """The frame of a path relative to the inertial one, at the present attitude and joints.
 
-    None for the inertial frame.
+    Returns:
+        None for the inertial frame; a tumbling body of the scene for its frame.
 
     Raises:
-        InputError: If the search has no joints, or they do not suit the robot.
+        InputError: If there is no such body, the search has no joints, or they do not suit the
+            robot.
     """
     if kind is PathFrame.INERTIAL:
         return None
+    if not isinstance(kind, PathFrame):
+        if kind not in scene.names:
+            accepted = ", ".join([*PathFrame, *scene.names])
+            raise InputError("path.frame", f"there is no {kind!r}", accepted)
+        body = scene.bodies[scene.names.index(kind)]
+        return body.pose if body.motion == "fixed" else body
     if search.joints is None:
         problem = f"{kind} needs search.joints, which is missing"
         raise InputError("path.frame", problem, "inertial, or the present joints in search.joints")

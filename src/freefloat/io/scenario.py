@@ -26,12 +26,14 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
 from freefloat.paths.path import samples_text
+from freefloat.paths.relative_path import RelativePath
+from freefloat.paths.scene_body import SceneBody
 from freefloat.paths.timing import Stop, TimedPath, Timing
 from freefloat.planning.objective import Objective, Weights
 from freefloat.planning.plan import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_robot, find_scenario
-from freefloat.so3 import frozen, unit_quaternion
+from freefloat.so3 import Pose, frozen, unit_quaternion
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,11 +81,13 @@ class Scenario:
     def _problem(self) -> Problem:
         content = self.content
         model = self.model()
+        folder = self.source.parent
         with self.error_context():
-            frame = frame_of(content.path.frame, model, self.search())
+            scene = content.scene.to_scene(folder, self.shapes)
+            frame = frame_of(content.path.frame, model, self.search(), scene)
         with self.error_context("path."):
-            folder = self.source.parent
-            path = path_of(content.path, content.task, self.samples, folder, frame)
+            known = frame if isinstance(frame, Pose) else None
+            path = path_of(content.path, content.task, self.samples, folder, known)
         with self.error_context():
             stops = tuple(Stop(stop.s, stop.t) for stop in content.timing.stops)
             speeds = tuple(content.timing.speeds)
@@ -96,9 +100,11 @@ class Scenario:
             redundancy = None
             if content.redundancy is not None:
                 redundancy = Redundancy(**content.redundancy.model_dump(exclude_none=True))
-            timed = TimedPath(path, timing, np.array(content.drift))
+            drift = np.array(content.drift)
+            timed = TimedPath(path, timing, drift)
+            if isinstance(frame, SceneBody):
+                timed = RelativePath(frame, path, timing).timed(drift)
             momentum, margin = np.array(content.momentum), Margin(measure, value)
-            scene = content.scene.to_scene(self.source.parent, self.shapes)
             return Problem(
                 model, timed, content.task, momentum, margin, redundancy, scene=scene,
                 wheel_momentum=np.array(content.wheels.momentum),
@@ -228,12 +234,15 @@ def scenario_of(
         InputError: If scenario files cannot describe the path of the problem.
     """
     model = problem.model
-    timing = problem.path.timing
+    relative = problem.path.relative
+    timing = problem.path.timing if relative is None else relative.timing
     margin = problem.margin
     search = search or Search(joints=problem.start_joints)
     limits = limits or Limits()
     shapes = file_shapes(problem.scene)
-    path, samples = section_of(problem.path.path)
+    path, samples = section_of(problem.path.path if relative is None else relative.path)
+    if relative is not None:
+        path["frame"] = relative.body.name
     sections: dict[str, dict[str, Any]] = {
         "robot": {
             "urdf": model.description.source,

@@ -14,15 +14,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from freefloat.dynamics.base_rates import base_rates
-from freefloat.dynamics.momentum import inertia_matrices
-from freefloat.motion.motion import Ending, Motion
-from freefloat.motion.panels import DEGREE, NODES
+from freefloat.motion.joint_integration import integrate_joints
+from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, frozen, rotation_matrix
+from freefloat.so3 import Array, frozen
 
 _INTERVALS = 16
 """Intervals of the quadrature per harmonic; a power of two, as products are formed pairwise."""
@@ -30,7 +28,6 @@ _GAUSS = np.sqrt(3.0) / 6.0
 """Distance of the two Gauss points of an interval from its middle, over its length."""
 _PANELS = 24
 """Panels of a motion per loop and harmonic: their polynomials are exact to 1e-10."""
-_TOLERANCE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +69,8 @@ class JointLoops:
 
     def at(self, s: Any, order: int = 0) -> Array:
         """Joint values, or their derivatives by s, at fractions (...) of the motion: (..., n)."""
-        phase = 2.0 * np.pi * self.count * np.asarray(s, dtype=float)
+        laps = self.count * np.asarray(s, dtype=float)
+        phase = 2.0 * np.pi * (laps - np.floor(laps))  # which ends exactly where it begins
         values = phase_basis(phase, self.harmonics, order) @ self.coefficients
         return values * (2.0 * np.pi * self.count) ** order + (self.joints if not order else 0.0)
 
@@ -132,44 +130,7 @@ def _product(p: Array, q: Array) -> Array:
     return np.concatenate([vector, scalar], axis=-1)
 
 
-def base_velocity(problem: Problem, attitude: Array, joints: Array, rates: Array) -> Array:
-    """Angular velocity of the spacecraft for prescribed joint rates, (3) of the paper.
-
-    It is D^-1 (R0^T h - h_w - Dq q') in the spacecraft frame [rad/s], shape (3,).
-    """
-    D, Dq = inertia_matrices(problem.model, joints)
-    demanded = -problem.wheel_momentum - Dq @ rates
-    if problem.momentum.any():
-        demanded = demanded + rotation_matrix(attitude).T @ problem.momentum
-    return np.asarray(np.linalg.solve(D, demanded))
-
-
 def integrate_loops(problem: Problem, loops: JointLoops, attitude: Array) -> Motion:
-    """The motion of spacecraft and arm along loops, with the momentum of the problem.
-
-    Args:
-        problem: Robot and momentum; the fraction s of the loops follows the timing of its path,
-            which itself is not followed.
-        loops: The loops.
-        attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
-    """
-    timing = problem.path.timing
-    count = 4 * -(-_PANELS * loops.count * loops.harmonics // 4)  # breaks of the laws are edges
-    inner = (np.arange(count)[:, None] + (NODES[:DEGREE] + 1.0) / 2.0) / count
-    times = timing.duration * np.append(inner.ravel(), 1.0)
-
-    def change(t: float, quaternion: Array) -> Array:
-        s, speed = timing.s(t), timing.s(t, 1)
-        unit = quaternion / np.linalg.norm(quaternion)
-        x, y, z = base_velocity(problem, unit, loops.at(s), loops.at(s, 1) * speed).tolist()
-        by_rate = [[0, z, -y, x], [-z, 0, x, y], [y, -x, 0, z], [-x, -y, -z, 0]]  # (8c)
-        return np.asarray(np.array(by_rate) @ quaternion / 2.0)
-
-    solution = solve_ivp(
-        change, (0.0, timing.duration), attitude, method="DOP853", t_eval=times,
-        rtol=_TOLERANCE, atol=_TOLERANCE, max_step=timing.duration / (4 * loops.count),
-    )  # fmt: skip
-    attitudes = solution.y.T / np.linalg.norm(solution.y.T, axis=1, keepdims=True)
-    joints = loops.at([float(timing.s(t)) for t in times])
-    joints[-1] = loops.joints
-    return Motion(problem, Ending.COMPLETED, times, attitudes, joints)
+    """The motion along loops, see :func:`~freefloat.motion.joint_integration.integrate_joints`."""
+    panels = 4 * -(-_PANELS * loops.count * loops.harmonics // 4)
+    return integrate_joints(problem, loops, attitude, panels)

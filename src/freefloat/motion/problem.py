@@ -117,15 +117,17 @@ class Problem:
 
     @property
     def depends_on_timing(self) -> bool:
-        """Whether the system moves while the end-effector rests, for momentum or drift.
+        """Whether the motion is another one at another speed.
 
-        Otherwise motions at different speeds have the same configurations.
+        With momentum or drift the system moves while the end-effector rests; a path in the frame of
+        a tumbling body is another one.
         """
-        return bool(self.momentum.any() or self.wheel_momentum.any() or self.path.drifts)
+        moves = self.path.drifts or self.path.relative is not None
+        return bool(self.momentum.any() or self.wheel_momentum.any() or moves)
 
     def stretched(self, factor: float) -> Problem:
         """The same problem, all times of its path multiplied by a factor."""
-        return replace(self, path=replace(self.path, timing=self.path.timing.stretched(factor)))
+        return replace(self, path=self.path.stretched(factor))
 
     def replace(self, **changes: Any) -> Problem:
         """The same problem with other attributes, checked again.

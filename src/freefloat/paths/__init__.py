@@ -9,6 +9,7 @@ from freefloat.paths.orientation import FixedOrientation as FixedOrientation
 from freefloat.paths.orientation import OrientationLaw as OrientationLaw
 from freefloat.paths.orientation import SlerpOrientation as SlerpOrientation
 from freefloat.paths.path import EndEffectorPath as EndEffectorPath
+from freefloat.paths.relative_path import RelativePath as RelativePath
 from freefloat.paths.timing import Stop as Stop
 from freefloat.paths.timing import TimedPath as TimedPath
 from freefloat.paths.timing import TimeLaw as TimeLaw

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -17,6 +18,9 @@ from freefloat.errors import InputError, finite_number, finite_vector, member, r
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.time_segments import Speeds, TimeSegment, require_speeds, segments_of
 from freefloat.so3 import Array, Pose, frozen
+
+if TYPE_CHECKING:  # which builds timed paths
+    from freefloat.paths.relative_path import RelativePath
 
 _BLEND = 0.25
 """Fraction of a trapezoidal profile spent accelerating, and again decelerating."""
@@ -36,6 +40,7 @@ class TimeLaw(StrEnum):
     CUBIC = "cubic"
     TRAPEZOIDAL = "trapezoidal"
     OPTIMAL = "optimal"
+    UNIFORM = "uniform"
 
     @property
     def polynomials(self) -> tuple[tuple[float, Polynomial], ...]:
@@ -47,6 +52,8 @@ class TimeLaw(StrEnum):
             return ((1.0, Polynomial([0, 0, 0, 10, -15, 6])),)
         if self is TimeLaw.CUBIC:
             return ((1.0, Polynomial([0, 0, 3, -2])),)
+        if self is TimeLaw.UNIFORM:
+            return ((1.0, Polynomial([0, 1])),)
         cruise = 1.0 / (1.0 - _BLEND)
         rise = Polynomial([0, 0, cruise / (2.0 * _BLEND)])
         return (
@@ -76,7 +83,7 @@ class Stop:
 
 @dataclass(frozen=True)
 class Timing:
-    """s(t), from rest to rest, at rest at every stop.
+    """s(t), from rest to rest, at rest at every stop; only ``uniform`` is never at rest.
 
     Attributes:
         duration: Duration of the path [s].
@@ -111,6 +118,8 @@ class Timing:
         if not (steps > _CLOSEST).all():
             accepted = f"0 < s < 1 and 0 < t < {self.duration:g}, both rising from stop to stop"
             raise InputError("timing.stops", "they do not rise in s and t", accepted)
+        if self.stops and self.law is TimeLaw.UNIFORM:
+            raise InputError("timing.stops", "s rises uniformly", "another law, which rests there")
         if self.speeds:
             require_speeds(self.speeds, self.duration)
 
@@ -184,6 +193,7 @@ class TimedPath:
         path: The path by s.
         timing: s by time.
         drift: Velocity of the centre of mass [m/s], shape (3,).
+        relative: The path in the frame of a body of the scene, where it was given in one.
 
     Example:
         >>> line = ff.paths.PolynomialCurve.line([1.6, 0.4, 0.0], [1.2, 0.9, 0.0])
@@ -195,6 +205,7 @@ class TimedPath:
     path: EndEffectorPath
     timing: Timing
     drift: Array = field(default_factory=lambda: np.zeros(3))
+    relative: RelativePath | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         require_type("path", self.path, EndEffectorPath, "EndEffectorPath(curve, orientation)")
@@ -207,6 +218,14 @@ class TimedPath:
     def duration(self) -> float:
         """Duration of the path [s]."""
         return self.timing.duration
+
+    def stretched(self, factor: float) -> TimedPath:
+        """The same path at another speed, its duration multiplied by a factor."""
+        timing = self.timing if self.relative is None else self.relative.timing
+        slower = timing.stretched(factor)
+        if self.relative is not None:
+            return replace(self.relative, timing=slower).timed(self.drift)
+        return replace(self, timing=slower)
 
     @cached_property
     def drifts(self) -> bool:

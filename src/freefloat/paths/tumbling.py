@@ -86,18 +86,36 @@ class Tumbling:
         Raises:
             InputError: If that is more than 1,000 revolutions.
         """
+        axes = self._principal[1]
+        quaternion = self._state(t)[:4]
+        return np.asarray(axes @ Rotation.from_quat(quaternion).as_matrix() @ axes.T)
+
+    def angular_velocity(self, t: float) -> Array:
+        """Angular velocity at time t [s], axes of the body's frame then [rad/s], shape (3,).
+
+        Raises:
+            InputError: As :meth:`rotation`.
+        """
+        return np.asarray(math.copysign(1.0, t) * self._principal[1] @ self._state(t)[4:])
+
+    def acceleration(self, rate: Array) -> Array:
+        """Angular acceleration at an angular velocity (3,), same axes [rad/s²], shape (3,)."""
+        return np.asarray(np.linalg.solve(self.inertia, -np.cross(rate, self.inertia @ rate)))
+
+    def _state(self, t: float) -> Array:
+        """Quaternion and rate at time t, principal axes, those of a reversed motion before zero."""
         turns = self.revolutions(t)
         if turns > MOST_REVOLUTIONS:
             accepted = f"at most {MOST_REVOLUTIONS:g} revolutions"
             raise InputError("t", f"{turns:.4g} revolutions in {t:g} s", accepted)
-        if turns == 0.0:
-            return np.eye(3)
         moments, axes = self._principal
+        rate = math.copysign(1.0, t) * axes.T @ self.rate  # reversible
+        if turns == 0.0:
+            return np.array([0.0, 0.0, 0.0, 1.0, *rate])
         rounded = 2.0 ** math.ceil(math.log2(max(turns, 1.0)))  # few different solutions
         duration = rounded * math.tau / self.largest_rate
-        rate = (math.copysign(1.0, t) * axes.T @ self.rate).tolist()  # reversible
-        solution = _solution(tuple(moments.tolist()), tuple(rate), duration)
-        return np.asarray(axes @ Rotation.from_quat(solution(abs(t))[:4]).as_matrix() @ axes.T)
+        solution = _solution(tuple(moments.tolist()), tuple(rate.tolist()), duration)
+        return solution(abs(t))
 
     def revolutions(self, t: float) -> float:
         """Upper bound of the number of revolutions between time zero and time t [s]."""

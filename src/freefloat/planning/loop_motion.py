@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from freefloat.limits.joint_limits import JointLimitChecker
 from freefloat.limits.limits import LimitKind, LimitResult, Limits, violated
-from freefloat.limits.loop_limits import LoopLimitChecker
 from freefloat.motion.joint_loops import JointLoops, integrate_loops
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
@@ -63,7 +63,7 @@ class LoopMotions:
     ) -> None:
         """Prepare the limits; raises an InputError where they cannot be applied."""
         self._problem, self._limits = replace(problem, scene=Scene()), limits
-        self._checker = LoopLimitChecker(problem.model, limits)
+        self._checker = JointLimitChecker(problem.model, limits)
         self._start = start
         self.rotation = Rotation.from_quat(start).inv() * Rotation.from_quat(goal)
         rates = np.ones(problem.model.dof) if limits.joint_rate is None else limits.joint_rate

@@ -77,7 +77,8 @@ def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None 
         progress: Called with the fraction done, in [0, 1], where the path is planned again.
 
     Raises:
-        InputError: If the plan is not feasible, has none of these limits, or its path has stops.
+        InputError: If the plan is not feasible, has none of these limits, or its path has stops or
+            moves with a body.
 
     Example:
         >>> scenario = ff.load_scenario("planar_2dof/line")
@@ -90,6 +91,9 @@ def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None 
     limits, chosen = plan.limits or Limits(), plan.chosen
     if chosen is None or not plan.feasible:
         raise InputError("plan", "it is not feasible", "a feasible plan")
+    if (relative := plan.problem.path.relative) is not None:
+        accepted = "a path that does not depend on time"
+        raise InputError("path.frame", f"it moves with {relative.body.name}", accepted)
     if plan.problem.path.timing.stops:
         raise InputError("timing.stops", "the path has stops", "a path without stops")
     if all(getattr(limits, key) is None for key in _TIMED):

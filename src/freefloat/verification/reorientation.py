@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from freefloat.limits.loop_limits import LoopLimitChecker
+from freefloat.limits.joint_limits import JointLimitChecker
 from freefloat.motion.joint_loops import JointLoops, integrate_loops
 from freefloat.motion.motion import Motion
 from freefloat.planning.reorientation import Reorientation
@@ -53,7 +53,7 @@ def reorientation_checks(result: Reorientation, *, mujoco: bool) -> Iterator[Che
 
 def _limit_checks(result: Reorientation, again: Motion, loops: JointLoops) -> Iterator[Check]:
     """Every limit is stated, and kept by a motion that is said to reach the goal."""
-    checker = LoopLimitChecker(again.problem.model, result.limits)
+    checker = JointLimitChecker(again.problem.model, result.limits)
     stated = {entry.limit: entry for entry in result.limit_results}
     for entry in checker.results(again, loops):
         name = f"limit {entry.limit}".replace("_", " ")

@@ -1,4 +1,4 @@
-"""Limits along loops of the joints, whose rates and accelerations are prescribed."""
+"""Limits along motions whose joints are prescribed, with their rates and accelerations."""
 
 from __future__ import annotations
 
@@ -10,23 +10,26 @@ from freefloat.limits import extremes
 from freefloat.limits.limits import LimitResult, Limits, require_applicable
 from freefloat.limits.torques import InverseDynamics
 from freefloat.motion.extrema import Function
-from freefloat.motion.joint_loops import JointLoops, base_velocity
+from freefloat.motion.joint_integration import JointCurve, base_velocity
 from freefloat.motion.motion import Motion
+from freefloat.paths.scene import Scene
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
 if TYPE_CHECKING:
     from freefloat.limits.pairs import CollisionPairs
 
+_NO_SCENE = Scene()
 
-class LoopLimitChecker:
-    """The limits of a robot, prepared for many motions along loops.
 
-    Bodies of a scene are not considered, nor is ``base_turn``: the spacecraft is meant to turn.
+class JointLimitChecker:
+    """The limits of a robot, prepared for many motions whose joints are prescribed.
+
+    ``base_turn`` is not considered: the spacecraft is meant to turn.
     """
 
-    def __init__(self, model: FreeFloatingModel, limits: Limits) -> None:
-        """Prepare the limits.
+    def __init__(self, model: FreeFloatingModel, limits: Limits, scene: Scene = _NO_SCENE) -> None:
+        """Prepare the limits, of clearance also from a scene.
 
         Raises:
             InputError: If there are not as many limits as joints, or a link is unknown.
@@ -38,11 +41,11 @@ class LoopLimitChecker:
         if limits.clearance is not None:
             from freefloat.limits.pairs import CollisionPairs  # coal and trimesh import slowly
 
-            self._pairs = CollisionPairs(model, limits.clearance)
+            self._pairs = CollisionPairs(model, limits.clearance, scene=scene)
 
-    def results(self, motion: Motion, loops: JointLoops) -> tuple[LimitResult, ...]:
+    def results(self, motion: Motion, curve: JointCurve) -> tuple[LimitResult, ...]:
         """The results of all limits along a motion, at the instants of their largest ratios."""
-        return self.shaped(motion) + self.timed(motion, loops)
+        return self.shaped(motion) + self.timed(motion, curve)
 
     def shaped(self, motion: Motion, *, decide_only: bool = False) -> tuple[LimitResult, ...]:
         """The results of limits that do not depend on rates.
@@ -59,21 +62,21 @@ class LoopLimitChecker:
             results.append(extremes.clearance(allowed, pairs, motion, decide_only=decide_only))
         return tuple(results)
 
-    def timed(self, motion: Motion, loops: JointLoops) -> tuple[LimitResult, ...]:
+    def timed(self, motion: Motion, curve: JointCurve) -> tuple[LimitResult, ...]:
         """The results of limits of rates and torques."""
         limits, results = self._limits, []
-        rates = _rates(motion, loops)
+        rates = _rates(motion, curve)
         if limits.joint_rate is not None:
             results.append(extremes.joint_rate(limits.joint_rate, motion, rates))
         if limits.base_rate is not None:
             results.append(extremes.base_rate(limits.base_rate, motion, rates))
         if limits.joint_torque is not None:
-            forces = _forces(motion, loops)
+            forces = _forces(motion, curve)
             results.append(extremes.joint_torque(limits.joint_torque, motion, forces))
         return tuple(results)
 
 
-def _rates(motion: Motion, loops: JointLoops) -> extremes.Rates:
+def _rates(motion: Motion, curve: JointCurve) -> extremes.Rates:
     """The spacecraft's angular velocity and the joint rates by panel and its parameter."""
     problem, timing = motion.problem, motion.problem.path.timing
 
@@ -81,20 +84,20 @@ def _rates(motion: Motion, loops: JointLoops) -> extremes.Rates:
         t, attitude, _ = motion.at(panel, x)
         segment = motion.timing_segment(panel)
         s, speed = timing.s(t, 0, segment), timing.s(t, 1, segment)
-        joints, joint_rates = loops.at(s), loops.at(s, 1) * speed
+        joints, joint_rates = curve.at(s), curve.at(s, 1) * speed
         return base_velocity(problem, attitude, joints, joint_rates), joint_rates
 
     return rates
 
 
-def _forces(motion: Motion, loops: JointLoops) -> Function:
+def _forces(motion: Motion, curve: JointCurve) -> Function:
     """Joint torques, then the wrench on the base, by panel and its parameter."""
     timing, dynamics = motion.problem.path.timing, InverseDynamics(motion.problem)
 
     def forces(panel: int, x: float) -> Array:
         t, attitude, _ = motion.at(panel, x)
         s, speed, change = (timing.s(t, k, motion.timing_segment(panel)) for k in range(3))
-        joints, along, curvature = (loops.at(s, k) for k in range(3))
+        joints, along, curvature = (curve.at(s, k) for k in range(3))
         rates, accelerations = along * speed, curvature * speed**2 + along * change
         omega = base_velocity(motion.problem, attitude, joints, rates)
         effort = dynamics.effort_of_joints(attitude, joints, omega, rates, accelerations)

@@ -1,0 +1,68 @@
+"""Motions of spacecraft and arm for prescribed joint motions."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from freefloat.dynamics.momentum import inertia_matrices
+from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.panels import DEGREE, NODES
+from freefloat.motion.problem import Problem
+from freefloat.so3 import Array, rotation_matrix
+
+_TOLERANCE = 1e-12
+_PANELS_PER_STEP = 6
+"""Panels of a motion that an integration step may cover."""
+
+
+class JointCurve(Protocol):
+    """Joint values as a function of s in [0, 1]."""
+
+    def at(self, s: Any, order: int = 0) -> Array:
+        """Joint values, or their derivatives by s of order 1 or 2, at s (...): (..., n)."""
+        ...
+
+
+def base_velocity(problem: Problem, attitude: Array, joints: Array, rates: Array) -> Array:
+    """Angular velocity of the spacecraft for prescribed joint rates, (3) of the paper.
+
+    It is D^-1 (R0^T h - h_w - Dq q') in the spacecraft frame [rad/s], shape (3,).
+    """
+    D, Dq = inertia_matrices(problem.model, joints)
+    demanded = -problem.wheel_momentum - Dq @ rates
+    if problem.momentum.any():
+        demanded = demanded + rotation_matrix(attitude).T @ problem.momentum
+    return np.asarray(np.linalg.solve(D, demanded))
+
+
+def integrate_joints(problem: Problem, curve: JointCurve, attitude: Array, panels: int) -> Motion:
+    """The motion of spacecraft and arm along a joint curve, with the momentum of the problem.
+
+    Args:
+        problem: Robot and momentum; the joint curve has the timing of its path, which itself is not
+            followed.
+        curve: The joints.
+        attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
+        panels: Number of panels of the motion, a multiple of four: breaks of the laws are edges.
+    """
+    timing = problem.path.timing
+    inner = (np.arange(panels)[:, None] + (NODES[:DEGREE] + 1.0) / 2.0) / panels
+    times = timing.duration * np.append(inner.ravel(), 1.0)
+
+    def change(t: float, quaternion: Array) -> Array:
+        s, speed = timing.s(t), timing.s(t, 1)
+        unit = quaternion / np.linalg.norm(quaternion)
+        x, y, z = base_velocity(problem, unit, curve.at(s), curve.at(s, 1) * speed).tolist()
+        by_rate = [[0, z, -y, x], [-z, 0, x, y], [y, -x, 0, z], [-x, -y, -z, 0]]  # (8c)
+        return np.asarray(np.array(by_rate) @ quaternion / 2.0)
+
+    solution = solve_ivp(
+        change, (0.0, timing.duration), attitude, method="DOP853", t_eval=times,
+        rtol=_TOLERANCE, atol=_TOLERANCE, max_step=timing.duration * _PANELS_PER_STEP / panels,
+    )  # fmt: skip
+    attitudes = solution.y.T / np.linalg.norm(solution.y.T, axis=1, keepdims=True)
+    joints = curve.at([float(timing.s(t)) for t in times])
+    return Motion(problem, Ending.COMPLETED, times, attitudes, joints)
