@@ -21,6 +21,21 @@ from tests.commands import document, run
 from tests.documents import PAGES, ROOT
 
 SCENARIO = PAGES["docs/reference/scenario.md"]
+PHASES = """
+robot: {urdf: planar_2dof, end_effector: end_effector}
+task: planar-position
+path: {line: {from: [1.9, 0.2, 0], to: [0.5, 1.2, 0]}}
+timing: {duration: 30}
+margin: {measure: system, fraction: 0.1}
+limits: {joint_rate: 0.25}
+scene:
+  bodies:
+    - {name: client, sphere: 0.1, position: [0.5, 1.2, 0]}
+phases:
+  - capture: {body: client, mass: 3, inertia: [0.1, 0.1, 0.1]}
+  - joints: [0.4, 1.2]
+    duration: 30
+"""
 ROWS = re.findall(r"^\| `(\w+: .+?)` \|", SCENARIO, re.MULTILINE)
 """YAML of the tables of examples."""
 
@@ -54,7 +69,7 @@ def test_every_section_of_a_file_has_its_table(tables: ModuleType) -> None:
         ]
         sections = re.findall(r"^\| `(\w+)` \| .*?section", tables.keys_table(name), re.MULTILINE)
         assert sorted(markers) == sorted(["", *sections])
-        assert {row.partition(".")[0] for row in rows} == set(sections)
+        assert {row.partition(".")[0].removesuffix("[]") for row in rows} == set(sections)
 
 
 def test_a_table_has_the_keys_of_nested_sections(tables: ModuleType) -> None:
@@ -198,6 +213,12 @@ def test_every_key_of_a_document_is_described(in_folder: Path) -> None:
     documents["retime"] = [{key: retimed[key] for key in retimed.keys() - plan.keys()}]
     turn = ("--from", 0, 0, 0, 1, "--to", 0, 0, 0.1305262, 0.9914449)
     documents["reorient"] = [document("reorient", "planar_2dof/line", *turn)]
+    Path("phases.yaml").write_text(PHASES)
+    manoeuvre = document("plan", "phases.yaml")
+    described_above = manoeuvre["phases"][0].keys() & plan.keys() - {"reason", "feasible"}
+    for key in described_above:
+        del manoeuvre["phases"][0][key]
+    documents["plan, with phases"] = [manoeuvre]
     for command, found in documents.items():
         described = rows_of(command)
         if command == "plan":
@@ -223,6 +244,8 @@ def test_every_dataset_of_a_file_is_described(in_folder: Path) -> None:
     described = {name for cell in cells for name in re.findall(r"`([\w/]+)`", cell)}
     line, planar = "spatial_6dof/line", "planar_3dof/parabola"
     run("plan", planar, "-o", "plan.h5")
+    Path("phases.yaml").write_text(PHASES)
+    run("plan", "phases.yaml", "-o", "manoeuvre.h5")
     run("simulate", line, "--attitude", 0.1, 0.5, 0.2, -0.8367, "-o", "motion.h5")
     scenario = yaml.safe_load(run("models", "planar_2dof/line").stdout)
     scenario["scene"] = {"bodies": [{"name": "client", "urdf": "planar_2dof"}]}
@@ -232,7 +255,7 @@ def test_every_dataset_of_a_file_is_described(in_folder: Path) -> None:
     options = ["--nearest", 0, 0, 0, 1, "--boundary", 1, "--touch", 1]
     run("map", line, "--samples", 16, *options, "-o", "attitudes.h5")
     found = set()
-    for name in ("plan", "motion", "scene", "headings", "attitudes"):
+    for name in ("plan", "manoeuvre", "motion", "scene", "headings", "attitudes"):
         with h5py.File(f"{name}.h5") as file:
             file.visit(found.add)
             found |= set(file.attrs)

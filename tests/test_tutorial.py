@@ -20,6 +20,7 @@ ENDS = {
     "07_playback": ("apart: {} deg", 88.6512, 1e-3),
     "08_study": ("feasible: {} %", 50.0, 1e-9),
     "09_inspect_a_client": ("moved by the cones: {} deg", 11.3, 3.0),
+    "10_capture_a_client": ("with locked joints: {} deg/s", 0.367, 0.01),
 }
 """The last line of each, the number in it, and how far it may be off: where a search decides, as
 far as its samples are apart."""
@@ -31,10 +32,11 @@ WRITTEN = {
     "07_playback": ["playback.html"],
     "08_study": ["study/study.sqlite", "study/cases.csv", "study/summary.png"],
     "09_inspect_a_client": ["inspect_client.html", "angles.png", "plan.h5", "plan.csv"],
+    "10_capture_a_client": ["capture_client.html", "manoeuvre.png", "manoeuvre.h5"],
 }
 
 
-def test_there_are_nine_short_scripts() -> None:
+def test_there_are_ten_short_scripts() -> None:
     assert [script.stem for script in SCRIPTS] == sorted(ENDS)
     for script in SCRIPTS:
         lines = script.read_text(encoding="utf-8").splitlines()

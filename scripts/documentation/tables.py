@@ -48,8 +48,11 @@ def keys_table(name: str) -> str:
     if not path:
         rows = list(_rows(schema, schema["$defs"], "", nested=False))
     else:
-        section = _section(schema["properties"][path[0]], schema["$defs"])
-        rows = list(_rows(section, schema["$defs"], f"{path[0]}."))
+        found = {k: _section(v, schema["$defs"]) for k, v in schema["properties"].items()}
+        section = found.pop(path[0])
+        elsewhere = {other["title"]: key for key, other in found.items() if other is not None}
+        mark = "[]" * (schema["properties"][path[0]].get("type") == "array")
+        rows = list(_rows(section, schema["$defs"], f"{path[0]}{mark}.", seen=elsewhere))
     return _table(("key", "value", "default", "meaning"), rows)
 
 

@@ -49,6 +49,11 @@ from .planning.objective import Weights as Weights
 from .planning.planner import plan as plan
 from .planning.retiming import retime as retime
 from .planning.reorientation import reorient as reorient
+from .planning.phases import CapturePhase as CapturePhase
+from .planning.phases import JointPhase as JointPhase
+from .planning.phases import PathPhase as PathPhase
+from .planning.phases import PoseGoal as PoseGoal
+from .planning.manoeuvre import plan_manoeuvre as plan_manoeuvre
 
 # Files and pictures
 from .io.results import load as load

@@ -102,8 +102,10 @@ ATTITUDES = {"planar_2dof/line": 0.45, "planar_2dof/arc": 0.77}
 OF_THE_PAPER = ("planar_3dof/parabola", "planar_3dof/parabola_nonstop", "spatial_6dof/line")
 MANY_MESHES = ("ur5_servicer/arc", "panda_servicer/arc")
 """Scenarios whose clearances take long; others have the same robots."""
-OTHERS = (*OF_THE_PAPER, *MANY_MESHES, "servicing/inspect_client")
-"""The last one has tests of its own, in tests/planning/test_mission.py."""
+OTHERS = (
+    *OF_THE_PAPER, *MANY_MESHES, "servicing/inspect_client", "servicing/capture_client",
+)  # fmt: skip
+"""The last two have tests of their own: tests/planning/test_mission.py, and a tutorial."""
 LIMITED = tuple(name for name in bundled_scenarios() if name not in OTHERS)
 
 

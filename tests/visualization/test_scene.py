@@ -24,7 +24,8 @@ from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.description import MarginColours
 from freefloat.visualization.playback import Playback, playback
-from freefloat.visualization.scene import key_times, motion_scene
+from freefloat.visualization.sampled_motion import key_times
+from freefloat.visualization.scene import motion_scene
 from freefloat.visualization.scene_builder import Scene
 from freefloat.visualization.visuals import body_poses, robot_visuals
 

@@ -15,7 +15,7 @@ from freefloat.cli.options import Json, MotionFile, Quiet
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
-    from freefloat.verification.check import CheckReport
+    from freefloat.verification.report import CheckReport
     from freefloat.verification.tolerances import Check
 
 _Engine = Annotated[
@@ -40,19 +40,20 @@ def check(
     """
     from freefloat.io.hdf5 import AlteredFileError
     from freefloat.io.results import load
+    from freefloat.planning.manoeuvre import Manoeuvre
     from freefloat.planning.plan import Plan
     from freefloat.planning.reorientation import Reorientation
     from freefloat.planning.simulation import Simulation
-    from freefloat.verification.check import PINOCCHIO, CheckReport
     from freefloat.verification.check import check as verify
+    from freefloat.verification.report import PINOCCHIO, CheckReport
     from freefloat.verification.tolerances import Check
 
     console = Console(as_json, quiet)
     with console.progress("integrating the motion again"):
         try:
             result = load(file)
-            if not isinstance(result, Plan | Simulation | Reorientation):
-                accepted = "a plan, motion or reorientation file"
+            if not isinstance(result, Plan | Manoeuvre | Simulation | Reorientation):
+                accepted = "a plan, motion, manoeuvre or reorientation file"
                 raise InputError("file", "it is a map file", accepted, str(file))
             report = verify(result, engine or PINOCCHIO)
         except AlteredFileError as error:
@@ -68,7 +69,7 @@ def _tables(report: CheckReport, file: Path) -> Iterator[RenderableType]:
     Values of the certificate that are as stated have one row; JSON has them all.
     """
     checks = table("check", "found", "allowed", "at [s]", "result", "")
-    same = [c for c in report.checks if c.name.startswith("certificate ") and c.passed]
+    same = [c for c in report.checks if "certificate " in c.name and c.passed]
     for entry in report.checks:
         if entry in same:
             continue

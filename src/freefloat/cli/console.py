@@ -26,6 +26,7 @@ if TYPE_CHECKING:  # the command line shows its help without NumPy
     from freefloat.limits.limits import LimitResult
     from freefloat.planning.attitude_map import AttitudeMap
     from freefloat.planning.heading_map import HeadingMap
+    from freefloat.planning.manoeuvre import Manoeuvre
     from freefloat.planning.plan import Plan, Search
     from freefloat.planning.simulation import SimulatedBranch, Simulation
     from freefloat.workspace.singularity_map import SingularityMap
@@ -173,7 +174,7 @@ def short_label(label: str) -> str:
 def draw(
     console: Console,
     folder: Path,
-    result: Plan | AttitudeMap | HeadingMap | SingularityMap,
+    result: Plan | Manoeuvre | AttitudeMap | HeadingMap | SingularityMap,
     threads: int | None,
 ) -> list[str]:
     """Draw the figures of a result into a folder; print and return their files."""

@@ -23,6 +23,7 @@ from freefloat.cli.console import (
     short_label,
     table,
 )
+from freefloat.cli.manoeuvre import manoeuvre_tables
 from freefloat.cli.options import (
     Json,
     Page,
@@ -33,8 +34,12 @@ from freefloat.cli.options import (
     Threads,
     prepare_outputs,
 )
+from freefloat.errors import InputError
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from freefloat.io.scenario import Scenario
     from freefloat.planning.heading_arcs import BranchRanges
     from freefloat.planning.plan import Plan
 
@@ -70,6 +75,11 @@ def plan(
 
     console = Console(as_json, quiet)
     loaded = load_scenario(scenario)
+    if loaded.has_phases:
+        if stretch:
+            accepted = "longer durations in the scenario"
+            raise InputError("stretch", "phases have given durations", accepted)
+        return _plan_phases(console, loaded, scenario, output, html, plots, threads)
     problem = loaded.problem()
     limits = loaded.limits()
     prepare_outputs(loaded.source, output=output, html=html, folder=plots)
@@ -90,6 +100,42 @@ def plan(
 
             document["html"] = str(playback(result, output.stem if output else scenario).save(html))
         console.tables([f"Page: {document['html'] or 'none, there is no motion to show'}"])
+    if plots is not None:
+        document["plots"] = draw(console, plots, result, threads)
+    console.json(document)
+    raise typer.Exit(DONE if result.feasible else NO)
+
+
+def _plan_phases(
+    console: Console,
+    loaded: Scenario,
+    name: str,
+    output: Path | None,
+    html: Path | None,
+    plots: Path | None,
+    threads: int | None,
+) -> None:
+    """Plan a manoeuvre."""
+    from freefloat.planning.manoeuvre import plan_manoeuvre
+
+    phases, limits = loaded.phases(), loaded.limits()
+    prepare_outputs(loaded.source, output=output, html=html, folder=plots)
+    with loaded.error_context(), console.progress("planning the phases") as progress:
+        result = plan_manoeuvre(
+            loaded.problem(), phases, loaded.search(), limits,
+            reorient=loaded.content.search.reorient, threads=threads, progress=progress,
+        )  # fmt: skip
+    document = result.to_dict()
+    console.tables(manoeuvre_tables(name, result))
+    if output is not None:
+        from freefloat.io.results import save  # HDF5 is slow to import
+
+        save(result, output, loaded)
+    if html is not None:
+        from freefloat.visualization.playback import playback
+
+        document["html"] = str(playback(result, output.stem if output else name).save(html))
+        console.tables([f"Page: {document['html']}"])
     if plots is not None:
         document["plots"] = draw(console, plots, result, threads)
     console.json(document)

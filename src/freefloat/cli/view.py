@@ -204,16 +204,14 @@ def _pixels(text: str | None) -> tuple[int, int] | None:
 def _playback(files: Sequence[Path]) -> Playback:
     """The playback of motions, which are shown together, or of one map."""
     from freefloat.io.results import chosen_motion, load
-    from freefloat.planning.attitude_map import AttitudeMap
-    from freefloat.planning.heading_map import HeadingMap
-    from freefloat.planning.reorientation import Reorientation
+    from freefloat.planning.plan import Plan
+    from freefloat.planning.simulation import Simulation
     from freefloat.visualization.playback import playback
-    from freefloat.workspace.singularity_map import SingularityMap
 
     results = [load(file) for file in files]
     if len(files) == 1:
         result = results[0]
-        if not isinstance(result, AttitudeMap | HeadingMap | SingularityMap | Reorientation):
+        if isinstance(result, Plan | Simulation):
             chosen_motion(result, files[0])
         return playback(result, files[0].stem)
     motions = {}

@@ -8,7 +8,8 @@ change.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -97,6 +98,12 @@ class Capture:
     locked_rate: Array
     smallest_rate: float
     largest_rate: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """The capture as a JSON document."""
+        values = {entry.name: getattr(self, entry.name) for entry in fields(self)[1:]}
+        document = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}
+        return {"mass": self.model.total_mass, **document}
 
 
 def capture(

@@ -20,7 +20,7 @@ from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE
 from freefloat.motion.problem import Problem
 from freefloat.planning.heading_arcs import BranchRanges, HeadingRange, RangeLimitCause
-from freefloat.planning.plan import Plan
+from freefloat.planning.plan import Plan, Search
 from freefloat.planning.planar_ranges import RangeLimit
 from freefloat.planning.planar_tangency import PlanarTangencyPoint, TangencyKind
 from freefloat.planning.segment import Segment
@@ -84,10 +84,15 @@ def write_plan(file: Any, plan: Plan, _: Document) -> None:
         write_samples(file.create_group("map"), plan.map)
 
 
-def read_plan(file: Any, scenario: Scenario, document: Document) -> Plan:
-    """Plan of a file; those of version 0.1.0 lack its map."""
-    search = scenario.search()
-    problem = search.applied_to(scenario.problem())
+def read_plan(
+    file: Any, scenario: Scenario, document: Document, problem: Problem | None = None
+) -> Plan:
+    """Plan of a file; those of version 0.1.0 lack its map.
+
+    A plan of another problem than the scenario's starts from a given state, without a search.
+    """
+    search = scenario.search() if problem is None else Search()
+    problem = search.applied_to(scenario.problem()) if problem is None else problem
     tolerance = document.get("tolerance")
     samples = None
     if tolerance is not None or "map" in file:

@@ -9,6 +9,7 @@ from freefloat.io.plan_file import read_limits, read_motion, write_motion
 from freefloat.io.scenario import Scenario
 from freefloat.limits.limits import Limits
 from freefloat.motion.joint_loops import JointLoops
+from freefloat.motion.problem import Problem
 from freefloat.planning.reorientation import Reorientation
 
 
@@ -19,9 +20,11 @@ def write_reorientation(file: Any, result: Reorientation, _: Document) -> None:
         write_motion(file, "motion", result.motion)
 
 
-def read_reorientation(file: Any, scenario: Scenario, document: Document) -> Reorientation:
-    """Reorientation of a file."""
-    problem = scenario.problem()
+def read_reorientation(
+    file: Any, scenario: Scenario, document: Document, problem: Problem | None = None
+) -> Reorientation:
+    """Reorientation of a file, whose problem has the timing of its motion."""
+    problem = problem or scenario.problem()
     limits, results, _ = read_limits(file, scenario, document)
     loops = document["loops"]
     return Reorientation(

@@ -27,7 +27,7 @@ from freefloat.io.hdf5 import (
     write_hdf5,
 )
 from freefloat.io.scenario import Scenario, parse_scenario, scenario_of
-from freefloat.io.scene_section import parse_shapes, shapes_text
+from freefloat.io.scene_section import file_shapes, parse_shapes, shapes_text
 from freefloat.io.singularity_file import read_singularity_map, write_singularity_map
 from freefloat.motion.motion import Motion
 from freefloat.planning.plan import Plan
@@ -39,15 +39,18 @@ from freefloat.workspace.singularity_map import SingularityMap
 if TYPE_CHECKING:  # compiled kernels are slow to import
     from freefloat.planning.attitude_map import AttitudeMap
     from freefloat.planning.heading_map import HeadingMap
+    from freefloat.planning.manoeuvre import Manoeuvre
     from freefloat.planning.reorientation import Reorientation
 
-    Result = Plan | Simulation | Reorientation | AttitudeMap | HeadingMap | SingularityMap
+    Result = (
+        Plan | Simulation | Reorientation | Manoeuvre | AttitudeMap | HeadingMap | SingularityMap
+    )
 
 FORMAT_VERSION = 2
 _SINGULARITIES = "singularity map"
 _KINDS = {
     "Plan": "plan", "Simulation": "motion", "HeadingMap": "map", "AttitudeMap": "attitude map",
-    "SingularityMap": _SINGULARITIES, "Reorientation": "reorientation",
+    "SingularityMap": _SINGULARITIES, "Reorientation": "reorientation", "Manoeuvre": "manoeuvre",
 }  # fmt: skip
 """Kinds of files by the class of the record."""
 _PREFIX = "freefloat "
@@ -69,6 +72,10 @@ def _functions(kind: str) -> tuple[Callable[..., None], Callable[..., Result]]:
         from freefloat.io.reorientation_file import read_reorientation, write_reorientation
 
         return write_reorientation, read_reorientation
+    if kind == "manoeuvre":
+        from freefloat.io.manoeuvre_file import read_manoeuvre, write_manoeuvre
+
+        return write_manoeuvre, read_manoeuvre
     from freefloat.io import map_file  # compiled kernels are slow to import
 
     if kind == "map":
@@ -83,7 +90,8 @@ def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> 
         result: A plan, a simulation or a map.
         path: The file; replaced if it exists.
         scenario: The scenario that the result was computed from. If it poses the problem of the
-            result, its text is written, with comments; else the problem is described.
+            result, its text is written, with comments; else the problem is described. A
+            manoeuvre is always written with it.
 
     Raises:
         InputError: If the file cannot be written, or scenario files cannot describe the path of
@@ -97,7 +105,10 @@ def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> 
         raise InputError("output", "an empty name was given", "the name of a file")
     if type(result).__name__ not in _KINDS:
         problem = f"a {type(result).__name__} was given"
-        accepted = "a Plan, Simulation, Reorientation, AttitudeMap, HeadingMap or SingularityMap"
+        accepted = (
+            "a Plan, Manoeuvre, Simulation, Reorientation, AttitudeMap, HeadingMap or "
+            "SingularityMap"
+        )
         raise InputError("result", problem, accepted)
     kind = _KINDS[type(result).__name__]
     described = None if isinstance(result, SingularityMap) else _describe(result, scenario)
@@ -117,6 +128,10 @@ def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> 
 def _describe(result: Any, scenario: Scenario | None) -> Scenario:
     """The given scenario if it poses the problem of a result, else a description of the problem."""
     problem = result.problem
+    if _KINDS[type(result).__name__] == "manoeuvre":
+        if scenario is None:
+            raise InputError("scenario", "it is missing, for a manoeuvre", "that of its phases")
+        return replace(scenario, shapes=file_shapes(problem.scene))
     search = getattr(result, "search", None)
     limits = getattr(result, "limits", None)
     described = scenario_of(problem, search, limits)

@@ -28,8 +28,9 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.path import samples_text
 from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.scene_body import SceneBody
-from freefloat.paths.timing import Stop, TimedPath, Timing
+from freefloat.paths.timing import TimedPath
 from freefloat.planning.objective import Objective, Weights
+from freefloat.planning.phases import Phase
 from freefloat.planning.plan import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_robot, find_scenario
@@ -89,9 +90,7 @@ class Scenario:
             known = frame if isinstance(frame, Pose) else None
             path = path_of(content.path, content.task, self.samples, folder, known)
         with self.error_context():
-            stops = tuple(Stop(stop.s, stop.t) for stop in content.timing.stops)
-            speeds = tuple(content.timing.speeds)
-            timing = Timing(content.timing.duration, content.timing.law, stops, speeds)
+            timing = content.timing.to_timing()
             value = content.margin.value or 0.0
             with file_keys(measure="margin.measure"):
                 measure = singularity_measure(model, content.task, content.margin.measure)
@@ -138,6 +137,24 @@ class Scenario:
                 within,
                 float(np.radians(section.spare_deg)),
             )
+
+    def phases(self) -> tuple[Phase, ...]:
+        """What follows the path; see :func:`~freefloat.planning.manoeuvre.plan_manoeuvre`.
+
+        Raises:
+            InputError: If a value is invalid; it names the file and the key.
+        """
+        content, scene = self.content, self.problem().scene
+        with self.error_context():
+            return tuple(
+                section.to_phase(number, content.task, scene, self.source.parent)
+                for number, section in enumerate(content.phases)
+            )
+
+    @property
+    def has_phases(self) -> bool:
+        """Whether ``plan`` finds a manoeuvre: phases follow the path, or a reorientation leads."""
+        return bool(self.content.phases) or self.content.search.reorient
 
     def limits(self) -> Limits:
         """The limits of motions.

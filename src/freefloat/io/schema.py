@@ -21,35 +21,13 @@ from freefloat.io.field_types import (
     exactly_one_of,
 )
 from freefloat.io.path_schema import PathSection
+from freefloat.io.phase_section import PhaseSection
 from freefloat.io.robot_section import RobotSection
 from freefloat.io.scene_section import SceneSection
+from freefloat.io.timing_section import TimingSection
 from freefloat.motion.pointing import Keep
-from freefloat.paths.timing import TimeLaw
 from freefloat.planning.objective import Objective
 from freefloat.planning.plan import FEWEST_SAMPLES
-
-
-class StopSection(Section):
-    """An instant at which the end-effector rests."""
-
-    s: Number
-    """Path parameter, in (0, 1)."""
-    t: Number
-    """Time [s]."""
-
-
-class TimingSection(Section):
-    """Time law of the path."""
-
-    duration: Number
-    """Duration of the whole motion [s]."""
-    law: TimeLaw = TimeLaw.QUINTIC
-    """Time law between rests."""
-    stops: list[StopSection] = Field(default=[])
-    """Rests between start and end."""
-    speeds: list[tuple[Number, Number]] = Field(default=[])
-    """Times [s] and speeds ds/dt [1/s] of the law ``optimal``, linear in between, from rest to
-    rest. Without them ``plan`` finds the fastest timing; until then the law is quintic."""
 
 
 class MarginSection(Section):
@@ -118,6 +96,9 @@ class SearchSection(Section):
     """Largest angle from from_attitude of the attitudes that are searched [degrees]."""
     spare_deg: Annotated[float, Field(strict=True, ge=0.0, le=90.0)] = 2.0
     """Objective ``nearest``: the margin is kept within this angle around the attitude [degrees]."""
+    reorient: bool = False
+    """Whether ``plan`` turns the spacecraft by the arm from from_attitude, where the arm is at
+    joints, to the initial attitude of the path."""
 
 
 class TargetSection(Section):
@@ -198,3 +179,5 @@ class ScenarioFile(Section):
     search: SearchSection = SearchSection()
     limits: LimitsSection = LimitsSection()
     scene: SceneSection = SceneSection()
+    phases: list[PhaseSection] = Field(default=[], max_length=100)
+    """What follows the path; each begins with the state at which the one before ends."""

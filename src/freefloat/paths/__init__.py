@@ -14,3 +14,5 @@ from freefloat.paths.timing import Stop as Stop
 from freefloat.paths.timing import TimedPath as TimedPath
 from freefloat.paths.timing import TimeLaw as TimeLaw
 from freefloat.paths.timing import Timing as Timing
+from freefloat.paths.transfer import PolynomialOrientation as PolynomialOrientation
+from freefloat.paths.transfer import transfer as transfer

@@ -283,16 +283,20 @@ class OrientationSpline(OrientationLaw):
         return np.asarray(self._start(s) @ Rotation.from_rotvec(self._vectors(s)).as_matrix())
 
     def rate(self, s: float) -> Array:
-        """See :class:`OrientationLaw`.
+        """See :class:`OrientationLaw`."""
+        rate = exponential_rate(self._vectors(s), self._vectors(s, 1))
+        return np.asarray(self._start(s) @ rate)
 
-        It is the rotation vector's derivative times the left Jacobian of SO(3), in closed form.
-        """
-        vector, slope = self._vectors(s), self._vectors(s, 1)
-        angle = math.sqrt(vector @ vector)
-        half, third = 0.5, 1.0 / 6.0
-        if angle > _SMALL:
-            half = math.sin(angle / 2.0) / angle
-            third = (angle - math.sin(angle)) / angle**3
-        once = cross(vector, slope)
-        body_rate = slope + 2.0 * half**2 * once + third * cross(vector, once)
-        return np.asarray(self._start(s) @ body_rate)
+
+def exponential_rate(vector: Array, slope: Array) -> Array:
+    """Rate of the rotation exp([vector]x) for the derivative of the rotation vector (3,).
+
+    The derivative times the left Jacobian of SO(3), in closed form; in the axes of the vector.
+    """
+    angle = math.sqrt(vector @ vector)
+    half, third = 0.5, 1.0 / 6.0
+    if angle > _SMALL:
+        half = math.sin(angle / 2.0) / angle
+        third = (angle - math.sin(angle)) / angle**3
+    once = cross(vector, slope)
+    return np.asarray(slope + 2.0 * half**2 * once + third * cross(vector, once))

@@ -91,11 +91,29 @@ class SceneBody:
         """Its frame at time t [s] relative to the centre of mass, inertial axes."""
         if self.motion == "target":
             return path.pose(t) @ self.pose
-        pose = Pose(self.position + path.origin(t), self.orientation)
-        if self.motion == "fixed":
-            return pose
+        pose = self._turned(t)
+        return Pose(pose.position + path.origin(t), pose.rotation)
+
+    def _turned(self, t: float) -> Pose:
+        """Its frame at time t [s] in the path's frame, unless it moves with the target."""
+        if isinstance(self.motion, str):
+            return self.pose
         com, turned = self.motion.com, self.motion.rotation(t)
-        return pose @ Pose(com - turned @ com, turned)
+        return self.pose @ Pose(com - turned @ com, turned)
+
+    def later(self, t: float, offset: Array) -> SceneBody:
+        """The body with time t [s] as time zero, moved by an offset [m], shape (3,).
+
+        One that moves with the target stays as it is.
+        """
+        if self.motion == "target":
+            return self
+        pose, motion = self._turned(t), self.motion
+        if isinstance(motion, Tumbling):
+            motion = replace(motion, rate=motion.angular_velocity(t))
+        return replace(
+            self, position=pose.position + offset, orientation=pose.rotation, motion=motion
+        )
 
     @property
     def source(self) -> str:

@@ -1,111 +1,22 @@
-"""Verification of plans and simulations: everything that they state is recomputed."""
+"""Verification of results: everything that they state is recomputed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
-
-from freefloat.dynamics.momentum import inertia_matrices
-from freefloat.errors import FreeFloatError, InputError
-from freefloat.limits.check import check_limits
-from freefloat.limits.limits import LimitKind, LimitResult, Limits
-from freefloat.motion.certificate import Certificate, certify
-from freefloat.motion.extrema import closest_approach
-from freefloat.motion.motion import Motion
+from freefloat.errors import InputError
+from freefloat.planning.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
 from freefloat.planning.reorientation import Reorientation
-from freefloat.planning.simulation import SimulatedBranch, Simulation
+from freefloat.planning.simulation import Simulation
+from freefloat.verification.manoeuvre import manoeuvre_checks
+from freefloat.verification.motion import completed, verify_motion
 from freefloat.verification.reorientation import reorientation_checks
-from freefloat.verification.tolerances import (
-    Check,
-    certificate_checks,
-    comparison_check,
-    error_check,
-    magnitude_range,
-    path_tolerances,
-    span_check,
-)
-
-if TYPE_CHECKING:
-    from freefloat.verification.mujoco import ForwardRun, InverseRun
-
-PINOCCHIO = "pinocchio"
-MUJOCO = "mujoco"
-ENGINES = (PINOCCHIO, MUJOCO)
-_WRENCH = 1e-4
-"""Allowed wrench on the base as a fraction of the largest torque."""
-_ROUNDING = 1e-9
-"""Wrench added to what is allowed, as a fraction of I / T² (I: trace of the system's inertia, T:
-duration): rounding, for arms that hardly move."""
-_MOMENTUM = 1e-6
-"""Allowed deviation of MuJoCo's momentum, as a fraction of |h| + I / T."""
-_DRIFT = 1e-3
-"""Allowed deviation of the final attitude of a simulation [rad]."""
-_CLEARANCE = 2e-4
-"""Accuracy of distances [m]."""
-_RELATIVE = 1e-4
-"""Relative deviation of extrema, which are found by search."""
-_BOUND = 1.0 / 9.0
-"""Relative deviation of a proven bound: a proof stops at nine tenths of the minimum or above,
-and that of 0.1.0 took other intervals."""
-_ABSOLUTE = 1e-9
-"""Absolute deviation of all numbers: rounding."""
-_EXACT = 1e-6
-"""Relative deviation of all other numbers: rounding."""
-_NEAR = 1e-6
-"""Distance of the initial joints from those of their arm branch [rad, m]."""
+from freefloat.verification.report import ENGINES, MUJOCO, PINOCCHIO, CheckReport
 
 
-@dataclass(frozen=True)
-class CheckReport:
-    """Result of verifying a plan or a simulation.
-
-    Attributes:
-        kind: ``"plan"``, ``"motion"``, or ``"file"`` for a file that was altered.
-        checks: Everything that was checked, in order.
-        certificate: Recomputed certificate of the motion; None without a motion.
-        limits: Recomputed limits of the motion.
-        inverse: Inverse dynamics of MuJoCo along the motion; None if it was not used.
-        forward: MuJoCo's own integration of the motion; None if it was not used.
-    """
-
-    kind: str
-    checks: tuple[Check, ...]
-    certificate: Certificate | None = field(default=None, repr=False)
-    limits: tuple[LimitResult, ...] = field(default=(), repr=False)
-    inverse: InverseRun | None = field(default=None, repr=False)
-    forward: ForwardRun | None = field(default=None, repr=False)
-
-    @property
-    def passed(self) -> bool:
-        """Whether everything stated is true."""
-        return not self.discrepancies
-
-    @property
-    def discrepancies(self) -> tuple[Check, ...]:
-        """The checks that failed."""
-        return tuple(check for check in self.checks if not check.passed)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON document of ``freefloat check``, but for the file."""
-        return {
-            "proved": self.passed,
-            "kind": self.kind,
-            "reasons": [check.reason for check in self.discrepancies],
-            "checks": [check.to_dict() for check in self.checks],
-            "certificate": None if self.certificate is None else self.certificate.to_dict(),
-            "limits": [result.to_dict() for result in self.limits],
-            "engine": None if self.inverse is None or self.forward is None else {
-                "name": MUJOCO, "inverse": asdict(self.inverse), "forward": asdict(self.forward)
-            },
-        }  # fmt: skip
-
-
-def check(result: Plan | Simulation | Reorientation, engine: str = PINOCCHIO) -> CheckReport:
-    """Verify a plan, the chosen motion of a simulation or a reorientation.
+def check(
+    result: Plan | Simulation | Reorientation | Manoeuvre, engine: str = PINOCCHIO
+) -> CheckReport:
+    """Verify a plan, the chosen motion of a simulation, a reorientation or a manoeuvre.
 
     The motion is compared with the equations, the path and the robot, and integrated again by
     another integrator; the closest approach, the limits, the ranges of headings, the robust radius
@@ -125,9 +36,10 @@ def check(result: Plan | Simulation | Reorientation, engine: str = PINOCCHIO) ->
         >>> report.passed
         True
     """
-    if not isinstance(result, Plan | Simulation | Reorientation):
+    if not isinstance(result, Plan | Simulation | Reorientation | Manoeuvre):
         problem = f"a {type(result).__name__} was given"
-        raise InputError("result", problem, "a Plan, a Simulation or a Reorientation")
+        accepted = "a Plan, a Simulation, a Reorientation or a Manoeuvre"
+        raise InputError("result", problem, accepted)
     if engine not in ENGINES:
         raise InputError("engine", f"{engine!r} was given", ", ".join(ENGINES))
     if engine == MUJOCO:
@@ -136,165 +48,7 @@ def check(result: Plan | Simulation | Reorientation, engine: str = PINOCCHIO) ->
         engine_module()
     if isinstance(result, Reorientation):
         checks = reorientation_checks(result, mujoco=engine == MUJOCO)
-        return CheckReport("reorientation", tuple(_completed("motion", lambda: checks)))
-    kind = "plan" if isinstance(result, Plan) else "motion"
-    chosen = result.chosen
-    if chosen is None:
-        return CheckReport(kind, (Check("motion", False, "the plan has none"),))
-    if not (span := span_check(chosen.motion)).passed:
-        return CheckReport(kind, (span,))
-    return _verify(result, chosen, kind, engine)
-
-
-def _verify(
-    result: Plan | Simulation, chosen: SimulatedBranch, kind: str, engine: str
-) -> CheckReport:
-    """All checks of a motion."""
-    motion = chosen.motion
-    inverse = forward = None
-    certificate = certify(motion)
-    limits = check_limits(motion, result.limits or Limits())
-    keeps_margin = result.feasible or isinstance(result, Plan)
-    checks = [
-        *_completed("certificate", certificate_checks, certificate, motion, keeps_margin),
-        *_completed("limits", _limit_checks, result, limits),
-        *_completed("closest approach", _branch_checks, chosen),
-    ]
-    if isinstance(result, Plan):
-        from freefloat.verification.robustness import robustness_checks  # compiled kernels
-
-        checks += _completed("certificate", _same_certificate, result, certificate)
-        checks += _completed("robustness", robustness_checks, result, chosen)
-        if not result.feasible:
-            checks.append(Check("feasible", False, f"the plan is {result.violation}", False))
-    if engine == MUJOCO:
-        from freefloat.verification.mujoco import forward_run, inverse_run
-        from freefloat.verification.mujoco_model import Engine
-
-        robot = Engine(motion.problem.model, motion.problem.wheel_momentum)
-        inverse = inverse_run(motion, robot)
-        forward = forward_run(motion, robot)
-        checks += _engine_checks(motion, inverse, forward)
-    return CheckReport(kind, tuple(checks), certificate, limits, inverse, forward)
-
-
-def _completed(
-    name: str, checks: Callable[..., Iterable[Check]], *arguments: Any
-) -> Iterator[Check]:
-    """Some checks; one that cannot be completed counts as failed."""
-    try:
-        yield from checks(*arguments)
-    except (FreeFloatError, np.linalg.LinAlgError) as error:
-        yield Check(name, False, f"it cannot be checked ({error})")
-
-
-def _limit_checks(
-    result: Plan | Simulation, recomputed: tuple[LimitResult, ...]
-) -> Iterator[Check]:
-    """Every limit is kept, and its stated value is the recomputed one."""
-    stated = {entry.limit: entry for entry in result.limit_results}
-    for limit in stated.keys() - {entry.limit for entry in recomputed}:
-        yield Check(f"limit {limit}", False, "it is stated, but it is not a limit of the file")
-    for entry in recomputed:
-        checked = result.limits is not None
-        yield _limit_check(entry, stated.get(entry.limit), checked, result.feasible)
-
-
-def _branch_checks(chosen: SimulatedBranch) -> Iterator[Check]:
-    """The stated arm branch and closest approach are the recomputed ones."""
-    motion, problem = chosen.motion, chosen.motion.problem
-    value = closest_approach(motion, problem.margin.measure).value
-    allowed = _ABSOLUTE + _EXACT * value
-    yield comparison_check("closest approach", chosen.closest_approach.value, value, allowed)
-    if not problem.redundant:
-        start = motion.initial
-        near = [
-            branch.index
-            for branch in problem.branches(start.attitude, start.time)
-            if problem.model.joint_distance(branch.joints, start.joints) < _NEAR
-        ]
-        yield comparison_check("branch", chosen.branch.index, near[-1] if near else None, 0.0)
-
-
-def _limit_check(
-    recomputed: LimitResult, stated: LimitResult | None, checked: bool, feasible: bool
-) -> Check:
-    worst = recomputed.worst
-    time = recomputed.time
-    where = recomputed.where
-    accuracy = _CLEARANCE if recomputed.limit is LimitKind.CLEARANCE else _ABSOLUTE
-    allowed = accuracy + _RELATIVE * abs(worst)
-    passed, detail = True, where
-    if feasible and (checked or stated is None) and not recomputed.kept:
-        passed, detail = False, f"{where} violates it: {worst:.6g} at t = {time:.6g} s"
-    elif checked and stated is None:
-        passed, detail = False, "its value is not stated"
-    elif stated is not None and (
-        stated.kept is not recomputed.kept
-        or (np.isfinite(worst) and not abs(stated.worst - worst) <= allowed)
-    ):
-        passed, detail = False, f"{stated.worst:.6g} is stated, but it is {worst:.6g}"
-    name = f"limit {recomputed.limit}".replace("_", " ")
-    value = None if stated is None else stated.worst
-    relation = "≤" if (worst <= recomputed.allowed) == recomputed.kept else "≥"
-    return Check(name, passed, detail, value, worst, recomputed.allowed, "", time, relation)
-
-
-def _same_certificate(plan: Plan, recomputed: Certificate) -> Iterator[Check]:
-    """The stated certificate is the recomputed one."""
-    stated = plan.certificate
-    if stated is None:
-        yield Check("certificate", False, "the plan has none")
-        return
-    for proven in recomputed.minima:
-        entry = next((e for e in stated.minima if e.measure == proven.measure), None)
-        scales = {"value": proven.value, "time": plan.problem.path.duration, "bound": proven.bound}
-        for key, scale in scales.items():
-            yield comparison_check(
-                f"certificate {proven.measure}.{key}",
-                getattr(entry, key, None),
-                getattr(proven, key),
-                _ABSOLUTE + (_BOUND if key == "bound" else _RELATIVE) * abs(scale),
-            )
-    scale = recomputed.momentum_scale
-    yield comparison_check(
-        "certificate momentum_scale", stated.momentum_scale, scale, _RELATIVE * scale
-    )
-    stated_errors, recomputed_errors = stated.to_dict(), recomputed.to_dict()
-    for key in ("end_effector_position", "end_effector_attitude", "momentum", "rates"):
-        worst, recomputed_error = stated_errors[key], recomputed_errors[key]
-        yield _error_comparison(
-            key, worst and worst["value"], recomputed_error and recomputed_error["value"]
-        )
-    for key in ("attitude", "joints", "halving_attitude", "halving_joints"):
-        value = getattr(stated.integration, key)
-        recomputed_error = getattr(recomputed.integration, key)
-        yield _error_comparison(f"integration.{key}", value, recomputed_error)
-
-
-def _error_comparison(key: str, stated: float | None, recomputed: float | None) -> Check:
-    """Check that two errors are of the same order of magnitude."""
-    name = f"certificate {key}"
-    if stated is None or recomputed is None:
-        return comparison_check(name, stated, recomputed, 0.0)
-    low, high = magnitude_range(recomputed)
-    passed = low <= stated <= high
-    words = "" if passed else f"{stated:.3g} is stated, but it is {recomputed:.3g}"
-    return Check(name, passed, words, stated, recomputed, high)
-
-
-def _engine_checks(motion: Motion, inverse: InverseRun, forward: ForwardRun) -> list[Check]:
-    problem = motion.problem
-    duration = problem.path.duration
-    inertia = float(np.trace(inertia_matrices(problem.model, motion.initial.joints)[0]))
-    momentum = _MOMENTUM * (float(np.linalg.norm(problem.momentum)) + inertia / duration)
-    wrench = _WRENCH * inverse.torque + _ROUNDING * inertia / duration**2
-    return [
-        error_check("mujoco: end-effector position", inverse.end_effector,
-                    path_tolerances(motion)[0], "m", None),
-        error_check("mujoco: angular momentum", inverse.momentum, momentum, "N m s", None),
-        error_check("mujoco: wrench on the base", inverse.wrench, wrench, "N m",
-                    inverse.wrench_time, "inverse dynamics has a wrench on the free base"),
-        error_check("mujoco: final attitude", forward.attitude, _DRIFT, "rad", forward.until,
-                    "with joint servos the final attitude differs"),
-    ]  # fmt: skip
+        return CheckReport("reorientation", tuple(completed("motion", lambda: checks)))
+    if isinstance(result, Manoeuvre):
+        return CheckReport("manoeuvre", tuple(manoeuvre_checks(result, engine)))
+    return verify_motion(result, engine)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
 from freefloat.limits.joint_limits import JointLimitChecker
-from freefloat.motion.joint_loops import JointLoops, integrate_loops
-from freefloat.motion.motion import Motion
+from freefloat.limits.limits import LimitResult
+from freefloat.motion.joint_loops import integrate_loops
 from freefloat.planning.reorientation import Reorientation
 from freefloat.so3 import angle_between
 from freefloat.verification.tolerances import Check, comparison_check, error_check
@@ -41,7 +41,9 @@ def reorientation_checks(result: Reorientation, *, mujoco: bool) -> Iterator[Che
     yield error_check("integrated again", difference, _SAME, "rad", None)
     error = float(angle_between(again.final.attitude, result.goal))
     yield error_check("final attitude", error, _GOAL, "rad", float(again.times[-1]))
-    yield from _limit_checks(result, again, loops)
+    checker = JointLimitChecker(again.problem.model, result.limits)
+    recomputed = checker.results(again, loops)
+    yield from limit_checks(result.limit_results, recomputed, claimed=result.reached)
     if mujoco:
         from freefloat.verification.mujoco import forward_run
         from freefloat.verification.mujoco_model import Engine
@@ -51,13 +53,14 @@ def reorientation_checks(result: Reorientation, *, mujoco: bool) -> Iterator[Che
         yield error_check("mujoco: final attitude", run.attitude, _ENGINE, "rad", run.until)
 
 
-def _limit_checks(result: Reorientation, again: Motion, loops: JointLoops) -> Iterator[Check]:
-    """Every limit is stated, and kept by a motion that is said to reach the goal."""
-    checker = JointLimitChecker(again.problem.model, result.limits)
-    stated = {entry.limit: entry for entry in result.limit_results}
-    for entry in checker.results(again, loops):
+def limit_checks(
+    stated: Iterable[LimitResult], recomputed: Iterable[LimitResult], *, claimed: bool
+) -> Iterator[Check]:
+    """Every limit is stated as recomputed, and kept where it is ``claimed`` to be."""
+    known = {entry.limit: entry for entry in stated}
+    for entry in recomputed:
         name = f"limit {entry.limit}".replace("_", " ")
-        value = stated[entry.limit].worst if entry.limit in stated else None
+        value = known[entry.limit].worst if entry.limit in known else None
         check = comparison_check(name, value, entry.worst, 1e-6 + _RELATIVE * abs(entry.worst))
-        violated = result.reached and not entry.kept
+        violated = claimed and not entry.kept
         yield Check(name, False, f"{entry.where} violates it") if violated else check

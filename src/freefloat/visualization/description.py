@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -69,6 +69,8 @@ class TitledScene:
         verdict: How the motion ended, a sentence; None for maps.
         trail: Values over time; None for maps.
         lines: Text of a map; warnings about a motion.
+        origin: Place of its coordinates in the scene [m].
+        margin: Required magnitude of the measure.
     """
 
     title: str
@@ -80,6 +82,8 @@ class TitledScene:
     verdict: str | None = None
     trail: Trail | None = None
     lines: tuple[str, ...] = ()
+    origin: Sequence[float] = (0.0, 0.0, 0.0)
+    margin: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,6 +193,7 @@ class SceneDescription:
         view: First view.
         remarks: Messages on visuals of the robot that cannot be drawn.
         samples: Of a map.
+        sequence: Whether the motions follow one another.
     """
 
     title: str
@@ -198,6 +203,7 @@ class SceneDescription:
     view: View
     remarks: tuple[str, ...] = ()
     samples: Samples | None = None
+    sequence: bool = False
 
     @property
     def duration(self) -> float:
@@ -214,6 +220,7 @@ class SceneDescription:
             "scale": self.scale.to_dict(),
             "view": asdict(self.view),
             "remarks": list(self.remarks),
+            "sequence": self.sequence,
             "samples": self.samples
             and {"columns": self.samples.columns, "parts": self.samples.parts},
         }

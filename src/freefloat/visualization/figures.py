@@ -18,11 +18,13 @@ from freefloat.motion.problem import Problem
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.heading_arcs import BranchRanges
 from freefloat.planning.heading_map import HeadingMap, evaluator_for, sample_headings
+from freefloat.planning.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation, simulate
 from freefloat.so3 import heading_of, heading_quaternion
 from freefloat.visualization.angle_figures import angles_figure
 from freefloat.visualization.figure_style import Figures, styled
+from freefloat.visualization.manoeuvre_figure import manoeuvre_figure
 from freefloat.visualization.map_figures import histogram_figure, slices_figure
 from freefloat.visualization.motion_figures import motion_figures
 from freefloat.visualization.planar_figures import headings_figure, joint_space_figure
@@ -47,14 +49,15 @@ _TITLES = {
     "map_histogram": "Distribution of the minimum margin",
     "singularities": "Singularities in joint space",
     "slices": "Singularities in slices of the joint space",
+    "manoeuvre": "Manoeuvre",
 }
-_ACCEPTED = "a Plan, AttitudeMap, HeadingMap, SingularityMap, Simulation or Motion"
+_ACCEPTED = "a Plan, Manoeuvre, AttitudeMap, HeadingMap, SingularityMap, Simulation or Motion"
 _TITLE_HEIGHT = 0.15
 """Height that a title takes [inch]."""
 
 
 def figures(
-    result: Plan | AttitudeMap | HeadingMap | Simulation | Motion | SingularityMap,
+    result: Plan | Manoeuvre | AttitudeMap | HeadingMap | Simulation | Motion | SingularityMap,
     *,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -66,7 +69,8 @@ def figures(
     ``headings``, or ``map_slices`` and ``map_histogram``. Plans: ``workspace``, the figures of
     their motion and map, and in the plane ``headings`` (if a heading reaches the path) and
     ``joint_space`` (if S depends on two joint angles). Maps of the joint space:
-    ``singularities``, or ``slices`` if det A depends on more than two joints.
+    ``singularities``, or ``slices`` if det A depends on more than two joints. Manoeuvres:
+    ``manoeuvre`` over all phases, and those of the plan of their first path.
 
     Args:
         result: Result to draw.
@@ -107,6 +111,10 @@ def _figures(result: Any, threads: int | None, progress: Progress | None) -> dic
         return {"headings": headings_figure(result)} if result.branches else {}
     if isinstance(result, SingularityMap):
         return singularity_figures(result)
+    if isinstance(result, Manoeuvre):
+        return {"manoeuvre": manoeuvre_figure(result)} | _plan_figures(
+            result.path, threads, progress
+        )
     require_type("result", result, Plan, _ACCEPTED)
     return _plan_figures(result, threads, progress)
 

@@ -21,10 +21,12 @@ import numpy as np
 from freefloat.errors import InputError, require_type
 from freefloat.io.files import written_beside
 from freefloat.motion.motion import Motion
+from freefloat.planning.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
 from freefloat.planning.reorientation import Reorientation
 from freefloat.planning.simulation import Simulation
 from freefloat.visualization.description import Samples
+from freefloat.visualization.manoeuvre_scene import manoeuvre_scene
 from freefloat.visualization.scene import motion_scene
 from freefloat.visualization.scene_builder import ROOT, Scene
 from freefloat.visualization.server import open_browser
@@ -34,12 +36,12 @@ if TYPE_CHECKING:  # imports compiled kernels
     from freefloat.planning.heading_map import HeadingMap
     from freefloat.workspace.singularity_map import SingularityMap
 
-SIDE_BY_SIDE = "side by side"
+SIDE_BY_SIDE, ALL_PHASES = "side by side", "all phases"
 _HERE = Path(__file__).parent
 _MESHCAT = Path(meshcat.viewer_assets_path())
 _ACCEPTED = (
-    "a Motion, Plan, Simulation, AttitudeMap, HeadingMap or SingularityMap, or a Motion for each "
-    "name"
+    "a Motion, Plan, Manoeuvre, Simulation, Reorientation, AttitudeMap, HeadingMap or "
+    "SingularityMap, or a Motion for each name"
 )
 
 
@@ -75,7 +77,9 @@ class Playback:
             InputError: If the title is unknown.
         """
         ends = {scene.title: scene.end for scene in self.scene.description.scenes}
-        if len(ends) > 1:
+        if self.scene.description.sequence:
+            ends = {ALL_PHASES: self.duration, **ends}
+        elif len(ends) > 1:
             ends[SIDE_BY_SIDE] = self.duration
         title = next(iter(ends)) if title is None else title
         if title not in ends:
@@ -186,6 +190,7 @@ def playback(
         | Plan
         | Simulation
         | Reorientation
+        | Manoeuvre
         | AttitudeMap
         | HeadingMap
         | SingularityMap
@@ -196,9 +201,10 @@ def playback(
     """Return the playback of a result.
 
     Args:
-        result: A motion, motions by name, a plan (its chosen motion), a simulation (its arm
-            branches) or a map; see :func:`singularity_scene` for maps of the joint space. Limits of
-            pointing are drawn with plans and simulations.
+        result: A motion, motions by name, a plan (its chosen motion), a manoeuvre (its phases one
+            after another), a simulation (its arm branches), a reorientation or a map; see
+            :func:`singularity_scene` for maps of the joint space. Limits of pointing are drawn with
+            plans, manoeuvres and simulations.
         title: Title of the page.
 
     Raises:
@@ -210,6 +216,8 @@ def playback(
         >>> playback.titles
         ('branch 0 elbow+', 'branch 1 elbow-')
     """
+    if isinstance(result, Manoeuvre):
+        return Playback(manoeuvre_scene(result, title))
     if isinstance(result, Motion | Plan | Simulation | Reorientation | Mapping):
         limits = result.limits if isinstance(result, Plan | Simulation) else None
         pointing = () if limits is None else limits.pointing

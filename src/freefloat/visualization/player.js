@@ -4,6 +4,7 @@ const ROOT = "meshcat";
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50, 100];
 const MAX_PLAYBACK = 30; // initial playback [s], see scene.py
 const SIDE_BY_SIDE = "side by side";
+const ALL_PHASES = "all phases";
 const INK = "#e8ecf2";
 const FIELD_OF_VIEW = 40; // degrees
 const FRAME = 0.88; // fraction of the picture that the scene fills
@@ -33,6 +34,7 @@ class Player {
     this.playing = false;
     this.speed = SPEEDS.find(speed => about.duration / speed <= MAX_PLAYBACK) || SPEEDS.at(-1);
     this.shown = about.scenes.length ? [about.scenes[0]] : [];
+    this.follows = about.sequence; // shows the phase of the present time
     this.hidden = new Set(about.items.filter(item => !item.visible).map(item => item.name));
     this.trails = new Map(about.scenes.map(scene => [scene, this.geometry(scene)]));
   }
@@ -55,15 +57,21 @@ class Player {
     const place = this.shown.indexOf(scene) - (this.shown.length - 1) / 2;
     const [x, y] = about.view.direction, level = Math.hypot(x, y);
     const across = about.view.flat ? [1, 0, 0] : [-y / level, x / level, 0];
-    return across.map(part => part * place * 2.05 * about.view.radius);
+    return across.map((part, i) => scene.origin[i] + part * place * 2.05 * about.view.radius);
   }
 
   show(title) {
+    this.follows = title === ALL_PHASES;
     this.shown = about.scenes.filter(scene => title === SIDE_BY_SIDE || scene.title === title);
+    if (this.follows) this.shown = [this.phase()];
+    else if (about.sequence) this.time = this.shown[0].begin;
     if (!this.shown.length) throw new Error(`there is no motion ${title}`);
     this.arrange();
     this.look();
   }
+
+  // The phase of the present time.
+  phase() { return about.scenes.findLast(scene => scene.begin <= this.time) || about.scenes[0]; }
 
   arrange() {
     for (const scene of about.scenes) {
@@ -120,6 +128,11 @@ class Player {
 
   seek(time) {
     this.time = Math.min(Math.max(time, 0), about.duration);
+    if (this.follows && this.shown[0] !== this.phase()) {
+      this.shown = [this.phase()];
+      this.arrange();
+      return;
+    }
     this.viewer.animator.seek(this.time);
     for (const [scene, geometry] of this.trails) {
       if (!geometry) continue;
@@ -148,14 +161,14 @@ class Player {
   // Text of a scene at the current time.
   lines(scene) {
     if (!scene.trail) return scene.lines || [];
-    const { times, values, fractions } = scene.trail, { measure, margin } = about.scale;
+    const { times, values, fractions } = scene.trail, { measure } = about.scale;
     const ended = this.time >= scene.end;
     const now = table => ended ? table.at(-1) : interpolated(times, table, this.time);
     const value = now(values) < 1e-9 * about.scale.largest ? 0 : now(values); // singular
     const lines = [
       `t = ${Math.min(this.time, scene.end).toFixed(2)} s`,
       `s = ${now(fractions).toFixed(3)}`,
-      `|${measure}| = ${shortened(value)}, margin ${shortened(margin)}`,
+      `|${measure}| = ${shortened(value)}, margin ${shortened(scene.margin)}`,
       ...scene.lines.map(warning => ({ verdict: warning, feasible: false })),
     ];
     return ended ? [...lines, { verdict: scene.verdict, feasible: scene.ending === "completed" }] : lines;
@@ -377,7 +390,8 @@ class Panels {
     element("time").max = about.duration;
     for (const speed of SPEEDS) element("speed").add(new Option(`${speed}×`, speed));
     const titles = about.scenes.map(scene => scene.title);
-    if (titles.length > 1 && !still) titles.push(SIDE_BY_SIDE);
+    if (about.sequence) titles.unshift(ALL_PHASES);
+    else if (titles.length > 1 && !still) titles.push(SIDE_BY_SIDE);
     for (const title of titles) motions.add(new Option(title, title));
     motions.hidden = titles.length < 2;
     element("play").addEventListener("click", () => this.playOrPause());

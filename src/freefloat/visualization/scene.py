@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -15,7 +15,6 @@ from freefloat.limits.contact import self_contact
 from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import PointingLimit
 from freefloat.motion.singularity import singular_event
-from freefloat.paths.tumbling import Tumbling
 from freefloat.so3 import Array
 from freefloat.visualization.description import (
     MarginColours,
@@ -37,24 +36,33 @@ from freefloat.visualization.overlays import (
     draw_trail,
     thickness,
 )
-from freefloat.visualization.pointing_cones import POINTING, PointingCone
+from freefloat.visualization.pointing_cones import POINTING
+from freefloat.visualization.sampled_motion import MAX_KEYS, SampledMotion, sampled_motion
 from freefloat.visualization.scene_builder import ROOT, Scene, SceneBuilder, node
-from freefloat.visualization.surroundings import Surroundings
 from freefloat.visualization.visuals import (
-    RobotVisuals,
-    body_poses,
     bounding_box,
     robot_visuals,
     view_direction,
 )
-from freefloat.workspace.regions import Workspace, exact_workspace
+from freefloat.workspace.regions import exact_workspace
 
 ROBOT = "Robot"
+
+
+@dataclass(frozen=True)
+class Place:
+    """When and where the coordinates of a motion begin.
+
+    Attributes:
+        start: Time of the page at which its time is zero [s].
+        origin: Place of the centre of mass then [m].
+    """
+
+    start: float = 0.0
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
 _POINT_COLOUR = (0.95, 0.90, 0.25, 1.0)
-_RATE, _PLAYBACK, _PER_TURN = 25.0, 30.0, 12.0
-"""Key frames per second of playback; longest initial playback time [s]; frames per revolution."""
-_MAX_KEYS = 6000
-"""Key frames of all motions together."""
 _INSTANTS = 25
 """Instants of a motion that the view covers."""
 
@@ -63,6 +71,7 @@ def motion_scene(
     motions: Mapping[str, Motion],
     title: str = "freefloat",
     pointing: Sequence[PointingLimit] = (),
+    places: Sequence[Place] = (),
 ) -> Scene:
     """Return the scene of motions, each below a node with its name.
 
@@ -70,6 +79,7 @@ def motion_scene(
         motions: Motions by name.
         title: Title of the page.
         pointing: Limits of pointing that are drawn with each motion.
+        places: When and where each motion begins, if they follow one another.
 
     Raises:
         InputError: If there is no motion, names coincide, or measures or margins differ.
@@ -77,23 +87,26 @@ def motion_scene(
     nodes = [node(name) for name in motions]
     if not nodes or len(set(nodes)) < len(nodes):
         raise InputError("motions", f"names: {', '.join(motions)}", "motions with distinct names")
-    _require_same_margin(motions)
+    in_sequence = bool(places)
+    if not in_sequence:
+        _require_same_margin(motions)
     visuals_of = cache(robot_visuals)
     areas_of = cache(exact_workspace)
-    limit = _MAX_KEYS // len(nodes)
+    limit = MAX_KEYS // len(nodes)
     samples = [
-        _sampled(
+        sampled_motion(
             motion, visuals_of(motion.problem.model), areas_of(motion.problem), limit, pointing
         )
         for motion in motions.values()
     ]
+    places = places or [Place()] * len(samples)
     problem = samples[0].motion.problem
     planar = problem.task.planar
-    colours = MarginColours.over(problem.margin, [sampled.values for sampled in samples])
+    scale = MarginColours.over(problem.margin, [sampled.values for sampled in samples])
     builder = SceneBuilder()
     scenes = tuple(
-        _draw(builder, name, sampled, colours)
-        for name, sampled in zip(motions, samples, strict=True)
+        _draw(builder, name, sampled, replace(scale, margin=sampled.motion.problem.margin), place)
+        for name, sampled, place in zip(motions, samples, places, strict=True)
     )
     others = dict.fromkeys(item for sampled in samples for item in sampled.surroundings.items)
     others |= {POINTING: None} if pointing else {}
@@ -103,8 +116,11 @@ def motion_scene(
         for sampled in samples
         for text in (*sampled.visuals.problems, *sampled.surroundings.problems)
     )
-    view = _view(samples, planar)
-    return builder.scene(SceneDescription(title, scenes, items, colours, view, tuple(remarks)))
+    view = _view(samples, places, planar)
+    about = SceneDescription(
+        title, scenes, items, scale, view, tuple(remarks), sequence=in_sequence
+    )
+    return builder.scene(about)
 
 
 def _require_same_margin(motions: Mapping[str, Motion]) -> None:
@@ -119,78 +135,16 @@ def _require_same_margin(motions: Mapping[str, Motion]) -> None:
         raise InputError("motions", problem, "motions with the same measure and margin")
 
 
-def key_times(motion: Motion, limit: int = _MAX_KEYS) -> Array:
-    """Return the times of a motion's key frames [s], shape (K,), in single precision.
-
-    The union of evenly spaced times, 25 per second of playback and 12 per revolution of a tumbling
-    body, and of the integration nodes, which are dense near singularities.
-
-    Args:
-        motion: The motion.
-        limit: Maximum number of key frames.
-    """
-    first, last = float(motion.times.min()), float(motion.times.max())
-    bodies = motion.problem.scene.bodies
-    tumbling = [body.motion for body in bodies if isinstance(body.motion, Tumbling)]
-    turns = max((body.revolutions(last - first) for body in tumbling), default=0.0)
-    count = int(np.ceil(max(_RATE * min(last - first, _PLAYBACK), _PER_TURN * turns))) + 1
-    count = min(count, limit // 2)
-    nodes = motion.times[:: 1 + 2 * len(motion.times) // limit]
-    times = np.concatenate([np.linspace(first, last, count), nodes]).astype(np.float32)
-    return np.unique(np.clip(times.astype(float), first, last))
-
-
-@dataclass(frozen=True, eq=False)
-class _Sampled:
-    """A motion at its key times: poses of bodies and end-effector, |measure|, s, surroundings."""
-
-    motion: Motion
-    visuals: RobotVisuals
-    times: Array
-    positions: Array
-    rotations: Array
-    values: Array
-    fractions: Array
-    areas: Workspace | None
-    surroundings: Surroundings
-    cones: tuple[PointingCone, ...]
-
-
-def _sampled(
-    motion: Motion,
-    visuals: RobotVisuals,
-    areas: Workspace | None,
-    limit: int,
-    pointing: Sequence[PointingLimit],
-) -> _Sampled:
-    problem = motion.problem
-    times = key_times(motion, limit)
-    parameters = motion.coordinate_at(times)
-    # Exact end points: a singular motion has no state after its end.
-    parameters[[0, -1]] = motion.coordinate_at([motion.times.min(), motion.times.max()])
-    measure = problem.margin.measure
-    poses = body_poses(motion, parameters)
-    return _Sampled(
-        motion,
-        visuals,
-        times,
-        *poses,
-        np.abs([measure(q) for q in motion.evaluate(parameters)[2]]),
-        np.array([problem.path.timing.s(float(t)) for t in times]),
-        areas,
-        Surroundings.of(problem, times),
-        tuple(
-            PointingCone.of(problem, axis, number, times, poses, visuals)
-            for number, axis in enumerate(pointing)
-        ),
-    )
-
-
 def _draw(
-    builder: SceneBuilder, title: str, sampled: _Sampled, colours: MarginColours
+    builder: SceneBuilder,
+    title: str,
+    sampled: SampledMotion,
+    colours: MarginColours,
+    place: Place,
 ) -> TitledScene:
     """Draw a motion below the node of its title; return its description."""
     motion = sampled.motion
+    builder.start = place.start
     problem = motion.problem
     root = f"{ROOT}/{node(title)}"
     times = sampled.times
@@ -221,7 +175,7 @@ def _draw(
         points = positions[-1] + sampled.rotations[:, -1] @ areas.offset
         builder.move(path, times, points, quaternions[-1])
     trail = Trail(
-        times.round(6).tolist(),
+        (place.start + times).round(6).tolist(),
         [float(f"{value:.6g}") for value in sampled.values],
         sampled.fractions.round(6).tolist(),
         indices,
@@ -231,8 +185,10 @@ def _draw(
         title,
         node(title),
         labels,
-        begin=float(times[0]),
-        end=float(times[-1]),
+        begin=place.start + float(times[0]),
+        end=place.start + float(times[-1]),
+        origin=np.asarray(place.origin).round(6).tolist(),
+        margin=problem.margin.threshold,
         ending=motion.ending.name.lower(),
         verdict=_verdict(motion),
         trail=trail,
@@ -246,11 +202,11 @@ def _verdict(motion: Motion) -> str:
     return motion.ending.value if event is None else f"{motion.ending.value} Kind: {event.kind}."
 
 
-def _view(samples: Sequence[_Sampled], planar: bool) -> View:
+def _view(samples: Sequence[SampledMotion], places: Sequence[Place], planar: bool) -> View:
     """Return the page's first view, which covers the motions and, in the plane, the reach."""
     parts = [np.zeros((1, 3))]
-    for sampled in samples:
-        parts += _extent(sampled)
+    for sampled, place in zip(samples, places, strict=True):
+        parts += [np.asarray(place.origin) + points for points in _extent(sampled)]
         if planar and sampled.areas is not None:
             axes = np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]])
             parts.append(sampled.areas.reach[1] * axes)
@@ -268,7 +224,7 @@ def _view(samples: Sequence[_Sampled], planar: bool) -> View:
     )
 
 
-def _extent(sampled: _Sampled) -> list[Array]:
+def _extent(sampled: SampledMotion) -> list[Array]:
     """Joints, end-effector, corners of spacecraft and scene, cones at some instants [m]."""
     chosen = np.unique(np.linspace(0, len(sampled.times) - 1, _INSTANTS).astype(int))
     positions, rotations = sampled.positions[chosen], sampled.rotations[chosen, 0]

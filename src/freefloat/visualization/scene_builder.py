@@ -64,9 +64,14 @@ class Scene:
 
 
 class SceneBuilder:
-    """Collects MeshCat commands."""
+    """Collects MeshCat commands.
+
+    Attributes:
+        start: Time that is added to those of the tracks that follow [s].
+    """
 
     def __init__(self) -> None:
+        self.start = 0.0
         self._objects: list[bytes] = []
         self._tracks: dict[str, list[dict[str, Any]]] = {}
         self._copies: list[tuple[str, str]] = []
@@ -180,7 +185,8 @@ class SceneBuilder:
         self._objects.append(umsgpack.packb(SetProperty(key, value, _path(path)).lower()))
 
     def _track(self, path: str, name: str, kind: str, times: Array, values: Any) -> None:
-        track = {"name": f".{name}", "type": kind, "times": _floats(times), "values": values}
+        shifted = _floats(times + self.start)
+        track = {"name": f".{name}", "type": kind, "times": shifted, "values": values}
         self._tracks.setdefault(_path(path).lower(), []).append(track)
 
     def _put(self, path: str, item: Any) -> None:

@@ -1,0 +1,73 @@
+"""Tables of manoeuvres, which ``freefloat plan`` finds for scenarios with phases."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from rich.console import RenderableType
+from rich.text import Text
+
+from freefloat.cli.console import decimals, limit_tables, table
+
+if TYPE_CHECKING:
+    from freefloat.dynamics.capture import Capture
+    from freefloat.planning.manoeuvre import Manoeuvre, PlannedPhase
+
+
+def manoeuvre_tables(name: str, manoeuvre: Manoeuvre) -> Iterator[RenderableType]:
+    """The phases in a table, then what each found."""
+    yield Text(f"{name}: {manoeuvre.reason}", "green" if manoeuvre.feasible else "red")
+    rows = table("phase", "kind", "from [s]", "to [s]", "turn [deg]", "minimum margin", "verdict")
+    for phase in manoeuvre.phases:
+        end = phase.start + phase.duration
+        verdict = Text("feasible", "green") if phase.feasible else Text("not feasible", "red")
+        rows.add_row(phase.name, phase.kind, f"{phase.start:.4f}", f"{end:.4f}", _turn(phase),
+                     _margin(phase), verdict)  # fmt: skip
+    yield rows
+    for phase in manoeuvre.phases:
+        yield ""
+        yield f"{phase.name}: {_summary(phase)}"
+        if phase.motion is not None:
+            yield f"  first attitude x y z w  {decimals(phase.motion.initial.attitude, 5)}"
+            yield f"  first joints            {decimals(phase.motion.initial.joints)}"
+            yield f"  last joints             {decimals(phase.motion.final.joints)}"
+        yield from limit_tables(getattr(phase.result, "limit_results", ()))
+
+
+def _turn(phase: PlannedPhase) -> str:
+    """The angle by which the spacecraft turns from the first to the last attitude."""
+    from freefloat.so3 import angle_between
+
+    if phase.motion is None:
+        return ""
+    first, last = phase.motion.initial.attitude, phase.motion.final.attitude
+    return f"{math.degrees(float(angle_between(first, last))):.4f}"
+
+
+def _margin(phase: PlannedPhase) -> str:
+    from freefloat.planning.plan import Plan
+
+    if not isinstance(phase.result, Plan) or phase.result.chosen is None:
+        return ""
+    closest = phase.result.chosen.closest_approach
+    return f"{closest.measure} {phase.result.chosen.minimum_margin:.5g}"
+
+
+def _summary(phase: PlannedPhase) -> str:
+    from freefloat.dynamics.capture import Capture
+
+    if isinstance(phase.result, Capture):
+        return _capture(phase.result)
+    return phase.result.reason
+
+
+def _capture(capture: Capture) -> str:
+    impulse, momentum = math.hypot(*capture.impulse[:3]), decimals(capture.momentum)
+    low, high = (math.degrees(rate) for rate in (capture.smallest_rate, capture.largest_rate))
+    locked = math.degrees(math.hypot(*capture.locked_rate))
+    return (
+        f"impulse {impulse:.3g} N s, momentum {momentum} N m s; with locked joints the system "
+        f"turns at {locked:.4f} deg/s, in other joints at {low:.4f} to {high:.4f} deg/s"
+    )

@@ -1,0 +1,124 @@
+"""Motions of the joints between two states, as fast as limits permit or in a given duration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from freefloat.limits.joint_limits import JointLimitChecker
+from freefloat.limits.limits import LimitResult, Limits, violated
+from freefloat.motion.joint_transfer import (
+    JointTransfer,
+    attitude_before,
+    integrate_transfer,
+)
+from freefloat.motion.motion import Motion
+from freefloat.motion.problem import Problem
+from freefloat.so3 import Array
+
+_PEAK = 15.0 / 8.0
+"""Largest rate of a rest-to-rest motion of degree five over its mean rate."""
+_LONGER, _DURATIONS = 1.3, 24
+"""Factor between durations that are tried, and their number."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointMotion:
+    """A motion whose joints are prescribed.
+
+    Attributes:
+        transfer: The joints.
+        motion: Along them; the path of its problem is that of the end-effector.
+        limits: Limits that were required.
+        limit_results: Limits along the motion.
+    """
+
+    transfer: JointTransfer = field(repr=False)
+    motion: Motion
+    limits: Limits = field(repr=False)
+    limit_results: tuple[LimitResult, ...]
+
+    @property
+    def problem(self) -> Problem:
+        """Robot, momentum and scene."""
+        return self.motion.problem
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the limits are kept."""
+        return not violated(self.limit_results)
+
+    @property
+    def reason(self) -> str:
+        """What the motion is, or which limit it violates."""
+        for result in violated(self.limit_results):
+            where = f"{result.where} at t = {result.time:.4g} s"
+            return f"{result.limit} of {where} is {result.worst:.4g}, {result.allowed:.4g} allowed"
+        return "all limits are kept"
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return self.problem.path.duration
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document."""
+        return {
+            "feasible": self.feasible,
+            "reason": self.reason,
+            "duration": self.duration,
+            "joints": self.transfer.coefficients.tolist(),
+            "initial": self.motion.initial.to_dict(),
+            "final": self.motion.final.to_dict(),
+            "limits": [result.to_dict() for result in self.limit_results],
+        }
+
+
+def joint_motion(
+    problem: Problem, transfer: JointTransfer, attitude: Array, duration: float, limits: Limits
+) -> JointMotion:
+    """The motion along a transfer from an attitude, and its limits."""
+    motion = integrate_transfer(problem, transfer, attitude, duration)
+    checker = JointLimitChecker(problem.model, limits, motion.problem.scene)
+    return JointMotion(transfer, motion, limits, checker.results(motion, transfer))
+
+
+def earlier(problem: Problem, duration: float) -> Problem:
+    """The problem with its scene as it was a duration [s] earlier."""
+    still = np.zeros(3)
+    bodies = tuple(body.later(-duration, still) for body in problem.scene.bodies)
+    return replace(problem, scene=replace(problem.scene, bodies=bodies))
+
+
+def settling(
+    problem: Problem, joints: Array, attitude: Array, end: Array, rates: Array, limits: Limits
+) -> JointMotion:
+    """The fastest of some motions from joints at rest to a state of spacecraft and arm.
+
+    Args:
+        problem: Robot, momentum and scene, which is that at the end of the motion.
+        joints: At the start, shape (n,).
+        attitude: Of the spacecraft at the end, unit quaternion x, y, z, w.
+        end: Joints at the end, shape (n,).
+        rates: Joint rates at the end [rad/s or m/s], shape (n,).
+        limits: Limits to keep.
+
+    Returns:
+        The first motion that keeps the limits, or the last one. Without limits of joint rates the
+        first one takes as long as the problem's path.
+    """
+    duration = problem.path.duration
+    if limits.joint_rate is not None:
+        ratios = _PEAK * np.abs(end - joints) / limits.joint_rate
+        duration = max(float(ratios.max()), duration / 100.0)
+    for _ in range(_DURATIONS):
+        transfer = JointTransfer.between(joints, np.zeros_like(rates), end, rates, duration)
+        before = attitude_before(problem, transfer, attitude, duration)
+        found = joint_motion(earlier(problem, duration), transfer, before, duration, limits)
+        kinds = {result.limit for result in violated(found.limit_results)}
+        if not kinds & {"joint_rate", "joint_torque", "base_rate"}:
+            break
+        duration *= _LONGER
+    return found

@@ -1,0 +1,63 @@
+"""Reports of verifications."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from freefloat.limits.limits import LimitResult
+from freefloat.motion.certificate import Certificate
+from freefloat.verification.tolerances import Check
+
+if TYPE_CHECKING:
+    from freefloat.verification.mujoco import ForwardRun, InverseRun
+
+PINOCCHIO = "pinocchio"
+MUJOCO = "mujoco"
+ENGINES = (PINOCCHIO, MUJOCO)
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """Result of verifying a record.
+
+    Attributes:
+        kind: ``"plan"``, ``"motion"``, ``"reorientation"``, ``"manoeuvre"``, or ``"file"`` for a
+            file that was altered.
+        checks: Everything that was checked, in order.
+        certificate: Recomputed certificate of the motion; None without a motion.
+        limits: Recomputed limits of the motion.
+        inverse: Inverse dynamics of MuJoCo along the motion; None if it was not used.
+        forward: MuJoCo's own integration of the motion; None if it was not used.
+    """
+
+    kind: str
+    checks: tuple[Check, ...]
+    certificate: Certificate | None = field(default=None, repr=False)
+    limits: tuple[LimitResult, ...] = field(default=(), repr=False)
+    inverse: InverseRun | None = field(default=None, repr=False)
+    forward: ForwardRun | None = field(default=None, repr=False)
+
+    @property
+    def passed(self) -> bool:
+        """Whether everything stated is true."""
+        return not self.discrepancies
+
+    @property
+    def discrepancies(self) -> tuple[Check, ...]:
+        """The checks that failed."""
+        return tuple(check for check in self.checks if not check.passed)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document of ``freefloat check``, but for the file."""
+        return {
+            "proved": self.passed,
+            "kind": self.kind,
+            "reasons": [check.reason for check in self.discrepancies],
+            "checks": [check.to_dict() for check in self.checks],
+            "certificate": None if self.certificate is None else self.certificate.to_dict(),
+            "limits": [result.to_dict() for result in self.limits],
+            "engine": None if self.inverse is None or self.forward is None else {
+                "name": MUJOCO, "inverse": asdict(self.inverse), "forward": asdict(self.forward)
+            },
+        }  # fmt: skip

@@ -1,0 +1,119 @@
+"""``freefloat plan`` with phases: its document, and how its file is checked, played and drawn."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import freefloat as ff
+from tests.commands import document, error, run
+
+SCENARIO = """
+robot: {urdf: planar_2dof, end_effector: end_effector}
+task: planar-position
+path:
+  line: {from: [1.9, 0.2, 0], to: [0.5, 1.2, 0]}
+timing: {duration: 30}
+margin: {measure: system, fraction: 0.1}
+search: {objective: nearest, from_attitude: [0, 0, 0, 1], joints: [0.5, 0.8], reorient: true}
+limits: {joint_rate: 0.5}
+scene:
+  bodies:
+    - name: client
+      sphere: 0.1
+      position: [0.5, 1.2, 0]
+      tumbling: {inertia: [0.1, 0.1, 0.1], rate: [0, 0, 0.02]}
+phases:
+  - capture: {body: client, mass: 3}
+  - {joints: {q1: 0.4, q2: 1.2}, duration: 30}
+  - to: {position: [0.1, 0.1, 0], frame: end_effector}
+    duration: 20
+"""
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("manoeuvre")
+    (folder / "scenario.yaml").write_text(SCENARIO)
+    found = document("plan", folder / "scenario.yaml", "-o", folder / "manoeuvre.h5")
+    kinds = ["reorientation", "joints", "path", "capture", "joints", "path"]
+    assert [phase["kind"] for phase in found["phases"]] == kinds
+    assert found["feasible"]
+    return folder / "manoeuvre.h5"
+
+
+def changed(file: Path, old: str, new: str) -> Path:
+    assert old in SCENARIO
+    path = file.parent / "changed.yaml"
+    path.write_text(SCENARIO.replace(old, new))
+    return path
+
+
+@pytest.mark.slow
+def test_a_file_is_verified_with_mujoco(file: Path) -> None:
+    assert document("check", file, "--engine", "mujoco")["proved"]
+
+
+def test_a_file_holds_the_record(file: Path) -> None:
+    loaded = ff.load(file)
+    scenario = ff.load_scenario(file.parent / "scenario.yaml")
+    again = ff.plan_manoeuvre(
+        scenario.problem(), scenario.phases(), scenario.search(), scenario.limits(), reorient=True
+    )
+    assert len(again.phases) == len(loaded.phases)
+    for stored, phase in zip(loaded.phases, again.phases, strict=True):
+        assert (stored.name, stored.kind) == (phase.name, phase.kind)
+        np.testing.assert_allclose(stored.centre, phase.centre, atol=1e-12)
+        if phase.motion is not None:
+            np.testing.assert_allclose(stored.motion.joints, phase.motion.joints, atol=1e-9)
+    np.testing.assert_allclose(
+        loaded.phases[3].result.momentum, again.phases[3].result.momentum, atol=1e-12
+    )
+
+
+def test_phases_that_do_not_join_are_a_discrepancy(file: Path) -> None:
+    loaded = ff.load(file)
+    motion = loaded.phases[1].motion
+    object.__setattr__(motion, "joints", motion.joints + 1e-6)
+    names = {entry.name for entry in ff.check(loaded).discrepancies}
+    assert "path: begins where settling ends" in names
+
+
+def test_a_page_plays_the_phases(file: Path, tmp_path: Path) -> None:
+    found = document("view", file, "--html", tmp_path / "page.html")
+    titles = ["1 reorientation", "2 settling", "3 path", "5 joints", "6 to"]
+    assert found["scenes"] == titles
+
+
+@pytest.mark.slow
+def test_figures_have_all_phases(file: Path, tmp_path: Path) -> None:
+    found = document("plot", file, "-o", tmp_path / "figures")
+    assert any(name.endswith("manoeuvre.png") for name in found["figures"])
+
+
+def test_a_phase_that_fails_ends_with_exit_code_1(file: Path, tmp_path: Path) -> None:
+    late = changed(file, "q2: 1.2}, duration: 30", "q2: 1.2}, duration: 1")
+    found = document("plan", late, "-o", tmp_path / "late.h5", code=1)
+    assert [phase["feasible"] for phase in found["phases"]] == [True] * 4 + [False]
+    assert not ff.load(tmp_path / "late.h5").feasible
+    assert run("check", tmp_path / "late.h5").exit_code == 1
+
+
+@pytest.mark.parametrize(("old", "new", "key"), [
+    ("mass: 3", "mass: 0", "phases.0.capture.mass"),
+    ("body: client", "body: other", "phases.capture.body"),
+    ("duration: 20", "timing: {duration: 20}", "phases.2"),
+    ("q2: 1.2", "q3: 1.2", "phases.joints.joints"),
+    ("frame: end_effector}", "frame: tool}", "phases.2.to.frame"),
+    ("joints: [0.5, 0.8], reorient", "reorient", "search.joints"),
+    ("{joints: {q1: 0.4, q2: 1.2}, duration: 30}", "capture: {body: client, mass: 3}",
+     "phases.capture.body"),
+])  # fmt: skip
+def test_bad_phases_are_refused(file: Path, old: str, new: str, key: str) -> None:
+    assert error("plan", changed(file, old, new))["key"] == key
+
+
+def test_durations_of_phases_are_not_stretched(file: Path) -> None:
+    assert error("plan", file.parent / "scenario.yaml", "--stretch")["key"] == "stretch"

@@ -1,0 +1,184 @@
+"""Manoeuvres: every phase begins with the state at which the one before ends."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import freefloat as ff
+from freefloat.dynamics.momentum import momentum_map
+from freefloat.errors import InputError
+from freefloat.planning.handover import Handover
+from freefloat.planning.manoeuvre import Manoeuvre
+from freefloat.so3 import Pose, angle_between, heading_quaternion, rotation_matrix
+
+GRAPPLE = np.array([0.5, 1.2, 0.0])
+SPIN = np.array([0.0, 0.0, 0.02])
+CLIENT = ff.SceneBody(
+    "client", ff.Sphere(0.1), position=GRAPPLE, motion=ff.Tumbling([0.1, 0.1, 0.1], SPIN)
+)
+BACK = ff.PoseGoal(Pose(np.array([0.1, 0.1, 0.0]), np.eye(3)), 20.0, "end_effector")
+PHASES = [
+    ff.CapturePhase("client", 3.0),
+    ff.JointPhase([0.4, 1.2], 30.0),
+    ff.PathPhase(BACK, "back"),
+]
+SEARCH = ff.Search("nearest", [0.0, 0.0, 0.0, 1.0], joints=[0.5, 0.8])
+LIMITS = ff.Limits(joint_rate=[0.5, 0.5])
+
+
+@pytest.fixture(scope="module")
+def problem() -> ff.Problem:
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    return replace(problem, scene=ff.Scene((CLIENT,)))
+
+
+@pytest.fixture(scope="module")
+def manoeuvre(problem: ff.Problem) -> Manoeuvre:
+    return ff.plan_manoeuvre(problem, PHASES, SEARCH, LIMITS, reorient=True)
+
+
+def test_a_manoeuvre_leads_from_the_present_state_through_all_phases(manoeuvre) -> None:
+    assert manoeuvre.feasible
+    names = ["reorientation", "settling", "path", "capture", "joints", "back"]
+    assert [phase.name for phase in manoeuvre.phases] == names
+    first, last = manoeuvre.phases[0].motion, manoeuvre.phases[-1].motion
+    np.testing.assert_allclose(first.initial.attitude, [0.0, 0.0, 0.0, 1.0], atol=1e-6)
+    np.testing.assert_allclose(first.initial.joints, [0.5, 0.8], atol=1e-12)
+    ends = [phase.start + phase.duration for phase in manoeuvre.phases]
+    starts = [phase.start for phase in manoeuvre.phases]
+    np.testing.assert_allclose(ends[:-1], starts[1:], atol=1e-9)
+    before = manoeuvre.phases[-2].motion
+    there = before.problem.model.end_effector_pose(before.final.attitude, before.final.joints)
+    goal = there @ BACK.pose
+    model, final = last.problem.model, last.final
+    reached = model.end_effector_pose(final.attitude, final.joints).position
+    np.testing.assert_allclose(reached, goal.position, atol=1e-8)
+
+
+@pytest.mark.slow
+def test_mujoco_simulates_all_phases(manoeuvre) -> None:
+    pytest.importorskip("mujoco")
+    report = ff.check(manoeuvre, "mujoco")
+    assert report.passed, report.discrepancies
+
+
+def test_a_captured_body_brings_its_momentum_along(manoeuvre) -> None:
+    """Conservation: the robot at rest, the client of 3 kg on its circle, about the new centre."""
+    path, capture = manoeuvre.path.chosen.motion, manoeuvre.phases[3].result
+    np.testing.assert_allclose(path.problem.momentum, 0.0)
+    client, robot = 3.0, path.problem.model.total_mass
+    centre = client / (client + robot) * GRAPPLE
+    np.testing.assert_allclose(capture.centre_of_mass, centre, atol=1e-9)
+    np.testing.assert_allclose(capture.momentum, 0.1 * SPIN, atol=1e-12)  # its centre is at rest
+    start = manoeuvre.phases[4].motion
+    model, state = capture.model, start.initial
+    A = momentum_map(model, state.joints, state.attitude)
+    omega = rotation_matrix(state.attitude).T @ capture.base_rate
+    rates = np.concatenate([omega, capture.joint_rates])
+    base = np.linalg.solve(A[:3, :3], -A[:3, 3:] @ rates)
+    momentum = A[3:] @ np.concatenate([base, rates])
+    np.testing.assert_allclose(momentum, start.problem.momentum, atol=1e-12)
+
+
+def test_joint_rates_are_handed_on_after_an_impulse(manoeuvre) -> None:
+    """The client spins, the end-effector does not: the joints move after contact."""
+    capture, berth = manoeuvre.phases[3].result, manoeuvre.phases[4].motion
+    assert np.linalg.norm(capture.impulse) > 1e-5
+    assert np.abs(capture.joint_rates).max() > 1e-4
+    step = 1e-3
+    _, _, joints = berth.evaluate(berth.coordinate_at(np.array([0.0, step])))
+    rates = np.diff(joints, axis=0)[0] / step
+    np.testing.assert_allclose(rates, capture.joint_rates, atol=1e-6)
+
+
+@pytest.mark.parametrize("frame", ["inertial", "spacecraft", "base", "end_effector"])
+def test_a_pose_goal_is_reached_in_its_frame(problem: ff.Problem, frame: str) -> None:
+    motion = ff.simulate(problem, heading=0.45).chosen.motion
+    state = Handover.at_start(motion).after_path(motion)
+    model, R = problem.model, rotation_matrix(state.attitude)
+    axes = np.eye(3) if frame == "inertial" else R
+    origin = np.zeros(3) if frame == "inertial" else model.base_position(
+        state.attitude, state.joints)  # fmt: skip
+    if frame == "end_effector":
+        origin, axes = state.pose.position, state.pose.rotation
+    point = axes.T @ (state.pose.position - origin + np.array([0.05, -0.02, 0.0]))
+    goal = ff.PoseGoal(Pose(point, axes.T), 10.0, frame)
+    path = state.path_of(ff.PathPhase(goal))
+    np.testing.assert_allclose(path.pose(10.0).position, origin + axes @ point, atol=1e-12)
+    np.testing.assert_allclose(path.twist(10.0), 0.0, atol=1e-12)
+
+
+def test_the_first_phase_that_fails_ends_the_manoeuvre(problem: ff.Problem) -> None:
+    phases = [ff.JointPhase([0.4, 1.2], 0.5, "fast"), *PHASES]
+    found = ff.plan_manoeuvre(problem, phases, limits=LIMITS)
+    assert not found.feasible
+    assert [phase.name for phase in found.phases] == ["path", "fast"]
+    assert found.reason.startswith("fast: joint_rate")
+
+
+def test_a_margin_is_required_of_later_paths(manoeuvre, problem: ff.Problem) -> None:
+    margin = manoeuvre.phases[-1].result.chosen.minimum_margin
+    for factor, feasible in ((0.99, True), (1.01, False)):
+        phases = [*PHASES[:2], ff.PathPhase(BACK, "back", margin=factor * margin)]
+        found = ff.plan_manoeuvre(problem, phases, SEARCH, LIMITS, reorient=True)
+        assert found.feasible is feasible
+
+
+def test_a_path_that_begins_elsewhere_is_refused(problem: ff.Problem) -> None:
+    line = ff.paths.PolynomialCurve.line([0.0, 0.0, 0.0], [1.0, 0.0, 0.0])
+    path = ff.TimedPath(ff.EndEffectorPath(line), ff.Timing(10.0))
+    with pytest.raises(InputError) as raised:
+        ff.plan_manoeuvre(problem, [ff.PathPhase(path, "last")])
+    assert raised.value.key == "phases.last.path"
+
+
+def test_a_path_that_begins_with_another_velocity_is_refused(problem: ff.Problem) -> None:
+    line = ff.paths.PolynomialCurve.line(GRAPPLE, [0.9, 1.0, 0.0])
+    timing = ff.Timing(10.0, "uniform")
+    path = ff.TimedPath(ff.EndEffectorPath(line), timing)
+    with pytest.raises(InputError) as raised:
+        ff.plan_manoeuvre(problem, [ff.PathPhase(path, "last")])
+    assert raised.value.key == "phases.last.path"
+    rest = ff.TimedPath(ff.EndEffectorPath(line), ff.Timing(10.0))
+    assert ff.plan_manoeuvre(problem, [ff.PathPhase(rest, "last")]).phases[-1].name == "last"
+
+
+def test_a_reorientation_is_needed_only_where_the_attitude_is_another(problem: ff.Problem) -> None:
+    plan = ff.plan(problem, ff.Search("nearest", heading_quaternion(0.1)))
+    start = plan.chosen.motion.initial
+    search = ff.Search("nearest", start.attitude, joints=start.joints)
+    found = ff.plan_manoeuvre(problem, (), search, reorient=True)
+    assert [phase.kind for phase in found.phases] == ["path"]
+    assert angle_between(found.path.chosen.motion.initial.attitude, start.attitude) < 1e-9
+
+
+def test_with_momentum_the_manoeuvre_arrives_at_the_attitude(problem: ff.Problem) -> None:
+    """The spacecraft drifts during reorientation and settling."""
+    drifting = problem.replace(momentum=np.array([0.0, 0.0, 0.02]))
+    found = ff.plan_manoeuvre(drifting, (), SEARCH, LIMITS, reorient=True)
+    assert found.feasible, found.reason
+    settled, path = found.phases[-2].motion, found.path.chosen.motion
+    assert angle_between(settled.final.attitude, path.initial.attitude) < 1e-8
+
+
+@pytest.mark.parametrize(("search", "key"), [
+    (ff.Search("margin"), "search.from_attitude"),
+    (ff.Search("nearest", [0.0, 0.0, 0.0, 1.0]), "search.joints"),
+])  # fmt: skip
+def test_a_reorientation_needs_the_present_state(problem, search: ff.Search, key: str) -> None:
+    with pytest.raises(InputError) as raised:
+        ff.plan_manoeuvre(problem, (), search, reorient=True)
+    assert raised.value.key == key
+
+
+def test_a_body_that_is_captured_exists_and_has_an_inertia(problem: ff.Problem) -> None:
+    with pytest.raises(InputError) as raised:
+        ff.plan_manoeuvre(problem, [ff.CapturePhase("other", 1.0)])
+    assert raised.value.key == "phases.capture.body"
+    fixed = ff.Scene((replace(CLIENT, motion="fixed"),))
+    with pytest.raises(InputError) as raised:
+        ff.plan_manoeuvre(replace(problem, scene=fixed), [ff.CapturePhase("client", 1.0)])
+    assert raised.value.key == "phases.capture.inertia"
