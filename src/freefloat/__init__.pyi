@@ -53,7 +53,7 @@ from .planning.phases import CapturePhase as CapturePhase
 from .planning.phases import JointPhase as JointPhase
 from .planning.phases import PathPhase as PathPhase
 from .planning.phases import PoseGoal as PoseGoal
-from .planning.manoeuvre import plan_manoeuvre as plan_manoeuvre
+from .planning.manoeuvre_planner import plan_manoeuvre as plan_manoeuvre
 
 # Files and pictures
 from .io.results import load as load

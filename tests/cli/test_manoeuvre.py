@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -91,6 +93,23 @@ def test_a_page_plays_the_phases(file: Path, tmp_path: Path) -> None:
 def test_figures_have_all_phases(file: Path, tmp_path: Path) -> None:
     found = document("plot", file, "-o", tmp_path / "figures")
     assert any(name.endswith("manoeuvre.png") for name in found["figures"])
+
+
+def test_exports_of_the_phases_join(file: Path, tmp_path: Path) -> None:
+    found = document("export", file, "-o", tmp_path / "m.json", "--times", 301)
+    names = ["1_reorientation", "2_settling", "3_path", "5_joints", "6_to"]
+    files = [tmp_path / f"m_{name}.json" for name in names]
+    assert [entry["file"] for entry in found["phases"]] == [str(path) for path in files]
+    tables = [json.loads(path.read_text())["trajectory"] for path in files]
+    for table in tables:
+        differences = np.gradient(np.array(table["joints"]), table["time"], axis=0, edge_order=2)
+        np.testing.assert_allclose(table["joint_rates"], differences, atol=2e-3)
+    for before, after in pairwise(tables):
+        for key in ("time", "attitude", "joints"):
+            np.testing.assert_allclose(before[key][-1], after[key][0], atol=1e-8)
+    reached = np.array(tables[2]["end_effector_position"][-1])  # where the client is grasped
+    np.testing.assert_allclose(tables[3]["end_effector_position_fixed"][0], reached, atol=1e-8)
+    assert error("export", file, "--format", "csv", "-o", "-")["key"] == "output"
 
 
 def test_a_phase_that_fails_ends_with_exit_code_1(file: Path, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -46,8 +47,15 @@ def test_a_page_plays_the_motion(file: Path, tmp_path: Path) -> None:
     assert document("view", file, "--html", tmp_path / "turn.html")["scenes"] == ["reorientation"]
 
 
-def test_an_export_names_the_kind_of_the_file(file: Path) -> None:
-    assert error("export", file, "-o", "turn.csv")["key"] == "file"
+def test_an_export_has_the_rates_of_the_joints(file: Path, tmp_path: Path) -> None:
+    document("export", file, "-o", tmp_path / "turn.json", "--times", 2001)
+    rows = json.loads((tmp_path / "turn.json").read_text())["trajectory"]
+    times, joints = np.array(rows["time"]), np.array(rows["joints"])
+    differences = np.gradient(joints, times, axis=0, edge_order=2)
+    np.testing.assert_allclose(rows["joint_rates"], differences, atol=2e-4)
+
+
+def test_there_are_no_figures_of_reorientations(file: Path) -> None:
     assert error("plot", file, "-o", file.parent / "figures")["key"] == "file"
 
 

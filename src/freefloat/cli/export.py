@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,6 +14,7 @@ from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.io.export import Format
+    from freefloat.io.trajectory import Trajectory
 
 _STDOUT = "-"
 
@@ -57,37 +58,56 @@ def export(
     accelerations solve the equations of motion. ros2 is a JointTrajectory, ros2-goal a goal of
     FollowJointTrajectory; mcap a log for Foxglove and rerun; aem a CCSDS attitude ephemeris; mjcf
     the robot with both ends of the motion for MuJoCo; basilisk a script that repeats the motion.
+    Each phase of a manoeuvre has a file of its own.
 
     Example: freefloat export plan.h5 -o plan.csv
 
     Example: freefloat export plan.h5 --format ros2 --rate 20 -o trajectory.yaml
     """
-    from freefloat.io.export import TEXTS, save_trajectory
-    from freefloat.io.results import load_motion
-    from freefloat.io.trajectory import J2000, Trajectory
+    from freefloat.io.export import TEXTS, save_trajectory, trajectories
+    from freefloat.io.results import chosen_motion, load
+    from freefloat.io.trajectory import J2000
+    from freefloat.planning.manoeuvre import Manoeuvre
+    from freefloat.planning.reorientation import Reorientation
 
     if output == _STDOUT and as_json:
         raise InputError("output", "both -o - and --json were given", "one of the two")
     kind, target = _format_and_file(file, format_, output)
-    motion, violation = load_motion(file)
-    trajectory = Trajectory.sampled(motion, times, rate, epoch or J2000)
-    at = trajectory.times
+    result, violation = load(file), ""
+    if not isinstance(result, Manoeuvre | Reorientation):
+        _, violation = chosen_motion(result, file)
+    sampled = trajectories(result, times, rate, epoch or J2000)
     if target is None:
-        typer.echo(TEXTS[kind](trajectory), nl=False)
+        if len(sampled) > 1:
+            raise InputError("output", "- was given for several phases", "a file")
+        typer.echo("".join(TEXTS[kind](trajectory) for trajectory in sampled.values()), nl=False)
         return
-    prepare_outputs(file, output=target)
-    save_trajectory(target, trajectory, kind)
-    first, last = float(at[0]), float(at[-1])
-    console = Console(as_json, quiet)
-    console.json({
-        "file": str(target), "format": str(kind), "times": len(at), "from": first, "to": last,
-        "joint_names": list(motion.problem.model.joint_names), "completed": motion.completed,
-    })  # fmt: skip
-    console.tables([f"{len(at):,} samples from {first:g} to {last:g} s: {target} ({kind})"])
-    if not motion.completed:
-        console.tables(["The motion ends before the path does."])
+    console, written = Console(as_json, quiet), []
+    for name, trajectory in sampled.items():
+        path = target.with_stem(target.stem + name) if name else target
+        prepare_outputs(file, output=path)
+        save_trajectory(path, trajectory, kind)
+        written.append(_described(path, kind, trajectory))
+        console.tables([_line(written[-1])])
+    console.json(written[0] if len(written) == 1 else {"phases": written})
     if violation:
         console.tables([f"The plan is {violation}."])
+
+
+def _described(path: Path, kind: Format, trajectory: Trajectory) -> dict[str, Any]:
+    """The JSON document of a file."""
+    at, motion = trajectory.times, trajectory.motion
+    return {
+        "file": str(path), "format": str(kind), "times": len(at),
+        "from": float(at[0]), "to": float(at[-1]),
+        "joint_names": list(motion.problem.model.joint_names), "completed": motion.completed,
+    }  # fmt: skip
+
+
+def _line(written: dict[str, Any]) -> str:
+    span = f"from {written['from']:g} to {written['to']:g} s"
+    early = "" if written["completed"] else "; the motion ends before the path does"
+    return f"{written['times']:,} samples {span}: {written['file']} ({written['format']}){early}"
 
 
 def _format_and_file(

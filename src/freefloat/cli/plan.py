@@ -116,7 +116,7 @@ def _plan_phases(
     threads: int | None,
 ) -> None:
     """Plan a manoeuvre."""
-    from freefloat.planning.manoeuvre import plan_manoeuvre
+    from freefloat.planning.manoeuvre_planner import plan_manoeuvre
 
     phases, limits = loaded.phases(), loaded.limits()
     prepare_outputs(loaded.source, output=output, html=html, folder=plots)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
@@ -21,7 +22,9 @@ from freefloat.io.mjcf_file import mjcf_text
 from freefloat.io.ros2 import ros2_goal_text, ros2_text
 from freefloat.io.trajectory import J2000, Trajectory
 from freefloat.motion.motion import Motion
+from freefloat.planning.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
+from freefloat.planning.reorientation import Reorientation
 from freefloat.planning.simulation import Simulation
 from freefloat.so3 import Array
 
@@ -96,7 +99,7 @@ def _groups(trajectory: Trajectory) -> list[_Group]:
         return _Group(key, values, names, tuple(prismatic if k else revolute for k in kinds))
 
     centre, fixed = trajectory.centre_of_mass_positions, list[_Group]()
-    if problem.path.drifts:
+    if trajectory.displaced:
         fixed = [
             space("centre_of_mass_position", centre, "m"),
             space("base_position_fixed", centre + trajectory.base_positions, "m"),
@@ -139,7 +142,7 @@ def json_text(trajectory: Trajectory) -> str:
         values = group.values[:, 0] if group.key in ("time", "measure") else group.values
         arrays[group.key] = np.where(np.isnan(values), np.array(None), values).tolist()
     units = {group.key: group.unit for group in groups}
-    document = {**_head(trajectory.motion), "units": units, "trajectory": arrays}
+    document = {**_head(trajectory), "units": units, "trajectory": arrays}
     return json.dumps(document, allow_nan=False) + "\n"
 
 
@@ -149,7 +152,7 @@ def write_mat(path: Path, trajectory: Trajectory) -> None:
 
     groups = _groups(trajectory)
     struct = {
-        **{key: _cells(value) for key, value in _head(trajectory.motion).items()},
+        **{key: _cells(value) for key, value in _head(trajectory).items()},
         **{group.key: group.values for group in groups},
         "units": {group.key: _cells(group.unit) for group in groups},
     }
@@ -164,7 +167,8 @@ def _cells(value: Any) -> Any:
     return np.array(value, dtype=object if isinstance(value[0], str) else float)
 
 
-def _head(motion: Motion) -> dict[str, Any]:
+def _head(trajectory: Trajectory) -> dict[str, Any]:
+    motion = trajectory.motion
     problem = motion.problem
     return {
         "robot": problem.model.description.source,
@@ -176,7 +180,7 @@ def _head(motion: Motion) -> dict[str, Any]:
         "measure_name": problem.margin.measure.name,
         "completed": motion.completed,
         "ending": motion.ending.value,
-        "frames": _FRAMES + _FIXED_FRAME * problem.path.drifts,
+        "frames": _FRAMES + _FIXED_FRAME * trajectory.displaced,
     }
 
 
@@ -194,8 +198,34 @@ _WRITERS = {Format.MAT: write_mat, Format.MCAP: write_mcap}
 """Functions that write a trajectory to a file, by format."""
 
 
+def trajectories(
+    result: Any, times: int | None = None, rate: float | None = None, epoch: datetime = J2000
+) -> dict[str, Trajectory]:
+    """The trajectory of a result, or of each phase of a manoeuvre, by what its file name has added.
+
+    Raises:
+        InputError: If there is no motion, or the times are invalid.
+    """
+    if isinstance(result, Manoeuvre):
+        return {
+            f"_{number}_{re.sub(r'[^A-Za-z0-9]+', '_', phase.name)}": Trajectory.sampled(
+                phase.motion, times, rate, epoch, phase.curve
+            ).later(phase.start, phase.centre)
+            for number, phase in enumerate(result.phases, 1)
+            if phase.motion is not None
+        }
+    chosen = result.chosen if isinstance(result, Plan | Simulation) else None
+    motion = result if chosen is None else chosen.motion
+    curve = None
+    if isinstance(result, Reorientation):
+        motion, curve = result.motion, result.loops
+    accepted = "a motion, a simulation, a manoeuvre, or a plan or reorientation that has a motion"
+    require_type("result", motion, Motion, accepted)
+    return {"": Trajectory.sampled(motion, times, rate, epoch, curve)}
+
+
 def export(
-    result: Plan | Simulation | Motion,
+    result: Plan | Simulation | Reorientation | Manoeuvre | Motion,
     file: str | Path,
     *,
     times: int | None = None,
@@ -204,11 +234,15 @@ def export(
 ) -> None:
     """Write the trajectory of a motion for other tools.
 
+    The phases of a manoeuvre are written to files of their own, ``NAME_3_path.csv``; their times
+    and positions of the centre of mass are those of the manoeuvre.
+
     Args:
-        result: A motion, or a plan or simulation, whose chosen motion is written.
+        result: A motion, or a plan, simulation or reorientation, whose motion is written, or a
+            manoeuvre.
         file: Its suffix is the format: ``.csv``, ``.mat``, ``.json``, ``.yaml`` (a ROS 2
             JointTrajectory), ``.mcap``, ``.aem``, ``.xml`` (MJCF), ``.py`` (Basilisk).
-        times: Number of evenly spaced times; default is 501.
+        times: Number of evenly spaced times, of each phase; default is 501.
         rate: In its place, times per second [Hz].
         epoch: Instant of t = 0 in formats with dates, AEM and MCAP; UTC.
 
@@ -220,15 +254,14 @@ def export(
         >>> problem = ff.load_scenario("planar_2dof/line").problem()
         >>> ff.export(ff.simulate(problem, heading=0.5), "motion.csv", rate=10.0)
     """
-    kind = Format.of(Path(file))
+    path = Path(file)
+    kind = Format.of(path)
     if kind is None:
         raise InputError(
             "file", f"{file} was given", f"a name in {', '.join(k.suffix for k in Format)}"
         )
-    chosen = result.chosen if isinstance(result, Plan | Simulation) else None
-    motion: Any = result if chosen is None else chosen.motion
-    require_type("result", motion, Motion, "a motion, a simulation, or a plan that is feasible")
-    save_trajectory(Path(file), Trajectory.sampled(motion, times, rate, epoch), kind)
+    for name, trajectory in trajectories(result, times, rate, epoch).items():
+        save_trajectory(path.with_stem(path.stem + name), trajectory, kind)
 
 
 def save_trajectory(path: Path, trajectory: Trajectory, format_: Format) -> None:

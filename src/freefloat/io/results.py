@@ -194,17 +194,16 @@ def load(path: str | Path) -> Result:
             raise AlteredFileError(key, problem, _ACCEPTED, str(path)) from error
 
 
-def load_motion(file: Path) -> tuple[Motion, str]:
-    """Chosen motion of a plan or motion file, and what the motion of an infeasible plan violates.
+def chosen_motion(result: Result, file: Path) -> tuple[Motion, str]:
+    """Chosen motion of a plan or simulation, and what the motion of an infeasible plan violates.
+
+    Args:
+        result: The record.
+        file: The file that it was loaded from.
 
     Raises:
         InputError: If it has none.
     """
-    return chosen_motion(load(file), file)
-
-
-def chosen_motion(result: Result, file: Path) -> tuple[Motion, str]:
-    """As :func:`load_motion`, for a record that was loaded from the file."""
     if not isinstance(result, Plan | Simulation):
         accepted = "plans and motions, several together, or one map"
         problem = f"it is a {_KINDS[type(result).__name__]} file"

@@ -139,7 +139,7 @@ class Scenario:
             )
 
     def phases(self) -> tuple[Phase, ...]:
-        """What follows the path; see :func:`~freefloat.planning.manoeuvre.plan_manoeuvre`.
+        """What follows the path; see :func:`~freefloat.planning.manoeuvre_planner.plan_manoeuvre`.
 
         Raises:
             InputError: If a value is invalid; it names the file and the key.

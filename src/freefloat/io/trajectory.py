@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError
 from freefloat.limits.torques import InverseDynamics
+from freefloat.motion.joint_integration import JointCurve
 from freefloat.motion.motion import Ending, Motion
 from freefloat.so3 import Array, frozen, without_jumps
 
@@ -77,6 +78,7 @@ class Trajectory:
         count: int | None = None,
         rate: float | None = None,
         epoch: datetime = J2000,
+        curve: JointCurve | None = None,
     ) -> Trajectory:
         """Sample a motion at evenly spaced times.
 
@@ -85,24 +87,33 @@ class Trajectory:
             count: Number of times; default is 501.
             rate: In its place, times per second [Hz].
             epoch: Instant of t = 0; UTC where it has no time zone.
+            curve: The joints of a motion that does not follow a path.
 
         Raises:
             InputError: If both are given, or there would be fewer than two or too many times.
         """
         if rate is None:
-            return cls.of(motion, even_times(motion, 501 if count is None else count), epoch)
+            times = even_times(motion, 501 if count is None else count)
+            return cls.of(motion, times, epoch, curve)
         if count is not None:
             raise InputError("rate", "a number of times was given, too", "one of the two")
-        return cls.of(motion, times_at_rate(motion, rate), epoch)
+        return cls.of(motion, times_at_rate(motion, rate), epoch, curve)
 
     @classmethod
-    def of(cls, motion: Motion, times: npt.ArrayLike, epoch: datetime = J2000) -> Trajectory:
+    def of(
+        cls,
+        motion: Motion,
+        times: npt.ArrayLike,
+        epoch: datetime = J2000,
+        curve: JointCurve | None = None,
+    ) -> Trajectory:
         """Sample a motion.
 
         Args:
             motion: The motion.
             times: Rising [s], shape (K,).
             epoch: Instant of t = 0.
+            curve: The joints of a motion that does not follow a path.
 
         Raises:
             InputError: If a time lies outside the motion.
@@ -116,7 +127,10 @@ class Trajectory:
         for row, t, a, q in zip(efforts, times.tolist(), attitudes, joints, strict=True):
             if motion.ending is Ending.SINGULAR and t == motion.final.time:
                 continue
-            effort = dynamics.effort(t, a, q)
+            if curve is None:
+                effort = dynamics.effort(t, a, q)
+            else:
+                effort = dynamics.effort_along(curve, t, a)
             row[:] = np.concatenate([effort.rates, effort.accelerations[6:], effort.joint_torques])
         base, angular, rates, accelerations, torques = np.split(
             efforts, [3, 6, 6 + n, 6 + 2 * n], axis=1
@@ -142,6 +156,21 @@ class Trajectory:
             measure=np.array([problem.margin.measure(q) for q in joints]),
             epoch=epoch,
         )
+
+    @property
+    def displaced(self) -> bool:
+        """Whether the centre of mass is elsewhere than at the origin of the path's frame."""
+        return bool(self.centre_of_mass_positions.any())
+
+    def later(self, start: float, centre: Array) -> Trajectory:
+        """The trajectory in the time and frame of a manoeuvre.
+
+        Args:
+            start: Time at which it begins there [s].
+            centre: Centre of mass at this time [m], shape (3,).
+        """
+        centres = self.centre_of_mass_positions + centre
+        return replace(self, times=self.times + start, centre_of_mass_positions=centres)
 
 
 def even_times(motion: Motion, count: int) -> Array:

@@ -92,15 +92,11 @@ def _rates(motion: Motion, curve: JointCurve) -> extremes.Rates:
 
 def _forces(motion: Motion, curve: JointCurve) -> Function:
     """Joint torques, then the wrench on the base, by panel and its parameter."""
-    timing, dynamics = motion.problem.path.timing, InverseDynamics(motion.problem)
+    dynamics = InverseDynamics(motion.problem)
 
     def forces(panel: int, x: float) -> Array:
         t, attitude, _ = motion.at(panel, x)
-        s, speed, change = (timing.s(t, k, motion.timing_segment(panel)) for k in range(3))
-        joints, along, curvature = (curve.at(s, k) for k in range(3))
-        rates, accelerations = along * speed, curvature * speed**2 + along * change
-        omega = base_velocity(motion.problem, attitude, joints, rates)
-        effort = dynamics.effort_of_joints(attitude, joints, omega, rates, accelerations)
+        effort = dynamics.effort_along(curve, t, attitude, motion.timing_segment(panel))
         return np.concatenate([effort.joint_torques, effort.base_wrench])
 
     return forces

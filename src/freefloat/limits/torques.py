@@ -14,6 +14,7 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import Task, end_effector_jacobian, momentum_map
+from freefloat.motion.joint_integration import JointCurve, base_velocity
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, rotation_matrix
 
@@ -113,6 +114,24 @@ class InverseDynamics:
         """
         A, q, v, drift = self._moving(attitude, joints, omega, rates)
         return self._effort(q, v, _with_base(A, drift, accelerations))
+
+    def effort_along(
+        self, curve: JointCurve, t: float, attitude: Array, segment: int | None = None
+    ) -> Effort:
+        """Forces at a state of a motion whose joints follow a curve of the path parameter.
+
+        Args:
+            curve: The joints.
+            t: Time [s].
+            attitude: Unit quaternion x, y, z, w.
+            segment: Segment of the time law, as for :meth:`effort`.
+        """
+        timing = self._problem.path.timing
+        s, speed, change = (timing.s(t, k, segment) for k in range(3))
+        joints, along, curvature = (curve.at(s, k) for k in range(3))
+        rates, accelerations = along * speed, curvature * speed**2 + along * change
+        omega = base_velocity(self._problem, attitude, joints, rates)
+        return self.effort_of_joints(attitude, joints, omega, rates, accelerations)
 
     def _moving(
         self, attitude: Array, joints: Array, omega: Array, joint_rates: Array
