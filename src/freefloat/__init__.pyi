@@ -60,6 +60,7 @@ from .io.results import load as load
 from .io.results import save as save
 from .io.export import export as export
 from .verification.check import check as check
+from .verification.tracking import track as track
 from .visualization.figures import figures as figures
 from .visualization.playback import playback as playback
 from .visualization.playback import show as show

@@ -154,7 +154,7 @@ def test_an_error_of_a_solver_becomes_a_row(
     def fails(*_: object, **__: object) -> None:
         raise np.linalg.LinAlgError("Singular\nmatrix")
 
-    monkeypatch.setattr("freefloat.studies.run.simulate", fails)
+    monkeypatch.setattr("freefloat.studies.records.simulate", fails)
     assert rows(tmp_path)[0].error == "LinAlgError: Singular matrix"
 
 

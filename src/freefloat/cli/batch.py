@@ -15,7 +15,7 @@ from freefloat.cli.options import Json, Quiet, make_folder, study_names
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
-    from freefloat.studies.results import StudyResult
+    from freefloat.studies.results import Combination, StudyResult
     from freefloat.studies.runner import StudyEstimate
 
 _MAX_ROWS = 20
@@ -92,6 +92,8 @@ def batch(
         raise
     console.json(result.to_dict())
     console.tables(_result_lines(result))
+    if result.combinations:
+        console.tables(_combination_tables(result.combinations))
     if result.errors:
         count, first = result.verdicts["error"], result.errors[0]
         say(f"{count} of {loaded.count} runs ended in an error; run {first.number}: {first.error}")
@@ -143,6 +145,18 @@ def _result_lines(result: StudyResult) -> Iterator[str]:
     )
     names = (result.files.get(key) for key in ("csv", "parquet", "figure", "report"))
     yield f"written: {', '.join(str(name) for name in names if name)}"
+
+
+def _combination_tables(combinations: list[Combination]) -> Iterator[RenderableType]:
+    """The feasible runs by combination of listed values."""
+    rows = table(*combinations[0].parameters, "feasible", "of", "smallest margin")
+    for entry in combinations[:_MAX_ROWS]:
+        margin = "" if entry.margin is None else f"{entry.margin:.6g}"
+        values = map(_short, entry.parameters.values())
+        rows.add_row(*map(Text, [*values, f"{entry.feasible:,}", f"{entry.runs:,}", margin]))
+    yield rows
+    if len(combinations) > _MAX_ROWS:
+        yield f"and {len(combinations) - _MAX_ROWS:,} more"
 
 
 def _duration(seconds: float) -> str:

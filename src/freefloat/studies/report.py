@@ -22,6 +22,8 @@ from freefloat.io.schema import ScenarioFile
 from freefloat.io.yaml import section_at
 from freefloat.studies.database import COLUMNS
 from freefloat.studies.results import Row, StudyResult
+from freefloat.studies.study import StudyFile
+from freefloat.studies.track_section import TRACK
 
 PARQUET, CSV, REPORT = "cases.parquet", "cases.csv", "report.html"
 _FIRST = (
@@ -116,8 +118,9 @@ def save_summary(result: StudyResult, report: bool = True) -> dict[str, Path | N
 
 
 def heading(key: str) -> str:
-    """Return the dotted path of a scenario key with its unit, which the schema describes."""
-    description = section_at(ScenarioFile, key.split("."))[1] or ""
+    """Return the dotted path of a varied key with its unit, which the schema describes."""
+    schema = StudyFile if key.startswith(TRACK) else ScenarioFile
+    description = section_at(schema, key.split("."))[1] or ""
     unit = re.search(r"\[[^\]]*\]", description)
     return key if unit is None or key.endswith("_deg") else f"{key} {unit[0]}"
 

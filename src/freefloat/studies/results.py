@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections import Counter
 from collections.abc import Mapping
@@ -13,6 +14,7 @@ import numpy as np
 
 from freefloat.statistics import confidence_interval, percentage
 from freefloat.studies.study import Study
+from freefloat.studies.track_section import TRACK_SEED
 
 FEASIBLE, INFEASIBLE, ERROR = "feasible", "infeasible", "error"
 VERDICTS = (FEASIBLE, INFEASIBLE, ERROR)
@@ -84,6 +86,32 @@ class Row:
     bytes: int | None = None
 
 
+@dataclass(frozen=True)
+class Combination:
+    """Results of the runs with the same listed values.
+
+    Attributes:
+        parameters: The listed values.
+        feasible: Number of feasible runs.
+        runs: Number of runs without error.
+        margin: Smallest margin; None if no run has one.
+    """
+
+    parameters: dict[str, Any]
+    feasible: int
+    runs: int
+    margin: float | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the results as a JSON document."""
+        return {
+            "parameters": self.parameters,
+            "feasible": self.feasible,
+            "cases": self.runs,
+            "margin": self.margin,
+        }
+
+
 @dataclass(frozen=True, eq=False)
 class StudyResult:
     """Results of a study.
@@ -151,6 +179,22 @@ class StudyResult:
         return {"least": min(values), "median": median, "largest": max(values)}
 
     @property
+    def combinations(self) -> list[Combination]:
+        """Results by combination of listed values, the seed of the command track aside.
+
+        Empty where every combination has one run, or there is only one.
+        """
+        vary = self.study.content.vary
+        keys = [key for key, section in vary.items() if not section.random and key != TRACK_SEED]
+        groups: dict[str, list[Row]] = {}
+        for row in self.rows.values():
+            values = [row.parameters[key] for key in keys]
+            groups.setdefault(json.dumps(values), []).append(row)
+        if not 1 < len(groups) < len(self.rows):
+            return []
+        return [_combination(rows, keys) for rows in groups.values()]
+
+    @property
     def reasons(self) -> dict[str, int]:
         """Number of infeasible runs by reason, the most frequent first."""
         infeasible = (row for row in self.rows.values() if row.verdict == INFEASIBLE)
@@ -180,6 +224,7 @@ class StudyResult:
             "feasible_fraction_error": self.feasible_fraction_error,
             "feasible_fraction_interval": self.feasible_interval and list(self.feasible_interval),
             "margin": self.margins,
+            "combinations": [entry.to_dict() for entry in self.combinations],
             "reasons": self.reasons,
             "errors": [{"case": row.number, "error": row.error} for row in self.errors],
             "case_seconds": self.run_seconds,
@@ -189,3 +234,12 @@ class StudyResult:
             "seconds": self.seconds,
             "files": files,
         }
+
+
+def _combination(rows: list[Row], keys: list[str]) -> Combination:
+    """Return the results of runs with the same values of some keys."""
+    verdicts = [row.verdict for row in rows]
+    margins = [row.margin for row in rows if row.margin is not None]
+    values = {key: rows[0].parameters[key] for key in keys}
+    feasible, errors = verdicts.count(FEASIBLE), verdicts.count(ERROR)
+    return Combination(values, feasible, len(rows) - errors, min(margins, default=None))

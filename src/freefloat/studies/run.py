@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import tempfile
 import time
@@ -15,26 +14,17 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from freefloat.errors import (
-    FreeFloatError,
-    InputError,
-    ModelError,
-    UnreachableError,
-    finite_number,
-)
-from freefloat.ik.nearest import newton_configuration
+from freefloat.errors import FreeFloatError, InputError, ModelError
 from freefloat.io.results import save
-from freefloat.motion.problem import Problem
-from freefloat.planning.simulation import simulate
 from freefloat.robot.names import MeshFileError, find_mesh, is_file
 from freefloat.robot.shapes import MeshFile
 from freefloat.robot.urdf import parse_urdf
-from freefloat.so3 import Array, rotation_matrix
 from freefloat.studies.database import Files
-from freefloat.studies.document import error_of_study, scenario_from
+from freefloat.studies.document import error_of_study
+from freefloat.studies.records import computed_record, followed_motion
 from freefloat.studies.results import ERROR, Row
 from freefloat.studies.study import Command, Study
-from freefloat.studies.values import finite, map_values, plan_values, simulation_values
+from freefloat.studies.values import finite, record_values, tracking_values
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +39,7 @@ class Run:
         study: The study file.
         source: The base scenario's file; relative names in the scenario are relative to its folder.
         start: Start of a simulation: attitude or heading_deg, and branch.
+        tracking: Arguments of the command track.
         parameters: The varied keys and their values.
         save: Whether to return the result file.
         files: Files that the scenario names; empty for a worker that reads them itself.
@@ -62,6 +53,7 @@ class Run:
     source: Path
     start: dict[str, Any]
     parameters: dict[str, Any]
+    tracking: dict[str, Any] = field(default_factory=dict)
     save: bool = False
     files: Files = field(default=(), repr=False)
 
@@ -71,7 +63,7 @@ class Run:
         return cls(
             number, study.content.command, study.document(number), study.base, study.source,
             study.base_source.absolute(), study.start(number), study.parameters(number),
-            study.content.files, files,
+            study.tracking(number), study.content.files, files,
         )  # fmt: skip
 
 
@@ -146,72 +138,13 @@ def _execute(run: Run, source: Path) -> RunResult:
 
 def _computed(run: Run, source: Path) -> RunResult:
     """Execute the command on the scenario whose file is the source."""
-    scenario = scenario_from(run.document, source)
-    problem = scenario.problem()
-    record: Any
-    if run.command is Command.MAP:
-        from freefloat.planning.mapping import attitude_map  # compiled kernels are slow to import
-
-        search, limits = scenario.search(), scenario.limits()
-        with scenario.error_context():
-            record = attitude_map(problem, search=search, limits=limits, threads=1)
-        values = map_values(record)
-    elif run.command is Command.PLAN:
-        from freefloat.planning.planner import plan
-
-        limits = scenario.limits()
-        with scenario.error_context():
-            record = plan(problem, scenario.search(), limits, threads=1)
-        values = plan_values(record)
-    else:
-        heading = run.start.get("heading_deg")
-        if heading is not None:
-            heading = math.radians(
-                finite_number("heading_deg", heading, "a finite number of degrees")
-            )
-        attitude = problem.attitude(run.start.get("attitude"), heading=heading)
-        choice = _branch_choice(run, problem, attitude, source)
-        record = simulate(problem, attitude, limits=scenario.limits(), **choice)
-        values = simulation_values(record)
-    row = Row(run.number, parameters=run.parameters, **finite(values))
+    inputs = {"document": run.document, "base": run.base, "start": run.start}
+    if run.command is Command.TRACK:
+        values = tracking_values(followed_motion(json.dumps(inputs), source), run.tracking)
+        return RunResult(Row(run.number, parameters=run.parameters, **finite(values)))
+    record = computed_record(run.command, source, **inputs)
+    row = Row(run.number, parameters=run.parameters, **finite(record_values(record)))
     return RunResult(row, _file_content(record) if run.save else None)
-
-
-def _branch_choice(run: Run, problem: Problem, attitude: Any, source: Path) -> dict[str, Any]:
-    """Return the arguments of simulate that choose the arm branch."""
-    branch = run.start.get("branch")
-    if branch is not None:
-        return {} if branch == "best" else {"branch": branch}
-    branches = problem.branches(attitude)
-    if not branches:
-        return {}  # which is an error of simulate
-    joints = _undisturbed_joints(json.dumps(run.base), source, tuple(attitude))
-    if len(joints) != problem.model.dof:
-        raise InputError(
-            "branch", f"the arm of the base scenario has {len(joints)} joints, this one "
-            f"{problem.model.dof}", "branch: best, or the number of an arm branch"
-        )  # fmt: skip
-    if problem.redundant:
-        target = problem.path.pose(0.0).seen_from(rotation_matrix(attitude))
-        nearby = newton_configuration(problem.model, target, problem.task, joints)
-        return {"joints": joints if nearby is None else nearby.joints}
-    distance = problem.model.joint_distance
-    return {"branch": min(branches, key=lambda start: distance(start.joints, joints)).index}
-
-
-@lru_cache(maxsize=8)
-def _undisturbed_joints(base: str, source: Path, attitude: tuple[float, ...]) -> Array:
-    """Return the initial joints of the motion that simulate chooses for the base scenario."""
-    scenario = scenario_from(json.loads(base), source)
-    problem = scenario.problem()
-    near = scenario.search().applied_to(problem).closest_start(attitude)
-    try:
-        simulation = simulate(problem, attitude, joints=near, limits=scenario.limits())
-    except UnreachableError as error:
-        reason = f"the unvaried scenario has no motion: {error.problem}"
-        accepted = "branch: best, or the number of an arm branch"
-        raise InputError("branch", reason, accepted) from None
-    return simulation.chosen.branch.joints
 
 
 def _file_content(record: Any) -> bytes:

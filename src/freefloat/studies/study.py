@@ -22,9 +22,10 @@ from freefloat.robot.names import find_scenario, find_study, is_file
 from freefloat.so3 import unit_quaternion
 from freefloat.studies.document import error_of_study, scenario_from, with_values
 from freefloat.studies.sampling import MAX_RUNS, Count, ValuesSection
+from freefloat.studies.track_section import TRACK, TrackSection, require_track_values
 
 START_KEYS = ("attitude", "heading_deg")
-"""Keys that may vary but belong to the command simulate, not to the scenario."""
+"""Keys that may vary but belong to the commands simulate and track, not to the scenario."""
 _MAX_VALUES = 5 * MAX_RUNS
 _VALIDATED_RUNS = 1000
 
@@ -35,6 +36,7 @@ class Command(StrEnum):
     PLAN = "plan"
     MAP = "map"
     SIMULATE = "simulate"
+    TRACK = "track"
 
 
 class Combine(StrEnum):
@@ -53,7 +55,8 @@ class StudyFile(Section):
     """The command that each run executes."""
     vary: Annotated[dict[Name, ValuesSection], Field(min_length=1, max_length=100)]
     """Scenario keys by their dotted paths, such as momentum or timing.duration (entries of lists
-    by their index from 0: momentum.2); with command simulate also attitude and heading_deg."""
+    by their index from 0: momentum.2); with commands simulate and track also attitude and
+    heading_deg, with track also those of its section, such as track.noise."""
     combine: Combine = Combine.CROSSED
     """Listed values of several keys: crossed (every combination) or zipped (the first of each,
     the second of each, and so on)."""
@@ -62,15 +65,19 @@ class StudyFile(Section):
     seed: Annotated[int, Field(strict=True, ge=0)] = 0
     """Seed of all random values."""
     files: Annotated[bool, Field(strict=True)] = True
-    """Whether to keep the result file of each run, as the commands write it with -o."""
+    """Whether to keep the result file of each run, as the commands write it with -o; track has
+    none."""
     attitude: Quaternion | None = None
-    """Command simulate: initial attitude of the spacecraft, quaternion x, y, z, w."""
+    """Commands simulate and track: initial attitude of the spacecraft, quaternion x, y, z, w.
+    Without it, track follows the plan of the scenario."""
     heading_deg: Number | None = None
-    """Command simulate, planar tasks: initial heading [degrees]."""
+    """The same for planar tasks: initial heading [degrees]."""
     branch: Annotated[int, Field(strict=True, ge=0)] | Literal["best"] | None = None
-    """Command simulate: number of the arm branch to integrate, or ``best``, that with the largest
-    minimum margin that keeps the limits, in each run. Default: the one that simulate chooses
-    for the unvaried scenario at the same attitude."""
+    """With attitude or heading_deg: number of the arm branch to integrate, or ``best``, that with
+    the largest minimum margin that keeps the limits, in each run. Default: the one that simulate
+    chooses for the unvaried scenario at the same attitude."""
+    track: TrackSection = TrackSection()
+    """Command track: deviations of the simulated robot, and its controller."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +131,7 @@ class Study:
     def branch_rule(self) -> str | None:
         """Arm branch that simulations integrate; None for other commands."""
         branch = self.content.branch
-        if self.content.command is not Command.SIMULATE:
+        if not self.start(0):
             return None
         if branch is None:
             return "the one that simulate chooses for the unvaried scenario"
@@ -132,8 +139,9 @@ class Study:
 
     def document(self, number: int) -> dict[str, Any]:
         """Return the data of a run's scenario file."""
-        values = self.parameters(number)
-        return with_values(self.base, {k: v for k, v in values.items() if k not in START_KEYS})
+        values = self.parameters(number).items()
+        own = {k: v for k, v in values if k not in START_KEYS and not k.startswith(TRACK)}
+        return with_values(self.base, own)
 
     def scenario(self, number: int) -> Scenario:
         """Return the scenario of a run.
@@ -148,6 +156,10 @@ class Study:
         values = {key: getattr(self.content, key) for key in (*START_KEYS, "branch")}
         values |= {k: v for k, v in self.parameters(number).items() if k in START_KEYS}
         return {key: value for key, value in values.items() if value is not None}
+
+    def tracking(self, number: int) -> dict[str, Any]:
+        """Return the arguments of :func:`~freefloat.verification.tracking.track` in a run."""
+        return self.content.track.with_values(self.parameters(number))
 
 
 def load_study(name: str | Path) -> Study:
@@ -166,12 +178,15 @@ def load_study(name: str | Path) -> Study:
     data = parse_yaml(text, source)
     try:
         if "task" in data:
-            raise InputError("task", "the key is now command", "command: plan, map or simulate")
+            raise InputError(
+                "task", "the key is now command", "command: plan, map, simulate or track"
+            )
         content = validated(StudyFile, data, source, text)
         base = _find_base(content.base, source.parent)
         study = Study(str(source), content, base, parse_yaml(read_text(base), base))
         _check_values(study)
         _check_start(study)
+        _check_tracking(study)
         _check_runs(study)
         _check_branch(study)
     except InputError as error:
@@ -212,14 +227,18 @@ def _check_values(study: Study) -> None:
 
 
 def _check_start(study: Study) -> None:
-    """Check that exactly simulations have a start: an attitude, or in the plane a heading."""
+    """Check that simulations have a start, an attitude or in the plane a heading; track may."""
     content, task = study.content, study.base.get("task")
     starts = [key for key in START_KEYS if getattr(content, key) is not None]
     starts += [key for key in START_KEYS if key in content.vary]
-    if content.command is not Command.SIMULATE:
+    if content.command not in (Command.SIMULATE, Command.TRACK):
         if starts or content.branch is not None:
             problem = f"command {content.command} does not use it"
-            raise InputError([*starts, "branch"][0], problem, "command: simulate")
+            raise InputError([*starts, "branch"][0], problem, "command: simulate or track")
+        return
+    if content.command is Command.TRACK and not starts:
+        if content.branch is not None:
+            raise InputError("branch", "track follows the plan of the scenario", "an attitude, too")
         return
     planar = task in [str(task) for task in Task if task.planar]
     expected = "heading_deg" if planar else "attitude"
@@ -228,6 +247,17 @@ def _check_start(study: Study) -> None:
         raise InputError(expected, f"{keys} was given", f"one {expected}, or it in vary")
     if starts == ["heading_deg"] and not planar and "task" not in content.vary:
         raise InputError("heading_deg", f"the task {task} is not planar", "attitude")
+
+
+def _check_tracking(study: Study) -> None:
+    """Check that only the command track has its section, and the values of its varied keys."""
+    content = study.content
+    varied = [key for key in content.vary if key.startswith(TRACK)]
+    if content.command is not Command.TRACK and (varied or "track" in content.model_fields_set):
+        problem = f"command {content.command} does not use it"
+        raise InputError([*varied, "track"][0], problem, "command: track")
+    for key in varied:
+        require_track_values(key, study._listed.get(key, [study.parameters(0)[key]]), study.source)
 
 
 def _check_runs(study: Study) -> None:
@@ -260,7 +290,7 @@ def _error_of_base(study: Study) -> InputError | None:
 
 def _check_branch(study: Study) -> None:
     """Check that the unvaried scenario has a motion where the arm branch depends on it."""
-    if study.content.command is Command.SIMULATE and study.content.branch is None:
+    if study.start(0) and study.content.branch is None:
         error = _error_of_base(study)
         if error is not None:
             problem = f"the unvaried scenario has no motion: {error.key}: {error.problem}"

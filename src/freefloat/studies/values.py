@@ -12,13 +12,53 @@ from freefloat.planning.plan import Plan, degrees
 from freefloat.planning.simulation import SimulatedBranch, Simulation
 from freefloat.so3 import heading_of, heading_quaternion
 from freefloat.studies.results import FEASIBLE, INFEASIBLE
+from freefloat.verification.tracking import track
 
 if TYPE_CHECKING:  # compiled kernels are slow to import
     from freefloat.planning.attitude_map import AttitudeMap
     from freefloat.planning.heading_map import HeadingMap
 
 
-def simulation_values(simulation: Simulation) -> dict[str, Any]:
+def record_values(record: Any) -> dict[str, Any]:
+    """Return the values of a simulation, a plan or a map."""
+    if isinstance(record, Plan):
+        return _plan_values(record)
+    return _simulation_values(record) if isinstance(record, Simulation) else _map_values(record)
+
+
+def tracking_values(followed: Plan | Simulation, tracking: dict[str, Any]) -> dict[str, Any]:
+    """Return the values of a motion that a controller follows; residuals are errors of tracking.
+
+    Those of the record itself if it has no motion along the whole path.
+
+    Args:
+        followed: What to follow.
+        tracking: Arguments of :func:`~freefloat.verification.tracking.track`.
+    """
+    chosen = followed.chosen
+    if chosen is None or not chosen.motion.completed:
+        return record_values(followed)
+    result = track(followed, **tracking)
+    reason = ""
+    if not result.margin_kept:
+        reason = "The margin is not kept."
+    elif not result.on_path:
+        reason = "The end-effector leaves the path."
+    return {
+        **_motion_values(chosen),
+        "verdict": INFEASIBLE if reason else FEASIBLE,
+        "reason": reason,
+        "margin": result.minimum_margin,
+        "margin_time": result.margin_time,
+        "residuals": {
+            "end_effector_position": result.peak_position_error,
+            "end_effector_attitude": result.peak_orientation_error,
+            "final_position": result.final_position_error,
+        },
+    }
+
+
+def _simulation_values(simulation: Simulation) -> dict[str, Any]:
     """Return the values of a simulation."""
     chosen = simulation.chosen
     limits = simulation.limit_results
@@ -34,7 +74,7 @@ def simulation_values(simulation: Simulation) -> dict[str, Any]:
     return {"verdict": verdict, "reason": reason, **_motion_values(chosen), **_limit_values(limits)}
 
 
-def plan_values(plan: Plan) -> dict[str, Any]:
+def _plan_values(plan: Plan) -> dict[str, Any]:
     """Return the values of a plan."""
     motion = {"completed": False} if plan.chosen is None else _motion_values(plan.chosen)
     values = {
@@ -52,7 +92,7 @@ def plan_values(plan: Plan) -> dict[str, Any]:
     return values
 
 
-def map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
+def _map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
     """Return the values of a map."""
     from freefloat.planning.heading_map import HeadingMap  # compiled kernels are slow to import
 

@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 from freefloat.dynamics.momentum import momentum_map
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.motion import Ending, Motion
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, angle_between, rotation_matrix
 from freefloat.verification.mujoco_model import Engine
 
@@ -189,7 +190,7 @@ def forward_run(motion: Motion, engine: Engine, *, steps: int | None = None) -> 
     reference = CubicSpline(nodes, rows)
     h = (last - first) / steps
     stiff, damp = (_STIFFNESS / h) ** 2, 2.0 * _STIFFNESS / h
-    _start(motion, engine, first, reference(first, 1))
+    start(motion, engine, first, reference(first, 1), motion.problem.model)
     engine.rest(h)
     data = engine.data
     for step in range(steps):
@@ -213,10 +214,18 @@ def forward_run(motion: Motion, engine: Engine, *, steps: int | None = None) -> 
     )
 
 
-def _start(motion: Motion, engine: Engine, t: float, rates: Array) -> None:
-    """Set the initial state of the motion in the frame of the path, with its momentum."""
+def start(motion: Motion, engine: Engine, t: float, rates: Array, model: FreeFloatingModel) -> None:
+    """Set the state of the motion at a time, in the frame of the path, with its momentum.
+
+    Args:
+        motion: Motion.
+        engine: MuJoCo's robot.
+        t: Time [s].
+        rates: Joint rates, shape (n,).
+        model: The robot that the engine simulates.
+    """
     (state,) = motion.sample(t)
-    A = momentum_map(motion.problem.model, state.joints, state.attitude)
+    A = momentum_map(model, state.joints, state.attitude)
     wheels = rotation_matrix(state.attitude) @ motion.problem.wheel_momentum
     demanded = np.concatenate([np.zeros(3), motion.problem.momentum - wheels])
     twist = np.linalg.solve(A[:, :6], demanded - A[:, 6:] @ rates)

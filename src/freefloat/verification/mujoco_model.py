@@ -130,6 +130,14 @@ class Engine:
         with self._wheels():
             self._mujoco.mj_step(self.model, self.data)
 
+    def set_friction(self, friction: float) -> None:
+        """Set the dry friction of every joint [N m or N], which :meth:`step` considers."""
+        bits = self._mujoco.mjtDisableBit
+        self.model.dof_frictionloss[6:] = friction
+        if friction:  # MuJoCo's constraints of friction, but not those of contacts and ranges
+            self.model.opt.disableflags &= ~int(bits.mjDSBL_CONSTRAINT)
+            self.model.opt.disableflags |= int(bits.mjDSBL_CONTACT) | int(bits.mjDSBL_LIMIT)
+
     @contextmanager
     def _wheels(self) -> Iterator[None]:
         """Context in which MuJoCo adds the torque of wheels to its passive forces."""

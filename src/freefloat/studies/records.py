@@ -1,0 +1,109 @@
+"""What a run computes: a map, a plan or a simulation, or the motion that a controller follows."""
+
+from __future__ import annotations
+
+import json
+import math
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from freefloat.errors import InputError, UnreachableError, finite_number
+from freefloat.ik.nearest import newton_configuration
+from freefloat.motion.problem import Problem
+from freefloat.planning.plan import Plan
+from freefloat.planning.simulation import Simulation, simulate
+from freefloat.so3 import Array, rotation_matrix
+from freefloat.studies.document import scenario_from
+from freefloat.studies.study import Command
+
+
+def computed_record(
+    command: Command,
+    source: Path,
+    *,
+    document: dict[str, Any],
+    base: dict[str, Any],
+    start: dict[str, Any],
+) -> Any:
+    """Return the map, plan or simulation of a scenario.
+
+    Args:
+        command: The command to execute.
+        source: The scenario's file, for relative paths.
+        document: Data of the scenario.
+        base: Data of the unvaried scenario.
+        start: Start of a simulation: attitude or heading_deg, and branch.
+    """
+    scenario = scenario_from(document, source)
+    problem = scenario.problem()
+    if command is Command.MAP:
+        from freefloat.planning.mapping import attitude_map  # compiled kernels are slow to import
+
+        search, limits = scenario.search(), scenario.limits()
+        with scenario.error_context():
+            return attitude_map(problem, search=search, limits=limits, threads=1)
+    if command is Command.PLAN:
+        from freefloat.planning.planner import plan
+
+        limits = scenario.limits()
+        with scenario.error_context():
+            return plan(problem, scenario.search(), limits, threads=1)
+    heading = start.get("heading_deg")
+    if heading is not None:
+        heading = math.radians(finite_number("heading_deg", heading, "a finite number of degrees"))
+    attitude = problem.attitude(start.get("attitude"), heading=heading)
+    choice = _branch_choice(start.get("branch"), base, problem, attitude, source)
+    return simulate(problem, attitude, limits=scenario.limits(), **choice)
+
+
+@lru_cache(maxsize=8)
+def followed_motion(inputs: str, source: Path) -> Plan | Simulation:
+    """Return what the command track follows: a simulation from a start, without one a plan.
+
+    Args:
+        inputs: Arguments of :func:`computed_record` as JSON text: those of many runs are the same.
+        source: The scenario's file.
+    """
+    arguments = json.loads(inputs)
+    command = Command.SIMULATE if arguments["start"] else Command.PLAN
+    record: Plan | Simulation = computed_record(command, source, **arguments)
+    return record
+
+
+def _branch_choice(
+    branch: Any, base: dict[str, Any], problem: Problem, attitude: Any, source: Path
+) -> dict[str, Any]:
+    """Return the arguments of simulate that choose the arm branch."""
+    if branch is not None:
+        return {} if branch == "best" else {"branch": branch}
+    branches = problem.branches(attitude)
+    if not branches:
+        return {}  # which is an error of simulate
+    joints = _undisturbed_joints(json.dumps(base), source, tuple(attitude))
+    if len(joints) != problem.model.dof:
+        raise InputError(
+            "branch", f"the arm of the base scenario has {len(joints)} joints, this one "
+            f"{problem.model.dof}", "branch: best, or the number of an arm branch"
+        )  # fmt: skip
+    if problem.redundant:
+        target = problem.path.pose(0.0).seen_from(rotation_matrix(attitude))
+        nearby = newton_configuration(problem.model, target, problem.task, joints)
+        return {"joints": joints if nearby is None else nearby.joints}
+    distance = problem.model.joint_distance
+    return {"branch": min(branches, key=lambda start: distance(start.joints, joints)).index}
+
+
+@lru_cache(maxsize=8)
+def _undisturbed_joints(base: str, source: Path, attitude: tuple[float, ...]) -> Array:
+    """Return the initial joints of the motion that simulate chooses for the base scenario."""
+    scenario = scenario_from(json.loads(base), source)
+    problem = scenario.problem()
+    near = scenario.search().applied_to(problem).closest_start(attitude)
+    try:
+        simulation = simulate(problem, attitude, joints=near, limits=scenario.limits())
+    except UnreachableError as error:
+        reason = f"the unvaried scenario has no motion: {error.problem}"
+        accepted = "branch: best, or the number of an arm branch"
+        raise InputError("branch", reason, accepted) from None
+    return simulation.chosen.branch.joints
