@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,20 +16,34 @@ from freefloat.cli.options import Json, MotionFile, Quiet
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
+    from freefloat.verification.gravity import GravityRun
     from freefloat.verification.report import CheckReport
     from freefloat.verification.tolerances import Check
 
 _Engine = Annotated[
     str | None,
     typer.Option(
-        metavar="mujoco",
-        help="Repeat the motion with MuJoCo, too; pip install 'freefloat[mujoco]'.",
+        metavar="mujoco|basilisk",
+        help="Repeat the motion with another engine, too; pip install 'freefloat[mujoco]' or "
+        "'freefloat[basilisk]'.",
+    ),
+]
+_Gravity = Annotated[
+    float | None,
+    typer.Option(
+        metavar="KM",
+        help="With another engine: report the effect of gravity gradient on a circular orbit about "
+        "the Earth of this radius [km]; 6778 is 400 km high.",
     ),
 ]
 
 
 def check(
-    file: MotionFile, engine: _Engine = None, as_json: Json = False, quiet: Quiet = False
+    file: MotionFile,
+    engine: _Engine = None,
+    gravity: _Gravity = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Verify a saved plan or motion from its file alone.
 
@@ -36,7 +51,7 @@ def check(
     again with another method, and every number in the file is computed again. `check` reports
     every altered value and exits with 1; exit code 2: the file is not a plan.
 
-    Example: freefloat check plan.h5 --engine mujoco
+    Example: freefloat check plan.h5 --engine mujoco --gravity 6778
     """
     from freefloat.io.hdf5 import AlteredFileError
     from freefloat.io.results import load
@@ -55,7 +70,8 @@ def check(
             if not isinstance(result, Plan | Manoeuvre | Simulation | Reorientation):
                 accepted = "a plan, motion, manoeuvre or reorientation file"
                 raise InputError("file", "it is a map file", accepted, str(file))
-            report = verify(result, engine or PINOCCHIO)
+            radius = None if gravity is None else 1000.0 * gravity
+            report = verify(result, engine or PINOCCHIO, gravity=radius)
         except AlteredFileError as error:
             report = CheckReport("file", (Check(error.key, False, error.problem),))
     console.json({"file": str(file), **report.to_dict()})
@@ -90,11 +106,26 @@ def _tables(report: CheckReport, file: Path) -> Iterator[RenderableType]:
     if certificate is not None:
         yield f"Between points: {certificate.method} ({certificate.intervals:,} intervals)."
         yield f"Integrated again: {certificate.integrator}."
+    if report.gravity is not None:
+        yield from _gravity_lines(report.gravity)
     if report.passed:
         yield Text(f"{file}: verified.", "green")
         return
     yield Text(f"{file}: not verified.", "red")
     yield from (Text(f"  {entry.reason}", "red") for entry in report.discrepancies)
+
+
+def _gravity_lines(run: GravityRun) -> Iterator[str]:
+    """The effect of gravity gradient."""
+    yield (
+        f"Gravity gradient at {run.radius / 1000.0:g} km, joints as recorded: the final attitude "
+        f"changes by {math.degrees(run.attitude):.3g} deg, the end-effector by "
+        f"{1000.0 * run.position:.3g} mm."
+    )
+    yield (
+        f"Kept on the path: the momentum changes by {run.momentum:.3g} N m s, the smallest margin "
+        f"is {run.margin:.6g}."
+    )
 
 
 def _with_unit(entry: Check) -> str:

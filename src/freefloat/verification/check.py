@@ -7,14 +7,19 @@ from freefloat.planning.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
 from freefloat.planning.reorientation import Reorientation
 from freefloat.planning.simulation import Simulation
+from freefloat.verification.engines import require_engine
+from freefloat.verification.gravity import CircularOrbit
 from freefloat.verification.manoeuvre import manoeuvre_checks
 from freefloat.verification.motion import completed, verify_motion
 from freefloat.verification.reorientation import reorientation_checks
-from freefloat.verification.report import ENGINES, MUJOCO, PINOCCHIO, CheckReport
+from freefloat.verification.report import BASILISK, MUJOCO, PINOCCHIO, CheckReport
 
 
 def check(
-    result: Plan | Simulation | Reorientation | Manoeuvre, engine: str = PINOCCHIO
+    result: Plan | Simulation | Reorientation | Manoeuvre,
+    engine: str = PINOCCHIO,
+    *,
+    gravity: float | None = None,
 ) -> CheckReport:
     """Verify a plan, the chosen motion of a simulation, a reorientation or a manoeuvre.
 
@@ -25,10 +30,15 @@ def check(
     Args:
         result: The record, computed or loaded from a file.
         engine: Everything is always recomputed with freefloat's own dynamics, on Pinocchio;
-            ``"mujoco"`` repeats the motion with MuJoCo's kinematics and dynamics in addition.
+            ``"mujoco"`` repeats the motion with MuJoCo's kinematics and dynamics in addition,
+            ``"basilisk"`` simulates it in Basilisk's MuJoCo scene.
+        gravity: With another engine, and for plans and simulations: report the effect of gravity
+            gradient on a circular orbit about the Earth of this radius [m], see
+            :class:`~freefloat.verification.gravity.GravityRun`.
 
     Raises:
-        InputError: If the result is a map, or the engine is unknown or not installed.
+        InputError: If the result is a map, the engine is unknown, not installed or has no model of
+            the robot, or gravity does not apply.
 
     Example:
         >>> problem = ff.load_scenario("planar_2dof/line").problem()
@@ -40,15 +50,16 @@ def check(
         problem = f"a {type(result).__name__} was given"
         accepted = "a Plan, a Simulation, a Reorientation or a Manoeuvre"
         raise InputError("result", problem, accepted)
-    if engine not in ENGINES:
-        raise InputError("engine", f"{engine!r} was given", ", ".join(ENGINES))
-    if engine == MUJOCO:
-        from freefloat.verification.mujoco_model import engine_module
-
-        engine_module()
+    require_engine(engine)
+    orbit = None if gravity is None else CircularOrbit(gravity)
+    if orbit is not None and engine == PINOCCHIO:
+        raise InputError("gravity", "it needs another engine", f"engine {MUJOCO} or {BASILISK}")
+    if isinstance(result, Plan | Simulation):
+        return verify_motion(result, engine, orbit)
+    if orbit is not None:
+        problem = f"a {type(result).__name__} was given"
+        raise InputError("gravity", problem, "for a Plan or a Simulation")
     if isinstance(result, Reorientation):
-        checks = reorientation_checks(result, mujoco=engine == MUJOCO)
-        return CheckReport("reorientation", tuple(completed("motion", lambda: checks)))
-    if isinstance(result, Manoeuvre):
-        return CheckReport("manoeuvre", tuple(manoeuvre_checks(result, engine)))
-    return verify_motion(result, engine)
+        checks = completed("motion", reorientation_checks, result, engine)
+        return CheckReport("reorientation", tuple(checks))
+    return CheckReport("manoeuvre", tuple(manoeuvre_checks(result, engine)))

@@ -18,13 +18,13 @@ from freefloat.planning.manoeuvre import Manoeuvre, PlannedPhase
 from freefloat.planning.plan import Plan
 from freefloat.planning.reorientation import Reorientation
 from freefloat.so3 import angle_between, rotation_matrix
+from freefloat.verification.engines import forward_checks
 from freefloat.verification.motion import completed, verify_motion
 from freefloat.verification.reorientation import limit_checks, reorientation_checks
-from freefloat.verification.report import MUJOCO
 from freefloat.verification.tolerances import Check, error_check
 
 _SAME, _ENGINE = 1e-8, 1e-4
-"""Errors of states handed on and integrated again [rad, m], and of MuJoCo's simulation."""
+"""Errors of states handed on and integrated again [rad, m], and of an engine's."""
 _MOMENTUM = 1e-9
 """Error of the momentum after a capture, as a fraction of that of the locked system."""
 _STEPS = 12_000
@@ -37,15 +37,15 @@ def manoeuvre_checks(manoeuvre: Manoeuvre, engine: str) -> Iterator[Check]:
         manoeuvre: The record, computed or loaded from a file.
         engine: As for :func:`~freefloat.verification.check.check`.
     """
-    mujoco, first = engine == MUJOCO, manoeuvre.path
+    first = manoeuvre.path
     for phase in manoeuvre.phases:
         checks: Iterator[Check] = iter(())
         if isinstance(phase.result, Plan):
             checks = iter(verify_motion(phase.result, engine, chosen=phase.result is first).checks)
         elif isinstance(phase.result, Reorientation):
-            checks = reorientation_checks(phase.result, mujoco=mujoco)
+            checks = reorientation_checks(phase.result, engine)
         elif isinstance(phase.result, JointMotion):
-            checks = _joint_motion_checks(phase.result, mujoco=mujoco)
+            checks = _joint_motion_checks(phase.result, engine)
         named = (replace(check, name=f"{phase.name}: {check.name}") for check in checks)
         yield from completed(phase.name, lambda named=named: named)
     yield from _handover_checks(manoeuvre)
@@ -86,7 +86,7 @@ def _capture_checks(phase: PlannedPhase, result: Capture, before: Motion | None)
     yield error_check(f"{phase.name}: momentum", error, _MOMENTUM * scale, "N m s", phase.start)
 
 
-def _joint_motion_checks(result: JointMotion, *, mujoco: bool) -> Iterator[Check]:
+def _joint_motion_checks(result: JointMotion, engine: str) -> Iterator[Check]:
     """The motion is integrated again, and its limits are recomputed."""
     motion = result.motion
     again = integrate_transfer(
@@ -98,14 +98,4 @@ def _joint_motion_checks(result: JointMotion, *, mujoco: bool) -> Iterator[Check
     checker = JointLimitChecker(motion.problem.model, result.limits, motion.problem.scene)
     recomputed = checker.results(motion, result.transfer)
     yield from limit_checks(result.limit_results, recomputed, claimed=result.feasible)
-    if mujoco:
-        yield _forward(motion)
-
-
-def _forward(motion: Motion) -> Check:
-    from freefloat.verification.mujoco import forward_run
-    from freefloat.verification.mujoco_model import Engine
-
-    engine = Engine(motion.problem.model, motion.problem.wheel_momentum)
-    run = forward_run(motion, engine, steps=_STEPS)
-    return error_check("mujoco: final attitude", run.attitude, _ENGINE, "rad", run.until)
+    yield from forward_checks(engine, motion, _STEPS, _ENGINE)

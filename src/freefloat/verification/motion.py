@@ -3,42 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.errors import FreeFloatError
 from freefloat.limits.check import check_limits
 from freefloat.limits.limits import LimitKind, LimitResult, Limits
 from freefloat.motion.certificate import Certificate, certify
 from freefloat.motion.extrema import closest_approach
-from freefloat.motion.motion import Motion
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import SimulatedBranch, Simulation
-from freefloat.verification.report import MUJOCO, CheckReport
+from freefloat.verification.engines import EngineRuns, engine_checks, engine_runs
+from freefloat.verification.gravity import CircularOrbit
+from freefloat.verification.report import PINOCCHIO, CheckReport
 from freefloat.verification.tolerances import (
     Check,
     certificate_checks,
     comparison_check,
-    error_check,
     magnitude_range,
-    path_tolerances,
     span_check,
 )
 
-if TYPE_CHECKING:
-    from freefloat.verification.mujoco import ForwardRun, InverseRun
-
-_WRENCH = 1e-4
-"""Allowed wrench on the base as a fraction of the largest torque."""
-_ROUNDING = 1e-9
-"""Wrench added to what is allowed, as a fraction of I / T² (I: trace of the system's inertia, T:
-duration): rounding, for arms that hardly move."""
-_MOMENTUM = 1e-6
-"""Allowed deviation of MuJoCo's momentum, as a fraction of |h| + I / T."""
-_DRIFT = 1e-3
-"""Allowed deviation of the final attitude of a simulation [rad]."""
 _CLEARANCE = 2e-4
 """Accuracy of distances [m]."""
 _RELATIVE = 1e-4
@@ -54,12 +41,19 @@ _NEAR = 1e-6
 """Distance of the initial joints from those of their arm branch [rad, m]."""
 
 
-def verify_motion(result: Plan | Simulation, engine: str, *, chosen: bool = True) -> CheckReport:
+def verify_motion(
+    result: Plan | Simulation,
+    engine: str,
+    orbit: CircularOrbit | None = None,
+    *,
+    chosen: bool = True,
+) -> CheckReport:
     """All checks of the motion of a plan or simulation.
 
     Args:
         result: The plan or simulation.
         engine: As for :func:`~freefloat.verification.check.check`.
+        orbit: Report the effect of gravity gradient there.
         chosen: Whether a plan chose its initial attitude, and states how robust that is.
     """
     kind = "plan" if isinstance(result, Plan) else "motion"
@@ -68,14 +62,21 @@ def verify_motion(result: Plan | Simulation, engine: str, *, chosen: bool = True
     if not (span := span_check(result.chosen.motion)).passed:
         return CheckReport(kind, (span,))
     robust = chosen and isinstance(result, Plan)
-    return _verified(result, result.chosen, kind, engine, robust=robust)
+    runs = EngineRuns()
+    if engine != PINOCCHIO:
+        runs = engine_runs(engine, result.chosen.motion, orbit)
+    report = _verified(result, result.chosen, kind, robust=robust)
+    checks = (*report.checks, *engine_checks(engine, result.chosen.motion, runs))
+    return replace(
+        report, checks=checks, inverse=runs.inverse, forward=runs.forward, gravity=runs.gravity,
+        engine=engine,
+    )  # fmt: skip
 
 
 def _verified(
-    result: Plan | Simulation, chosen: SimulatedBranch, kind: str, engine: str, *, robust: bool
+    result: Plan | Simulation, chosen: SimulatedBranch, kind: str, *, robust: bool
 ) -> CheckReport:
     motion = chosen.motion
-    inverse = forward = None
     certificate = certify(motion)
     limits = check_limits(motion, result.limits or Limits())
     keeps_margin = result.feasible or isinstance(result, Plan)
@@ -92,15 +93,7 @@ def _verified(
             checks += completed("robustness", robustness_checks, result, chosen)
         if not result.feasible:
             checks.append(Check("feasible", False, f"the plan is {result.violation}", False))
-    if engine == MUJOCO:
-        from freefloat.verification.mujoco import forward_run, inverse_run
-        from freefloat.verification.mujoco_model import Engine
-
-        robot = Engine(motion.problem.model, motion.problem.wheel_momentum)
-        inverse = inverse_run(motion, robot)
-        forward = forward_run(motion, robot)
-        checks += _engine_checks(motion, inverse, forward)
-    return CheckReport(kind, tuple(checks), certificate, limits, inverse, forward)
+    return CheckReport(kind, tuple(checks), certificate, limits)
 
 
 def completed(
@@ -206,20 +199,3 @@ def _error_comparison(key: str, stated: float | None, recomputed: float | None) 
     passed = low <= stated <= high
     words = "" if passed else f"{stated:.3g} is stated, but it is {recomputed:.3g}"
     return Check(name, passed, words, stated, recomputed, high)
-
-
-def _engine_checks(motion: Motion, inverse: InverseRun, forward: ForwardRun) -> list[Check]:
-    problem = motion.problem
-    duration = problem.path.duration
-    inertia = float(np.trace(inertia_matrices(problem.model, motion.initial.joints)[0]))
-    momentum = _MOMENTUM * (float(np.linalg.norm(problem.momentum)) + inertia / duration)
-    wrench = _WRENCH * inverse.torque + _ROUNDING * inertia / duration**2
-    return [
-        error_check("mujoco: end-effector position", inverse.end_effector,
-                    path_tolerances(motion)[0], "m", None),
-        error_check("mujoco: angular momentum", inverse.momentum, momentum, "N m s", None),
-        error_check("mujoco: wrench on the base", inverse.wrench, wrench, "N m",
-                    inverse.wrench_time, "inverse dynamics has a wrench on the free base"),
-        error_check("mujoco: final attitude", forward.attitude, _DRIFT, "rad", forward.until,
-                    "with joint servos the final attitude differs"),
-    ]  # fmt: skip

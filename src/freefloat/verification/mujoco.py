@@ -6,13 +6,20 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from scipy.interpolate import CubicSpline
 
-from freefloat.dynamics.momentum import momentum_map
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.motion import Motion, State
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, angle_between, rotation_matrix
+from freefloat.so3 import Array
+from freefloat.verification.forward import (
+    STIFFNESS,
+    ForwardRun,
+    Reference,
+    base_velocity,
+    displacements,
+    known_span,
+)
+from freefloat.verification.gravity import CircularOrbit
 from freefloat.verification.mujoco_model import Engine
 
 _INSTANTS = 61
@@ -28,20 +35,6 @@ _WITHIN = 0.49
 """The same time as a fraction of a smooth segment, at most."""
 _SHORTEST = 0.02
 """Fraction of that time that suffices for derivatives."""
-_BEFORE_SINGULAR = 0.9
-"""Fraction of a motion that is used if its end is singular."""
-_STEPS = 4000
-"""Smallest number of steps."""
-_STEPS_PER_RADIAN = 150
-"""Steps per radian or metre of motion."""
-_STEPS_PER_SEGMENT = 40
-"""Steps per smooth segment."""
-_MAX_STEPS = 40_000
-"""Largest number of steps."""
-_SPLINE = 0.3
-"""Knots per step of the splines that the servos follow."""
-_STIFFNESS = 0.2
-"""Natural frequency of the servos times the time step."""
 
 
 @dataclass(frozen=True)
@@ -65,28 +58,9 @@ class InverseRun:
     looks: int
 
 
-@dataclass(frozen=True)
-class ForwardRun:
-    """End of MuJoCo's own integration, with joint servos that follow the recorded joints.
-
-    Attributes:
-        attitude: Angle of the spacecraft from the recorded attitude at the end [rad].
-        joints: Largest difference of a joint at the end [rad or m].
-        position: Distance of the spacecraft from its recorded position [m].
-        until: Time of the end [s].
-        steps: Number of steps.
-    """
-
-    attitude: float
-    joints: float
-    position: float
-    until: float
-    steps: int
-
-
 def inverse_run(motion: Motion, engine: Engine) -> InverseRun:
     """Inverse dynamics of the recorded positions, differentiated twice."""
-    first, last = _known(motion)
+    first, last = known_span(motion)
     problem, window = motion.problem, _window(motion, first, last)
     reach = VirtualManipulator.of(problem.model).reach
     rows = []
@@ -105,24 +79,11 @@ def inverse_run(motion: Motion, engine: Engine) -> InverseRun:
     return InverseRun(wrench, when, torque, momentum, distance, len(rows))
 
 
-def _known(motion: Motion) -> tuple[float, float]:
-    """First and last time at which rates are bounded: not near a singular end."""
-    first, last = float(motion.times.min()), float(motion.times.max())
-    fraction = _BEFORE_SINGULAR if motion.ending is Ending.SINGULAR else 1.0
-    return first, first + fraction * (last - first)
-
-
-def _moved(motion: Motion) -> Array:
-    """Displacement of the spacecraft and the fastest joint between nodes [rad, m]."""
-    rotated = angle_between(motion.attitudes[1:], motion.attitudes[:-1])
-    return np.asarray(rotated + np.abs(np.diff(motion.joints, axis=0)).max(axis=1))
-
-
 def _window(motion: Motion, first: float, last: float) -> float:
     """Half the time over which to differentiate [s], short if the system tumbles."""
     passed = np.abs(np.diff(motion.times))
     known = (motion.times[1:] <= last) & (motion.times[:-1] <= last) & (passed > 0.0)
-    fastest = float((_moved(motion)[known] / passed[known]).max(initial=0.0))
+    fastest = float((displacements(motion)[known] / passed[known]).max(initial=0.0))
     return min(_WINDOW * (last - first), _WINDOW_ANGLE / max(fastest, 1e-300))
 
 
@@ -174,27 +135,31 @@ def _off_path(motion: Motion, engine: Engine, t: float) -> float:
 def forward_run(motion: Motion, engine: Engine, *, steps: int | None = None) -> ForwardRun:
     """Simulate a free base with joint servos that follow the recorded joints.
 
-    The number of steps is that given, or one that follows from the length of the motion.
+    Attitude and position of the spacecraft are not controlled: their deviations at the end are the
+    result.
 
-    The servos are computed-torque controllers on MuJoCo's own mass matrix. Attitude and position
-    of the spacecraft are not controlled: their deviations at the end are the result.
+    Args:
+        motion: The recorded motion.
+        engine: Its robot.
+        steps: Number of steps; by default it follows from the length of the motion.
     """
-    first, last = _known(motion)
-    required_steps = max(
-        _STEPS_PER_RADIAN * _moved(motion).sum(),
-        _STEPS_PER_SEGMENT * len(motion.problem.path.breaks),
-    )
-    steps = steps or int(np.clip(required_steps, _STEPS, _MAX_STEPS))
-    nodes = np.linspace(first, last, round(_SPLINE * steps) + 1)
-    _, _, rows = motion.evaluate(motion.coordinate_at(nodes))
-    reference = CubicSpline(nodes, rows)
-    h = (last - first) / steps
-    stiff, damp = (_STIFFNESS / h) ** 2, 2.0 * _STIFFNESS / h
-    start(motion, engine, first, reference(first, 1), motion.problem.model)
+    reference = Reference.of(motion, steps)
+    return ForwardRun.of(motion, final_state(motion, engine, reference), reference.steps)
+
+
+def final_state(
+    motion: Motion, engine: Engine, reference: Reference, orbit: CircularOrbit | None = None
+) -> State:
+    """The state at the end of such a simulation, with gravity gradient if an orbit is given.
+
+    The servos are computed-torque controllers on MuJoCo's own mass matrix.
+    """
+    h, data = reference.step, engine.data
+    stiff, damp = (STIFFNESS / h) ** 2, 2.0 * STIFFNESS / h
+    start(motion, engine, reference.first, reference(reference.first, 1), motion.problem.model)
     engine.rest(h)
-    data = engine.data
-    for step in range(steps):
-        t = first + (step + 0.5) * h
+    for step in range(reference.steps):
+        t = reference.first + (step + 0.5) * h
         M, bias = engine.inertia()
         ahead = data.qpos[7:] + h / 2.0 * data.qvel[6:]
         acceleration = (
@@ -203,15 +168,13 @@ def forward_run(motion: Motion, engine: Engine, *, steps: int | None = None) -> 
             + stiff * (reference(t) - ahead)
         )
         base = -np.linalg.solve(M[:6, :6], M[:6, 6:] @ acceleration + bias[:6])
+        if orbit is not None:
+            engine.apply_gravity_gradient(orbit, t)
         engine.step(M[6:, :6] @ base + M[6:, 6:] @ acceleration + bias[6:])
-    (state,), drift = motion.sample(last), motion.problem.path.drift
-    return ForwardRun(
-        attitude=float(angle_between(np.roll(data.qpos[3:7], -1), state.attitude)),
-        joints=float(np.abs(data.qpos[7:] - state.joints).max()),
-        position=float(np.linalg.norm(data.qpos[:3] - state.base_position - last * drift)),
-        until=last,
-        steps=steps,
-    )
+    engine.data.xfrc_applied[:] = 0.0
+    drift = reference.last * motion.problem.path.drift
+    attitude = np.roll(data.qpos[3:7], -1)
+    return State(reference.last, attitude, np.array(data.qpos[7:]), data.qpos[:3] - drift)
 
 
 def start(motion: Motion, engine: Engine, t: float, rates: Array, model: FreeFloatingModel) -> None:
@@ -224,13 +187,8 @@ def start(motion: Motion, engine: Engine, t: float, rates: Array, model: FreeFlo
         rates: Joint rates, shape (n,).
         model: The robot that the engine simulates.
     """
-    (state,) = motion.sample(t)
-    A = momentum_map(model, state.joints, state.attitude)
-    wheels = rotation_matrix(state.attitude) @ motion.problem.wheel_momentum
-    demanded = np.concatenate([np.zeros(3), motion.problem.momentum - wheels])
-    twist = np.linalg.solve(A[:, :6], demanded - A[:, 6:] @ rates)
-    data, drift = engine.data, motion.problem.path.drift
-    position = state.base_position + t * drift
+    (state,), data = motion.sample(t), engine.data
+    position = state.base_position + t * motion.problem.path.drift
     data.qpos[:] = [*position, *np.roll(state.attitude, 1), *state.joints]
-    data.qvel[:] = [*(rotation_matrix(state.attitude) @ twist[:3] + drift), *twist[3:], *rates]
+    data.qvel[:] = [*base_velocity(motion.problem, state, rates, model), *rates]
     data.qacc[:] = 0.0

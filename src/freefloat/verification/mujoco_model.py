@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
+from freefloat.verification.gravity import CircularOrbit
 
 _LIGHTEST = 1e-9
 """Mass and inertia of massless links in the reader [kg, kg m²], until theirs are set."""
@@ -137,6 +138,14 @@ class Engine:
         if friction:  # MuJoCo's constraints of friction, but not those of contacts and ranges
             self.model.opt.disableflags &= ~int(bits.mjDSBL_CONSTRAINT)
             self.model.opt.disableflags |= int(bits.mjDSBL_CONTACT) | int(bits.mjDSBL_LIMIT)
+
+    def apply_gravity_gradient(self, orbit: CircularOrbit, t: float) -> None:
+        """Set the forces and torques on all bodies at the present state and a time [s]."""
+        model, data = self.model, self.data
+        axes = data.ximat.reshape(-1, 3, 3)
+        inertias = axes * model.body_inertia[:, None] @ axes.swapaxes(1, 2)
+        data.xfrc_applied[:, :3] = orbit.forces(t, model.body_mass, data.xipos)
+        data.xfrc_applied[:, 3:] = orbit.torque(t, inertias)
 
     @contextmanager
     def _wheels(self) -> Iterator[None]:

@@ -1,4 +1,4 @@
-"""The checks of a reorientation: integrated again, its limits, MuJoCo's free simulation."""
+"""The checks of a reorientation: integrated again, its limits, the simulation of another engine."""
 
 from __future__ import annotations
 
@@ -11,21 +11,22 @@ from freefloat.limits.limits import LimitResult
 from freefloat.motion.joint_loops import integrate_loops
 from freefloat.planning.reorientation import Reorientation
 from freefloat.so3 import angle_between
+from freefloat.verification.engines import forward_checks
 from freefloat.verification.tolerances import Check, comparison_check, error_check
 
 _SAME, _GOAL, _ENGINE = 1e-8, 1e-6, 1e-4
-"""Errors of integrating again [rad], of the attitude at the end, and of MuJoCo's simulation."""
+"""Errors of integrating again [rad], of the attitude at the end, and of an engine's."""
 _RELATIVE = 1e-3
 _STEPS = 12_000
-"""Of MuJoCo's simulation per loop: its error falls with their square."""
+"""Of the simulation per loop: its error falls with their square."""
 
 
-def reorientation_checks(result: Reorientation, *, mujoco: bool) -> Iterator[Check]:
+def reorientation_checks(result: Reorientation, engine: str) -> Iterator[Check]:
     """All checks of a reorientation.
 
     Args:
         result: The record, computed or loaded from a file.
-        mujoco: Simulate the free system with MuJoCo, too.
+        engine: As for :func:`~freefloat.verification.check.check`.
     """
     motion, loops = result.motion, result.loops
     if motion is None or loops is None:
@@ -44,13 +45,7 @@ def reorientation_checks(result: Reorientation, *, mujoco: bool) -> Iterator[Che
     checker = JointLimitChecker(again.problem.model, result.limits)
     recomputed = checker.results(again, loops)
     yield from limit_checks(result.limit_results, recomputed, claimed=result.reached)
-    if mujoco:
-        from freefloat.verification.mujoco import forward_run
-        from freefloat.verification.mujoco_model import Engine
-
-        engine = Engine(motion.problem.model, motion.problem.wheel_momentum)
-        run = forward_run(motion, engine, steps=_STEPS * loops.count)
-        yield error_check("mujoco: final attitude", run.attitude, _ENGINE, "rad", run.until)
+    yield from forward_checks(engine, motion, _STEPS * loops.count, _ENGINE)
 
 
 def limit_checks(

@@ -10,11 +10,14 @@ from freefloat.motion.certificate import Certificate
 from freefloat.verification.tolerances import Check
 
 if TYPE_CHECKING:
-    from freefloat.verification.mujoco import ForwardRun, InverseRun
+    from freefloat.verification.forward import ForwardRun
+    from freefloat.verification.gravity import GravityRun
+    from freefloat.verification.mujoco import InverseRun
 
 PINOCCHIO = "pinocchio"
 MUJOCO = "mujoco"
-ENGINES = (PINOCCHIO, MUJOCO)
+BASILISK = "basilisk"
+ENGINES = (PINOCCHIO, MUJOCO, BASILISK)
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,9 @@ class CheckReport:
         certificate: Recomputed certificate of the motion; None without a motion.
         limits: Recomputed limits of the motion.
         inverse: Inverse dynamics of MuJoCo along the motion; None if it was not used.
-        forward: MuJoCo's own integration of the motion; None if it was not used.
+        forward: The engine's own integration of the motion; None without one.
+        gravity: Effect of gravity gradient; None if it was not requested.
+        engine: Name of that engine.
     """
 
     kind: str
@@ -37,6 +42,8 @@ class CheckReport:
     limits: tuple[LimitResult, ...] = field(default=(), repr=False)
     inverse: InverseRun | None = field(default=None, repr=False)
     forward: ForwardRun | None = field(default=None, repr=False)
+    gravity: GravityRun | None = field(default=None, repr=False)
+    engine: str | None = None
 
     @property
     def passed(self) -> bool:
@@ -57,7 +64,13 @@ class CheckReport:
             "checks": [check.to_dict() for check in self.checks],
             "certificate": None if self.certificate is None else self.certificate.to_dict(),
             "limits": [result.to_dict() for result in self.limits],
-            "engine": None if self.inverse is None or self.forward is None else {
-                "name": MUJOCO, "inverse": asdict(self.inverse), "forward": asdict(self.forward)
-            },
-        }  # fmt: skip
+            "engine": self._engine_document,
+        }
+
+    @property
+    def _engine_document(self) -> dict[str, Any] | None:
+        if self.forward is None:
+            return None
+        runs = {"inverse": self.inverse, "forward": self.forward, "gravity": self.gravity}
+        documents = {name: None if run is None else asdict(run) for name, run in runs.items()}
+        return {"name": self.engine, **documents}

@@ -1,0 +1,138 @@
+"""Robots as models of MuJoCo (MJCF)."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from freefloat.robot.description import LinkShape
+from freefloat.robot.meshes import Mesh, read_mesh
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.names import MeshFileError, find_mesh
+from freefloat.robot.rigid_bodies import Body
+from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
+from freefloat.so3 import Pose
+
+_LIGHTEST = "1e-9"
+"""Mass and inertia of bodies without mass, which MuJoCo refuses [kg, kg m²]."""
+_ROUNDING = 1e-6
+"""Relative excess of a moment of inertia that is taken for rounding."""
+_STEP = "0.001"
+"""Time step [s]."""
+
+
+def robot_mjcf(model: FreeFloatingModel, *, shapes: bool = True) -> ET.Element:
+    """A model with a free base and a motor for each joint, without gravity and contacts.
+
+    Args:
+        model: A robot without :func:`impossible_inertia`.
+        shapes: Whether to draw the robot. All meshes are in the model; those that cannot be read
+            are left out.
+    """
+    root = ET.Element("mujoco", model=model.description.name or "robot")
+    _add(
+        root, "compiler", angle="radian", autolimits="true",
+        boundmass=_LIGHTEST, boundinertia=_LIGHTEST,
+    )  # fmt: skip
+    _add(root, "option", gravity="0 0 0", timestep=_STEP, integrator="RK4")
+    assets, parent = _add(root, "asset"), _add(root, "worldbody")
+    motors = _add(root, "actuator")
+    for number, (name, body) in enumerate(zip(model.body_names, model.bodies, strict=True)):
+        parent = _body(parent, name, body, free=number == 0)
+        for link, (place_number, place) in model.link_places.items():
+            if shapes and place_number == number:
+                _add_shapes(model, link, place, parent, assets)
+        if number > 0:
+            _add(motors, "motor", name=body.joint, joint=body.joint)
+    _add(parent, "site", name="end_effector", size="0.01", **_place(model.tool))
+    return root
+
+
+def impossible_inertia(model: FreeFloatingModel) -> str | None:
+    """Name of a body whose inertia violates the triangle inequality, which MuJoCo refuses."""
+    for name, body in zip(model.body_names, model.bodies, strict=True):
+        moments = np.linalg.eigvalsh(body.inertia)
+        if moments[2] > (1.0 + _ROUNDING) * (moments[0] + moments[1]):
+            return name
+    return None
+
+
+def _body(parent: ET.Element, name: str, body: Body, free: bool) -> ET.Element:
+    """A body with its joint and its inertia."""
+    element = _add(parent, "body", name=name, **_place(body.placement))
+    if free:
+        _add(element, "freejoint", name=body.joint)
+    else:
+        kind = "slide" if body.prismatic else "hinge"
+        finite = np.isfinite([body.lower, body.upper]).all() and body.lower < body.upper
+        limits = {"range": attribute([body.lower, body.upper])} if finite else {}
+        _add(  # a motion may leave ranges: the plan says whether they are limits
+            element, "joint", name=body.joint, type=kind, axis=attribute(body.axis),
+            limited="false", **limits,
+        )  # fmt: skip
+    moments, axes = np.linalg.eigh(body.inertia)
+    axes[:, 0] *= np.linalg.det(axes)
+    _add(
+        element, "inertial", mass=repr(body.mass), diaginertia=attribute(np.maximum(moments, 0.0)),
+        **_place(Pose(body.centre, axes)),
+    )  # fmt: skip
+    return element
+
+
+def _add_shapes(
+    model: FreeFloatingModel, link: str, place: Pose, body: ET.Element, assets: ET.Element
+) -> None:
+    """Add the shapes of a link that are drawn; they collide with nothing."""
+    for shape in model.description.links_by_name[link].visuals:
+        colour = {} if shape.colour is None else {"rgba": attribute(shape.colour)}
+        for geometry in _geometries(model, shape, assets):
+            _add(
+                body, "geom", contype="0", conaffinity="0", **geometry, **colour,
+                **_place(place @ shape.origin),
+            )  # fmt: skip
+
+
+def _geometries(
+    model: FreeFloatingModel, shape: LinkShape, assets: ET.Element
+) -> Iterator[dict[str, str]]:
+    """Attributes of the geometries of a shape."""
+    match shape.geometry:
+        case Box(size):
+            yield {"type": "box", "size": attribute(size / 2.0)}
+        case Cylinder(radius, length):
+            yield {"type": "cylinder", "size": attribute([radius, length / 2.0])}
+        case Sphere(radius):
+            yield {"type": "sphere", "size": attribute([radius])}
+        case MeshFile(filename, scale):
+            try:
+                parts = read_mesh(find_mesh(filename, model.description.source), scale)
+            except MeshFileError:
+                return
+            for part in parts:
+                yield {"type": "mesh", "mesh": _add_mesh(assets, part.mesh)}
+
+
+def _add_mesh(assets: ET.Element, mesh: Mesh) -> str:
+    """Add a mesh to the assets; its name."""
+    name = f"mesh_{len(assets)}"
+    faces = " ".join(map(str, mesh.faces.ravel().tolist()))
+    vertices = attribute(mesh.vertices.ravel())
+    _add(assets, "mesh", name=name, inertia="shell", vertex=vertices, face=faces)
+    return name
+
+
+def _add(parent: ET.Element, tag: str, **attributes: str) -> ET.Element:
+    return ET.SubElement(parent, tag, attributes)
+
+
+def _place(pose: Pose) -> dict[str, str]:
+    quaternion = np.roll(Rotation.from_matrix(pose.rotation).as_quat(), 1)  # w, x, y, z
+    return {"pos": attribute(pose.position), "quat": attribute(quaternion)}
+
+
+def attribute(values: Iterable[float]) -> str:
+    """Numbers as the text of an attribute, with all digits."""
+    return " ".join(repr(float(value)) for value in values)

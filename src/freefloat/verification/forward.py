@@ -1,0 +1,130 @@
+"""Forward simulations of a motion by another engine, with joint servos that follow its joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from freefloat.dynamics.momentum import momentum_map
+from freefloat.motion.motion import Ending, Motion, State
+from freefloat.motion.problem import Problem
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, angle_between, rotation_matrix
+
+STIFFNESS = 0.2
+"""Natural frequency of the servos times the time step."""
+_BEFORE_SINGULAR = 0.9
+"""Fraction of a motion that is used if its end is singular."""
+_STEPS = 4000
+"""Smallest number of steps."""
+_STEPS_PER_RADIAN = 150
+"""Steps per radian or metre of motion."""
+_STEPS_PER_SEGMENT = 40
+"""Steps per smooth segment."""
+_MAX_STEPS = 40_000
+"""Largest number of steps."""
+_SPLINE = 0.3
+"""Knots per step of the splines that the servos follow."""
+
+
+@dataclass(frozen=True)
+class ForwardRun:
+    """End of an engine's own integration, with joint servos that follow the recorded joints.
+
+    Attributes:
+        attitude: Angle of the spacecraft from the recorded attitude at the end [rad].
+        joints: Largest difference of a joint at the end [rad or m].
+        position: Distance of the spacecraft from its recorded position [m].
+        until: Time of the end [s].
+        steps: Number of steps.
+    """
+
+    attitude: float
+    joints: float
+    position: float
+    until: float
+    steps: int
+
+    @classmethod
+    def of(cls, motion: Motion, state: State, steps: int) -> ForwardRun:
+        """Compare the state at the end of a simulation with the motion."""
+        (recorded,) = motion.sample(state.time)
+        return cls(
+            attitude=float(angle_between(state.attitude, recorded.attitude)),
+            joints=float(np.abs(state.joints - recorded.joints).max()),
+            position=float(np.linalg.norm(state.base_position - recorded.base_position)),
+            until=state.time,
+            steps=steps,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """Joints that servos follow, by time.
+
+    Attributes:
+        first: Time at which the simulation begins [s].
+        last: Time at which it ends [s].
+        steps: Number of its steps.
+    """
+
+    first: float
+    last: float
+    steps: int
+    _spline: CubicSpline = field(repr=False)
+
+    @classmethod
+    def of(cls, motion: Motion, steps: int | None = None) -> Reference:
+        """The joints of a motion; the number of steps follows from its length if not given."""
+        first, last = known_span(motion)
+        required_steps = max(
+            _STEPS_PER_RADIAN * displacements(motion).sum(),
+            _STEPS_PER_SEGMENT * len(motion.problem.path.breaks),
+        )
+        steps = steps or int(np.clip(required_steps, _STEPS, _MAX_STEPS))
+        nodes = np.linspace(first, last, round(_SPLINE * steps) + 1)
+        _, _, rows = motion.evaluate(motion.coordinate_at(nodes))
+        return cls(first, last, steps, CubicSpline(nodes, rows))
+
+    @property
+    def step(self) -> float:
+        """Length of a step [s]."""
+        return (self.last - self.first) / self.steps
+
+    def __call__(self, t: float, order: int = 0) -> Array:
+        """Joints (n,) at a time [s], or their first or second derivative."""
+        return np.asarray(self._spline(t, order))
+
+
+def base_velocity(problem: Problem, state: State, rates: Array, model: FreeFloatingModel) -> Array:
+    """Velocity of the spacecraft with the momentum of the problem, in the frame of the path.
+
+    Args:
+        problem: Momentum and drift.
+        state: Attitude and joints.
+        rates: Joint rates, shape (n,).
+        model: The robot.
+
+    Returns:
+        Linear in inertial axes, angular in those of the spacecraft, shape (6,).
+    """
+    A = momentum_map(model, state.joints, state.attitude)
+    R0 = rotation_matrix(state.attitude)
+    demanded = np.concatenate([np.zeros(3), problem.momentum - R0 @ problem.wheel_momentum])
+    twist = np.linalg.solve(A[:, :6], demanded - A[:, 6:] @ rates)
+    return np.concatenate([R0 @ twist[:3] + problem.path.drift, twist[3:]])
+
+
+def known_span(motion: Motion) -> tuple[float, float]:
+    """First and last time at which rates are bounded: not near a singular end."""
+    first, last = float(motion.times.min()), float(motion.times.max())
+    fraction = _BEFORE_SINGULAR if motion.ending is Ending.SINGULAR else 1.0
+    return first, first + fraction * (last - first)
+
+
+def displacements(motion: Motion) -> Array:
+    """Displacement of the spacecraft and the fastest joint between nodes [rad, m]."""
+    rotated = angle_between(motion.attitudes[1:], motion.attitudes[:-1])
+    return np.asarray(rotated + np.abs(np.diff(motion.joints, axis=0)).max(axis=1))

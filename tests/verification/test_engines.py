@@ -1,0 +1,154 @@
+"""MuJoCo and Basilisk repeat motions, also with gravity gradient."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.spatial.transform import Rotation
+
+import freefloat as ff
+from freefloat.cli.models import bundled_file
+from freefloat.dynamics.momentum import inertia_matrices
+from freefloat.motion.motion import Motion
+from freefloat.so3 import rotation_matrix
+from freefloat.verification.engines import engine_checks, engine_runs
+from freefloat.verification.gravity import CircularOrbit
+from tests.commands import document, error, run
+from tests.errors import error_key
+
+LEO = CircularOrbit(6.778e6)
+STILL = {
+    "robot": {"urdf": "planar_2dof", "end_effector": "end_effector"},
+    "task": "planar-position",
+    "path": {"line": {"from": [1.5, 0, 0], "to": [1.5000001, 0, 0]}},
+    "timing": {"duration": 100},
+    "margin": {"fraction": 0.01},
+}
+"""A system that practically rests."""
+SPATIAL = {
+    "robot": {"urdf": "ets_vii", "end_effector": "end_effector"},
+    "task": "position",
+    "momentum": [3, -2, 3.5],
+    "drift": [0.002, 0.0, -0.001],
+    "path": {"line": {"from": [0.6, 0.5, 2.1], "to": [0.8, 0.3, 2.1]}},
+    "timing": {"duration": 60},
+    "margin": {"measure": "gjm", "value": 0.01},
+}
+"""A redundant arm on a drifting system with momentum."""
+
+
+@pytest.fixture(scope="module")
+def still() -> Motion:
+    simulation = ff.simulate(ff.load_scenario(STILL).problem(), heading=0.6)
+    return simulation.chosen.motion
+
+
+def test_torques_about_the_common_centre_of_mass_are_those_of_the_whole_system() -> None:
+    model = ff.FreeFloatingModel.from_urdf("spatial_6dof", "end_effector")
+    attitude, joints, t = Rotation.random(rng=3).as_quat(), np.linspace(-1.0, 1.5, 6), 700.0
+    poses = model.body_poses(attitude, joints)
+    masses = np.array([body.mass for body in model.bodies])
+    centres = np.array([
+        pose.position + pose.rotation @ body.centre
+        for pose, body in zip(poses, model.bodies, strict=True)
+    ])  # fmt: skip
+    inertias = np.array([
+        pose.rotation @ body.inertia @ pose.rotation.T
+        for pose, body in zip(poses, model.bodies, strict=True)
+    ])  # fmt: skip
+    forces = LEO.forces(t, masses, centres + np.array([3.0, -2.0, 1.0]))
+    np.testing.assert_allclose(forces.sum(axis=0), 0.0, atol=1e-12)
+    about_centre = np.cross(centres, forces).sum(axis=0) + LEO.torque(t, inertias).sum(axis=0)
+    R0 = rotation_matrix(attitude)
+    whole = R0 @ inertia_matrices(model, joints)[0] @ R0.T
+    np.testing.assert_allclose(about_centre, LEO.torque(t, whole), rtol=1e-6, atol=1e-15)
+    assert np.pi / LEO.rate == pytest.approx(5553.6 / 2.0, abs=1.0), "half a period"
+
+
+def test_a_resting_system_turns_as_the_integrated_torque_says(still) -> None:
+    effect = engine_runs("mujoco", still, LEO).gravity
+    D, _ = inertia_matrices(still.problem.model, still.initial.joints)
+    R0, end, inertia = rotation_matrix(still.initial.attitude), still.final.time, D[2, 2]
+    whole = R0 @ D @ R0.T
+    angle, _ = quad(lambda t: (end - t) * LEO.torque(t, whole)[2] / inertia, 0.0, end)
+    momentum, _ = quad(lambda t: LEO.torque(t, whole)[2], 0.0, end)
+    assert abs(angle) > 1e-3
+    assert effect.attitude == pytest.approx(abs(angle), rel=0.02)
+    assert effect.momentum == pytest.approx(abs(momentum), rel=0.02)
+
+
+def test_gravity_gradient_falls_with_the_third_power_of_the_radius(still) -> None:
+    near, far = (engine_runs("mujoco", still, CircularOrbit(r)).gravity for r in (5e7, 1e8))
+    assert far.attitude == pytest.approx(near.attitude / 8.0, rel=0.01)
+    margin = ff.closest_approach(still, still.problem.margin.measure).value
+    assert far.margin == pytest.approx(margin, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_basilisk_and_mujoco_find_the_same_effect_of_gravity() -> None:
+    pytest.importorskip("Basilisk")
+    simulation = ff.simulate(ff.load_scenario(SPATIAL).problem(), [0.0, 0.0, 0.0, 1.0])
+    motion = simulation.chosen.motion
+    first, second = (engine_runs(engine, motion, LEO) for engine in ("mujoco", "basilisk"))
+    for runs, engine in ((first, "mujoco"), (second, "basilisk")):
+        assert all(check.passed for check in engine_checks(engine, motion, runs))
+        assert runs.forward.attitude < 1e-5
+        assert runs.forward.position < 1e-4
+    assert first.gravity.attitude > 1e-5
+    assert second.gravity.attitude == pytest.approx(first.gravity.attitude, rel=1e-3)
+    assert second.gravity.position == pytest.approx(first.gravity.position, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_basilisk_finds_a_motion_that_violates_the_equations() -> None:
+    """The spacecraft rotates by a percent more than the joints make it."""
+    pytest.importorskip("Basilisk")
+    simulation = ff.simulate(ff.load_scenario("planar_2dof/line").problem(), heading=0.0)
+    motion = simulation.chosen.motion
+    report = ff.check(simulation, "basilisk")
+    assert report.passed
+    assert report.checks[-1].name == "basilisk: final attitude"
+    attitudes = Rotation.from_quat(motion.attitudes)
+    rotations = (attitudes[0].inv() * attitudes).as_rotvec()
+    other = replace(
+        motion, attitudes=(attitudes[0] * Rotation.from_rotvec(1.01 * rotations)).as_quat()
+    )
+    (check,) = engine_checks("basilisk", other, engine_runs("basilisk", other))
+    assert not check.passed
+
+
+def test_the_command_reports_gravity(tmp_path: Path) -> None:
+    file = tmp_path / "motion.h5"
+    run("simulate", "planar_2dof/line", "--heading", 0, "-o", file)
+    report = document("check", file, "--engine", "mujoco", "--gravity", 6778)["engine"]
+    assert report["name"] == "mujoco"
+    assert report["gravity"]["radius"] == 6778000.0
+    assert "Kept on the path" in run("check", file, "--engine", "mujoco", "--gravity", 6778).output
+    assert document("check", file)["engine"] is None
+    assert error("check", file, "--gravity", 6778)["key"] == "gravity"
+    assert error("check", file, "--engine", "mujoco", "--gravity", 6)["key"] == "gravity"
+
+
+def test_what_basilisk_cannot_simulate_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("Basilisk")
+    problem = ff.load_scenario("spatial_6dof/line").problem()
+    attitude = [0.46008, 0.09337, 0.73519, -0.48898]
+    simulation = ff.simulate(problem, attitude, branch=0)
+    assert (
+        error_key(ff.check, simulation, "basilisk") == "engine"
+    )  # its table violates an inequality
+    wheels = ff.load_scenario(SPATIAL).problem().replace(wheel_momentum=[0.0, 0.1, 0.0])
+    turning = ff.simulate(wheels, [0.0, 0.0, 0.0, 1.0])
+    assert error_key(ff.check, turning, "basilisk") == "engine"
+    earth = ff.FreeFloatingModel.from_urdf(
+        bundled_file("planar_2dof").text.replace("spacecraft", "world")
+    )
+    named = ff.load_scenario("planar_2dof/line").problem().replace(model=earth)
+    simulation = ff.simulate(named, heading=0.0)
+    assert error_key(ff.check, simulation, "basilisk") == "engine"
+    monkeypatch.setattr("freefloat.verification.basilisk.find_spec", lambda name: None)
+    assert error_key(ff.check, turning, "basilisk") == "engine"
