@@ -88,6 +88,14 @@ def test_gravity_gradient_falls_with_the_third_power_of_the_radius(still) -> Non
     assert far.margin == pytest.approx(margin, rel=1e-6)
 
 
+def test_no_margin_is_left_where_the_arm_becomes_singular() -> None:
+    problem = ff.load_scenario("planar_3dof/parabola").problem()
+    singular = ff.simulate(problem, heading=np.radians(140.0), branch=0).chosen.motion
+    effect = engine_runs("mujoco", singular, LEO).gravity
+    assert effect.margin == 0.0
+    assert 0.0 < effect.attitude < 1e-3
+
+
 @pytest.mark.slow
 def test_basilisk_and_mujoco_find_the_same_effect_of_gravity() -> None:
     pytest.importorskip("Basilisk")

@@ -83,7 +83,7 @@ class GravityRun:
         attitude: Change of the final attitude, the joints moving as recorded [rad].
         position: Change of the final position of the end-effector, the same [m].
         momentum: Change of the angular momentum, the end-effector being kept on the path [N m s].
-        margin: Smallest margin, the same; zero where the arm becomes singular.
+        margin: Smallest margin, the same; zero if the arm becomes singular.
     """
 
     radius: float
@@ -108,7 +108,7 @@ def gravity_run(
         motion.problem.model.end_effector_pose(state.attitude, state.joints).position
         for state in (without, with_gravity)
     ]
-    momentum, margin = _on_the_path(motion, orbit, without.time)
+    momentum, margin = _on_the_path(motion, orbit)
     return GravityRun(
         radius=orbit.radius,
         attitude=float(angle_between(with_gravity.attitude, without.attitude)),
@@ -118,21 +118,21 @@ def gravity_run(
     )
 
 
-def _on_the_path(motion: Motion, orbit: CircularOrbit, until: float) -> tuple[float, float]:
-    """Change of the momentum [N m s] and smallest margin if the path is followed to a time [s]."""
+def _on_the_path(motion: Motion, orbit: CircularOrbit) -> tuple[float, float]:
+    """Change of the momentum [N m s] and smallest margin if the whole path is followed."""
     problem, first = motion.problem, motion.initial
     y = np.concatenate([first.attitude, first.joints, problem.momentum])
-    times = np.linspace(first.time, until, _SAMPLES + 1)
-    breaks = problem.path.breaks
-    edges = [first.time, *breaks[breaks < until], until]
+    times = np.linspace(0.0, problem.path.duration, _SAMPLES + 1)
+    edges = [0.0, *problem.path.breaks, problem.path.duration]
     margins = []
     for start, end in pairwise(edges):
         segment = problem.path.timing.segment_at((start + end) / 2.0)
         inner = times[(times > start) & (times < end)]
-        solution = solve_ivp(
-            _slopes, (start, end), y, "DOP853", np.array([start, *inner, end]),
-            args=(problem, orbit, segment), rtol=_TOLERANCE, atol=_TOLERANCE,
-        )  # fmt: skip
+        with np.errstate(over="ignore", invalid="ignore"):  # rates have no bound at a singularity
+            solution = solve_ivp(
+                _slopes, (start, end), y, "DOP853", np.array([start, *inner, end]),
+                args=(problem, orbit, segment), rtol=_TOLERANCE, atol=_TOLERANCE,
+            )  # fmt: skip
         margins += [problem.margin.measure(q) for q in solution.y[4:-3].T]
         y = solution.y[:, -1]
         if not solution.success:
