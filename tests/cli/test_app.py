@@ -31,7 +31,7 @@ from tests.errors import error_key
 PROGRAM = [sys.executable, "-m", "freefloat"]
 COMMANDS = (
     *("models", "info", "workspace", "singularities", "simulate", "plan", "retime", "reorient"),
-    *("map", "view", "plot", "check", "export", "assemble", "batch", "schema"),
+    *("map", "view", "plot", "studio", "check", "export", "assemble", "batch", "schema"),
 )
 SIMULATE = ("simulate", "planar_3dof/parabola_nonstop", "--heading", "200")
 

@@ -26,6 +26,7 @@ from freefloat.cli.reorient import reorient
 from freefloat.cli.retime import retime
 from freefloat.cli.simulate import simulate
 from freefloat.cli.singularities import singularities
+from freefloat.cli.studio import studio
 from freefloat.cli.view import view
 from freefloat.cli.workspace import workspace
 from freefloat.errors import FreeFloatError, InputError
@@ -97,7 +98,7 @@ app = typer.Typer(
 )
 for _command in (
     *(models, info, workspace, singularities, simulate, plan, retime, reorient, map_, view, plot),
-    *(check, export, assemble, batch, schema),
+    *(studio, check, export, assemble, batch, schema),
 ):
     app.command(_command.__name__.rstrip("_"))(_command)
 

@@ -39,6 +39,8 @@ if TYPE_CHECKING:  # imports compiled kernels
 SIDE_BY_SIDE, ALL_PHASES = "side by side", "all phases"
 _HERE = Path(__file__).parent
 _MESHCAT = Path(meshcat.viewer_assets_path())
+VIEWER, PLAYER = _MESHCAT / "dist" / "main.min.js", _HERE / "player.js"
+"""Scripts of pages: MeshCat's viewer, and what plays a scene with it."""
 _ACCEPTED = (
     "a Motion, Plan, Manoeuvre, Simulation, Reorientation, AttitudeMap, HeadingMap or "
     "SingularityMap, or a Motion for each name"
@@ -92,21 +94,32 @@ class Playback:
         Args:
             opens: Title of the motion shown first, or ``"side by side"``.
         """
-        description = self.scene.description
-        about = {**description.to_dict(), "copies": self.scene.copies, "opens": opens}
-        animation, samples = self.scene.animation, description.samples
-        parts = {
-            "TITLE": html.escape(description.title),
-            "LICENCES": _licences(),
-            "VIEWER": (_MESHCAT / "dist" / "main.min.js").read_text(encoding="utf-8"),
-            "SCENE": _packed(self.scene.objects),
-            "TRACKS": _packed([] if animation is None else [animation]),
-            "SAMPLES": _packed([] if samples is None else _floats(samples)),
-            "ABOUT": json.dumps(about, allow_nan=False).replace("<", "\\u003c"),
-            "PLAYER": (_HERE / "player.js").read_text(encoding="utf-8"),
+        parts = self.parts(opens)
+        texts = {
+            "TITLE": html.escape(self.scene.description.title),
+            "LICENCES": licences(),
+            "VIEWER": VIEWER.read_text(encoding="utf-8"),
+            **{key.upper(): parts[key] for key in ("scene", "tracks", "samples")},
+            "ABOUT": json.dumps(parts["about"], allow_nan=False).replace("<", "\\u003c"),
+            "PLAYER": PLAYER.read_text(encoding="utf-8"),
         }
         page = (_HERE / "page.html").read_text(encoding="utf-8")
-        return re.sub("@([A-Z]+)@", lambda match: parts[match[1]], page)
+        return re.sub("@([A-Z]+)@", lambda match: texts[match[1]], page)
+
+    def parts(self, opens: str | None = None) -> dict[str, Any]:
+        """Return what ``player.js`` plays: the description ``about``, and packed commands.
+
+        Args:
+            opens: As for :meth:`html`.
+        """
+        description, animation = self.scene.description, self.scene.animation
+        samples = description.samples
+        return {
+            "about": {**description.to_dict(), "copies": self.scene.copies, "opens": opens},
+            "scene": _packed(self.scene.objects),
+            "tracks": _packed([] if animation is None else [animation]),
+            "samples": _packed([] if samples is None else _floats(samples)),
+        }
 
     def save(self, path: str | Path, opens: str | None = None) -> Path:
         """Write the page to a file, which needs no network, and return its path.
@@ -168,7 +181,7 @@ def _floats(samples: Samples) -> list[bytes]:
     return [np.ascontiguousarray(array, dtype="<f4").tobytes() for array in arrays]
 
 
-def _licences() -> str:
+def licences() -> str:
     """Licences of MeshCat and of the code in it, as the text of a comment."""
     names = ("LICENSE", "dist/main.min.js.LICENSE.txt")
     texts = [(_MESHCAT / name).read_text(encoding="utf-8") for name in names]

@@ -233,12 +233,13 @@ function verdictColour(feasible) { return feasible ? "#9be3a0" : "#ffb27a"; }
 
 function lineColour(line) { return typeof line === "string" ? INK : verdictColour(line.feasible); }
 
-// Unit of the measure with superscripts; empty without a unit.
-function unit() {
-  if (about.scale.unit === "1") return "";
-  return about.scale.unit.replace(/\^(-?\d+)/g, (_, power) =>
+// A unit with superscripts; empty without a unit.
+function printed(unit) {
+  return unit === "1" ? "" : unit.replace(/\^(-?\d+)/g, (_, power) =>
     [...power].map(digit => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(digit)]).join(""));
 }
+
+function unit() { return printed(about.scale.unit); }
 
 // The samples of a map: the pointer shows one, a click keeps it.
 class SamplePicker {
@@ -365,15 +366,21 @@ function feasible(value) { return value > 0 && value >= about.scale.margin * (1 
 // The panels around the 3D view.
 class Panels {
   constructor(player, picker) {
-    this.player = player;
     this.picker = picker;
-    this.makeItems();
     this.makeBar();
+    this.show(player);
+  }
+
+  // Fills the panels for the scene of a player.
+  show(player) {
+    this.player = player;
+    this.makeItems();
+    this.makeChoices();
     this.makeLegend();
-    this.labels = [];
   }
 
   makeItems() {
+    element("items").replaceChildren(element("items").firstElementChild); // its summary
     for (const { name } of about.items) {
       const box = document.createElement("input"), label = document.createElement("label");
       box.type = "checkbox";
@@ -385,26 +392,33 @@ class Panels {
   }
 
   makeBar() {
-    const { player } = this, motions = element("motion"), still = about.duration === 0;
+    for (const speed of SPEEDS) element("speed").add(new Option(`${speed}×`, speed));
+    element("play").addEventListener("click", () => this.playOrPause());
+    element("time").addEventListener("input", event => {
+      this.player.pause();
+      this.player.seek(+event.target.value);
+    });
+    element("speed").addEventListener("change", event => { this.player.speed = +event.target.value; });
+    element("motion").addEventListener("change", event => this.player.show(event.target.value));
+    element("view").addEventListener("click", () => this.player.look());
+    element("picture").addEventListener("click", () => savePicture(this.player));
+    document.addEventListener("keydown", event => this.key(event));
+  }
+
+  makeChoices() {
+    const motions = element("motion"), still = about.duration === 0;
     for (const id of ["play", "time", "clock", "speed"]) element(id).hidden = still;
     element("time").max = about.duration;
-    for (const speed of SPEEDS) element("speed").add(new Option(`${speed}×`, speed));
     const titles = about.scenes.map(scene => scene.title);
     if (about.sequence) titles.unshift(ALL_PHASES);
     else if (titles.length > 1 && !still) titles.push(SIDE_BY_SIDE);
-    for (const title of titles) motions.add(new Option(title, title));
+    motions.replaceChildren(...titles.map(title => new Option(title, title)));
     motions.hidden = titles.length < 2;
-    element("play").addEventListener("click", () => this.playOrPause());
-    element("time").addEventListener("input", event => { player.pause(); player.seek(+event.target.value); });
-    element("speed").addEventListener("change", event => { player.speed = +event.target.value; });
-    motions.addEventListener("change", event => player.show(event.target.value));
-    element("view").addEventListener("click", () => player.look());
-    element("picture").addEventListener("click", () => savePicture(player));
-    document.addEventListener("keydown", event => this.key(event));
   }
 
   makeLegend() {
     const { entries, stops, below, margin, largest } = about.scale, legend = element("legend");
+    legend.replaceChildren();
     if (entries) {
       legend.append(...entries.map(([text, colour]) => this.colourKey(text, colour)));
       return;
@@ -502,25 +516,34 @@ function savePicture(player) {
   link.click();
 }
 
-async function begin() {
-  const viewer = new MeshCat.Viewer(element("meshcat-pane"), false), tree = viewer.scene_tree;
-  const run = async id => {
-    const packed = element(id).textContent;
-    for (const command of packed ? commands(await unpacked(packed)) : []) viewer.handle_command_bytearray(command);
-  };
-  const pane = element("meshcat-pane");
+// The viewer of a page, without a scene.
+function makeViewer() {
+  const pane = element("meshcat-pane"), viewer = new MeshCat.Viewer(pane, false);
   viewer.fit = viewer.set_3d_pane_size; // its default is the window's size
   viewer.set_3d_pane_size = () => viewer.fit(pane.clientWidth, pane.clientHeight);
-  await run("scene");
+  return viewer;
+}
+
+// Runs the commands of the scene that about describes; returns its player.
+async function loadScene(viewer, scene, tracks) {
+  const run = async packed => {
+    for (const command of packed ? commands(await unpacked(packed)) : []) viewer.handle_command_bytearray(command);
+  };
+  await run(scene);
   for (const [source, target] of about.copies) {
-    const [original, copy] = [source, target].map(path => tree.find([...path.split("/"), "<object>"]));
+    const [original, copy] = [source, target].map(path => viewer.scene_tree.find([...path.split("/"), "<object>"]));
     copy.set_object(original.object.clone());
   }
-  await run("tracks"); // tracks need existing objects
+  await run(tracks); // tracks need existing objects
   const { animator } = viewer;
   animator.play(); // required before the first seek
   animator.pause();
-  const player = new Player(viewer);
+  return new Player(viewer);
+}
+
+async function begin() {
+  const viewer = makeViewer(), pane = element("meshcat-pane");
+  const player = await loadScene(viewer, element("scene").textContent, element("tracks").textContent);
   const picker = about.samples && await SamplePicker.of(player, element("samples").textContent);
   const panels = new Panels(player, picker);
   const frame = now => {
@@ -576,8 +599,3 @@ function api(player, panels) {
     picture: () => picture(player),
   };
 }
-
-begin().catch(error => {
-  window.freefloatError = String(error);
-  element("states").textContent = `The scene cannot be shown: ${error}. It needs WebGL.`;
-});

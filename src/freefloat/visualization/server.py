@@ -10,12 +10,14 @@ from collections.abc import Callable
 from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any
+from typing import Any, TypeVar
 
 from freefloat.errors import InputError
 
-_HOST = "127.0.0.1"
+HOST = "127.0.0.1"
+"""The only address that pages are served on."""
 _PORTS_TRIED = 20
+_Bound = TypeVar("_Bound")
 
 
 def serve(html: str, port: int, ready: Callable[[str], object]) -> None:
@@ -31,11 +33,11 @@ def serve(html: str, port: int, ready: Callable[[str], object]) -> None:
     Raises:
         InputError: If no port is free.
     """
-    with _bound(port) as server:
+    with first_free(port, lambda free: _Server((HOST, free), _Handler)) as server:
         server.page = html.encode()
         terminate = signal.signal(signal.SIGTERM, signal.default_int_handler)
         try:
-            ready(f"http://{_HOST}:{server.server_port}/")
+            ready(f"http://{HOST}:{server.server_port}/")
             server.serve_forever()
         except KeyboardInterrupt:
             pass
@@ -57,8 +59,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Send the page."""
-        hosts = [f"{name}:{self.server.server_port}" for name in (_HOST, "localhost")]
-        if self.headers.get("Host", "").lower() not in hosts:
+        if self.headers.get("Host", "").lower() not in local_hosts(self.server.server_port):
             self.send_error(HTTPStatus.FORBIDDEN)
         elif self.path != "/":
             self.send_error(HTTPStatus.NOT_FOUND)
@@ -73,11 +74,25 @@ class _Handler(BaseHTTPRequestHandler):
         """Log no requests."""
 
 
-def _bound(port: int) -> _Server:
+def local_hosts(port: int) -> tuple[str, str]:
+    """The Host headers of requests to this machine: others come from a page of another host."""
+    return f"{HOST}:{port}", f"localhost:{port}"
+
+
+def first_free(port: int, bind: Callable[[int], _Bound]) -> _Bound:
+    """Bind a port, or the next free one if it is in use; zero for any free port.
+
+    Args:
+        port: The port.
+        bind: Binds a port; raises OSError if it is in use.
+
+    Raises:
+        InputError: If no port is free.
+    """
     last = port if port == 0 else min(port + _PORTS_TRIED, 65536) - 1
     for candidate in range(port, last + 1):
         with suppress(OSError):
-            return _Server((_HOST, candidate), _Handler)
+            return bind(candidate)
     raise InputError("port", f"no free port from {port} to {last}", "another port, or 0 for any")
 
 

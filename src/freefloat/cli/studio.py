@@ -1,0 +1,63 @@
+"""``freefloat studio``: edit a scenario in a browser and see its feasible attitudes at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from freefloat.cli.console import Console
+from freefloat.cli.options import Json, Quiet, make_folder, scenario_names
+
+_Scenario = Annotated[
+    str,
+    typer.Argument(metavar="[SCENARIO]", help="A file or a bundled name, which the page opens.",
+                   autocompletion=scenario_names),
+]  # fmt: skip
+_Port = Annotated[
+    int,
+    typer.Option(min=0, max=65535, metavar="P",
+                 help="Port of the page; if it is in use, the next free one."),
+]  # fmt: skip
+_NoBrowser = Annotated[
+    bool, typer.Option("--no-browser", help="Open no browser; implied by --json.")
+]
+_Folder = Annotated[
+    Path, typer.Option("--output", "-o", metavar="DIR", help="Folder in which plans are saved.")
+]
+
+
+def studio(
+    scenario: _Scenario = "spatial_6dof/line",
+    port: _Port = 7008,
+    no_browser: _NoBrowser = False,
+    output: _Folder = Path(),
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Edit a scenario in a browser and see at once from which attitudes it is feasible.
+
+    Drag the path, set the orientation, momentum, duration and margin; choose an attitude to play
+    its motion, and save the plan. The page is served to this machine alone, at an address that
+    nobody can guess. Exit code 0, also after Ctrl-C.
+
+    Example: freefloat studio
+
+    Example: freefloat studio planar_3dof/parabola -o plans
+    """
+    from freefloat.io.scenario import load_scenario
+    from freefloat.studio.server import serve_studio
+    from freefloat.visualization.server import open_browser
+
+    load_scenario(scenario)  # its errors belong on the terminal
+    make_folder("output", output)
+    console = Console(as_json, quiet)
+
+    def ready(address: str) -> None:
+        console.json({"address": address})
+        console.tables([f"{address}  (for this machine alone; Ctrl-C ends)"])
+        if not (no_browser or as_json):
+            open_browser(address)
+
+    serve_studio(scenario, output, port, ready)

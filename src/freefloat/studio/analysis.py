@@ -1,0 +1,177 @@
+"""What is known about one scenario: its problem, maps of its attitudes, the motion shown."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from freefloat.concurrency import Progress
+from freefloat.dynamics.joint_space import largest_magnitude
+from freefloat.io.results import save
+from freefloat.io.scenario import Scenario, parse_scenario
+from freefloat.limits.check import check_limits
+from freefloat.motion.problem import Problem
+from freefloat.motion.reach import reach_message
+from freefloat.planning.attitude_map import AttitudeMap
+from freefloat.planning.heading_map import HeadingMap, evaluator_for, sample_headings
+from freefloat.planning.mapping import sample_attitudes
+from freefloat.planning.objective import Objective
+from freefloat.planning.planner import plan
+from freefloat.planning.simulation import SimulatedBranch
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array
+from freefloat.studio.attitudes import ball, dial
+from freefloat.studio.messages import Answer, State
+from freefloat.studio.motions import best_motion, limits_answer, motion_answer, playback_of
+from freefloat.studio.outline import outline
+from freefloat.visualization.playback import Playback
+
+_ATTITUDES, _HEADINGS = (128, 1024, 8192), (120, 360)
+"""Sizes of the maps of a scenario, one after another."""
+_KNOWN = 8
+"""Robots that are kept."""
+
+Attitude = tuple[float, ...] | None
+
+
+class Robots:
+    """Models of robots, and the largest magnitudes of measures, which edits do not change."""
+
+    def __init__(self) -> None:
+        self._models: dict[str, FreeFloatingModel] = {}
+        self._largest: dict[tuple[str, ...], float] = {}
+
+    def problem(self, scenario: Scenario) -> tuple[Scenario, Problem, float]:
+        """A scenario with its robot, its problem, and the largest magnitude of its measure."""
+        content = scenario.content
+        robot = f"{content.robot.model_dump_json()} {scenario.source}"
+        if robot not in self._models:
+            self._models = dict([*self._models.items()][1 - _KNOWN :])
+            self._models[robot] = scenario.model()
+        scenario = replace(scenario, robot=self._models[robot])
+        key = robot, str(content.task), content.margin.measure
+        fraction = content.margin.fraction
+        if fraction is None or key not in self._largest:
+            problem = scenario.problem()
+            if key not in self._largest:
+                measure = problem.margin.measure
+                known = problem.margin.threshold / fraction if fraction else None
+                self._largest[key] = known or largest_magnitude(problem.model, measure)
+            return scenario, problem, self._largest[key]
+        largest = self._largest[key]
+        margin = content.margin.model_copy(update={"value": fraction * largest, "fraction": None})
+        stated = replace(scenario, content=content.model_copy(update={"margin": margin}))
+        return scenario, stated.problem(), largest
+
+
+class Analysis:
+    """Answers about one scenario.
+
+    Attributes:
+        level: Number of maps that were made.
+        limits_wanted: Whether the limits of the motion shown were not checked yet.
+    """
+
+    def __init__(self, state: State, robots: Robots) -> None:
+        """Read the scenario.
+
+        Raises:
+            InputError: If it is invalid.
+        """
+        self.level, self.limits_wanted = 0, False
+        self._text, self._source = state.text, state.source
+        scenario = parse_scenario(state.text, state.source)
+        self._scenario, problem, self._largest = robots.problem(scenario)
+        self._search, self._limits = self._scenario.search(), self._scenario.limits()
+        self._problem = self._search.applied_to(problem)
+        self._evaluator = evaluator_for(self._problem, limits=self._limits)
+        self._map: AttitudeMap | HeadingMap | None = None
+        self._motion: SimulatedBranch | None = None
+        self._playback: Playback | None = None
+        self._shown: Attitude = ()
+
+    def poses(self, state: State) -> bool:
+        """Whether a state has the same scenario."""
+        return (state.text, state.source) == (self._text, self._source)
+
+    @property
+    def levels(self) -> tuple[int, ...]:
+        """Sizes of its maps."""
+        return _HEADINGS if self._problem.task.planar else _ATTITUDES
+
+    def outline(self) -> Answer:
+        """The path, its handles and the values of the sliders."""
+        return Answer("outline", outline(self._scenario, self._problem, self._largest))
+
+    def next_map(self, progress: Progress) -> Answer:
+        """The next, finer map; with the last one of a planar task the exact ranges.
+
+        Args:
+            progress: Called during the computation; may raise an exception to abandon it.
+        """
+        samples, last = self.levels[self.level], self.level + 1 == len(self.levels)
+        if self._problem.task.planar:
+            headings = sample_headings(self._evaluator, samples, self._search, progress)
+            ranges = plan(self._problem, self._search).ranges if last else None
+            self._map, (content, reasons) = headings, dial(headings, ranges)
+        else:
+            attitudes = sample_attitudes(self._evaluator, samples, self._search, progress)
+            self._map, (content, reasons) = attitudes, ball(attitudes)
+        self.level += 1
+        remark = reach_message(self._problem)
+        return Answer("attitudes", {**content, "remark": remark, "finest": last}, reasons)
+
+    def motion_wanted(self, attitude: Attitude) -> bool:
+        """Whether another motion than the one shown is wanted."""
+        return self._shown != attitude
+
+    def motion(self, attitude: Attitude) -> Answer:
+        """The motion from an attitude; from the best of the map without one."""
+        self._shown, self.limits_wanted = attitude, False
+        chosen = self._best() if attitude is None else np.array(attitude)
+        self._motion = best_motion(self._evaluator, chosen)
+        if self._motion is None:
+            self._playback = None
+            outcome = "no arm configuration reaches the start of the path from this attitude"
+            return Answer("motion", {"outcome": outcome, "attitude": chosen.tolist()})
+        self._playback = playback_of(self._motion, self._limits)
+        self.limits_wanted = True
+        return Answer("motion", motion_answer(self._motion, self._playback))
+
+    def _best(self) -> Array:
+        """The attitude of the largest margin in the map."""
+        if self._map is None:
+            return np.array([0.0, 0.0, 0.0, 1.0])
+        best: Array = self._map.attitudes[int(np.argmax(self._map.margins.max(axis=1)))]
+        return best
+
+    def limits(self) -> Answer:
+        """The limits along the motion shown."""
+        self.limits_wanted = False
+        results = () if self._motion is None else check_limits(self._motion.motion, self._limits)
+        return Answer("limits", {"results": limits_answer(results)})
+
+    def save(self, file: Path, attitude: Attitude) -> Answer:
+        """Plan from the attitude, or from the nearest feasible one, and save the plan.
+
+        Without an attitude the objective of the scenario decides.
+        """
+        search, problem = self._search, self._scenario.problem()
+        if attitude is not None:
+            search = replace(
+                search, objective=Objective.NEAREST, from_attitude=np.array(attitude),
+                within=None, spare=0.0,
+            )  # fmt: skip
+        result = plan(problem, search, self._limits)
+        if not result.feasible:
+            return Answer("saved", {"refused": f"not saved: {result.reason}"})
+        save(result, file, self._scenario)
+        return Answer("saved", {"file": str(file), "reason": result.reason})
+
+    def page(self) -> Answer:
+        """The page that plays the motion shown."""
+        if self._playback is None:
+            return Answer("page", {"refused": "there is no motion"})
+        return Answer("page", {"html": self._playback.html()})

@@ -1,0 +1,131 @@
+"""The set of initial attitudes for the page: places, colours, and why each sample fails."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.ensemble.feasibility import BranchResults
+from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
+from freefloat.motion.problem import Problem
+from freefloat.planning.attitude_map import AttitudeMap
+from freefloat.planning.heading_arcs import BranchRanges
+from freefloat.planning.heading_map import HeadingMap
+from freefloat.so3 import Array, IntArray
+from freefloat.visualization.description import MarginColours
+from freefloat.visualization.slices import rotation_vectors
+
+_GREY = (0.45, 0.50, 0.60)
+"""Colour of attitudes at which the start of the path is not reached."""
+_RANK = {UNREACHED: 0, FAILED: 1, SINGULAR: 2, LIMITED: 3, COMPLETED: 4}
+"""Order of endings, the best last."""
+
+
+def best_columns(results: BranchResults) -> IntArray:
+    """The arm branch, of each attitude, whose motion gets farthest, shape (N,).
+
+    Completed motions are compared by their smallest margin, others by the time of their end.
+    """
+    motions = results.motions
+    ranks = np.select([motions.endings == code for code in _RANK], [*_RANK.values()])
+    values = np.where(motions.endings >= COMPLETED, motions.ended_at, 0.0)
+    values = np.where(motions.endings == COMPLETED, motions.minimum, values)
+    bounded = values / (1.0 + np.abs(values))
+    return np.asarray(np.argmax(ranks + bounded, axis=1))
+
+
+def packed(values: npt.ArrayLike, kind: str) -> str:
+    """Numbers as the page unpacks them: base64 of the bytes of a NumPy type."""
+    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode()
+
+
+def ball(result: AttitudeMap) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """The samples over SO(3) as rotation vectors, by their best arm branch, and the reasons."""
+    columns = best_columns(result.results)
+    vectors = rotation_vectors(result.attitudes)
+    content = {
+        "kind": "ball",
+        "points": packed(vectors, "<f4"),
+        "extent_deg": float(np.degrees(np.linalg.norm(vectors, axis=1).max())),
+        **_colours(result.problem, result.results, columns, _scale(result)),
+        "text": f"{result.feasible_percentage} of {result.samples:,} attitudes are feasible",
+        "samples": result.samples,
+    }
+    return content, tuple(_reasons(result.problem, result.results, columns))
+
+
+def dial(
+    result: HeadingMap, ranges: Sequence[BranchRanges] | None
+) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Headings of every arm branch with their colours, and exact ranges where they are known."""
+    branches, reasons = [], list[str]()
+    labels = result.branch_labels()
+    known = {entry.branch: entry.degrees for entry in ranges or ()}
+    shared = known.get(0, []) if result.problem.redundant else []
+    for column, branch in enumerate(result.branches):
+        columns = np.full(result.samples, column)
+        branches.append({
+            "label": labels[branch],
+            "ranges": known.get(branch, shared) if ranges is not None else None,
+            **_colours(result.problem, result.results, columns, _scale(result)),
+        })  # fmt: skip
+        reasons += _reasons(result.problem, result.results, columns)
+    content = {
+        "kind": "dial",
+        "headings": np.degrees(result.headings).round(6).tolist(),
+        "branches": branches,
+        "text": f"{100.0 * result.feasible_fraction:.3g} % of the headings are feasible",
+        "samples": result.samples * len(branches),
+    }
+    return content, tuple(reasons)
+
+
+def _scale(result: AttitudeMap | HeadingMap) -> MarginColours:
+    return MarginColours.over(result.problem.margin, [result.margins.ravel()])
+
+
+def _colours(
+    problem: Problem, results: BranchResults, columns: IntArray, scale: MarginColours
+) -> dict[str, Any]:
+    """Colours (N, 3), bytes, and states: 0 start not reached, 1 infeasible, 2 feasible."""
+    rows = np.arange(len(columns))
+    margins: Array = results.margins[rows, columns]
+    reached = results.exist[rows, columns]
+    feasible = problem.margin.keeps(margins)
+    shades = scale(np.where(feasible, margins, -1.0))
+    shades[~reached] = _GREY
+    return {
+        "colours": packed(np.rint(255.0 * shades), "u1"),
+        "states": packed(np.where(feasible, 2, reached), "u1"),
+    }
+
+
+def _reasons(problem: Problem, results: BranchResults, columns: IntArray) -> Iterator[str]:
+    """A sentence on the motion of each attitude from an arm branch."""
+    rows = np.arange(len(columns))
+    motions, name, required = results.motions, problem.margin.measure.name, problem.margin.threshold
+    values = [
+        getattr(motions, field)[rows, columns].tolist()
+        for field in ("endings", "ended_at", "minimum", "minimum_at")
+    ]
+    for ending, ended_at, minimum, minimum_at in zip(*values, strict=True):
+        match ending:
+            case 0 if problem.margin.keeps(minimum):
+                yield f"feasible: |{name}| stays at {minimum:.4g} or above"
+            case 0:
+                yield (
+                    f"|{name}| falls to {minimum:.4g} at t = {minimum_at:.4g} s, "
+                    f"below the margin {required:.4g}"
+                )
+            case 1:
+                yield f"becomes singular at t = {ended_at:.4g} s"
+            case 4:
+                yield "violates a limit of pointing or of the spacecraft's turn"
+            case -1:
+                yield "no arm configuration reaches the start of the path"
+            case _:
+                yield f"the motion could not be integrated beyond t = {ended_at:.4g} s"

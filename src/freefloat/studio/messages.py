@@ -1,0 +1,157 @@
+"""Messages of the page, which the server accepts only in these forms, and of the worker."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+
+from freefloat.errors import InputError
+from freefloat.io.field_types import NotNegative, Number, Positive, RollPitchYaw, Section, Vector
+
+
+class _Message(Section):
+    model_config = ConfigDict(strict=True)
+
+
+class Open(_Message):
+    """Show another scenario."""
+
+    type: Literal["open"]
+    scenario: Annotated[str, Field(max_length=200)]
+
+
+class _Edit(_Message):
+    """A change of the scenario.
+
+    Edits of one gesture, such as the drag of a handle, are undone together.
+    """
+
+    gesture: Annotated[str, Field(max_length=40)]
+    done: bool
+
+
+class MoveHandle(_Edit):
+    """Move a handle of the path to a position [m], inertial axes."""
+
+    type: Literal["handle"]
+    handle: Annotated[int, Field(ge=0, lt=1000)]
+    position: Vector
+
+
+class TurnEnd(_Edit):
+    """Set the orientation at the end of the path: roll, pitch, yaw [rad]."""
+
+    type: Literal["orientation"]
+    value: RollPitchYaw
+
+
+class SetMomentum(_Edit):
+    """Set the angular momentum [N m s]."""
+
+    type: Literal["momentum"]
+    value: Vector
+
+
+class SetDuration(_Edit):
+    """Set the duration [s]."""
+
+    type: Literal["duration"]
+    value: Positive
+
+
+class SetMargin(_Edit):
+    """Set the margin, or its fraction where the scenario states that."""
+
+    type: Literal["margin"]
+    value: NotNegative
+
+
+class Choose(_Message):
+    """Choose the initial attitude: a point of the ball or of the dial; the best one without."""
+
+    type: Literal["choose"]
+    rotation_vector: Vector | None = None
+    heading_deg: Number | None = None
+
+
+class Explain(_Message):
+    """Ask why a sample of the attitudes shown is feasible or not."""
+
+    type: Literal["explain"]
+    samples: Annotated[int, Field(ge=0)]
+    sample: Annotated[int, Field(ge=0)]
+
+
+class Step(_Message):
+    """Undo or redo an edit, or save the plan."""
+
+    type: Literal["undo", "redo", "save"]
+
+
+Edit = MoveHandle | TurnEnd | SetMomentum | SetDuration | SetMargin
+Message = Annotated[Edit | Open | Choose | Explain | Step, Field(discriminator="type")]
+_MESSAGE: TypeAdapter[Any] = TypeAdapter(Message)
+
+
+def parse_message(text: str | bytes) -> Edit | Open | Choose | Explain | Step:
+    """The message in a JSON text.
+
+    Raises:
+        InputError: If it is no such message.
+    """
+    try:
+        return _MESSAGE.validate_json(text)  # type: ignore[no-any-return]
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        key = ".".join(map(str, first["loc"])) or "message"
+        raise InputError(key, first["msg"], "a message of the studio's page") from None
+
+
+@dataclass(frozen=True)
+class State:
+    """What the worker is to show.
+
+    Attributes:
+        text: The scenario.
+        source: Its file, to which its paths are relative.
+        attitude: Chosen initial attitude x, y, z, w; None for the best one.
+        dragging: Whether an edit is under way: motions wait until it is done.
+    """
+
+    text: str
+    source: Path
+    attitude: tuple[float, ...] | None = None
+    dragging: bool = False
+
+
+@dataclass(frozen=True)
+class Task:
+    """One thing that the worker is to do.
+
+    Attributes:
+        kind: ``save`` the plan, or build the ``page`` of the motion.
+        file: The file to save to.
+    """
+
+    kind: Literal["save", "page"]
+    file: Path | None = None
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Part of the worker's answer to a state, or to a task.
+
+    Attributes:
+        kind: ``outline``, ``attitudes``, ``motion``, ``limits``, ``problem``, ``saved``, ``page``
+            or ``idle``.
+        content: What browsers are sent, JSON.
+        reasons: Of ``attitudes``: a sentence on each sample, which the server keeps.
+    """
+
+    kind: str
+    content: Mapping[str, Any] = field(default_factory=dict)
+    reasons: tuple[str, ...] = ()

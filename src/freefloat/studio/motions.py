@@ -1,0 +1,68 @@
+"""The motion from one attitude for the page: its scene, its outcome and its limits."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.limits.limits import LimitResult, Limits
+from freefloat.planning.simulation import SimulatedBranch, integrate_branch
+from freefloat.so3 import Array, heading_of
+from freefloat.studio.attitudes import best_columns
+from freefloat.visualization.playback import Playback
+from freefloat.visualization.scene import motion_scene
+from freefloat.visualization.slices import rotation_vectors
+
+_TITLE = "motion"
+_UNITS = {
+    "joint_range": "rad or m", "joint_rate": "rad/s or m/s", "base_rate": "rad/s",
+    "joint_torque": "N m or N", "clearance": "m", "pointing": "rad", "base_turn": "rad",
+    "corridor": "rad or m",
+}  # fmt: skip
+
+
+def best_motion(evaluator: FeasibilityEvaluator, attitude: Array) -> SimulatedBranch | None:
+    """The precise motion of the arm branch that gets farthest; None without any at the start."""
+    results = evaluator.evaluate(attitude[None])
+    if not results.exist.any():
+        return None
+    branch = int(best_columns(results)[0])
+    return integrate_branch(evaluator.problem, attitude, branch)
+
+
+def playback_of(simulated: SimulatedBranch, limits: Limits) -> Playback:
+    """The playback of a motion with its cones."""
+    return Playback(motion_scene({_TITLE: simulated.motion}, pointing=limits.pointing))
+
+
+def motion_answer(simulated: SimulatedBranch, playback: Playback) -> dict[str, Any]:
+    """The motion as the page plays it, and its outcome."""
+    motion, approach = simulated.motion, simulated.closest_approach
+    attitude = motion.initial.attitude
+    planar = motion.problem.task.planar
+    return {
+        **playback.parts(),
+        "attitude": attitude.tolist(),
+        "rotation_vector": rotation_vectors(attitude).tolist(),
+        "heading_deg": round(float(np.degrees(heading_of(attitude))), 4) if planar else None,
+        "title": simulated.title,
+        "feasible": simulated.feasible,
+        "outcome": motion.ending.value,
+        "approach": {"value": approach.value, "time": approach.time},
+    }
+
+
+def limits_answer(results: tuple[LimitResult, ...]) -> list[dict[str, Any]]:
+    """Limits along the motion, a line each."""
+    return [
+        {
+            "limit": str(result.limit).replace("_", " "),
+            "kept": result.kept,
+            "time": result.time,
+            "text": f"{result.worst:.4g} of {result.allowed:.4g} {_UNITS[result.limit]}, "
+            f"{result.where}, t = {result.time:.4g} s",
+        }
+        for result in results
+    ]

@@ -1,0 +1,110 @@
+"""Outline of a scenario for the page: the path, its handles, and the values of the sliders."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from freefloat.io.path_section import frame_of
+from freefloat.io.scenario import Scenario
+from freefloat.motion.problem import Problem
+from freefloat.paths.curves import SplineCurve
+from freefloat.paths.scene_body import SceneBody
+from freefloat.so3 import Array, Pose
+from freefloat.visualization.overlays import thickness
+
+_DRAWN = 121
+"""Points of the path that are drawn."""
+_HANDLES = 5
+"""Handles of other paths than lines and a few waypoints."""
+_FEW = range(2, 25)
+"""Numbers of waypoints that have a handle each."""
+
+
+def outline(scenario: Scenario, problem: Problem, largest: float) -> dict[str, Any]:
+    """The outline of a scenario.
+
+    Args:
+        scenario: The scenario.
+        problem: The problem that it poses.
+        largest: Largest magnitude of the measure over the joint space.
+    """
+    content = scenario.content
+    frame = frame_of(content.path.frame, problem.model, scenario.search(), problem.scene)
+    margin = problem.margin
+    fraction = content.margin.fraction
+    return {
+        "planar": problem.task.planar,
+        "size": thickness(problem),
+        "path": _positions(problem, np.linspace(0.0, 1.0, _DRAWN)).round(6).tolist(),
+        **_handles(scenario, problem, frame),
+        **_orientation(scenario, problem, frame),
+        "momentum": problem.momentum.tolist(),
+        "duration": problem.path.duration,
+        "margin": {
+            "measure": margin.measure.name,
+            "unit": margin.measure.unit,
+            "threshold": margin.threshold,
+            "value": margin.threshold if fraction is None else fraction,
+            "largest": largest if fraction is None else 1.0,
+            "is_fraction": fraction is not None,
+        },
+    }
+
+
+def _positions(problem: Problem, parameters: Array) -> Array:
+    """Points of the path from the centre of mass, inertial axes [m]."""
+    return np.array([problem.path.pose_at(float(s)).position for s in parameters])
+
+
+def _handles(scenario: Scenario, problem: Problem, frame: Pose | SceneBody | None) -> Any:
+    """Handles, in inertial axes, and the same points in the frame of the path's section.
+
+    A handle is the drawn point; where the centre of mass drifts, it differs from the path's.
+    """
+    if isinstance(frame, SceneBody):  # the path moves with a tumbling body
+        return {"frame": None, "handles": [], "points": []}
+    frame = frame or Pose(np.zeros(3), np.eye(3))
+    section, curve = scenario.content.path, problem.path.path.curve
+    names = ["start", *map(str, range(1, _HANDLES - 1)), "end"]
+    parameters = np.linspace(0.0, 1.0, _HANDLES)
+    if section.line is not None:
+        names, parameters = ["start", "end"], np.array([0.0, 1.0])
+    elif isinstance(curve, SplineCurve) and len(section.waypoints or ()) in _FEW:
+        parameters = curve.knots
+        names = ["start", *map(str, range(1, len(parameters) - 1)), "end"]
+    drawn = _positions(problem, parameters)
+    points = np.array([curve(float(s)) for s in parameters])
+    handles = [
+        {"name": name, "position": place.round(6).tolist(), "shift": (place - point).tolist()}
+        for name, place, point in zip(names, drawn, points, strict=True)
+    ]
+    law = section.attitude
+    if law is not None and law.point_at is not None:
+        target = frame.position + frame.rotation @ np.array(law.point_at.target)
+        place = target.round(6).tolist()
+        handles.append({"name": "target", "position": place, "shift": [0.0, 0.0, 0.0]})
+    local = (points - frame.position) @ frame.rotation
+    return {
+        "frame": {"position": frame.position.tolist(), "rotation": frame.rotation.tolist()},
+        "handles": handles,
+        "points": local.round(6).tolist(),
+    }
+
+
+def _orientation(scenario: Scenario, problem: Problem, frame: Pose | SceneBody | None) -> Any:
+    """Roll, pitch, yaw [rad] at the end and the quaternion at the start, in the path's frame."""
+    if isinstance(frame, SceneBody) or not problem.task.prescribes_orientation:
+        return {"rpy": None, "start_quaternion": None}
+    rotation = np.eye(3) if frame is None else frame.rotation
+    start, end = (
+        Rotation.from_matrix(rotation.T @ problem.path.path.orientation.rotation(s))
+        for s in (0.0, 1.0)
+    )
+    law = scenario.content.path.attitude
+    rpy = end.as_euler("xyz").round(6).tolist()
+    if law is not None and law.slerp is not None and law.slerp.end.rpy is not None:
+        rpy = list(law.slerp.end.rpy)  # as it was set: other angles may state the same
+    return {"rpy": rpy, "start_quaternion": start.as_quat().round(9).tolist()}

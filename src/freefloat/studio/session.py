@@ -1,0 +1,253 @@
+"""The state of the studio: the scenario, its history and the newest answers, for all browsers."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from scipy.spatial.transform import Rotation
+
+from freefloat.errors import InputError
+from freefloat.io.yaml import parse_yaml, read_text
+from freefloat.robot.names import bundled_scenarios, find_scenario
+from freefloat.so3 import heading_quaternion
+from freefloat.studio.edits import edited, slider_ends
+from freefloat.studio.messages import (
+    Answer,
+    Choose,
+    Edit,
+    Explain,
+    Open,
+    State,
+    Step,
+    Task,
+    parse_message,
+)
+from freefloat.studio.process import WorkerProcess
+
+_MOST_STEPS = 1000
+"""Edits that can be undone."""
+
+_MOMENTARY = ("error", "saved")
+"""Types of messages that a browser which connects later does not need."""
+
+Send = Callable[[dict[str, Any]], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Document:
+    """A scenario with edits.
+
+    Attributes:
+        name: What it was opened as.
+        source: Its file.
+        text: Its text, with the comments of the file while it is not edited.
+        content: The data of the text.
+        ends: Ends of the sliders.
+    """
+
+    name: str
+    source: Path
+    text: str = field(repr=False)
+    content: dict[str, Any] = field(repr=False)
+    ends: dict[str, list[float]] = field(repr=False)
+
+    @classmethod
+    def opened(cls, name: str) -> Document:
+        """Open a file or a bundled scenario; raises InputError."""
+        source = find_scenario(name)
+        text = read_text(source)
+        content = parse_yaml(text, source)
+        try:
+            return cls(name, source, text, content, slider_ends(content))
+        except (KeyError, TypeError, ValueError):
+            problem = "it has no timing.duration, or its momentum is no vector"
+            raise InputError("scenario", problem, "a scenario", str(source)) from None
+
+    def with_content(self, content: dict[str, Any]) -> Document:
+        """The document with other content."""
+        text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
+        return Document(self.name, self.source, text, content, self.ends)
+
+
+class Session:
+    """What all browsers look at; they send messages and receive what changed.
+
+    Attributes:
+        newest: The newest message of each type, for a browser that connects.
+    """
+
+    def __init__(self, scenario: str, folder: Path, broadcast: Send) -> None:
+        """Open a scenario; needs a running event loop.
+
+        Args:
+            scenario: A file or a bundled name.
+            folder: Where plans are saved.
+            broadcast: Sends a message to all browsers.
+
+        Raises:
+            InputError: If it is no scenario.
+        """
+        self._folder, self._broadcast = folder, broadcast
+        self._history, self._place = [Document.opened(scenario)], 0
+        self._own = None if scenario in bundled_scenarios() else scenario
+        self._gesture, self._dragging = "", False
+        self._attitude: tuple[float, ...] | None = None
+        self._outline: dict[str, Any] | None = None
+        self._reasons: tuple[str, ...] = ()
+        self._sets, self._lost_twice = 0, False
+        self._pages: list[asyncio.Future[str | None]] = []
+        self.newest: dict[str, dict[str, Any]] = {}
+        self.worker = WorkerProcess(self._answered, self._lost)
+        self._changed()
+
+    @property
+    def _document(self) -> Document:
+        return self._history[self._place]
+
+    def receive(self, text: str | bytes, reply: Send) -> None:
+        """Handle a message of a browser; what is wrong with it is replied."""
+        try:
+            self._handle(parse_message(text), reply)
+        except InputError as error:
+            reply({"type": "error", "text": str(error)})
+
+    async def page(self) -> str | None:
+        """The page that plays the motion shown; None where there is none."""
+        future: asyncio.Future[str | None] = asyncio.get_running_loop().create_future()
+        self._pages.append(future)
+        self.worker.send(Task("page"))
+        return await future
+
+    def _handle(self, message: Edit | Open | Choose | Explain | Step, reply: Send) -> None:
+        match message:
+            case Open(scenario=name):
+                if name != self._own and name not in bundled_scenarios():
+                    raise InputError("scenario", f"{name!r} was given", "a name from the list")
+                self._attitude = None
+                self._add(Document.opened(name))
+            case Choose():
+                self._attitude = _attitude(message)
+                self._changed()
+            case Explain(samples=number, sample=sample):
+                if number == self._sets and sample < len(self._reasons):
+                    reply({"type": "reason", "sample": sample, "text": self._reasons[sample]})
+            case Step(type="save"):
+                self.worker.send(Task("save", self._free_name()))
+            case Step(type=kind):
+                self._step(-1 if kind == "undo" else 1)
+            case _:
+                self._edit(message)
+
+    def _edit(self, edit: Edit) -> None:
+        """Apply an edit; those of one gesture are one step of the history."""
+        content = edited(self._document.content, edit, self._outline)
+        if content == self._document.content:
+            self._dragging = not edit.done
+            self._changed()
+            return
+        if edit.gesture == self._gesture and self._place > 0:
+            del self._history[self._place :]
+            self._place -= 1
+        self._gesture, self._dragging = edit.gesture, not edit.done
+        self._add(self._document.with_content(content), outline=self._outline)
+
+    def _add(self, document: Document, outline: dict[str, Any] | None = None) -> None:
+        self._history = [*self._history[: self._place + 1], document][-_MOST_STEPS:]
+        self._place = len(self._history) - 1
+        self._outline = outline
+        if outline is None:
+            self._gesture, self._dragging = "", False
+        self._changed()
+
+    def _step(self, steps: int) -> None:
+        """Undo or redo."""
+        place = self._place + steps
+        if 0 <= place < len(self._history):
+            self._place, self._outline = place, None
+            self._gesture, self._dragging = "", False
+            self._changed()
+
+    def _changed(self) -> None:
+        """Send the state to the worker and to the browsers."""
+        document = self._document
+        self._lost_twice = False
+        self.worker.send(State(document.text, document.source, self._attitude, self._dragging))
+        self._tell({
+            "type": "state",
+            "scenario": document.name,
+            "scenarios": [*([self._own] if self._own else []), *bundled_scenarios()],
+            "text": document.text,
+            "ends": document.ends,
+            "attitude": self._attitude,
+            "undo": self._place > 0,
+            "redo": self._place + 1 < len(self._history),
+        })  # fmt: skip
+        self._tell({"type": "status", "busy": True})
+
+    def _answered(self, answer: Answer) -> None:
+        """Keep an answer of the worker and pass it on."""
+        content = dict(answer.content)
+        match answer.kind:
+            case "idle":
+                self._lost_twice = False
+                self._tell({"type": "status", "busy": False})
+                return
+            case "page":
+                self._deliver(content.get("html"))
+                return
+            case "outline":
+                self._outline = content
+                self.newest.pop("problem", None)
+            case "attitudes":
+                self._sets, self._reasons = self._sets + 1, answer.reasons
+                content["number"] = self._sets
+            case "motion":
+                self.newest.pop("limits", None)
+        self._tell({"type": answer.kind, **content})
+
+    def _deliver(self, html: str | None) -> None:
+        """Give the page to those who wait for it."""
+        waiting, self._pages = self._pages, []
+        for future in waiting:
+            if not future.done():
+                future.set_result(html)
+
+    def _lost(self) -> None:
+        """The worker died: send the state again, unless it dies of it."""
+        self._deliver(None)
+        text = "the planning process ended and was started again"
+        self._tell({"type": "error", "text": text})
+        if not self._lost_twice:
+            self._changed()
+        self._lost_twice = True
+
+    def _tell(self, message: dict[str, Any]) -> None:
+        if message["type"] not in _MOMENTARY:
+            self.newest[message["type"]] = message
+        self._broadcast(message)
+
+    def _free_name(self) -> Path:
+        """A file that does not exist yet."""
+        stem = self._document.name.removesuffix(".yaml").replace("\\", "/").rsplit("/", 1)[-1]
+        file, number = self._folder / f"{stem}.h5", 1
+        while file.exists():
+            number += 1
+            file = self._folder / f"{stem}-{number}.h5"
+        return file
+
+
+def _attitude(message: Choose) -> tuple[float, ...] | None:
+    """The quaternion of a point of the ball or of the dial."""
+    if message.rotation_vector is not None:
+        quaternion = Rotation.from_rotvec(message.rotation_vector).as_quat()
+    elif message.heading_deg is not None:
+        quaternion = heading_quaternion(np.radians(message.heading_deg))
+    else:
+        return None
+    return tuple(quaternion.tolist())

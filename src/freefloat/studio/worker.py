@@ -1,0 +1,112 @@
+"""The process that plans for the studio: it works on the newest state that it was sent."""
+
+from __future__ import annotations
+
+import signal
+from collections import deque
+from multiprocessing.connection import Connection
+from typing import TYPE_CHECKING
+
+from freefloat.errors import FreeFloatError
+from freefloat.studio.messages import Answer, State, Task
+
+if TYPE_CHECKING:  # the server, which starts the process, needs no planner
+    from freefloat.studio.analysis import Analysis
+
+_WHILE_DRAGGING = 2
+"""Most maps that are made while an edit is under way; the finest one never is."""
+
+
+def work(connection: Connection) -> None:
+    """Answer states and tasks until the server closes the connection."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the server, which ends this
+    worker = _Worker(connection)
+    try:
+        while True:
+            worker.step()
+    except (EOFError, OSError):
+        pass
+
+
+class _Superseded(Exception):
+    """A newer message has arrived."""
+
+
+class _Worker:
+    def __init__(self, connection: Connection) -> None:
+        from freefloat.studio.analysis import Robots
+
+        self._connection = connection
+        self._robots = Robots()
+        self._state: State | None = None
+        self._analysis: Analysis | None = None
+        self._tasks: deque[Task] = deque()
+
+    def step(self) -> None:
+        """Take the messages that have arrived, waiting where nothing is to be done; do one thing.
+
+        Of several states only the newest counts.
+        """
+        busy = self._one_thing()
+        if not busy and self._state is not None:
+            self._connection.send(Answer("idle"))
+        while self._connection.poll(0.0 if busy else None):
+            message = self._connection.recv()
+            if isinstance(message, Task):
+                self._tasks.append(message)
+            else:
+                self._state = message
+            busy = True
+
+    def _one_thing(self) -> bool:
+        """Do the most urgent part of the work; return whether there was any."""
+        try:
+            answer = self._answer()
+        except _Superseded:
+            return True
+        except FreeFloatError as error:
+            self._connection.send(Answer("problem", {"text": str(error)}))
+            self._analysis, self._state = None, None  # until the next edit
+            return True
+        if answer is not None:
+            self._connection.send(answer)
+        return answer is not None
+
+    def _answer(self) -> Answer | None:
+        from freefloat.studio.analysis import Analysis
+
+        state, analysis = self._state, self._analysis
+        if state is None:
+            return self._done(self._tasks.popleft()) if self._tasks else None
+        if analysis is None or not analysis.poses(state):
+            self._analysis = Analysis(state, self._robots)
+            return self._analysis.outline()
+        finest = len(analysis.levels)
+        if analysis.level < min(_WHILE_DRAGGING, finest - 1):
+            return analysis.next_map(self._progress)
+        if state.dragging:
+            return None
+        if analysis.motion_wanted(state.attitude):
+            return analysis.motion(state.attitude)
+        if analysis.limits_wanted:
+            return analysis.limits()
+        if self._tasks:
+            return self._done(self._tasks.popleft())
+        return analysis.next_map(self._progress) if analysis.level < finest else None
+
+    def _done(self, task: Task) -> Answer:
+        """Do a task."""
+        kind = "saved" if task.kind == "save" else "page"
+        if self._analysis is None or self._state is None:
+            return Answer(kind, {"refused": "the scenario has an error"})
+        if task.file is None:
+            return self._analysis.page()
+        try:
+            return self._analysis.save(task.file, self._state.attitude)
+        except FreeFloatError as error:
+            return Answer(kind, {"refused": str(error)})
+
+    def _progress(self, _: float) -> None:
+        """Abandon a map for a newer message."""
+        if self._connection.poll():
+            raise _Superseded

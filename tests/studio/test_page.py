@@ -1,0 +1,192 @@
+"""The studio in a browser: drag, choose, play, undo, save; what survives a reload and a crash."""
+
+from __future__ import annotations
+
+import re
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+import yaml
+from playwright.sync_api import Browser, Page
+
+import freefloat as ff
+from freefloat.planning.plan import Plan
+from tests.commands import run
+from tests.studio.conftest import Studio
+
+DRAGS = 20
+NEXT_SET = """() => {
+  const place = () => String(studio.handles.buttons[1].position);
+  const before = place(), start = performance.now();
+  let number = Infinity;
+  window.next = new Promise(resolve => {
+    const poll = () => {
+      const arrived = String(studio.outline.handles[1].position) === place() && place() !== before;
+      if (arrived && number === Infinity) number = studio.set.number;
+      if (studio.set.number > number) resolve(performance.now() - start); else setTimeout(poll, 1);
+    };
+    poll();
+  });
+}"""
+"""Starts a clock; it stops at a set of attitudes of the path with the handle that is dragged."""
+
+
+@pytest.fixture(scope="module")
+def spatial_studio(kernels: None, start_studio: Callable[[str], Studio]) -> Studio:
+    return start_studio("spatial_6dof/line")
+
+
+@pytest.fixture(scope="module")
+def planar_studio(kernels: None, start_studio: Callable[[str], Studio]) -> Studio:
+    return start_studio("planar_3dof/parabola")
+
+
+@contextmanager
+def opened(browser: Browser, studio: Studio, width: int = 800) -> Iterator[Page]:
+    """The page of a studio, ready, which must log no error."""
+    context = browser.new_context(viewport={"width": width, "height": 600})
+    page, errors = context.new_page(), list[str]()
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.on("console", lambda m: m.type == "error" and errors.append(m.text))
+    try:
+        page.goto(studio.address)
+        wait(page, "Boolean(studio.player)")
+        yield page
+        assert errors == []
+    finally:
+        context.close()
+
+
+def wait(page: Page, expression: str, seconds: float = 9.0) -> None:
+    """Wait until an expression is true in the page."""
+    end = time.monotonic() + seconds
+    while not page.evaluate(expression):
+        assert time.monotonic() < end, expression
+        page.wait_for_timeout(20)
+
+
+def content(page: Page) -> dict[str, Any]:
+    """The scenario that the page shows."""
+    return dict(yaml.safe_load(page.evaluate("studio.state.text")))
+
+
+def centre(page: Page, selector: str) -> tuple[float, float]:
+    box = page.locator(selector).bounding_box()
+    assert box is not None
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+@pytest.mark.slow
+def test_the_ball_changes_within_a_second_of_a_drag(
+    browser: Browser, spatial_studio: Studio
+) -> None:
+    with opened(browser, spatial_studio) as page:
+        before = content(page)
+        colours = page.evaluate("studio.set.colours")
+        x, y = centre(page, ".handle >> nth=1")
+        page.mouse.move(x, y)
+        page.mouse.down()
+        delays = []
+        for step in range(1, DRAGS + 1):
+            page.evaluate(NEXT_SET)
+            page.mouse.move(x - 4.0 * step, y + 2.0 * step)
+            delays.append(page.evaluate("window.next") / 1000.0)
+            assert page.evaluate("studio.set.colours") != colours
+            colours = page.evaluate("studio.set.colours")
+        page.mouse.up()
+        assert statistics.median(delays) < 1.0
+        place = page.evaluate("studio.handles.buttons[1].position")
+        wait(page, f"String(studio.outline.handles[1].position) === String({place})")
+        end = content(page)["path"]["line"]["to"]
+        assert end == pytest.approx(place, abs=1e-6)
+        assert end != before["path"]["line"]["to"]
+        page.keyboard.press("Control+z")  # all moves of a drag are one step
+        wait(page, "document.getElementById('undo').disabled")
+        assert content(page) == before
+
+
+@pytest.mark.slow
+def test_an_attitude_is_chosen_played_and_saved(browser: Browser, spatial_studio: Studio) -> None:
+    with opened(browser, spatial_studio) as page:
+        before = page.evaluate("studio.newest.attitude")
+        x, y = centre(page, "#ball")
+        while not page.locator("#reason").inner_text().startswith("feasible"):
+            x += 2.0
+            page.mouse.move(x, y)
+            page.wait_for_timeout(50)
+        page.mouse.click(x, y)
+        wait(page, "studio.player && studio.player.playing && studio.player.time > 0")
+        chosen = page.evaluate("studio.newest.attitude")
+        assert chosen != before
+        page.keyboard.press("Space")
+        assert not page.evaluate("studio.player.playing")
+        page.locator("#save").click()
+        page.get_by_text(re.compile("^Saved ")).wait_for()
+        (file,) = spatial_studio.folder.glob("*.h5")
+        plan = ff.load(file)
+        assert isinstance(plan, Plan)
+        assert plan.chosen is not None
+        attitude = plan.chosen.motion.initial.attitude
+        assert abs(attitude @ chosen) == pytest.approx(1.0, abs=1e-9)
+        assert run("check", file).exit_code == 0
+
+
+@pytest.mark.slow
+def test_a_reload_and_a_killed_worker_lose_nothing(
+    browser: Browser, spatial_studio: Studio
+) -> None:
+    with opened(browser, spatial_studio) as page:
+        page.locator("input[name='h x']").fill("0.9")
+        wait(page, "studio.outline.momentum[0] === 0.9")
+        number = page.evaluate("studio.set.number")
+        spatial_studio.worker().kill()
+        page.get_by_text("was started again").wait_for()
+        wait(page, f"studio.set.number > {number}")
+        assert content(page)["momentum"] == [0.9, 0.3, 0.1]
+        page.reload()
+        wait(page, "Boolean(studio.player)")
+        assert content(page)["momentum"] == [0.9, 0.3, 0.1]
+        page.locator("#undo").click()
+        wait(page, "studio.outline.momentum[0] === 0.5")
+        page.locator("#redo").click()
+        wait(page, "studio.outline.momentum[0] === 0.9")
+
+
+@pytest.mark.slow
+def test_a_planar_scenario_has_a_dial(browser: Browser, planar_studio: Studio) -> None:
+    with opened(browser, planar_studio) as page:
+        problem = ff.load_scenario("planar_3dof/parabola").problem()
+        degrees = [low for entry in ff.plan(problem).ranges for low, _ in entry.degrees]
+        wait(page, "studio.set.finest")
+        shown = page.evaluate("studio.set.branches.flatMap(b => b.ranges.map(range => range[0]))")
+        assert shown == pytest.approx(degrees, abs=1e-6)
+        x, y = centre(page, "#dial")
+        page.mouse.click(x - 60.0, y)
+        wait(page, "Math.abs(studio.newest.heading_deg - 180) < 2 && Boolean(studio.player)")
+        with page.context.expect_page() as other:
+            page.locator("#page").click()
+        wait(other.value, "Boolean(window.freefloat)")
+
+
+@pytest.mark.slow
+def test_a_handle_of_a_polynomial_makes_it_a_spline(
+    browser: Browser, planar_studio: Studio
+) -> None:
+    with opened(browser, planar_studio) as page:
+        parabola = ff.load_scenario("planar_3dof/parabola").problem().path.path.curve
+        x, y = centre(page, ".handle >> nth=2")
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + 20.0, y)
+        page.mouse.up()
+        wait(page, "studio.state.text.includes('waypoints')")
+        points = content(page)["path"]["waypoints"]
+        assert points[1] == pytest.approx(parabola(0.25), abs=1e-5)
+        assert points[2][0] > parabola(0.5)[0] + 0.05
+        assert points[2][1:] == pytest.approx(parabola(0.5)[1:], abs=1e-2)
+        page.locator("#copy").click()
+        page.get_by_text("was copied").wait_for()

@@ -1,0 +1,193 @@
+"""Who is admitted to the studio, and what is accepted."""
+
+from __future__ import annotations
+
+import asyncio
+import http.client
+import json
+import socket
+from collections.abc import AsyncIterator, Callable, Coroutine
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager
+from typing import Any
+
+import pytest
+from tornado.httpclient import HTTPClientError, HTTPRequest
+from tornado.websocket import WebSocketClientConnection, websocket_connect
+
+from tests.studio.conftest import Studio
+
+EDIT = {"gesture": "1", "done": True}
+MALFORMED = [
+    "", "no JSON", "[]", "{}", '{"type": "shutdown"}', '{"type": "undo", "more": 1}',
+    '{"type": "open"}', '{"type": "open", "scenario": 3}', "\x00", "{" * 3000,
+    json.dumps({"type": "duration", "value": -1.0, **EDIT}),
+    json.dumps({"type": "duration", "value": "100", **EDIT}),
+    '{"type": "duration", "value": NaN, "gesture": "1", "done": true}',
+    '{"type": "margin", "value": 1e400, "gesture": "1", "done": true}',
+    json.dumps({"type": "handle", "handle": 0, "position": [0.0, 1e30, 0.0], **EDIT}),
+    json.dumps({"type": "handle", "handle": 99, "position": [0.0, 0.0, 0.0], **EDIT}),
+    json.dumps({"type": "handle", "handle": -1, "position": [0.0, 0.0, 0.0], **EDIT}),
+    json.dumps({"type": "open", "scenario": "/etc/passwd"}),
+    json.dumps({"type": "open", "scenario": "../../secret.yaml"}),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def studio(start_studio: Callable[[str], Studio]) -> Studio:
+    return start_studio("planar_2dof/line")
+
+
+def status(studio: Studio, path: str, **headers: str) -> int:
+    """The status of a request; ``Host`` replaces the right one."""
+    connection = http.client.HTTPConnection("127.0.0.1", studio.port, timeout=5)
+    connection.request("GET", path, headers=headers)
+    response = connection.getresponse()
+    response.read()
+    connection.close()
+    return response.status
+
+
+def in_a_loop(coroutine: Coroutine[Any, Any, Any]) -> Any:
+    """Run a coroutine in a thread: browsers of other tests have a loop in this one."""
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(asyncio.run, coroutine).result()
+
+
+@asynccontextmanager
+async def connected(studio: Studio, **headers: str) -> AsyncIterator[WebSocketClientConnection]:
+    url = f"ws://127.0.0.1:{studio.port}/{studio.token}/socket"
+    connection = await websocket_connect(HTTPRequest(url, headers=headers))
+    try:
+        yield connection
+    finally:
+        ended = connection.protocol.client_terminated
+        connection.close()
+        if not ended:
+            await closed(connection)
+
+
+async def closed(connection: WebSocketClientConnection) -> None:
+    """Wait until a connection is closed."""
+    while await asyncio.wait_for(connection.read_message(), 8) is not None:
+        pass
+
+
+async def answer(connection: WebSocketClientConnection, kind: str) -> dict[str, Any]:
+    """The next message of a type."""
+    while True:
+        text = await asyncio.wait_for(connection.read_message(), 8)
+        assert text is not None, "the connection was closed"
+        message = json.loads(text)
+        if message["type"] == kind:
+            return dict(message)
+
+
+def test_the_page_and_its_files_need_the_token(studio: Studio) -> None:
+    token = f"/{studio.token}/"
+    assert status(studio, token) == 200
+    for file in ("viewer.js", "player.js", "studio.js", "handles.js", "attitudes.js", "studio.css"):
+        assert status(studio, token + file) == 200
+    assert status(studio, f"{token}server.py") == 404
+    assert status(studio, f"{token}..%2fserver.py") == 404
+    wrong = ("/", "/studio.js", f"/{studio.token[:-1]}/", f"/{studio.token}x/", "/é/", "//", "/x/y")
+    for path in (*wrong, f"/{'0' * len(studio.token)}/socket"):
+        assert status(studio, path.replace("é", "%C3%A9")) == 403
+
+
+@pytest.mark.parametrize("host", ["evil.example", "127.0.0.1", "127.0.0.1:1", "localhost", ""])
+def test_other_hosts_are_refused(studio: Studio, host: str) -> None:
+    assert status(studio, f"/{studio.token}/", Host=host) == 403
+    assert status(studio, f"/{studio.token}/", Host=f"localhost:{studio.port}") == 200
+
+
+def test_pages_of_other_origins_cannot_connect(studio: Studio) -> None:
+    async def attempt(**headers: str) -> int:
+        try:
+            async with connected(studio, **headers):
+                return 101
+        except HTTPClientError as error:
+            return error.code
+
+    own = f"http://127.0.0.1:{studio.port}"
+    assert in_a_loop(attempt(Origin=own)) == 101
+    for origin in ("http://evil.example", "null", f"https://127.0.0.1:{studio.port}"):
+        assert in_a_loop(attempt(Origin=origin)) == 403
+    assert in_a_loop(attempt(Host="evil.example")) == 403
+
+
+@pytest.mark.slow
+def test_malformed_messages_are_refused_and_the_session_goes_on(studio: Studio) -> None:
+    async def talk() -> None:
+        async with connected(studio) as connection:
+            before = await answer(connection, "state")
+            await answer(connection, "outline")
+            for text in MALFORMED:
+                await connection.write_message(text)
+                assert (await answer(connection, "error"))["text"]
+            edit = {"type": "duration", "value": 31.0, **EDIT}
+            await connection.write_message(json.dumps(edit))
+            assert "duration: 31" in (await answer(connection, "state"))["text"]
+            await connection.write_message(json.dumps({"type": "undo"}))
+            assert (await answer(connection, "state"))["text"] == before["text"]
+
+    in_a_loop(talk())
+
+
+def test_a_message_that_is_too_long_closes_its_connection_alone(studio: Studio) -> None:
+    async def talk() -> None:
+        async with connected(studio) as connection, connected(studio) as other:
+            await connection.write_message("x" * 100_000)
+            await closed(connection)
+            assert (await answer(other, "state"))["scenario"] == "planar_2dof/line"
+
+    in_a_loop(talk())
+
+
+@pytest.mark.slow
+def test_two_hundred_slow_connections_do_not_stop_it(studio: Studio) -> None:
+    """Half send nothing, half a part of a request."""
+    slow = [socket.create_connection(("127.0.0.1", studio.port)) for _ in range(200)]
+    try:
+        for connection in slow[::2]:
+            connection.sendall(f"GET /{studio.token}/ HTTP/1.1\r\nHost: ".encode())
+        assert status(studio, f"/{studio.token}/") == 200
+
+        async def talk() -> None:
+            async with connected(studio) as connection:
+                assert await answer(connection, "state")
+
+        in_a_loop(talk())
+    finally:
+        for connection in slow:
+            connection.close()
+
+
+@pytest.mark.slow
+def test_two_browsers_see_the_same(studio: Studio) -> None:
+    async def talk() -> None:
+        async with connected(studio) as first, connected(studio) as second:
+            for connection in (first, second):
+                await answer(connection, "outline")
+            edit = {"type": "momentum", "value": [0.0, 0.0, 0.25], **EDIT}
+            await first.write_message(json.dumps(edit))
+            for connection in (first, second):
+                while (await answer(connection, "outline"))["momentum"] != [0.0, 0.0, 0.25]:
+                    pass
+                assert (await answer(connection, "attitudes"))["kind"] == "dial"
+            await second.write_message(json.dumps({"type": "undo"}))
+            while (await answer(first, "outline"))["momentum"] != [0.0, 0.0, 0.0]:
+                pass
+
+    in_a_loop(talk())
+
+
+@pytest.mark.slow
+def test_it_ends_with_exit_code_zero_and_its_worker_with_it(
+    start_studio: Callable[[str], Studio],
+) -> None:
+    studio = start_studio("planar_2dof/line")
+    worker = studio.worker()
+    assert studio.stop() == 0
+    worker.wait(5)
+    assert not worker.is_running()
