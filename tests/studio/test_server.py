@@ -86,7 +86,7 @@ async def answer(connection: WebSocketClientConnection, kind: str) -> dict[str, 
 def test_the_page_and_its_files_need_the_token(studio: Studio) -> None:
     token = f"/{studio.token}/"
     assert status(studio, token) == 200
-    for file in ("viewer.js", "player.js", "studio.js", "handles.js", "attitudes.js", "studio.css"):
+    for file in ("viewer.js", "player.js", "studio.js", "controls.js", "studio.css"):
         assert status(studio, token + file) == 200
     assert status(studio, f"{token}server.py") == 404
     assert status(studio, f"{token}..%2fserver.py") == 404

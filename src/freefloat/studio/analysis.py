@@ -24,7 +24,7 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 from freefloat.studio.attitudes import ball, dial
 from freefloat.studio.messages import Answer, State
-from freefloat.studio.motions import best_motion, limits_answer, motion_answer, playback_of
+from freefloat.studio.motions import best_motion, limits_answer, motion_answer, place, playback_of
 from freefloat.studio.outline import outline
 from freefloat.visualization.playback import Playback
 
@@ -90,7 +90,7 @@ class Analysis:
         self._map: AttitudeMap | HeadingMap | None = None
         self._motion: SimulatedBranch | None = None
         self._playback: Playback | None = None
-        self._shown: Attitude = ()
+        self._shown: tuple[Attitude, int] | None = None
 
     def poses(self, state: State) -> bool:
         """Whether a state has the same scenario."""
@@ -123,22 +123,26 @@ class Analysis:
         remark = reach_message(self._problem)
         return Answer("attitudes", {**content, "remark": remark, "finest": last}, reasons)
 
-    def motion_wanted(self, attitude: Attitude) -> bool:
-        """Whether another motion than the one shown is wanted."""
-        return self._shown != attitude
+    def motion_wanted(self, state: State) -> bool:
+        """Whether a state has another attitude than that of the motion shown."""
+        return self._shown != (state.attitude, state.choice)
 
-    def motion(self, attitude: Attitude) -> Answer:
-        """The motion from an attitude; from the best of the map without one."""
-        self._shown, self.limits_wanted = attitude, False
-        chosen = self._best() if attitude is None else np.array(attitude)
+    def motion(self, state: State) -> Answer:
+        """The motion from the attitude of a state; from the best of the map without one."""
+        self._shown, self.limits_wanted = (state.attitude, state.choice), False
+        chosen = self._best() if state.attitude is None else np.array(state.attitude)
         self._motion = best_motion(self._evaluator, chosen)
         if self._motion is None:
             self._playback = None
-            outcome = "no arm configuration reaches the start of the path from this attitude"
-            return Answer("motion", {"outcome": outcome, "attitude": chosen.tolist()})
-        self._playback = playback_of(self._motion, self._limits)
-        self.limits_wanted = True
-        return Answer("motion", motion_answer(self._motion, self._playback))
+            content = {
+                "outcome": "no arm configuration reaches the start of the path from this attitude",
+                **place(self._problem, chosen),
+            }
+        else:
+            self._playback = playback_of(self._motion, self._limits)
+            self.limits_wanted = True
+            content = motion_answer(self._motion, self._playback)
+        return Answer("motion", {**content, "choice": state.choice})
 
     def _best(self) -> Array:
         """The attitude of the largest margin in the map."""
@@ -156,7 +160,8 @@ class Analysis:
     def save(self, file: Path, attitude: Attitude) -> Answer:
         """Plan from the attitude, or from the nearest feasible one, and save the plan.
 
-        Without an attitude the objective of the scenario decides.
+        Without an attitude the objective of the scenario decides. Phases that follow the path are
+        left out.
         """
         search, problem = self._search, self._scenario.problem()
         if attitude is not None:
@@ -167,7 +172,7 @@ class Analysis:
         result = plan(problem, search, self._limits)
         if not result.feasible:
             return Answer("saved", {"refused": f"not saved: {result.reason}"})
-        save(result, file, self._scenario)
+        save(result, file, None if self._scenario.has_phases else self._scenario)
         return Answer("saved", {"file": str(file), "reason": result.reason})
 
     def page(self) -> Answer:

@@ -36,6 +36,7 @@ class Ball {
     const { buffer } = bytes(set.points);
     const states = bytes(set.states), most = 2 * states.filter(state => state === 2).length > states.length;
     this.set = { points: new Float32Array(buffer), colours: cssColours(set.colours), states, most, degrees: Math.round(set.extent_deg) };
+    this.under = -1;
     this.draw();
   }
 
@@ -165,7 +166,7 @@ class Dial {
   }
 
   show(set) {
-    this.set = set;
+    Object.assign(this, { set, under: -1 });
     this.draw();
   }
 

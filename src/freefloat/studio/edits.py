@@ -54,13 +54,6 @@ def edited(content: Content, edit: Edit, outline: Mapping[str, Any] | None) -> d
     return {**content, "path": _with_handle(content["path"], edit, outline)}
 
 
-def slider_ends(content: Content) -> dict[str, list[float]]:
-    """Ends of the sliders of a scenario that was opened: momentum [N m s], duration [s]."""
-    momentum = max(1.0, 2.0 * float(np.abs(content.get("momentum", [0.0])).max()))
-    duration = float(content["timing"]["duration"])
-    return {"momentum": [-momentum, momentum], "duration": [0.2 * duration, 4.0 * duration]}
-
-
 def _with_duration(timing: Content, duration: float) -> dict[str, Any]:
     """The timing with another duration; rests and speeds keep their places on the path."""
     factor = duration / timing["duration"]

@@ -119,12 +119,14 @@ class State:
         text: The scenario.
         source: Its file, to which its paths are relative.
         attitude: Chosen initial attitude x, y, z, w; None for the best one.
+        choice: Number of the choice of the attitude.
         dragging: Whether an edit is under way: motions wait until it is done.
     """
 
     text: str
     source: Path
     attitude: tuple[float, ...] | None = None
+    choice: int = 0
     dragging: bool = False
 
 

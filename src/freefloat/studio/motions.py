@@ -8,6 +8,7 @@ import numpy as np
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.limits import LimitResult, Limits
+from freefloat.motion.problem import Problem
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch
 from freefloat.so3 import Array, heading_of
 from freefloat.studio.attitudes import best_columns
@@ -39,18 +40,22 @@ def playback_of(simulated: SimulatedBranch, limits: Limits) -> Playback:
 
 def motion_answer(simulated: SimulatedBranch, playback: Playback) -> dict[str, Any]:
     """The motion as the page plays it, and its outcome."""
-    motion, approach = simulated.motion, simulated.closest_approach
-    attitude = motion.initial.attitude
-    planar = motion.problem.task.planar
+    motion = simulated.motion
     return {
         **playback.parts(),
+        **place(motion.problem, motion.initial.attitude),
+        "title": simulated.title,
+        "outcome": motion.ending.value,
+    }
+
+
+def place(problem: Problem, attitude: Array) -> dict[str, Any]:
+    """An attitude as a quaternion, and where the ball and the dial show it."""
+    heading = float(np.degrees(heading_of(attitude))) if problem.task.planar else None
+    return {
         "attitude": attitude.tolist(),
         "rotation_vector": rotation_vectors(attitude).tolist(),
-        "heading_deg": round(float(np.degrees(heading_of(attitude))), 4) if planar else None,
-        "title": simulated.title,
-        "feasible": simulated.feasible,
-        "outcome": motion.ending.value,
-        "approach": {"value": approach.value, "time": approach.time},
+        "heading_deg": heading,
     }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -104,7 +105,9 @@ def _orientation(scenario: Scenario, problem: Problem, frame: Pose | SceneBody |
         for s in (0.0, 1.0)
     )
     law = scenario.content.path.attitude
-    rpy = end.as_euler("xyz").round(6).tolist()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # where the pitch is 90 degrees, any roll will do
+        rpy = end.as_euler("xyz").round(6).tolist()
     if law is not None and law.slerp is not None and law.slerp.end.rpy is not None:
         rpy = list(law.slerp.end.rpy)  # as it was set: other angles may state the same
     return {"rpy": rpy, "start_quaternion": start.as_quat().round(9).tolist()}

@@ -25,7 +25,7 @@ from freefloat.visualization.server import HOST, first_free, local_hosts
 _HERE = Path(__file__).parent
 _FILES = {
     "viewer.js": VIEWER, "player.js": PLAYER,
-    **{name: _HERE / name for name in ("studio.js", "handles.js", "attitudes.js", "studio.css")},
+    **{file.name: file for file in [*_HERE.glob("*.js"), *_HERE.glob("*.css")]},
 }  # fmt: skip
 _TYPES = {".js": "text/javascript", ".css": "text/css"}
 _HEADERS = {
@@ -176,6 +176,7 @@ class _Socket(WebSocketHandler):
 
     def on_close(self) -> None:
         self.studio.browsers.discard(self)
+        self.studio.session.release()
 
     def tell(self, message: dict[str, Any]) -> None:
         """Send a message; a slow browser receives only the newest one of each type."""

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError
-from freefloat.io.yaml import parse_yaml, read_text
-from freefloat.robot.names import bundled_scenarios, find_scenario
+from freefloat.robot.names import bundled_scenarios
 from freefloat.so3 import heading_quaternion
-from freefloat.studio.edits import edited, slider_ends
+from freefloat.studio.document import Document
+from freefloat.studio.edits import edited
 from freefloat.studio.messages import (
     Answer,
     Choose,
@@ -37,42 +35,6 @@ _MOMENTARY = ("error", "saved")
 """Types of messages that a browser which connects later does not need."""
 
 Send = Callable[[dict[str, Any]], None]
-
-
-@dataclass(frozen=True, eq=False)
-class Document:
-    """A scenario with edits.
-
-    Attributes:
-        name: What it was opened as.
-        source: Its file.
-        text: Its text, with the comments of the file while it is not edited.
-        content: The data of the text.
-        ends: Ends of the sliders.
-    """
-
-    name: str
-    source: Path
-    text: str = field(repr=False)
-    content: dict[str, Any] = field(repr=False)
-    ends: dict[str, list[float]] = field(repr=False)
-
-    @classmethod
-    def opened(cls, name: str) -> Document:
-        """Open a file or a bundled scenario; raises InputError."""
-        source = find_scenario(name)
-        text = read_text(source)
-        content = parse_yaml(text, source)
-        try:
-            return cls(name, source, text, content, slider_ends(content))
-        except (KeyError, TypeError, ValueError):
-            problem = "it has no timing.duration, or its momentum is no vector"
-            raise InputError("scenario", problem, "a scenario", str(source)) from None
-
-    def with_content(self, content: dict[str, Any]) -> Document:
-        """The document with other content."""
-        text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
-        return Document(self.name, self.source, text, content, self.ends)
 
 
 class Session:
@@ -98,6 +60,7 @@ class Session:
         self._own = None if scenario in bundled_scenarios() else scenario
         self._gesture, self._dragging = "", False
         self._attitude: tuple[float, ...] | None = None
+        self._choice = 0
         self._outline: dict[str, Any] | None = None
         self._reasons: tuple[str, ...] = ()
         self._sets, self._lost_twice = 0, False
@@ -117,6 +80,12 @@ class Session:
         except InputError as error:
             reply({"type": "error", "text": str(error)})
 
+    def release(self) -> None:
+        """End a gesture whose browser has gone."""
+        if self._dragging:
+            self._gesture, self._dragging = "", False
+            self._changed()
+
     async def page(self) -> str | None:
         """The page that plays the motion shown; None where there is none."""
         future: asyncio.Future[str | None] = asyncio.get_running_loop().create_future()
@@ -133,6 +102,7 @@ class Session:
                 self._add(Document.opened(name))
             case Choose():
                 self._attitude = _attitude(message)
+                self._choice += 1
                 self._changed()
             case Explain(samples=number, sample=sample):
                 if number == self._sets and sample < len(self._reasons):
@@ -177,14 +147,15 @@ class Session:
         """Send the state to the worker and to the browsers."""
         document = self._document
         self._lost_twice = False
-        self.worker.send(State(document.text, document.source, self._attitude, self._dragging))
+        chosen = self._attitude, self._choice
+        self.worker.send(State(document.text, document.source, *chosen, self._dragging))
         self._tell({
             "type": "state",
             "scenario": document.name,
             "scenarios": [*([self._own] if self._own else []), *bundled_scenarios()],
             "text": document.text,
             "ends": document.ends,
-            "attitude": self._attitude,
+            "choice": self._choice,
             "undo": self._place > 0,
             "redo": self._place + 1 < len(self._history),
         })  # fmt: skip

@@ -86,8 +86,8 @@ class _Worker:
             return analysis.next_map(self._progress)
         if state.dragging:
             return None
-        if analysis.motion_wanted(state.attitude):
-            return analysis.motion(state.attitude)
+        if analysis.motion_wanted(state):
+            return analysis.motion(state)
         if analysis.limits_wanted:
             return analysis.limits()
         if self._tasks:

@@ -1,0 +1,140 @@
+// Parts of the studio's page: the connection to the server, the sliders, the measure over time.
+
+const TAB = crypto.getRandomValues(new Uint32Array(1))[0].toString(36); // names this page in gestures
+const INTERVAL = 16; // between two edits of a gesture [ms]
+const RETRY = 1000; // before the page connects again [ms]
+const SLIDERS = [ // message, component, label, unit
+  ["momentum", 0, "h x", "N m s"], ["momentum", 1, "h y", "N m s"], ["momentum", 2, "h z", "N m s"],
+  ["duration", null, "duration", "s"], ["margin", null, "margin", ""],
+  ["orientation", 0, "end roll", "°"], ["orientation", 1, "end pitch", "°"], ["orientation", 2, "end yaw", "°"],
+];
+const IN_PLANE = ["h z", "duration", "margin", "end yaw"];
+
+class Connection {
+  constructor(receive, changed) {
+    Object.assign(this, { receive, changed, gesture: 0, waiting: null, timer: 0 });
+    this.open();
+  }
+
+  open() {
+    this.socket = new WebSocket(`${location.href.replace(/^http/, "ws").replace(/[?#].*/, "")}socket`);
+    this.socket.addEventListener("open", () => this.changed(true));
+    this.socket.addEventListener("message", event => this.receive(JSON.parse(event.data)));
+    this.socket.addEventListener("close", () => {
+      this.changed(false);
+      setTimeout(() => this.open(), RETRY);
+    });
+  }
+
+  send(message) {
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
+  }
+
+  // Sends the edits of a gesture, of those within an interval the last one only.
+  edit(message, done) {
+    this.waiting = { ...message, gesture: `${TAB}-${this.gesture}`, done };
+    if (done) {
+      this.gesture += 1;
+      this.flush();
+    } else {
+      this.timer ||= setTimeout(() => this.flush(), INTERVAL);
+    }
+  }
+
+  flush() {
+    clearTimeout(this.timer);
+    this.timer = 0;
+    if (this.waiting) this.send(this.waiting);
+    this.waiting = null;
+  }
+}
+
+class Sliders {
+  constructor(edit) {
+    this.edit = edit;
+    this.held = null;
+    this.rows = SLIDERS.map(([type, part, label, unit]) => {
+      const row = document.createElement("label"), input = document.createElement("input");
+      const output = document.createElement("output");
+      row.className = "slider";
+      Object.assign(input, { type: "range", step: "any", name: label });
+      row.append(label, input, output);
+      element("sliders").append(row);
+      const entry = { type, part, label, unit, row, input, output };
+      input.addEventListener("input", () => { this.held = input; this.send(entry, false); });
+      input.addEventListener("change", () => { this.send(entry, true); this.held = null; });
+      input.addEventListener("keydown", event => { if (!event.ctrlKey && !event.metaKey) event.stopPropagation(); });
+      return entry;
+    });
+  }
+
+  send(entry, done) {
+    const { type, part } = entry;
+    const values = this.rows.filter(row => row.type === type).map(row => this.value(row));
+    this.write(entry);
+    this.edit({ type, value: part === null ? values[0] : values }, done);
+  }
+
+  value({ type, input }) { return type === "orientation" ? +input.value * Math.PI / 180 : +input.value; }
+
+  write({ type, input, output, unit }) {
+    const { margin } = this.outline, number = shortened(+(+input.value).toPrecision(4));
+    const fraction = type === "margin" && margin.is_fraction;
+    output.textContent = fraction ? `${(100 * input.value).toFixed(1)} %` : `${number} ${type === "margin" ? printed(margin.unit) : unit}`;
+  }
+
+  show(outline, ends) {
+    this.outline = outline;
+    const { momentum, duration, margin, rpy, planar } = outline;
+    const degrees = rpy && rpy.map(angle => angle * 180 / Math.PI);
+    const values = { momentum, duration: [duration], margin: [margin.value], orientation: degrees };
+    const limits = { ...ends, margin: [0, margin.is_fraction ? 0.99 : margin.largest], orientation: [-180, 180] };
+    for (const entry of this.rows) {
+      const { type, part, label, row, input } = entry;
+      row.hidden = !values[type] || (planar && !IN_PLANE.includes(label));
+      if (row.hidden || input === this.held) continue;
+      const value = values[type][part || 0], [low, high] = limits[type];
+      Object.assign(input, { min: Math.min(low, value), max: Math.max(high, value), value });
+      this.write(entry);
+    }
+  }
+}
+
+// The measure over the time of the motion, with the margin, the limits and a cursor.
+class Strip {
+  constructor(canvas, seek) {
+    Object.assign(this, { canvas, limits: [] });
+    const point = event => {
+      if (about && event.buttons) seek((event.offsetX / canvas.clientWidth) * about.duration);
+    };
+    canvas.addEventListener("pointerdown", event => { canvas.setPointerCapture(event.pointerId); point(event); });
+    canvas.addEventListener("pointermove", point);
+  }
+
+  draw(time) {
+    const { canvas } = this, { clientWidth: width, clientHeight: height } = canvas, ratio = devicePixelRatio || 1;
+    [canvas.width, canvas.height] = [width * ratio, height * ratio];
+    const context = canvas.getContext("2d");
+    context.scale(ratio, ratio);
+    if (!about) return;
+    const { times, values } = about.scenes[0].trail, { margin, largest, measure } = about.scale;
+    const x = t => t / about.duration * width, y = value => height - 3 - (height - 8) * value / (1.05 * largest);
+    const line = (points, colour, dash = []) => {
+      context.strokeStyle = colour;
+      context.setLineDash(dash);
+      context.beginPath();
+      points.forEach(([a, b], i) => context[i ? "lineTo" : "moveTo"](a, b));
+      context.stroke();
+    };
+    context.fillStyle = "#0b101a";
+    context.fillRect(0, 0, width, height);
+    context.lineWidth = 1.5;
+    line(times.map((t, i) => [x(t), y(values[i])]), "#6ec1ff");
+    line([[0, y(margin)], [width, y(margin)]], "#d55e00", [5, 4]);
+    for (const { time: t, kept } of this.limits) line([[x(t), 0], [x(t), 9]], verdictColour(kept));
+    line([[x(time), 0], [x(time), height]], "#fff");
+    context.fillStyle = "#9fb0c8";
+    context.font = "12px system-ui, sans-serif";
+    context.fillText(`|${measure}|`, 6, height / 2);
+  }
+}
