@@ -172,6 +172,7 @@ class Analysis:
         result = plan(problem, search, self._limits)
         if not result.feasible:
             return Answer("saved", {"refused": f"not saved: {result.reason}"})
+        file = _free(file)
         save(result, file, None if self._scenario.has_phases else self._scenario)
         return Answer("saved", {"file": str(file), "reason": result.reason})
 
@@ -180,3 +181,12 @@ class Analysis:
         if self._playback is None:
             return Answer("page", {"refused": "there is no motion"})
         return Answer("page", {"html": self._playback.html()})
+
+
+def _free(file: Path) -> Path:
+    """The file, or if it exists one with the next number."""
+    name, number = file.stem, 1
+    while file.exists():
+        number += 1
+        file = file.with_name(f"{name}-{number}{file.suffix}")
+    return file

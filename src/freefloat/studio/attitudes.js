@@ -23,6 +23,7 @@ class Ball {
     canvas.addEventListener("pointerup", event => this.up(event));
     canvas.addEventListener("pointercancel", () => { this.down = null; });
     canvas.addEventListener("keydown", event => {
+      if (event.key === "Enter") this.chooseAt({ offsetX: canvas.clientWidth / 2, offsetY: canvas.clientHeight / 2 });
       const turns = { ArrowLeft: [-0.15, 0], ArrowRight: [0.15, 0], ArrowUp: [0, 0.15], ArrowDown: [0, -0.15] };
       if (!(event.key in turns)) return;
       this.turn(this.yaw + turns[event.key][0], this.pitch + turns[event.key][1]);
@@ -56,8 +57,11 @@ class Ball {
   up(event) {
     const clicked = this.down && !this.down.moved;
     this.down = null;
-    if (!clicked) return;
-    this.point(event);
+    if (clicked) this.chooseAt(event);
+  }
+
+  chooseAt(place) {
+    this.point(place);
     if (this.under >= 0) this.choose([...this.set.points.subarray(3 * this.under, 3 * this.under + 3)]);
   }
 
@@ -74,14 +78,14 @@ class Ball {
     };
   }
 
-  // Asks about the foremost sample below the pointer.
-  point(event) {
+  // Asks about the foremost sample at a place of the canvas.
+  point({ offsetX, offsetY }) {
     if (!this.set) return;
     const place = this.projection(), { points, states } = this.set;
     let best = -Infinity, found = -1;
     for (let i = 0; i < states.length; i++) {
       const [x, y, depth] = place(points[3 * i], points[3 * i + 1], points[3 * i + 2]);
-      const near = Math.hypot(x - event.offsetX, y - event.offsetY) < this.size(states[i]) / 2 + 3;
+      const near = Math.hypot(x - offsetX, y - offsetY) < this.size(states[i]) / 2 + 3;
       const rank = depth + (this.rare(states[i]) ? 10 : 0);
       if (near && rank > best) [best, found] = [rank, i];
     }
@@ -162,6 +166,13 @@ class Dial {
     svg.addEventListener("pointermove", event => this.point(event));
     svg.addEventListener("click", event => {
       if (this.set) this.choose(Math.round(10 * this.heading(event)) / 10);
+    });
+    svg.addEventListener("keydown", event => {
+      const steps = { ArrowLeft: 1, ArrowRight: -1 };
+      if (!(event.key in steps) || this.mark === null) return;
+      this.choose(Math.round(this.mark) + steps[event.key]);
+      event.preventDefault();
+      event.stopPropagation();
     });
   }
 

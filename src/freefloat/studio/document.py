@@ -44,6 +44,11 @@ class Document:
             problem = "it has no timing.duration, or its momentum is no vector"
             raise InputError("scenario", problem, "a scenario", str(source)) from None
 
+    @property
+    def file_name(self) -> str:
+        """Name of the file of its plan."""
+        return f"{self.source.stem}.h5"
+
     def with_content(self, content: dict[str, Any]) -> Document:
         """The document with other content."""
         text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)

@@ -121,6 +121,7 @@ class State:
         attitude: Chosen initial attitude x, y, z, w; None for the best one.
         choice: Number of the choice of the attitude.
         dragging: Whether an edit is under way: motions wait until it is done.
+        outline: Whether the outline is wanted even if the scenario is the one before.
     """
 
     text: str
@@ -128,6 +129,7 @@ class State:
     attitude: tuple[float, ...] | None = None
     choice: int = 0
     dragging: bool = False
+    outline: bool = False
 
 
 @dataclass(frozen=True)
@@ -136,7 +138,7 @@ class Task:
 
     Attributes:
         kind: ``save`` the plan, or build the ``page`` of the motion.
-        file: The file to save to.
+        file: The file to save to; if it exists, another one with a number.
     """
 
     kind: Literal["save", "page"]

@@ -28,9 +28,8 @@ from freefloat.studio.messages import (
 )
 from freefloat.studio.process import WorkerProcess
 
-_MOST_STEPS = 1000
+_MOST_STEPS = 200
 """Edits that can be undone."""
-
 _MOMENTARY = ("error", "saved")
 """Types of messages that a browser which connects later does not need."""
 
@@ -98,8 +97,9 @@ class Session:
             case Open(scenario=name):
                 if name != self._own and name not in bundled_scenarios():
                     raise InputError("scenario", f"{name!r} was given", "a name from the list")
-                self._attitude = None
                 self._add(Document.opened(name))
+                self._attitude = None
+                self._changed(read=True)
             case Choose():
                 self._attitude = _attitude(message)
                 self._choice += 1
@@ -108,7 +108,7 @@ class Session:
                 if number == self._sets and sample < len(self._reasons):
                     reply({"type": "reason", "sample": sample, "text": self._reasons[sample]})
             case Step(type="save"):
-                self.worker.send(Task("save", self._free_name()))
+                self.worker.send(Task("save", self._folder / self._document.file_name))
             case Step(type=kind):
                 self._step(-1 if kind == "undo" else 1)
             case _:
@@ -125,30 +125,35 @@ class Session:
             del self._history[self._place :]
             self._place -= 1
         self._gesture, self._dragging = edit.gesture, not edit.done
-        self._add(self._document.with_content(content), outline=self._outline)
+        self._add(self._document.with_content(content))
+        self._changed()
 
-    def _add(self, document: Document, outline: dict[str, Any] | None = None) -> None:
+    def _add(self, document: Document) -> None:
+        """Make a document the present one, after which there is none to redo."""
         self._history = [*self._history[: self._place + 1], document][-_MOST_STEPS:]
         self._place = len(self._history) - 1
-        self._outline = outline
-        if outline is None:
-            self._gesture, self._dragging = "", False
-        self._changed()
 
     def _step(self, steps: int) -> None:
         """Undo or redo."""
         place = self._place + steps
         if 0 <= place < len(self._history):
-            self._place, self._outline = place, None
-            self._gesture, self._dragging = "", False
-            self._changed()
+            self._place = place
+            self._changed(read=True)
 
-    def _changed(self) -> None:
-        """Send the state to the worker and to the browsers."""
+    def _changed(self, read: bool = False) -> None:
+        """Send the state to the worker and to the browsers.
+
+        Args:
+            read: Whether another scenario is shown, whose outline is not known.
+        """
+        if read:
+            self._gesture, self._dragging, self._outline = "", False, None
         document = self._document
         self._lost_twice = False
-        chosen = self._attitude, self._choice
-        self.worker.send(State(document.text, document.source, *chosen, self._dragging))
+        self.worker.send(State(
+            document.text, document.source, self._attitude, self._choice, self._dragging,
+            self._outline is None,
+        ))  # fmt: skip
         self._tell({
             "type": "state",
             "scenario": document.name,
@@ -194,7 +199,9 @@ class Session:
         self._deliver(None)
         text = "the planning process ended and was started again"
         self._tell({"type": "error", "text": text})
-        if not self._lost_twice:
+        if self._lost_twice:
+            self._tell({"type": "status", "busy": False})
+        else:
             self._changed()
         self._lost_twice = True
 
@@ -202,15 +209,6 @@ class Session:
         if message["type"] not in _MOMENTARY:
             self.newest[message["type"]] = message
         self._broadcast(message)
-
-    def _free_name(self) -> Path:
-        """A file that does not exist yet."""
-        stem = self._document.name.removesuffix(".yaml").replace("\\", "/").rsplit("/", 1)[-1]
-        file, number = self._folder / f"{stem}.h5", 1
-        while file.exists():
-            number += 1
-            file = self._folder / f"{stem}-{number}.h5"
-        return file
 
 
 def _attitude(message: Choose) -> tuple[float, ...] | None:

@@ -2,6 +2,7 @@
 
 "use strict";
 let about = null; // the scene shown, read by player.js
+const PATIENCE = 4000; // until compilation is the probable cause [ms]
 const SHOWN = 8000; // time of a notice [ms]
 const STALE = ["End-effector path", "Trail", "Singularity"]; // items that an edit changes
 
@@ -66,8 +67,11 @@ class Studio {
   }
 
   status({ busy }) {
+    const say = text => { element("status").textContent = text; };
+    clearTimeout(this.patience);
     element("status").classList.toggle("busy", busy);
-    element("status").textContent = this.open === false ? "disconnected: is freefloat studio running?" : busy ? "planning" : "ready";
+    say(this.open === false ? "disconnected: is freefloat studio running?" : busy ? "planning" : "ready");
+    if (busy) this.patience = setTimeout(say, PATIENCE, "planning; kernels are compiled once per machine (10 s)");
   }
 
   notice(text, good = false, lasting = false) {

@@ -39,6 +39,7 @@ class _Worker:
         self._connection = connection
         self._robots = Robots()
         self._state: State | None = None
+        self._outlined: State | None = None
         self._analysis: Analysis | None = None
         self._tasks: deque[Task] = deque()
 
@@ -80,7 +81,11 @@ class _Worker:
             return self._done(self._tasks.popleft()) if self._tasks else None
         if analysis is None or not analysis.poses(state):
             self._analysis = Analysis(state, self._robots)
+            self._outlined = state
             return self._analysis.outline()
+        if state.outline and state is not self._outlined:
+            self._outlined = state
+            return analysis.outline()
         finest = len(analysis.levels)
         if analysis.level < min(_WHILE_DRAGGING, finest - 1):
             return analysis.next_map(self._progress)
