@@ -20,7 +20,7 @@ import numpy.typing as npt
 from scipy.interpolate import CubicSpline, PPoly
 
 from freefloat.errors import InputError, finite_number, finite_vector, number_array
-from freefloat.so3 import Array, frozen, unit_vector
+from freefloat.so3 import Array, cross, frozen, unit_vector
 
 _NEGLIGIBLE = 1e-8
 """Displacement by jumps of derivatives, as a fraction of a spline's size, that is ignored."""
@@ -118,7 +118,7 @@ class ArcCurve(Curve):
         """See :class:`Curve`."""
         radius = self.start - self.centre
         phase = self.angle * s + order * np.pi / 2
-        rotated = np.cos(phase) * radius + np.sin(phase) * np.cross(self.normal, radius)
+        rotated = np.cos(phase) * radius + np.sin(phase) * cross(self.normal, radius)
         return np.asarray(self.angle**order * rotated + (self.centre if order == 0 else 0.0))
 
 
