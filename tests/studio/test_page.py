@@ -48,7 +48,7 @@ def planar_studio(kernels: None, start_studio: Callable[[str], Studio]) -> Studi
 @contextmanager
 def opened(browser: Browser, studio: Studio, width: int = 800) -> Iterator[Page]:
     """The page of a studio, ready, which must log no error."""
-    context = browser.new_context(viewport={"width": width, "height": 600})
+    context = browser.new_context(viewport={"width": width, "height": 600}, has_touch=True)
     page, errors = context.new_page(), list[str]()
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.on("console", lambda m: m.type == "error" and errors.append(m.text))
@@ -118,7 +118,7 @@ def test_an_attitude_is_chosen_played_and_saved(browser: Browser, spatial_studio
             x += 2.0
             page.mouse.move(x, y)
             page.wait_for_timeout(50)
-        page.mouse.click(x, y)
+        page.touchscreen.tap(x, y)
         wait(page, "studio.player && studio.player.playing && studio.player.time > 0")
         chosen = page.evaluate("studio.newest.attitude")
         assert chosen != before
@@ -188,5 +188,7 @@ def test_a_handle_of_a_polynomial_makes_it_a_spline(
         assert points[1] == pytest.approx(parabola(0.25), abs=1e-5)
         assert points[2][0] > parabola(0.5)[0] + 0.05
         assert points[2][1:] == pytest.approx(parabola(0.5)[1:], abs=1e-2)
+        page.locator(".handle >> nth=2").press("ArrowRight")
+        wait(page, f"studio.outline.handles[2].position[0] > {points[2][0]}")
         page.locator("#copy").click()
         page.get_by_text("was copied").wait_for()

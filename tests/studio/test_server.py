@@ -15,6 +15,7 @@ import pytest
 from tornado.httpclient import HTTPClientError, HTTPRequest
 from tornado.websocket import WebSocketClientConnection, websocket_connect
 
+from tests.commands import error
 from tests.studio.conftest import Studio
 
 EDIT = {"gesture": "1", "done": True}
@@ -87,6 +88,10 @@ async def answer(
             return dict(message)
 
 
+def test_the_scenario_must_exist() -> None:
+    assert error("studio", "no/scenario")["key"] == "scenario"
+
+
 def test_the_page_and_its_files_need_the_token(studio: Studio) -> None:
     token = f"/{studio.token}/"
     assert status(studio, token) == 200
@@ -110,8 +115,8 @@ def test_pages_of_other_origins_cannot_connect(studio: Studio) -> None:
         try:
             async with connected(studio, **headers):
                 return 101
-        except HTTPClientError as error:
-            return error.code
+        except HTTPClientError as refusal:
+            return refusal.code
 
     own = f"http://127.0.0.1:{studio.port}"
     assert in_a_loop(attempt(Origin=own)) == 101

@@ -18,6 +18,7 @@ from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.heading_map import HeadingMap, evaluator_for, sample_headings
 from freefloat.planning.mapping import sample_attitudes
 from freefloat.planning.objective import Objective
+from freefloat.planning.planar_planner import plan_in_plane
 from freefloat.planning.planner import plan
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.robot.model import FreeFloatingModel
@@ -114,13 +115,14 @@ class Analysis:
         samples, last = self.levels[self.level], self.level + 1 == len(self.levels)
         if self._problem.task.planar:
             headings = sample_headings(self._evaluator, samples, self._search, progress)
-            ranges = plan(self._problem, self._search).ranges if last else None
+            ranges = plan_in_plane(self._evaluator, self._search).ranges if last else None
             self._map, (content, reasons) = headings, dial(headings, ranges)
         else:
             attitudes = sample_attitudes(self._evaluator, samples, self._search, progress)
             self._map, (content, reasons) = attitudes, ball(attitudes)
         self.level += 1
-        remark = reach_message(self._problem)
+        reached = self._map.results.exist.any()
+        remark = None if reached else reach_message(self._problem)
         return Answer("attitudes", {**content, "remark": remark, "finest": last}, reasons)
 
     def motion_wanted(self, state: State) -> bool:

@@ -149,7 +149,8 @@ class Studio {
   queueMotion(motion) {
     this.newest = motion;
     this.showLimits({ results: [] });
-    this.loading = this.loading.then(() => motion === this.newest && this.showMotion(motion));
+    this.loading = this.loading.then(() => motion === this.newest && this.showMotion(motion))
+      .catch(error => this.notice(`The motion cannot be shown: ${error}`));
   }
 
   async showMotion(motion) {
@@ -198,4 +199,9 @@ class Studio {
   }
 }
 
-const studio = new Studio();
+let studio = null;
+try {
+  studio = new Studio();
+} catch (error) {
+  element("states").textContent = `The scene cannot be shown: ${error}. It needs WebGL.`;
+}
