@@ -23,7 +23,7 @@ from freefloat.planning.planner import plan
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
-from freefloat.studio.attitudes import ball, dial
+from freefloat.studio.attitudes import ball, best_sample, dial
 from freefloat.studio.messages import Answer, State
 from freefloat.studio.motions import best_motion, limits_answer, motion_answer, place, playback_of
 from freefloat.studio.outline import outline
@@ -147,10 +147,10 @@ class Analysis:
         return Answer("motion", {**content, "choice": state.choice})
 
     def _best(self) -> Array:
-        """The attitude of the largest margin in the map."""
+        """The attitude of the largest margin in the map; without any, of the longest motion."""
         if self._map is None:
             return np.array([0.0, 0.0, 0.0, 1.0])
-        best: Array = self._map.attitudes[int(np.argmax(self._map.margins.max(axis=1)))]
+        best: Array = self._map.attitudes[best_sample(self._map.results)]
         return best
 
     def limits(self) -> Answer:

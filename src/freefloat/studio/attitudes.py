@@ -26,16 +26,22 @@ _RANK = {UNREACHED: 0, FAILED: 1, SINGULAR: 2, LIMITED: 3, COMPLETED: 4}
 
 
 def best_columns(results: BranchResults) -> IntArray:
-    """The arm branch, of each attitude, whose motion gets farthest, shape (N,).
+    """The arm branch, of each attitude, whose motion gets farthest, shape (N,)."""
+    return np.asarray(np.argmax(_scores(results), axis=1))
 
-    Completed motions are compared by their smallest margin, others by the time of their end.
-    """
+
+def best_sample(results: BranchResults) -> int:
+    """The attitude, of N, from which a motion gets farthest."""
+    return int(np.argmax(_scores(results).max(axis=1, initial=0.0)))
+
+
+def _scores(results: BranchResults) -> Array:
+    """How far motions get, shape (N, B): the ending; then the margin, or the time of the end."""
     motions = results.motions
     ranks = np.select([motions.endings == code for code in _RANK], [*_RANK.values()])
     values = np.where(motions.endings >= COMPLETED, motions.ended_at, 0.0)
     values = np.where(motions.endings == COMPLETED, motions.minimum, values)
-    bounded = values / (1.0 + np.abs(values))
-    return np.asarray(np.argmax(ranks + bounded, axis=1))
+    return np.asarray(ranks + values / (1.0 + values))
 
 
 def packed(values: npt.ArrayLike, kind: str) -> str:

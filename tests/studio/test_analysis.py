@@ -1,0 +1,106 @@
+"""Answers of the worker agree with the library, also where there is nothing to show."""
+
+from __future__ import annotations
+
+import base64
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from scipy.spatial.transform import Rotation
+
+import freefloat as ff
+from freefloat.robot.names import find_scenario
+from freefloat.studio.analysis import Analysis, Robots
+from freefloat.studio.messages import State
+
+
+def analysis(name: str, **changes: Any) -> tuple[Analysis, State]:
+    """The analysis of a bundled scenario with other sections."""
+    source = find_scenario(name)
+    content = yaml.safe_load(source.read_text("utf-8")) | changes
+    state = State(yaml.safe_dump(content), source)
+    return Analysis(state, Robots()), state
+
+
+def unpacked(text: str, kind: str) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(text), dtype=kind)
+
+
+def no_progress(_: float) -> None:
+    """Go on."""
+
+
+def test_the_ball_is_the_map_of_the_problem() -> None:
+    studied, _ = analysis("spatial_6dof/line")
+    answer = studied.next_map(no_progress)
+    expected = ff.attitude_map(
+        ff.load_scenario("spatial_6dof/line").problem(), studied.levels[0], refine=False
+    )
+    points = unpacked(answer.content["points"], "<f4").reshape(-1, 3)
+    overlap = (Rotation.from_rotvec(points).as_quat() * expected.attitudes).sum(axis=1)
+    assert np.abs(overlap) == pytest.approx(1.0, abs=1e-6)
+    feasible = expected.feasible.any(axis=1)
+    assert (unpacked(answer.content["states"], "u1") == 2).tolist() == feasible.tolist()
+    said = [reason.startswith("feasible") for reason in answer.reasons]
+    assert said == feasible.tolist()
+
+
+def test_an_abandoned_map_is_made_again() -> None:
+    class Abandoned(Exception):
+        """For this test."""
+
+    def abandon(_: float) -> None:
+        raise Abandoned
+
+    studied, _ = analysis("spatial_6dof/line")
+    with pytest.raises(Abandoned):
+        studied.next_map(abandon)
+    assert studied.level == 0
+    assert studied.next_map(no_progress).content["samples"] == studied.levels[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("planar_2dof/line", {"from": [9.0, 0.0, 0.0], "to": [9.0, 1.0, 0.0]}),
+        ("spatial_6dof/line", {"from": [9.0, 0.0, 0.0], "to": [9.0, 1.0, 0.0]}),
+    ],
+)
+def test_a_path_out_of_reach_is_explained(name: str, line: dict[str, Any]) -> None:
+    path = yaml.safe_load(find_scenario(name).read_text("utf-8"))["path"] | {"line": line}
+    studied, state = analysis(name, path=path)
+    assert len(studied.outline().content["handles"]) == 2
+    while studied.level < len(studied.levels) - (name[:2] == "sp"):  # without the largest
+        answer = studied.next_map(no_progress)
+        assert "reach" in answer.content["remark"]
+    motion = studied.motion(state).content
+    assert "scene" not in motion
+    assert "reaches the start" in motion["outcome"]
+    assert "refused" in studied.page().content
+
+
+@pytest.mark.slow
+def test_without_a_feasible_attitude_the_motion_that_gets_farthest_is_shown() -> None:
+    margin = {"measure": "gjm", "fraction": 0.95}
+    studied, state = analysis("ur5_servicer/inspect", margin=margin)
+    answer = studied.next_map(no_progress)
+    assert not (unpacked(answer.content["states"], "u1") == 2).any()
+    motion = studied.motion(state).content
+    assert motion["outcome"] == "The whole path was followed."
+    assert studied.limits().content["results"]
+
+
+@pytest.mark.slow
+def test_plans_of_a_scenario_that_states_a_fraction_are_saved_under_free_names(
+    tmp_path: Path,
+) -> None:
+    studied, _ = analysis("planar_2dof/line")
+    names = [studied.save(tmp_path / "line.h5", None).content["file"] for _ in range(3)]
+    assert [Path(name).name for name in names] == ["line.h5", "line-2.h5", "line-3.h5"]
+    chosen = (0.0, 0.0, np.sin(1.0), np.cos(1.0))  # not feasible: the nearest one is planned
+    file = studied.save(tmp_path / "line.h5", chosen).content["file"]
+    plan = ff.load(file)
+    assert ff.check(plan).passed
