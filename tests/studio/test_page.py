@@ -61,7 +61,7 @@ def opened(browser: Browser, studio: Studio, width: int = 800) -> Iterator[Page]
         context.close()
 
 
-def wait(page: Page, expression: str, seconds: float = 9.0) -> None:
+def wait(page: Page, expression: str, seconds: float = 30.0) -> None:
     """Wait until an expression is true in the page."""
     end = time.monotonic() + seconds
     while not page.evaluate(expression):

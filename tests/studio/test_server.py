@@ -70,7 +70,7 @@ async def connected(studio: Studio, **headers: str) -> AsyncIterator[WebSocketCl
 
 async def closed(connection: WebSocketClientConnection) -> None:
     """Wait until a connection is closed."""
-    while await asyncio.wait_for(connection.read_message(), 8) is not None:
+    while await asyncio.wait_for(connection.read_message(), 30) is not None:
         pass
 
 
@@ -81,7 +81,7 @@ async def answer(
 ) -> dict[str, Any]:
     """The next message of a type with a property: a slow reader receives only the newest."""
     while True:
-        text = await asyncio.wait_for(connection.read_message(), 8)
+        text = await asyncio.wait_for(connection.read_message(), 30)
         assert text is not None, "the connection was closed"
         message = json.loads(text)
         if message["type"] == kind and wanted(message):

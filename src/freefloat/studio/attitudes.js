@@ -154,7 +154,11 @@ class Ball {
       context.lineTo(x, y);
       context.stroke();
       context.textAlign = x > this.canvas.clientWidth / 2 ? "right" : "left";
-      context.fillText(`${name} ${Math.round(end * 180 / Math.PI)}°`, x, y - 4);
+      const text = `${name} ${Math.round(end * 180 / Math.PI)}°`;
+      Object.assign(context, { strokeStyle: "#000", lineWidth: 3 });
+      context.strokeText(text, x, y - 4); // readable over the samples
+      context.fillText(text, x, y - 4);
+      context.lineWidth = 1;
     }
   }
 }
