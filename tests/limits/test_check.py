@@ -165,14 +165,15 @@ def test_each_limit_violated_alone():
     just = all_limits(motion)
     checker = LimitChecker(motion.problem, just)
     assert [result.kept for result in checker.results(motion)] == [True] * 4
-    assert checker.first_violation(motion) is None
+    kept, first = checker.results_unless_violated(motion)
+    assert (kept, first) == (checker.results(motion), None)
     for name, factor in (("joint_rate", 0.99), ("joint_torque", 0.99), ("base_rate", 0.99),
                          ("clearance", 1.01)):  # fmt: skip
         limits = replace(just, **{name: getattr(just, name) * factor})
         tighter = LimitChecker(motion.problem, limits)
         violated = [result.limit for result in tighter.results(motion) if not result.kept]
         assert violated == [name]
-        first = tighter.first_violation(motion)
+        _, first = tighter.results_unless_violated(motion)
         assert first is not None
         assert first.limit == name
         assert [result.limit for result in tighter.violations(motion)] == [name]

@@ -25,6 +25,7 @@ PEAKS = Limits(
     base_rate=0.0407604,
 )
 """The largest values of the published case with its quintic time law."""
+LIMITS = Limits(joint_rate=np.full(2, 0.2), joint_torque=np.array([0.1, 0.02]))
 
 
 def straight(start, step, duration: float = 20.0):
@@ -143,14 +144,14 @@ def test_with_momentum_or_drift_timing_and_motion_agree(momentum: float, drift: 
     problem, _ = straight([0.0, 0.9, -0.9], [-0.3, 0.4])
     path = replace(problem.path, drift=[drift, -drift, 0.0])
     problem = problem.replace(momentum=np.array([0.0, 0.0, momentum]), path=path)
-    limits = Limits(joint_rate=np.full(2, 0.2), joint_torque=np.array([0.1, 0.02]))
-    plan = ff.plan(problem, limits=limits)
+    plan = ff.plan(problem, limits=LIMITS)
     result = ff.retime(plan)
     assert result.agrees
     assert result.plan.feasible
-    again = fastest_speeds(result.plan.chosen.motion, limits, 0.995, 64)[-1][0]
+    again = fastest_speeds(result.plan.chosen.motion, LIMITS, 0.995, 64)[-1][0]
     assert again == pytest.approx(result.duration, rel=2e-3)
-    assert all(entry.kept for entry in check_limits(result.plan.chosen.motion, limits))
+    assert all(entry.kept for entry in check_limits(result.plan.chosen.motion, LIMITS))
+    assert result.plan.heading == plan.heading
 
 
 @pytest.mark.slow
@@ -169,6 +170,71 @@ def test_the_law_optimal_in_a_scenario_and_in_files(tmp_path, monkeypatch) -> No
     assert document("check", "retimed.h5")["proved"]
     loaded = ff.load("retimed.h5")
     assert loaded.problem.path.duration == retimed["duration"]
+
+
+@pytest.mark.slow
+def test_the_law_optimal_does_not_depend_on_the_first_guess() -> None:
+    scenario = ff.load_scenario("planar_2dof/line")
+    problem, limits = scenario.problem(), scenario.limits()
+    durations = []
+    for guess in (5.0, 30.0):
+        path = replace(problem.path, timing=ff.Timing(guess, "optimal"))
+        planned = ff.plan(replace(problem, path=path), limits=limits)
+        assert planned.feasible, planned.reason
+        durations.append(planned.problem.path.duration)
+    assert durations[0] == pytest.approx(durations[1], rel=1e-4)
+
+
+BAR = """
+robot: {urdf: spatial_6dof, end_effector: end_effector}
+task: pose
+path:
+  line: {from: [1.0, -0.6, 1.2], to: [0.2, 0.9, 1.3]}
+  attitude: {fixed: {axes: {x: [0, 0, 1], z: [1, 0.8, 0]}}}
+timing: {duration: 100}
+margin: {measure: gjm, fraction: 0.1}
+search:
+  objective: nearest
+  from_attitude: [0.14111, -0.73528, -0.24968, -0.61409]
+  joints: [0.6868, 2.3769, 1.4659, 1.1825, -0.9771, 2.4476]
+  within_deg: 1
+  samples: 16
+limits: {clearance: 0.02, joint_rate: 0.1}
+scene:
+  bodies:
+    - name: bar
+      box: [0.1, 2.6, 0.1]
+      position: [1.5, -0.6, 1.2]
+      tumbling: {inertia: [1, 0.2, 1], rate: [0, 0, 0.06]}
+"""
+
+
+@pytest.mark.slow
+def test_the_timing_is_slowed_down_for_a_tumbling_body(tmp_path) -> None:
+    """The bar is elsewhere when the motion with the fastest speeds passes."""
+    (tmp_path / "bar.yaml").write_text(BAR)
+    scenario = ff.load_scenario(tmp_path / "bar.yaml")
+    plan = ff.plan(scenario.problem(), scenario.search(), scenario.limits())
+    assert plan.feasible, plan.reason
+    plan = replace(plan, tolerance=None)
+    free = fastest_speeds(plan.chosen.motion, scenario.limits())[-1][0]
+    slowed = ff.retime(plan)
+    assert slowed.plan.feasible
+    assert 1.01 * free < slowed.duration <= 100.0 * (1.0 + 1e-9)
+    results = check_limits(slowed.plan.chosen.motion, scenario.limits())
+    assert all(entry.kept for entry in results)
+
+
+@pytest.mark.slow
+def test_a_retimed_plan_without_limits_of_torques_is_verified() -> None:
+    problem = ff.load_scenario("spatial_6dof/above").problem()
+    limits = Limits(joint_rate=np.full(6, 0.1))
+    plan = ff.plan(problem, ff.Search(samples=128), limits)
+    result = ff.retime(plan)
+    assert result.duration < 0.7 * result.before
+    report = ff.check(result.plan)
+    assert report.passed, report.discrepancies
+    assert result.plan.tolerance.momentum > 1.2 * plan.tolerance.momentum
 
 
 def test_errors(tmp_path, monkeypatch) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,8 +16,11 @@ from freefloat.cli.options import Json, Plots, Quiet, ResultFile, Threads, prepa
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
+    from freefloat.planning.plan import Plan
     from freefloat.planning.retiming import Retiming
 
+_SAME_DEG = 1e-3
+"""Angle up to which the initial attitude is that of the plan [degrees]."""
 _PlanFile = Annotated[Path, typer.Argument(metavar="PLAN", help="A file that plan wrote.")]
 
 
@@ -31,8 +35,9 @@ def retime(
     """Find the fastest timing of a plan's path under its limits of rates and torques.
 
     Without momentum spacecraft and arm follow the same configurations at other times, and the
-    margin remains. With momentum the path is planned again until timing and motion agree. Exit code
-    1: they do not agree, or the motion violates the margin or another limit.
+    margin remains. With momentum the path is planned again where its attitude does not keep the
+    limits, until timing and motion agree. Exit code 1: they do not agree, or the motion violates
+    the margin or another limit.
 
     Example: freefloat retime plan.h5 -o fast.h5
     """
@@ -48,7 +53,7 @@ def retime(
     with console.progress("planning again") as progress:
         result = find_timing(loaded, threads=threads, progress=progress)
     document = result.to_dict()
-    console.tables(_tables(str(plan), result))
+    console.tables(_tables(str(plan), loaded, result))
     if output is not None:
         save(result.plan, output)
     if plots is not None:
@@ -57,8 +62,17 @@ def retime(
     raise typer.Exit(DONE if result.plan.feasible and result.agrees else NO)
 
 
-def _tables(name: str, result: Retiming) -> Iterator[RenderableType]:
+def _tables(name: str, before: Plan, result: Retiming) -> Iterator[RenderableType]:
+    from freefloat.so3 import angle_between
+
     yield f"{name}: {result.before:.6g} s become {result.duration:.6g} s"
+    if before.chosen is not None and result.plan.chosen is not None:
+        first, last = before.chosen.motion.initial, result.plan.chosen.motion.initial
+        angle = math.degrees(float(angle_between(first.attitude, last.attitude)))
+        if angle > _SAME_DEG:
+            yield f"with another initial attitude, {angle:.4g} deg from that of the plan"
+    if result.plan.limits is not None and result.plan.limits.joint_torque is None:
+        yield "without limits.joint_torque accelerations are not limited"
     rows = table("limit", "used up for [% of the time]")
     for limit, fraction in result.usage.items():
         rows.add_row(limit.replace("_", " "), f"{100.0 * fraction:.1f}")

@@ -95,14 +95,21 @@ class LimitChecker:
         """The results of all limits."""
         return tuple(check(motion) for check in self._checks.values())
 
-    def first_violation(self, motion: Motion) -> LimitResult | None:
-        """The result of the first violated limit, the cheapest first; None where all are kept.
+    def results_unless_violated(
+        self, motion: Motion
+    ) -> tuple[tuple[LimitResult, ...], LimitResult | None]:
+        """The results of all limits, or none and the first violated one, the cheapest first.
 
-        Of a clearance its distance is too small, but need not be the smallest along the motion.
+        Of a violated clearance the distance is too small, but need not be the smallest one.
         """
-        results = (decide(motion) for decide in self._decisions.values())
-        return next((result for result in results if not result.kept), None)
+        decided = {}
+        for kind, decide in self._decisions.items():
+            decided[kind] = decide(motion)
+            if not decided[kind].kept:
+                return (), decided[kind]
+        again = {k: c(motion) for k, c in self._checks.items() if c is not self._decisions[k]}
+        return tuple((decided | again).values()), None
 
     def violations(self, motion: Motion) -> tuple[LimitResult, ...]:
-        """The results of all violated limits, each as :meth:`first_violation` has it."""
+        """The results of all violated limits, clearances as :meth:`results_unless_violated` has."""
         return violated(decide(motion) for decide in self._decisions.values())

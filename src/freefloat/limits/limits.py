@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -84,6 +84,17 @@ class Limits:
             object.__setattr__(self, name, frozen(values) if joints else float(values))
         if self.clearance is not None:
             finite_number("limits.clearance", self.clearance, "a length, 0 or more", 0.0)
+
+    @property
+    def untimed(self) -> Limits:
+        """Those that do not depend on the speed along the path."""
+        return replace(self, joint_rate=None, joint_torque=None, base_rate=None)
+
+    @property
+    def timed(self) -> bool:
+        """Whether there are limits of joint rates, joint torques or the spacecraft's rate."""
+        entries = (self.joint_rate, self.joint_torque, self.base_rate)
+        return any(entry is not None for entry in entries)
 
     @property
     def attitude(self) -> AttitudeLimits:

@@ -35,6 +35,7 @@ from freefloat.so3 import angle_between, heading_quaternion
 from freefloat.workspace.planar import PlanarArm, most_singular_place, point_3_of_pose
 
 ALREADY = "the attitude the spacecraft has keeps the margin already"
+HELD = "the attitude whose motion has this timing"
 NOT_UNIQUE = "; the optimum is not unique, attitudes around it have the same margin"
 NO_HEADING_WITHIN_LIMITS = "headings keep the margin, but none a limit of pointing or turn as well"
 _TRIED = 24

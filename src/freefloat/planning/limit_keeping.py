@@ -12,7 +12,12 @@ from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.limits import LimitKind, Limits
 from freefloat.motion.problem import Problem
-from freefloat.planning.diagnostics import limited_reason, violated_limits_message
+from freefloat.planning.diagnostics import (
+    HELD,
+    limited_reason,
+    margin_text,
+    violated_limits_message,
+)
 from freefloat.planning.merit import Merit
 from freefloat.planning.objective import Objective
 from freefloat.planning.plan import Plan
@@ -65,18 +70,26 @@ def keep_limits(
     limits: Limits,
     progress: Progress | None = None,
     known: ScreenedCandidate | None = None,
+    known_first: bool = False,
 ) -> Plan:
     """The plan if its motion keeps the limits, else the best other candidate that does.
 
     Candidates are the samples that keep the margin (for planar tasks 720 headings), in the order of
     the search's objective; those next to one that violates a limit are skipped, and the slowest of
-    them tried in the end, with the ``known`` one. For the objective nearest the attitude is then
-    moved toward ``from_attitude`` as far as everything is kept.
+    them tried in the end. For the objective nearest the attitude is then moved toward
+    ``from_attitude`` as far as everything is kept. The ``known`` candidate is tried in the end, or
+    ``known_first``.
     """
     plan = replace(plan, limits=limits)
     if plan.chosen is None:
         return plan
     trials = Trials(evaluator, limits)
+    if known is not None and known_first and (passed := trials.check_candidate(known)) is not None:
+        held, results = passed
+        return replace(
+            plan, chosen=held, limit_results=results, reason=f"{HELD}, {margin_text(held)}",
+            robust_radius=_heading_depth(plan, held),
+        )  # fmt: skip
     if (passed := trials.check(plan.chosen)) is not None:
         return replace(plan, limit_results=passed[1])
     if LimitKind.CORRIDOR in trials.violations:  # the path itself leaves it

@@ -27,7 +27,6 @@ _SPARE = 1.005
 _HARMONICS = 2
 _LAW = TimeLaw.TRAPEZOIDAL
 """The law that is fastest within limits of rates."""
-_TIMED = ("joint_rate", "joint_torque", "base_rate")
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +75,7 @@ class LoopMotions:
     @property
     def timed(self) -> bool:
         """Whether limits determine the duration."""
-        return any(getattr(self._limits, key) is not None for key in _TIMED)
+        return self._limits.timed
 
     @property
     def unreachable(self) -> Array:

@@ -92,16 +92,19 @@ def plan(
         accepted = "Limits, such as Limits(base_rate=0.02), or load_scenario(...).limits()"
         require_type("limits", limits, Limits, accepted)
     problem = search.applied_to(problem)
-    plan_problem = partial(
-        plan_within, search=search, limits=limits, threads=threads, progress=progress
-    )
-    result = stretched_plan(plan_problem, problem) if stretch else plan_problem(problem)
     timing = problem.path.timing
-    if timing.law is not TimeLaw.OPTIMAL or timing.speeds or not result.feasible:
+    to_retime = timing.law is TimeLaw.OPTIMAL and not timing.speeds
+    plan_problem = partial(
+        plan_within, search=search, limits=limits, threads=threads, progress=progress,
+        to_retime=to_retime,
+    )  # fmt: skip
+    stretch = stretch or to_retime  # the duration is a first guess
+    result = stretched_plan(plan_problem, problem) if stretch else plan_problem(problem)
+    if not to_retime or not result.feasible:
         return result
     from freefloat.planning.retiming import retime  # which plans again, with momentum
 
-    return retime(result, threads=threads).plan
+    return retime(replace(result, limits=limits), threads=threads).plan
 
 
 def plan_within(
@@ -112,15 +115,23 @@ def plan_within(
     limits: Limits | None,
     threads: int | None,
     progress: Progress | None,
+    known_first: bool = False,
+    to_retime: bool = False,
 ) -> Plan:
-    """Plan with the timing as it is; ``known`` is as for :func:`keep_limits`."""
+    """Plan with the timing as it is; ``known`` and ``known_first`` are as for :func:`keep_limits`.
+
+    A plan ``to_retime`` need not keep limits of rates and torques where the motion does not depend
+    on the timing; where it does, it lacks certificate, contact and tolerances.
+    """
     evaluator = evaluator_for(problem, threads, limits, search)
     planner = plan_in_plane if problem.task.planar else plan_in_space
     result = planner(evaluator, search, limits, progress)
     if limits is not None:
-        result = keep_limits(evaluator, result, limits, progress, known)
+        moved = to_retime and not problem.depends_on_timing
+        kept = limits.untimed if moved else limits
+        result = keep_limits(evaluator, result, kept, progress, known, known_first)
     chosen, radius = result.chosen, result.robust_radius
-    if chosen is None:
+    if chosen is None or (to_retime and problem.depends_on_timing and result.feasible):
         return result
     contact = self_contact(chosen.motion, result.limit_results)
     result = replace(result, certificate=certify(chosen.motion), contact=contact)

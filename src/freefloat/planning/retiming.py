@@ -6,9 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
 from freefloat.concurrency import Progress, step_of
 from freefloat.errors import InputError, require_type
 from freefloat.limits.check import LimitChecker
+from freefloat.limits.contact import self_contact
 from freefloat.limits.limits import Limits, needed_stretch, violated
 from freefloat.motion.certificate import certify
 from freefloat.motion.integration import integrate_motion
@@ -16,20 +19,24 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.paths.time_segments import Speeds
 from freefloat.paths.timing import TimeLaw, Timing
+from freefloat.planning.heading_map import evaluator_for
 from freefloat.planning.plan import Plan
 from freefloat.planning.planner import plan_within
 from freefloat.planning.screening import ScreenedCandidate
 from freefloat.planning.simulation import SimulatedBranch, simulate
 from freefloat.planning.speed_profile import fastest_speeds, limit_usage
+from freefloat.planning.tolerance import tolerance
 from freefloat.planning.trials import OVER
 
-_TIMED = ("joint_rate", "joint_torque", "base_rate")
 _MOST, _AGREE = 12, 1e-3
 """Plans with momentum or drift at most, and relative difference of durations that agree."""
 _INTERVALS = 64
 """Intervals of the timing in these plans: every motion of the map passes all of them."""
 _INSIDE = 0.995
 """Fraction of the limits to be used in these plans: the motion depends on the timing."""
+_SLOWER, _SLOWDOWNS = 2.0, 16
+"""Factor on the duration up to which a scene that tumbles may slow it down, and how many are tried;
+the duration of the plan is among them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +75,12 @@ def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None 
     """Find the fastest timing of a plan's path under its limits of rates and torques.
 
     Without momentum and drift spacecraft and arm follow the same configurations, at other times:
-    margin, ranges and attitude tolerance remain. Otherwise the motion is another one; the path is
-    planned again until timing and motion agree.
+    margin, ranges and attitude tolerance remain. Otherwise the motion is another one: the attitude
+    remains where the motion from it keeps margin and limits at its own fastest timing, and the
+    path is planned again where it does not, until timing and motion agree. Where the arm would be
+    too near to a tumbling body, the timing is slowed down until it is not. Without limits of joint
+    torques accelerations are not limited: the speed changes as fast as the intervals of the timing
+    permit.
 
     Args:
         plan: A feasible plan with limits of joint rates, joint torques or the spacecraft's rate.
@@ -96,7 +107,7 @@ def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None 
         raise InputError("path.frame", f"it moves with {relative.body.name}", accepted)
     if plan.problem.path.timing.stops:
         raise InputError("timing.stops", "the path has stops", "a path without stops")
-    if all(getattr(limits, key) is None for key in _TIMED):
+    if not limits.timed:
         accepted = "joint_rate, joint_torque or base_rate"
         raise InputError("limits", "none of them depends on the timing", accepted)
     if plan.problem.depends_on_timing:
@@ -106,7 +117,20 @@ def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None 
     stretch = needed_stretch(result.limit_results)
     if stretch > 1.0:
         result = _moved(plan, chosen, problem.stretched(stretch * OVER), limits)
-    return _retiming(result, plan, agrees=True)
+    if not result.feasible and problem.scene.tumbles:
+        result = _slowed(plan, chosen, result, limits)
+    return _retiming(_completed(result, limits, threads), plan, agrees=True)
+
+
+def _slowed(plan: Plan, before: SimulatedBranch, fastest: Plan, limits: Limits) -> Plan:
+    """The plan with the first of some slower timings that keeps its limits, or the fastest one."""
+    problem = fastest.problem
+    slowest = max(_SLOWER, plan.problem.path.duration / problem.path.duration)
+    for factor in np.geomspace(1.0, slowest, _SLOWDOWNS + 1)[1:]:
+        result = _moved(plan, before, problem.stretched(float(factor)), limits)
+        if result.feasible:
+            return result
+    return fastest
 
 
 def _retimed(problem: Problem, speeds: Speeds) -> Problem:
@@ -120,11 +144,25 @@ def _moved(plan: Plan, before: SimulatedBranch, problem: Problem, limits: Limits
     chosen = simulate(problem, start.attitude, joints=start.joints).chosen
     chosen = replace(chosen, branch=before.branch)
     results = LimitChecker(problem, limits).results(chosen.motion)
+    broken = ", ".join(str(result.limit) for result in violated(results))
+    reason = f"its fastest timing violates {broken}" if broken else plan.reason
     samples = None if plan.map is None else replace(plan.map, problem=problem)
     return replace(
         plan, problem=problem, chosen=chosen, limit_results=results, map=samples, stretch=1.0,
-        feasible=chosen.feasible and not violated(results), certificate=certify(chosen.motion),
+        feasible=chosen.feasible and not violated(results), reason=reason,
     )  # fmt: skip
+
+
+def _completed(plan: Plan, limits: Limits, threads: int | None) -> Plan:
+    """The plan with the certificate, contact and tolerances of its motion."""
+    if plan.chosen is None:
+        return plan
+    motion, tolerances = plan.chosen.motion, plan.tolerance
+    if tolerances is not None:
+        integrator = evaluator_for(plan.problem, threads, limits, plan.search).integrator
+        tolerances = tolerance(integrator, motion.initial.attitude, motion.initial.joints)
+    contact = self_contact(motion, plan.limit_results)
+    return replace(plan, certificate=certify(motion), contact=contact, tolerance=tolerances)
 
 
 def _iterated(
@@ -136,15 +174,16 @@ def _iterated(
 ) -> Retiming:
     """Plan and retime until the duration does not change.
 
-    A state whose motion has the timing is chosen where no better one keeps the limits with it.
+    The state whose motion has the timing is held where it keeps margin and limits.
     """
     problem = _held(held.motion, limits)
     for number in range(_MOST):
         step = step_of(progress, number / _MOST, (number + 1) / _MOST)
         known = ScreenedCandidate(held.motion.initial.attitude, held.branch.index)
         current = plan_within(
-            problem, known, search=plan.search, limits=limits, threads=threads, progress=step
-        )
+            problem, known, search=plan.search, limits=limits, threads=threads, progress=step,
+            known_first=True,
+        )  # fmt: skip
         if current.chosen is None or not current.chosen.motion.completed:
             break
         held = current.chosen

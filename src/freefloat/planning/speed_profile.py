@@ -25,10 +25,14 @@ from freefloat.so3 import Array
 
 _FRACTIONS = (0.0, 0.5, 1.0)
 """Places in each interval at which limits are looked at."""
-_INTERVALS = 320
+_INTERVALS = 400
 """Number of intervals: constant u in each costs at most about 0.1 % of the duration."""
 _PASSES = 2
-"""Linear programs after the first, which maximizes the sum of x: these the time saved near it."""
+"""Linear programs after the first, which maximizes the sum of x: these the time saved near it.
+
+None without limits of torques: with rates alone the first one is the solution, and knots closer to
+the ends would only make the accelerations there larger.
+"""
 _INSTANTS, _USED = 501, 0.99
 """Instants at which the use of limits is looked at, and the ratio above which one is used."""
 _FASTEST = 1e3
@@ -60,7 +64,8 @@ def fastest_speeds(
         intervals: Number of intervals of s with constant u.
     """
     place = _Place(motion, limits, scale)
-    knots, x = _fastest_squares(np.linspace(0.0, 1.0, intervals + 1), place.rows)
+    passes = 0 if limits.joint_torque is None else _PASSES
+    knots, x = _fastest_squares(np.linspace(0.0, 1.0, intervals + 1), place.rows, passes)
     speeds = np.sqrt(x)
     times = np.append(0.0, np.cumsum(2.0 * np.diff(knots) / (speeds[1:] + speeds[:-1])))
     return tuple(zip(times.tolist(), speeds.tolist(), strict=True))
@@ -84,10 +89,12 @@ def limit_usage(motion: Motion, limits: Limits) -> dict[str, float]:
     return {name: float((ratio > _USED).mean()) for name, ratio in ratios.items()}
 
 
-def _fastest_squares(knots: Array, rows: Callable[[Array], list[_Rows]]) -> tuple[Array, Array]:
+def _fastest_squares(
+    knots: Array, rows: Callable[[Array], list[_Rows]], passes: int
+) -> tuple[Array, Array]:
     """Knots, closer where the solution bends, and the fastest squared speeds there, (N + 1,)."""
     x = _largest_squares(knots, rows, np.ones(len(knots)))
-    for _ in range(_PASSES):
+    for _ in range(passes):
         knots, before = _refined(knots, x), knots
         x = np.interp(knots, before, x)
         weights = np.maximum(x / x.max(), 1e-4) ** -1.5

@@ -67,9 +67,9 @@ class Trials:
             self.violations["margin"] += 1
             return None
         motion = simulated.motion
-        first = self.checker.first_violation(motion)
+        results, first = self.checker.results_unless_violated(motion)
         if first is None:
-            return simulated, self.checker.results(motion)
+            return simulated, results
         self.violations[first.limit] += 1
         violated = self.checker.violations(motion) if first.limit in _TIMED else (first,)
         excess = _excess(violated)
