@@ -3,8 +3,8 @@
 The targets are rotations about random axes by random angles up to 60 degrees. Every motion is
 repeated by MuJoCo's free simulation. The baseline is one problem of SciPy's SLSQP: the joint rates
 are linear between knots at fixed times, a weight on the squared rates is minimized subject to the
-rotation, the return of the joints and the joint ranges at the knots; limits of rates and torques
-then determine its duration, and clearance is only looked at.
+rotation, the return of the joints and the joint ranges at the knots; limits of rates then determine
+its duration. Clearance and torques are not considered.
 
     python scripts/measure_reorientation.py [SCENARIO ...] [--targets 30]
 """

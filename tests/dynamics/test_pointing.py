@@ -25,6 +25,7 @@ from freefloat.paths.orientation import OrientationLaw, OrientationSpline
 from freefloat.paths.path import EndEffectorPath
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import angle_between, without_jumps
+from tests.commands import error, run
 from tests.ensembles import both
 from tests.errors import error_key
 from tests.redundant import redundant
@@ -209,3 +210,10 @@ def test_a_path_without_orientation_raises():
     assert error_key(start.problem.replace, path=free, task="pointing") == "path.attitude"
     four = redundant("RRRR", Task.POSITION, None).problem
     assert error_key(four.replace, task="pointing") == "task"
+
+
+def test_only_the_z_axis_can_point_at_a_target(tmp_path) -> None:
+    text = run("models", "servicing/inspect_client").stdout
+    assert "axis: z}}" in text
+    (tmp_path / "x.yaml").write_text(text.replace("axis: z}}", "axis: x}}"))
+    assert error("info", tmp_path / "x.yaml")["key"] == "path.attitude.point_at.axis"

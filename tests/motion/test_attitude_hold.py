@@ -48,6 +48,18 @@ def test_torques_are_those_of_inverse_dynamics(name: str) -> None:
         np.testing.assert_allclose(held.momenta[k], stored, atol=1e-5 * held.largest_momentum)
 
 
+def test_the_end_effector_keeps_the_direction_that_a_pointing_task_prescribes() -> None:
+    problem = ff.load_scenario("servicing/inspect_client").problem()
+    held = ff.hold_attitude(problem, [0.0, 0.0, 0.0, 1.0])
+    for t, joints in zip(held.times[::50], held.joints[::50], strict=True):
+        pose, prescribed = (
+            problem.model.end_effector_pose(held.attitude, joints),
+            problem.path.pose(t),
+        )
+        np.testing.assert_allclose(pose.position, prescribed.position, atol=1e-6)
+        np.testing.assert_allclose(pose.rotation[:, 2], prescribed.rotation[:, 2], atol=1e-6)
+
+
 def test_wheels_store_the_momentum_while_the_arm_rests() -> None:
     problem = ff.load_scenario("ets_vii/inspect").problem()
     held = ff.hold_attitude(problem, [0.0, 0.0, 0.0, 1.0])

@@ -98,8 +98,10 @@ def _held(name: str, scenario: Scenario | None, attitude: Sequence[float] | None
 
     if scenario is None:
         raise InputError("hold", f"{name} has no path", "a scenario")
-    present = scenario.search().from_attitude if attitude is None else attitude
-    return hold_attitude(scenario.problem(), [0.0, 0.0, 0.0, 1.0] if present is None else present)
+    search = scenario.search()
+    present = search.from_attitude if attitude is None else attitude
+    problem = search.applied_to(scenario.problem())
+    return hold_attitude(problem, [0.0, 0.0, 0.0, 1.0] if present is None else present)
 
 
 def _hold_tables(held: HeldAttitude) -> Iterator[RenderableType]:

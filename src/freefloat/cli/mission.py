@@ -1,4 +1,4 @@
-"""What ``freefloat info`` says of a scenario beside its robot: scene, pointing, turn, wheels."""
+"""What ``freefloat info`` says of a scenario beside its robot: scene, limits, wheels, drift."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def mission_document(scenario: Scenario) -> dict[str, Any]:
-    """Scene, limits of pointing and turn, and wheels with the keys of a scenario."""
+    """Scene, limits of pointing and turn, wheels and drift with the keys of a scenario."""
     from freefloat.io.limits_section import limits_content
     from freefloat.io.scene_section import scene_content
 
@@ -29,6 +29,7 @@ def mission_document(scenario: Scenario) -> dict[str, Any]:
         "pointing": limits["pointing"],
         "base_turn_deg": limits["base_turn_deg"],
         "wheel_momentum": problem.wheel_momentum.tolist(),
+        "drift": problem.path.drift.tolist(),
     }
 
 
@@ -53,6 +54,8 @@ def mission_tables(scenario: Scenario) -> Iterator[RenderableType]:
         yield f"turn of the spacecraft: at most {math.degrees(limits.base_turn):.4g} deg"
     if problem.wheel_momentum.any():
         yield f"momentum in wheels: {decimals(problem.wheel_momentum)} N m s, spacecraft axes"
+    if problem.path.drifts:
+        yield f"drift of the centre of mass: {decimals(problem.path.drift)} m/s"
 
 
 def _shape(body: SceneBody) -> str:

@@ -105,6 +105,10 @@ def path_of(
     if section.attitude is not None:
         if sampled is not None:
             raise InputError("attitude", "the samples have quaternions, too", "one of the two")
+        point_at = section.attitude.point_at
+        if task is Task.POINTING and point_at is not None and not point_at.axis.endswith("z"):
+            problem = f"{point_at.axis!r} was given, but task pointing prescribes the z axis"
+            raise InputError("attitude.point_at.axis", problem, "z or -z")
         law = _law(section.attitude, curve, frame)
     elif sampled is None and task.prescribes_orientation:
         problem = f"it is missing, task {task} needs it"

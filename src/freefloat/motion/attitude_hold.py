@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
+from freefloat.dynamics.momentum import Task, end_effector_jacobian, momentum_map
 from freefloat.errors import UnreachableError
 from freefloat.ik.branches import ArmBranch
 from freefloat.motion.integration import integrate_motion
@@ -157,13 +157,22 @@ class _HeldArm:
         A = momentum_map(self._problem.model, joints, self._attitude)
         J = end_effector_jacobian(self._problem.model, joints, self._attitude)
         base = np.asarray(-np.linalg.solve(A[:3, :3], A[:3, 6:]), dtype=float)
-        return (J[:, 6:] + J[:, :3] @ base)[self._problem.task.rows], base
+        return self._prescribed(joints, J[:, 6:] + J[:, :3] @ base), base
+
+    def _prescribed(self, joints: Array, twists: Array) -> Array:
+        """Prescribed rows (m, k) of inertial twists (6, k)."""
+        task = self._problem.task
+        if task is Task.POINTING:  # its rows belong to the axes of the end-effector
+            R = self._problem.model.end_effector_pose(self._attitude, joints).rotation
+            twists = np.vstack([R.T @ twists[:3], R.T @ twists[3:]])
+        return np.asarray(twists[task.rows])
 
     def rates(self, t: float, joints: Array) -> Array:
         """Joint rates of least norm, shape (n,)."""
         twist, _ = self._problem.path.twist_and_speed(t, self._segment)
         J, _ = self._jacobian(joints)
-        return np.asarray(np.linalg.lstsq(J, twist[self._problem.task.rows], rcond=None)[0])
+        prescribed = self._prescribed(joints, twist[:, None])[:, 0]
+        return np.asarray(np.linalg.lstsq(J, prescribed, rcond=None)[0])
 
     def regularity(self, t: float, joints: Array) -> float:
         """Falls through zero where the arm becomes singular."""
