@@ -18,7 +18,7 @@ from freefloat.ensemble.kernels.integration import (
     SINGULAR,
     UNREACHED,
 )
-from freefloat.limits.limits import LimitResult, violated
+from freefloat.limits.limits import LimitKind, LimitResult, violated
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import (
     light_spacecraft_hint,
@@ -233,9 +233,16 @@ def violated_limits_message(
         stretch: A factor on the duration that would be enough, where one is known.
         longer_tried: Whether longer durations were tried.
     """
+    broken = violated(results)
+    for result in broken:
+        if result.limit is LimitKind.CORRIDOR:  # which the path alone decides
+            reached = (
+                f"{result.worst:.4g} of {result.allowed:.4g} allowed at t = {result.time:.4g} s"
+            )
+            return f"the path itself leaves the corridor, {reached}: no attitude helps"
     counts = ", ".join(f"{name} {number}" for name, number in violations.most_common())
     reason = f"attitudes keep the margin, but every candidate violates a limit: {counts}"
-    worst = max(violated(results), key=lambda result: result.ratio, default=None)
+    worst = max(broken, key=lambda result: result.ratio, default=None)
     if worst is not None:
         reason += (
             f"; the best of {count} integrated precisely reaches {worst.limit} "
