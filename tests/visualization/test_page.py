@@ -68,6 +68,30 @@ def test_a_page_plays_motions(browser: Browser, spatial: Problem, tmp_path: Path
 
 
 @pytest.mark.slow
+def test_a_page_plays_phases_one_after_another(browser: Browser, tmp_path: Path) -> None:
+    """The phase shown is that of the time, with the robot where the motion has it."""
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    phases = [ff.JointPhase([0.2, -0.4], 20.0, "rest"), ff.JointPhase([0.5, -0.1], 10.0, "berth")]
+    manoeuvre = ff.plan_manoeuvre(problem, phases)
+    assert manoeuvre.feasible, manoeuvre.reason
+    file = ff.playback(manoeuvre, "phases").save(tmp_path / "page.html")
+    with opened(browser, file) as page:
+        assert page.ask("freefloat.about.duration") == pytest.approx(60.0)
+        for title, phase in zip(("1 path", "2 rest", "3 berth"), manoeuvre.phases, strict=True):
+            for t in (0.1, 9.9):
+                page.ask("t => freefloat.seek(t)", phase.start + t)
+                assert page.ask("freefloat.state().shown") == [title]
+                (state,) = phase.motion.sample([t])
+                poses = problem.model.body_poses(state.attitude, state.joints)
+                for name, pose in zip(problem.model.body_names, poses, strict=True):
+                    shown = page.position(f"{title}/Robot/{name}")
+                    assert shown == pytest.approx(pose.position, abs=1e-3)
+        page.page.locator("#motion").select_option("2 rest")
+        assert page.ask("freefloat.state().shown") == ["2 rest"]
+        assert page.errors == []
+
+
+@pytest.mark.slow
 def test_a_page_shows_a_map(browser: Browser, spatial: Problem, tmp_path: Path) -> None:
     result = sample_attitudes(FeasibilityEvaluator(spatial), 256)
     file = ff.playback(result).save(tmp_path / "map.html")
