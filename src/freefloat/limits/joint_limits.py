@@ -26,6 +26,9 @@ class JointLimitChecker:
     """The limits of a robot, prepared for many motions whose joints are prescribed.
 
     ``base_turn`` is not considered: the spacecraft is meant to turn.
+
+    Attributes:
+        pairs: Pairs of links that keep the clearance; None without one.
     """
 
     def __init__(self, model: FreeFloatingModel, limits: Limits, scene: Scene = _NO_SCENE) -> None:
@@ -37,11 +40,11 @@ class JointLimitChecker:
         """
         require_applicable(model, limits)
         self._limits = limits
-        self._pairs: CollisionPairs | None = None
+        self.pairs: CollisionPairs | None = None
         if limits.clearance is not None:
             from freefloat.limits.pairs import CollisionPairs  # coal and trimesh import slowly
 
-            self._pairs = CollisionPairs(model, limits.clearance, scene=scene)
+            self.pairs = CollisionPairs(model, limits.clearance, scene=scene)
 
     def results(self, motion: Motion, curve: JointCurve) -> tuple[LimitResult, ...]:
         """The results of all limits along a motion, at the instants of their largest ratios."""
@@ -57,8 +60,8 @@ class JointLimitChecker:
             results.append(extremes.joint_range(motion))
         if limits.pointing:
             results.append(extremes.pointing(limits.pointing, motion))
-        if limits.clearance is not None and self._pairs is not None:
-            allowed, pairs = limits.clearance, self._pairs
+        if limits.clearance is not None and self.pairs is not None:
+            allowed, pairs = limits.clearance, self.pairs
             results.append(extremes.clearance(allowed, pairs, motion, decide_only=decide_only))
         return tuple(results)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +19,8 @@ _STARTS = 6
 _MORE = 3
 """Further numbers of loops that are tried where the fewest take too long."""
 
-
+_SIMILAR = 0.2
+"""Relative difference of coefficients up to which loops are near the same minimum."""
 _WIDER = (1.5, 2.0, 3.0, 5.0, 10.0)
 """Factors on the widths of joint ranges that are tried where loops do not fit into them."""
 
@@ -72,20 +74,34 @@ class LoopCountSearch:
         if self._known is not None:  # the rotation grows with the square of a small loop
             known, coefficients = self._known
             starts.append(np.sqrt(known / count) * coefficients)
-        candidates = filter(None, [search.shortest(rotation, start) for start in starts])
-        for effort, coefficients in sorted(candidates, key=lambda candidate: candidate[0]):
-            self._known = count, coefficients
-            violation = self._motions.shape_violation(coefficients)
+        loops = [c for start in starts if (c := search.unbounded(rotation, start)) is not None]
+        best: LoopMotion | None = None
+        smallest = np.inf
+        for loop in _distinct(sorted(loops, key=search.mean_square)):
+            if search.mean_square(loop) >= smallest:  # bounds would increase it
+                break
+            found = search.shortest(rotation, loop)
+            motion = None if found is None else self._motion(found, count)
+            if motion is None or found is None:
+                continue
+            if best is None or motion.duration < best.duration:
+                best, smallest = motion, search.mean_square(found)
+        return best
+
+    def _motion(self, coefficients: Array, count: int) -> LoopMotion | None:
+        """The motion along loops; None where it violates a limit."""
+        self._known = count, coefficients
+        violation = self._motions.shape_violation(coefficients)
+        if violation is None:
+            guess = self._motions.guess(self._motions.search.effort(coefficients), count)
+            found = self._motions.along(coefficients, count, guess)
+            if found is None:
+                return None
+            violation = next(iter(violated(found.results)), None)
             if violation is None:
-                guess = self._motions.guess(effort, count)
-                found = self._motions.along(coefficients, count, guess)
-                if found is None:
-                    continue
-                violation = next(iter(violated(found.results)), None)
-                if violation is None:
-                    self.violation = None
-                    return found
-            self.violation = violation
+                self.violation = None
+                return found
+        self.violation = violation
         return None
 
     def needed(self, count: int | None) -> dict[str, float]:
@@ -99,6 +115,16 @@ class LoopCountSearch:
         for factor in _WIDER:
             search = replace(self._motions.search, widened=factor)
             starts = [search.random(self._rng) / np.sqrt(MOST_LOOPS) for _ in range(_STARTS)]
-            if any(search.shortest(rotation, start) for start in starts):
+            loops = [c for start in starts if (c := search.unbounded(rotation, start)) is not None]
+            if any(search.shortest(rotation, loop) is not None for loop in _distinct(loops)):
                 return {"range_factor": factor}
         return {}
+
+
+def _distinct(loops: Sequence[Array]) -> list[Array]:
+    """Loops without those that are nearly an earlier one."""
+    found: list[Array] = []
+    for loop in loops:
+        if all(np.linalg.norm(loop - other) > _SIMILAR * np.linalg.norm(other) for other in found):
+            found.append(loop)
+    return found

@@ -70,7 +70,10 @@ class LoopMotions:
         weights = np.where(np.isfinite(rates), rates, finite.max(initial=1.0))
         # an ellipse in the plane of two joints is a simple loop, a longer series need not be
         harmonics = 1 if problem.model.dof == 2 else _HARMONICS
-        self.search = LoopSearch(problem.model, joints, weights, harmonics)
+        self.search = LoopSearch(
+            problem.model, joints, weights, harmonics,
+            pairs=self._checker.pairs, clearance=limits.clearance or 0.0,
+        )  # fmt: skip
 
     @property
     def timed(self) -> bool:

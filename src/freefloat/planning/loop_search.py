@@ -1,7 +1,7 @@
 """Loops of the joints that turn the spacecraft by a rotation, with the least joint rates.
 
 Unknowns are the Fourier coefficients of a loop. The mean square of the joint rates over their
-limits is minimized, subject to the rotation and the joint ranges, by sequential quadratic
+limits is minimized, subject to the rotation, joint ranges and clearances, by sequential quadratic
 programming (D. Kraft's SLSQP in SciPy), whose derivatives of the rotation are differences of many
 loops at once.
 """
@@ -15,17 +15,22 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
+from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.joint_loops import JointLoops, loop_rotations, phase_basis
+from freefloat.planning.loop_bounds import LoopBounds, Places
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
 _SAMPLES = 24
-"""Half the phases per harmonic at which joints keep their ranges."""
-_INSIDE = 0.98
-"""Fraction of the ranges' half widths that loops may use, for the phases between samples."""
+"""Half the phases per harmonic at which rates are looked at."""
+_ROUNDS = 12
+"""Most times that bounds are added."""
 _STEP = 1e-6
 """Step of the differences, of the coefficients [rad, m]."""
-_ITERATIONS, _PRECISION = 100, 1e-5
+_MOST_ITERATIONS, _ITERATIONS, _PRECISION = 100, 20, 1e-5
+"""Of SLSQP without bounds, and until bounds are added."""
+_UNFINISHED = 9
+"""SLSQP's status after the last iteration."""
 _SOLVED, _EXACT = 1e-3, 1e-12
 """Errors of the rotation from which Newton's method converges, and at which it ends [rad]."""
 _NEWTON = 12
@@ -43,6 +48,8 @@ class LoopSearch:
         weights: Joint rates [rad/s or m/s] that take the same effort, shape (n,).
         harmonics: Number of harmonics of a loop.
         widened: Factor on the widths of the joint ranges.
+        pairs: Pairs of links that keep a clearance; None without one.
+        clearance: [m].
     """
 
     model: FreeFloatingModel = field(repr=False)
@@ -50,6 +57,8 @@ class LoopSearch:
     weights: Array
     harmonics: int
     widened: float = 1.0
+    pairs: CollisionPairs | None = field(default=None, repr=False)
+    clearance: float = 0.0
 
     @cached_property
     def ranges(self) -> Array:
@@ -67,6 +76,13 @@ class LoopSearch:
             np.where(np.isfinite(lower), lower, self.joints - half),
             np.where(np.isfinite(upper), upper, self.joints + half),
         ])  # fmt: skip
+
+    @cached_property
+    def bounds(self) -> LoopBounds:
+        """Joint ranges and clearances."""
+        return LoopBounds(
+            self.model, self.joints, self.harmonics, self.ranges, self.pairs, self.clearance
+        )
 
     @cached_property
     def axes(self) -> Array:
@@ -87,7 +103,16 @@ class LoopSearch:
         shape = (2 * self.harmonics, len(half))
         return np.asarray((half * rng.normal(size=shape) / np.sqrt(self.harmonics)).ravel())
 
-    def shortest(self, rotation: Rotation, start: Array) -> tuple[float, Array] | None:
+    def mean_square(self, coefficients: Array) -> float:
+        """Of the ratios of the joint rates to their weights."""
+        return float(self._weights @ coefficients**2)
+
+    def unbounded(self, rotation: Rotation, start: Array) -> Array | None:
+        """Coefficients of a loop of the smallest mean square that may leave all bounds; or None."""
+        c, _ = self._improved(rotation, start, Places(), _MOST_ITERATIONS)
+        return c if np.isfinite(c).all() and self._solved(rotation, c) else None
+
+    def shortest(self, rotation: Rotation, start: Array) -> Array | None:
         """The loop of the smallest mean square of the rates with a rotation, found from another.
 
         Args:
@@ -95,27 +120,48 @@ class LoopSearch:
             start: Coefficients from which to search, shape (2 K n,).
 
         Returns:
-            Its effort and coefficients; None where none was found.
+            Its coefficients; None where none was found.
         """
-        matrix, offsets = self._inequalities
+        places, c = self.bounds.violated(start), start
+        for _ in range(_ROUNDS if len(places) else 0):
+            c, unfinished = self._improved(rotation, c, places, _ITERATIONS)
+            if not np.isfinite(c).all():
+                return None
+            more = self.bounds.violated(c).without(places)
+            if not len(more) and not unfinished:
+                break
+            places = places + more
+        if not self._solved(rotation, c) or len(self.bounds.violated(c)):
+            return None
+        return self.corrected(rotation, c)
+
+    def _solved(self, rotation: Rotation, coefficients: Array) -> bool:
+        return bool(np.linalg.norm(self.axes @ self._error(coefficients, rotation)) < _SOLVED)
+
+    def _improved(
+        self, rotation: Rotation, start: Array, places: Places, iterations: int
+    ) -> tuple[Array, bool]:
+        """Some iterations toward the loop of the smallest mean square that keeps some bounds.
+
+        The unknowns are scaled such that the Hessian of the objective is the identity, with which
+        the quasi-Newton method begins.
+
+        Returns:
+            Coefficients, and whether more iterations would go on.
+        """
+        scale = 1.0 / np.sqrt(self._weights)
         constraints = [
-            {"type": "eq", "fun": lambda c: self.axes @ self._error(c, rotation),
-             "jac": lambda c: self._derivative(c, rotation, self.axes)},
-            {"type": "ineq", "fun": lambda c: matrix @ c + offsets, "jac": lambda _: matrix},
+            {"type": "eq", "fun": lambda x: self.axes @ self._error(scale * x, rotation),
+             "jac": lambda x: self._derivative(scale * x, rotation, self.axes) * scale},
+            {"type": "ineq", "fun": lambda x: self.bounds.values(scale * x, places),
+             "jac": lambda x: self.bounds.gradients(scale * x, places) * scale},
         ]  # fmt: skip
-        weights = self._weights
         found = minimize(
-            lambda c: weights @ c**2, start, jac=lambda c: 2.0 * weights * c, method="SLSQP",
-            constraints=constraints[: 1 + (len(offsets) > 0)],
-            options={"maxiter": _ITERATIONS, "ftol": _PRECISION * (weights @ start**2)},
+            lambda x: x @ x / 2.0, start / scale, jac=lambda x: x, method="SLSQP",
+            constraints=constraints[: 1 + (len(places) > 0)],
+            options={"maxiter": iterations, "ftol": _PRECISION * self.mean_square(start)},
         )  # fmt: skip
-        c = found.x
-        if not np.isfinite(c).all() or (matrix @ c + offsets).min(initial=0.0) < -_SOLVED:
-            return None
-        if np.linalg.norm(self._error(c, rotation)) > _SOLVED:
-            return None
-        exact = self.corrected(rotation, c)
-        return None if exact is None else (self.effort(exact), exact)
+        return scale * found.x, found.status == _UNFINISHED
 
     def effort(self, coefficients: Array) -> float:
         """The largest of |dq / dphi| over the weights."""
@@ -166,16 +212,3 @@ class LoopSearch:
         """Weights of the squared coefficients in the mean square of the ratios, (2 K n,)."""
         squares = np.tile(np.arange(1, self.harmonics + 1) ** 2, 2) / 2.0
         return np.asarray(np.outer(squares, self.weights**-2.0).ravel())
-
-    @cached_property
-    def _inequalities(self) -> tuple[Array, Array]:
-        """Matrix and offsets that map coefficients to distances from the ends of ranges."""
-        lower, upper = self.ranges
-        spare = (1.0 - _INSIDE) * np.minimum((upper - lower) / 2.0, np.pi)
-        down = np.minimum(lower + spare - self.joints, 0.0)
-        up = np.maximum(upper - spare - self.joints, 0.0)
-        values = np.kron(phase_basis(self._phases, self.harmonics), np.eye(len(lower)))
-        below, above = (np.tile(side, len(self._phases)) for side in (down, up))
-        offsets = np.concatenate([-below, above])
-        finite = np.isfinite(offsets)
-        return np.vstack([values, -values])[finite], offsets[finite]

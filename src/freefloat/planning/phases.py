@@ -28,6 +28,11 @@ class PoseGoal:
         frame: ``"inertial"``, that of the manoeuvre; or, where the phase begins, ``"spacecraft"``,
             the root link, ``"base"``, the link that carries the first joint, or
             ``"end_effector"``.
+
+    Example:
+        >>> back = ff.so3.Pose([0.0, 0.0, -0.02], np.eye(3))
+        >>> ff.PoseGoal(back, duration=15.0, frame="end_effector").frame
+        'end_effector'
     """
 
     pose: Pose
@@ -53,6 +58,11 @@ class PathPhase:
         name: Its name.
         margin: Required magnitude of the first path's measure.
         redundancy: Null-space motion of redundant arms.
+
+    Example:
+        >>> goal = ff.PoseGoal(ff.so3.Pose([0.0, 0.0, -0.02], np.eye(3)), 15.0, "end_effector")
+        >>> ff.PathPhase(goal, "stop").name
+        'stop'
     """
 
     path: TimedPath | RelativePath | PoseGoal = field(repr=False)
@@ -74,6 +84,10 @@ class JointPhase:
         joints: Values at the end, by name or shape (n,) [rad or m].
         duration: [s].
         name: Its name.
+
+    Example:
+        >>> ff.JointPhase({"q1": 0.2, "q2": -0.4}, duration=30.0, name="berth").duration
+        30.0
     """
 
     joints: npt.ArrayLike | dict[str, float]
@@ -97,6 +111,10 @@ class CapturePhase:
             :class:`~freefloat.robot.parts.Spacecraft`; by default that of its tumbling.
         com: Centre of mass in its frame [m], shape (3,); by default that of its tumbling, or zero.
         name: Name of the phase.
+
+    Example:
+        >>> ff.CapturePhase("client", mass=150.0, inertia=[28.0, 25.0, 30.0]).name
+        'capture'
     """
 
     body: str
