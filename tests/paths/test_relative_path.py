@@ -109,7 +109,7 @@ def test_scenarios_state_it_and_files_keep_it(tmp_path):
         }
     )
     problem = scenario.problem()
-    assert problem.path.relative.body.name == "client"
+    assert problem.path.frame == "client"
     assert problem.depends_on_timing
     plan = ff.plan(problem, scenario.search(), scenario.limits())
     assert plan.feasible

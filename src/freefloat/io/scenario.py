@@ -251,15 +251,14 @@ def scenario_of(
         InputError: If scenario files cannot describe the path of the problem.
     """
     model = problem.model
-    relative = problem.path.relative
-    timing = problem.path.timing if relative is None else relative.timing
+    stated, timing = problem.path.stated
     margin = problem.margin
     search = search or Search(joints=problem.start_joints)
     limits = limits or Limits()
     shapes = file_shapes(problem.scene)
-    path, samples = section_of(problem.path.path if relative is None else relative.path)
-    if relative is not None:
-        path["frame"] = relative.body.name
+    path, samples = section_of(stated)
+    if problem.path.frame is not None:
+        path["frame"] = problem.path.frame
     sections: dict[str, dict[str, Any]] = {
         "robot": {
             "urdf": model.description.source,

@@ -122,8 +122,8 @@ class Problem:
         With momentum or drift the system moves while the end-effector rests; a path in the frame of
         a tumbling body is another one.
         """
-        moves = self.path.drifts or self.path.relative is not None
-        return bool(self.momentum.any() or self.wheel_momentum.any() or moves)
+        turns = self.momentum.any() or self.wheel_momentum.any()
+        return bool(turns or self.path.depends_on_time)
 
     def stretched(self, factor: float) -> Problem:
         """The same problem, all times of its path multiplied by a factor."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Self
 
@@ -54,7 +54,7 @@ class RelativePath:
             accepted = "a body of the scene that is fixed or tumbles"
             raise InputError("path.frame", f"{self.body.name} moves with the path", accepted)
 
-    def timed(self, drift: Array | None = None) -> TimedPath:
+    def timed(self, drift: Array | None = None) -> BodyPath:
         """The path in the frame of the scene, by time.
 
         Args:
@@ -65,7 +65,7 @@ class RelativePath:
             orientation = RelativeOrientation(self, self.path.orientation)
         path = EndEffectorPath(RelativeCurve(self, self.path.curve), orientation)
         timing = Timing(self.timing.duration, TimeLaw.UNIFORM)
-        return TimedPath(path, timing, np.zeros(3) if drift is None else drift, self)
+        return BodyPath(path, timing, np.zeros(3) if drift is None else drift, relative=self)
 
     @cached_property
     def breaks(self) -> Array:
@@ -80,6 +80,37 @@ class RelativePath:
         number = self.timing.segment_at((first + last) / 2.0)
         ends = sorted(self.timing.s(t, 0, number) for t in (first, last))
         return number, ends[0], ends[1]
+
+
+@dataclass(frozen=True, eq=False)
+class BodyPath(TimedPath):
+    """A relative path in the frame of the scene, by time.
+
+    Attributes:
+        relative: The path in the frame of the body.
+    """
+
+    relative: RelativePath = field(kw_only=True, repr=False)
+
+    def stretched(self, factor: float) -> BodyPath:
+        """See :class:`~freefloat.paths.timing.TimedPath`; the body moves as before."""
+        slower = self.relative.timing.stretched(factor)
+        return replace(self.relative, timing=slower).timed(self.drift)
+
+    @property
+    def frame(self) -> str:
+        """See :class:`~freefloat.paths.timing.TimedPath`."""
+        return self.relative.body.name
+
+    @property
+    def stated(self) -> tuple[EndEffectorPath, Timing]:
+        """See :class:`~freefloat.paths.timing.TimedPath`."""
+        return self.relative.path, self.relative.timing
+
+    @property
+    def depends_on_time(self) -> bool:
+        """See :class:`~freefloat.paths.timing.TimedPath`."""
+        return True
 
 
 class RelativeCurve(Curve):

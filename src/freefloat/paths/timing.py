@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -18,9 +17,6 @@ from freefloat.errors import InputError, finite_number, finite_vector, member, r
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.time_segments import Speeds, TimeSegment, require_speeds, segments_of
 from freefloat.so3 import Array, Pose, frozen
-
-if TYPE_CHECKING:  # which builds timed paths
-    from freefloat.paths.relative_path import RelativePath
 
 _BLEND = 0.25
 """Fraction of a trapezoidal profile spent accelerating, and again decelerating."""
@@ -193,7 +189,6 @@ class TimedPath:
         path: The path by s.
         timing: s by time.
         drift: Velocity of the centre of mass [m/s], shape (3,).
-        relative: The path in the frame of a body of the scene, where it was given in one.
 
     Example:
         >>> line = ff.paths.PolynomialCurve.line([1.6, 0.4, 0.0], [1.2, 0.9, 0.0])
@@ -205,7 +200,6 @@ class TimedPath:
     path: EndEffectorPath
     timing: Timing
     drift: Array = field(default_factory=lambda: np.zeros(3))
-    relative: RelativePath | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         require_type("path", self.path, EndEffectorPath, "EndEffectorPath(curve, orientation)")
@@ -221,11 +215,22 @@ class TimedPath:
 
     def stretched(self, factor: float) -> TimedPath:
         """The same path at another speed, its duration multiplied by a factor."""
-        timing = self.timing if self.relative is None else self.relative.timing
-        slower = timing.stretched(factor)
-        if self.relative is not None:
-            return replace(self.relative, timing=slower).timed(self.drift)
-        return replace(self, timing=slower)
+        return replace(self, timing=self.timing.stretched(factor))
+
+    @property
+    def frame(self) -> str | None:
+        """Name of the body of the scene in whose frame the path is stated; None for none."""
+        return None
+
+    @property
+    def stated(self) -> tuple[EndEffectorPath, Timing]:
+        """The path and its time law in the frame in which they are stated."""
+        return self.path, self.timing
+
+    @property
+    def depends_on_time(self) -> bool:
+        """Whether poses depend on the time in addition to s."""
+        return self.drifts
 
     @cached_property
     def drifts(self) -> bool:

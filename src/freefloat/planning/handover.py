@@ -134,7 +134,7 @@ class Handover:
                             drift)  # fmt: skip
         if isinstance(phase.path, RelativePath):
             body = _body(self.scene, phase.path.body.name, f"phases.{phase.name}")
-            path = replace(phase.path, body=body).timed(drift)
+            path: TimedPath = replace(phase.path, body=body).timed(drift)
         else:
             given = phase.path.path
             curve = _Shifted(given.curve, -self.centre)

@@ -55,7 +55,7 @@ class PlanarCandidates:
         self.timing = problem.path.timing
         self._virtual = VirtualManipulator.of(problem.model)
         self._momentum = float(problem.momentum[2] - problem.wheel_momentum[2])
-        self._by_time = bool(self._momentum or problem.path.drifts or problem.path.relative)
+        self._by_time = bool(self._momentum or problem.path.depends_on_time)
         self.times = _instants(self.timing.ends)
         path = self.path_at(self.times)
         self.path = path._replace(last=np.unwrap(path.last))

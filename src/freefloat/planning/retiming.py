@@ -102,9 +102,9 @@ def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None 
     limits, chosen = plan.limits or Limits(), plan.chosen
     if chosen is None or not plan.feasible:
         raise InputError("plan", "it is not feasible", "a feasible plan")
-    if (relative := plan.problem.path.relative) is not None:
+    if (body := plan.problem.path.frame) is not None:
         accepted = "a path that does not depend on time"
-        raise InputError("path.frame", f"it moves with {relative.body.name}", accepted)
+        raise InputError("path.frame", f"it moves with {body}", accepted)
     if plan.problem.path.timing.stops:
         raise InputError("timing.stops", "the path has stops", "a path without stops")
     if not limits.timed:
