@@ -22,8 +22,8 @@ from rich.progress import track
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
+from freefloat.ensemble.endings import COMPLETED, FAILED, SINGULAR
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, SINGULAR
 from freefloat.errors import IntegrationError
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.extrema import closest_approach

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.ensemble.ensemble import EnsembleIntegrator, EnsembleResult
-from freefloat.ensemble.kernels.integration import COMPLETED, MARGIN, SINGULAR
+from freefloat.ensemble.endings import COMPLETED, MARGIN, SINGULAR
+from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.ensemble.result import EnsembleResult
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending, Motion

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.ensemble.ensemble import EnsembleResult
+from freefloat.ensemble.endings import COMPLETED, UNREACHED
 from freefloat.ensemble.feasibility import BranchResults
-from freefloat.ensemble.kernels.integration import COMPLETED, UNREACHED
+from freefloat.ensemble.result import EnsembleResult
 
 
 def branch_results(

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator, EnsembleResult
+from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator
+from freefloat.ensemble.result import EnsembleResult
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import Margin

@@ -9,8 +9,8 @@ import numpy as np
 import freefloat as ff
 from benchmarks.plain import PlainMotion
 from benchmarks.result import Result, race
+from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.kernels.integration import COMPLETED
 from freefloat.motion.motion import Motion
 from freefloat.planning.heading_arcs import BranchRanges
 from freefloat.planning.objective import Objective

@@ -15,7 +15,7 @@ from freefloat.dynamics.momentum import (
     system_matrix,
     system_matrix_derivative,
 )
-from freefloat.ensemble.kernels.integration import SINGULAR
+from freefloat.ensemble.endings import SINGULAR
 from freefloat.limits.torques import InverseDynamics
 from freefloat.motion.certificate import certify
 from freefloat.motion.extrema import closest_approach

@@ -13,8 +13,9 @@ from scipy.spatial.transform import Rotation
 from freefloat.concurrency import run_chunks
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task, generalized_determinant
-from freefloat.ensemble.ensemble import EnsembleIntegrator, EnsembleResult
-from freefloat.ensemble.kernels.integration import COMPLETED, MARGIN, SINGULAR
+from freefloat.ensemble.endings import COMPLETED, MARGIN, SINGULAR
+from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.ensemble.result import EnsembleResult
 from freefloat.motion.extrema import closest_approach, first_crossing
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import Margin, keeps_threshold

@@ -10,12 +10,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.measures import singularity_measure
+from freefloat.ensemble.endings import COMPLETED, SINGULAR, UNREACHED
 from freefloat.ensemble.feasibility import (
     BranchResults,
     FeasibilityEvaluator,
     has_wrist_flipped_branches,
 )
-from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR, UNREACHED
 from freefloat.errors import UnreachableError
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem

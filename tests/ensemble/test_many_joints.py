@@ -13,8 +13,8 @@ from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
 from freefloat.ensemble import ensemble
+from freefloat.ensemble.endings import COMPLETED, MARGIN, SINGULAR
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.kernels.integration import COMPLETED, MARGIN, SINGULAR
 from freefloat.ensemble.kernels.records import make_workspace
 from freefloat.errors import InputError
 from freefloat.motion.extrema import closest_approach

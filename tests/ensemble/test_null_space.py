@@ -7,9 +7,9 @@ import pytest
 
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.redundancy import Redundancy
+from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.kernels import flow as flow_kernels
-from freefloat.ensemble.kernels.integration import COMPLETED
 from freefloat.ensemble.kernels.lanes import WIDTH
 from freefloat.ensemble.kernels.records import BY_TIME, FORWARD, SEGMENT
 from freefloat.so3 import angle_between

@@ -9,9 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.ensemble.endings import COMPLETED, LIMITED
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.kernels.integration import COMPLETED, LIMITED
 from freefloat.limits.check import check_limits
 from freefloat.limits.limits import Limits
 from freefloat.motion.integration import integrate_motion

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from freefloat.ensemble.endings import SINGULAR, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.kernels.integration import SINGULAR, UNREACHED
 from freefloat.motion.problem import Problem
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.mapping import sample_attitudes

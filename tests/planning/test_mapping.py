@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from freefloat.ensemble.endings import COMPLETED, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.kernels.integration import COMPLETED, UNREACHED
 from freefloat.errors import InputError
 from freefloat.motion.margin import Margin, keeps_threshold
 from freefloat.motion.problem import Problem

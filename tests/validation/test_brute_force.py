@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.kernels.integration import COMPLETED
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.so3 import attitude_grid

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 import freefloat as ff
 from freefloat.cli.app import app
 from freefloat.dynamics.momentum import Task
+from freefloat.ensemble.endings import COMPLETED, SINGULAR
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR
 from freefloat.errors import IntegrationError
 from freefloat.motion import integration
 from freefloat.motion.certificate import certify

@@ -10,8 +10,8 @@ import pytest
 import umsgpack
 from scipy.spatial.transform import Rotation
 
+from freefloat.ensemble.endings import UNREACHED as UNREACHED_CODE
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.kernels.integration import UNREACHED as UNREACHED_CODE
 from freefloat.motion.problem import Problem
 from freefloat.planning.attitude_map import AttitudeMap, Ball, BoundaryPoint, Peak
 from freefloat.planning.mapping import sample_attitudes

@@ -10,8 +10,9 @@ import numpy.typing as npt
 
 from freefloat.concurrency import Progress, require_memory
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator, EnsembleResult
-from freefloat.ensemble.kernels.integration import COMPLETED, UNREACHED
+from freefloat.ensemble.endings import COMPLETED, UNREACHED
+from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator
+from freefloat.ensemble.result import EnsembleResult
 from freefloat.ik.branches import ClosedForm, closed_form
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem, require_problem

@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.ensemble.ensemble import EnsembleResult
 from freefloat.ensemble.feasibility import BranchResults
+from freefloat.ensemble.result import EnsembleResult
 from freefloat.io.hdf5 import QUATERNION, TEXT, Document, read_numbers, write_arrays
 from freefloat.io.scenario import Scenario
 from freefloat.motion.problem import Problem

@@ -9,14 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
 from freefloat.ensemble.feasibility import has_wrist_flipped_branches, is_regular
-from freefloat.ensemble.kernels.integration import (
-    COMPLETED,
-    FAILED,
-    LIMITED,
-    SINGULAR,
-    UNREACHED,
-)
 from freefloat.motion.reach import reach_message
 from freefloat.planning.margin_map import MarginMap
 from freefloat.planning.plan import degrees

@@ -10,14 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.momentum import Task
+from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.kernels.integration import (
-    COMPLETED,
-    FAILED,
-    LIMITED,
-    SINGULAR,
-    UNREACHED,
-)
 from freefloat.limits.limits import LimitKind, LimitResult, violated
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import (

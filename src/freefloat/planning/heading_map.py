@@ -10,8 +10,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from freefloat.concurrency import Progress
-from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleResult
+from freefloat.ensemble.ensemble import STEP_TOLERANCE
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.result import EnsembleResult
 from freefloat.errors import whole_number
 from freefloat.limits.limits import Limits
 from freefloat.motion.pointing import AttitudeLimits

@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.concurrency import Progress, require_memory, step_of
-from freefloat.ensemble.ensemble import EnsembleResult
 from freefloat.ensemble.feasibility import BranchResults, FeasibilityEvaluator
+from freefloat.ensemble.result import EnsembleResult
 from freefloat.errors import InputError, require_type, whole_number
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem, require_problem

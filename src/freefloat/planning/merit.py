@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from freefloat.ensemble.ensemble import EnsembleResult
 from freefloat.ensemble.feasibility import FeasibilityEvaluator, is_regular
+from freefloat.ensemble.result import EnsembleResult
 from freefloat.errors import InputError
 from freefloat.limits.limits import Limits
 from freefloat.planning.attitude_map import AttitudeMap, Candidate

@@ -30,7 +30,8 @@ from freefloat.so3 import Array, heading_of, heading_quaternion
 from freefloat.workspace.planar import PlanarArm, point_3_on_path
 
 if TYPE_CHECKING:
-    from freefloat.ensemble.ensemble import EnsembleIntegrator, EnsembleResult
+    from freefloat.ensemble.ensemble import EnsembleIntegrator
+    from freefloat.ensemble.result import EnsembleResult
 
 _SMALLEST_LEVEL = 1e-4
 """Fraction of S_max used for a margin of zero, at which no motion can be started."""

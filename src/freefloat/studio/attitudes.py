@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
 from freefloat.ensemble.feasibility import BranchResults
-from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
 from freefloat.motion.problem import Problem
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.heading_arcs import BranchRanges

@@ -36,7 +36,7 @@ from freefloat.ensemble.kernels.tables import Table, get_lane, get_vector
 from freefloat.ensemble.kernels.vectors import Vector, components, dot, vector
 
 if TYPE_CHECKING:
-    from freefloat.ensemble.ensemble import EnsembleResult
+    from freefloat.ensemble.result import EnsembleResult
 
 BODY, OF_POINT, SIDE, BOUND, AXIS, ORIGIN, TARGET = 0, 1, 2, 3, 4, 7, 10
 """Columns of ``Cones.table``: number of the body, -1 for the turn of the spacecraft; 1 for a target

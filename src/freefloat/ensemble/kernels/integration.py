@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from freefloat.ensemble.endings import COMPLETED, FAILED, MARGIN, SINGULAR
 from freefloat.ensemble.kernels.compilation import compiled, inner
 from freefloat.ensemble.kernels.cones import store_slacks
 from freefloat.ensemble.kernels.flow import END, LAW, TIME_WEIGHT
@@ -35,12 +36,8 @@ from freefloat.ensemble.kernels.steps import attempt
 from freefloat.ensemble.kernels.tables import get_lane, set_lane
 
 if TYPE_CHECKING:
-    from freefloat.ensemble.ensemble import EnsembleResult
+    from freefloat.ensemble.result import EnsembleResult
 
-COMPLETED, SINGULAR, MARGIN, FAILED, LIMITED = 0, 1, 2, 3, 4
-"""Codes of endings."""
-UNREACHED = -1
-"""Ending of an arm branch that does not exist at an attitude."""
 _CONTINUES = -1
 _FIRST_STEP, _FIRST_ERROR = 0.02, 1e-4
 """Length of the first step, in units of the duration, and error of the one before it."""

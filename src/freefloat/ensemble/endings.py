@@ -1,0 +1,9 @@
+"""Codes of the endings of compiled motions."""
+
+from __future__ import annotations
+
+COMPLETED, SINGULAR, MARGIN, FAILED, LIMITED = 0, 1, 2, 3, 4
+"""The path was followed; the arm became singular; the margin was used up; the steps were used up;
+the path was followed, and a limit of attitude is violated."""
+UNREACHED = -1
+"""The arm branch does not exist at the attitude."""
