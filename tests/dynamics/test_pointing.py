@@ -16,10 +16,10 @@ from freefloat.dynamics.momentum import (
     system_matrix_derivative,
 )
 from freefloat.ensemble.endings import SINGULAR
-from freefloat.limits.torques import InverseDynamics
 from freefloat.motion.certificate import certify
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
+from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Ending
 from freefloat.paths.orientation import OrientationLaw, OrientationSpline
 from freefloat.paths.path import EndEffectorPath
@@ -164,7 +164,7 @@ def test_torques_leave_the_base_free(structure):
     start = redundant(structure, Task.POINTING, None, 1)
     motion = integrate_motion(start.problem, start.attitude, start.joints)
     assert motion.completed
-    dynamics = InverseDynamics(start.problem)
+    dynamics = PathLaw(start.problem)
     for t in (2.0, 6.0, 13.0):
         (state,) = motion.sample(t)
         effort = dynamics.effort(t, state.attitude, state.joints)

@@ -16,7 +16,6 @@ from scipy.interpolate import CubicSpline
 import freefloat as ff
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.limits.limits import Limits
-from freefloat.limits.torques import InverseDynamics
 from freefloat.motion.integration import integrate_motion
 from freefloat.robot.names import find_robot
 from freefloat.so3 import angle_between, attitude_grid
@@ -167,7 +166,7 @@ def _solve_base(model, data, momentum: np.ndarray) -> np.ndarray:
 
 def test_no_wrench_acts_on_the_spacecraft(motion) -> None:
     """Inverse dynamics with the torque of the wheels finds no external force."""
-    dynamics = InverseDynamics(motion.problem)
+    dynamics = motion.law
     for t in (10.0, 33.0, 60.0):
         (state,) = motion.sample([t])
         effort = dynamics.effort(t, state.attitude, state.joints)

@@ -7,7 +7,6 @@ import pinocchio as pin
 import pytest
 
 from freefloat.io.scenario import load_scenario
-from freefloat.limits.torques import InverseDynamics
 from freefloat.motion.integration import integrate_motion
 from freefloat.paths.timing import TimeLaw
 from freefloat.so3 import heading_quaternion
@@ -34,7 +33,7 @@ def motion(request):
 
 
 def efforts(motion, times):
-    dynamics = InverseDynamics(motion.problem)
+    dynamics = motion.law
     return [dynamics.effort(s.time, s.attitude, s.joints) for s in motion.sample(times)]
 
 
@@ -57,7 +56,7 @@ def test_nothing_pushes_the_spacecraft(motion):
 
 def test_a_wrong_acceleration_pushes_it(motion):
     """The check can fail: one percent more of one joint's acceleration shows."""
-    dynamics, T = InverseDynamics(motion.problem), motion.problem.path.duration
+    dynamics, T = motion.law, motion.problem.path.duration
     (state,) = motion.sample(0.3 * T)
     effort = dynamics.effort(state.time, state.attitude, state.joints)
     a = effort.accelerations.copy()
@@ -102,7 +101,7 @@ def test_forces_of_prismatic_joints_are_mass_times_acceleration(law):
 def test_nothing_is_known_where_the_arm_is_singular():
     """At a state without rates there are no torques either, rather than made-up ones."""
     motion = prismatic_motion(prismatic_robot())
-    dynamics = InverseDynamics(motion.problem)
+    dynamics = motion.law
     dynamics._solver.rates = lambda *_: (np.full(3, np.inf), np.full(3, np.inf))
     effort = dynamics.effort(1.0, motion.attitudes[0], motion.joints[0])
     assert np.isnan(effort.joint_torques).all()

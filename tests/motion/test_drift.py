@@ -13,8 +13,8 @@ import freefloat as ff
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.limits.torques import InverseDynamics
 from freefloat.motion.integration import integrate_motion
+from freefloat.motion.law import PathLaw
 from freefloat.motion.problem import Problem
 from freefloat.so3 import angle_between, attitude_grid, heading_quaternion
 from freefloat.verification.mujoco import forward_run, inverse_run
@@ -146,7 +146,7 @@ def test_no_wrench_acts_on_the_spacecraft(redundant_arm: bool) -> None:
         problem = drifting(start.problem, np.array([0.3, -0.2, 0.1]) / start.problem.path.duration)
         motion = integrate_motion(problem, start.attitude, start.joints)
     motion = motion or start_of(problem, STARTS[SPATIAL])
-    dynamics, h = InverseDynamics(problem), 1e-3 * problem.path.duration
+    dynamics, h = PathLaw(problem), 1e-3 * problem.path.duration
     for t in np.array([0.2, 0.5, 0.8]) * problem.path.duration:
         before, state, after = motion.sample([t - h, t, t + h])
         effort = dynamics.effort(t, state.attitude, state.joints)

@@ -97,7 +97,7 @@ def test_joint_rates_are_handed_on_after_an_impulse(manoeuvre) -> None:
 @pytest.mark.parametrize("frame", ["inertial", "spacecraft", "base", "end_effector"])
 def test_a_pose_goal_is_reached_in_its_frame(problem: ff.Problem, frame: str) -> None:
     motion = ff.simulate(problem, heading=0.45).chosen.motion
-    state = Handover.at_start(motion).after_path(motion)
+    state = Handover.at_start(motion).after(motion)
     model, R = problem.model, rotation_matrix(state.attitude)
     axes = np.eye(3) if frame == "inertial" else R
     origin = np.zeros(3) if frame == "inertial" else model.base_position(

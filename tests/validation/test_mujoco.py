@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import generalized_jacobian
 from freefloat.io.scenario import load_scenario
-from freefloat.limits.torques import InverseDynamics
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import heading_quaternion
 from freefloat.verification.mujoco import forward_run
@@ -183,7 +182,7 @@ def all_motions(motions):
 def test_mujoco_finds_the_same_joint_torques(all_motions, name):
     """From accelerations solved at a state, and from differences of the recorded motion."""
     motion = all_motions[name]
-    engine, dynamics = Engine(motion.problem.model), InverseDynamics(motion.problem)
+    engine, dynamics = Engine(motion.problem.model), motion.law
     solved, seen, recorded, wrenches = [], [], [], []
     for t in np.linspace(0.06, 0.94, 12) * motion.problem.path.duration:
         (state,) = motion.sample(t)

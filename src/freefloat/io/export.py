@@ -209,19 +209,18 @@ def trajectories(
     if isinstance(result, Manoeuvre):
         return {
             f"_{number}_{re.sub(r'[^A-Za-z0-9]+', '_', phase.name)}": Trajectory.sampled(
-                phase.motion, times, rate, epoch, phase.curve
+                phase.motion, times, rate, epoch
             ).later(phase.start, phase.centre)
             for number, phase in enumerate(result.phases, 1)
             if phase.motion is not None
         }
     chosen = result.chosen if isinstance(result, Plan | Simulation) else None
     motion = result if chosen is None else chosen.motion
-    curve = None
     if isinstance(result, Reorientation):
-        motion, curve = result.motion, result.loops
+        motion = result.motion
     accepted = "a motion, a simulation, a manoeuvre, or a plan or reorientation that has a motion"
     require_type("result", motion, Motion, accepted)
-    return {"": Trajectory.sampled(motion, times, rate, epoch, curve)}
+    return {"": Trajectory.sampled(motion, times, rate, epoch)}
 
 
 def export(

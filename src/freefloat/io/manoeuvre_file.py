@@ -65,7 +65,7 @@ def _phases(file: Any, scenario: Scenario, document: Document) -> Iterator[Plann
     yield PlannedPhase(documents[number]["name"], 0.0, np.zeros(3), path)
     if state is None or path.chosen is None:
         return
-    state = state.after_path(path.chosen.motion)
+    state = state.after(path.chosen.motion)
     for k, phase in enumerate(scenario.phases()[: len(documents) - number - 1], number + 1):
         planned, state = _following(file[f"phases/{k}"], scenario, phase, state, documents[k])
         yield planned
@@ -82,11 +82,11 @@ def _following(
     elif isinstance(phase, JointPhase):
         problem = replace(state.problem, scene=state.scene)
         result = _joint_motion(group, scenario, problem, entry)
-        state = state.after_joints(result.motion, result.transfer)
+        state = state.after(result.motion)
     else:
         problem = state.stated(state.path_of(phase), phase.margin, phase)
         result = read_plan(group, scenario, entry, problem)
-        state = state.after_path(result.chosen.motion)
+        state = state.after(result.chosen.motion)
     return PlannedPhase(phase.name, start, centre, result), state
 
 
@@ -103,7 +103,7 @@ def _at_its_speed(group: Any, problem: Problem, entry: Document) -> Problem:
 def _joint_motion(group: Any, scenario: Scenario, problem: Problem, entry: Document) -> JointMotion:
     timing = Timing(entry["duration"], TimeLaw.UNIFORM)
     timed = replace(problem, path=TimedPath(problem.path.path, timing, problem.path.drift))
-    motion = with_its_path(read_motion(group["motion"], timed))
-    limits, results, _ = read_limits(group, scenario, entry)
     transfer = JointTransfer(np.array(entry["joints"]))
-    return JointMotion(transfer, motion, limits or Limits(), results)
+    motion = with_its_path(read_motion(group["motion"], timed, transfer))
+    limits, results, _ = read_limits(group, scenario, entry)
+    return JointMotion(transfer, motion, (limits or Limits()).without_turn, results)

@@ -16,6 +16,7 @@ from freefloat.limits.contact import Contact
 from freefloat.limits.limits import LimitKind, LimitResult, Limits
 from freefloat.motion.certificate import Certificate, CertifiedMinimum, Comparison, Worst
 from freefloat.motion.extrema import closest_approach
+from freefloat.motion.law import JointCurve
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE
 from freefloat.motion.problem import Problem
@@ -264,12 +265,13 @@ def _read_branch(group: Any, problem: Problem, index: int) -> SimulatedBranch:
     return SimulatedBranch(branch, motion, closest_approach(motion, problem.margin.measure))
 
 
-def read_motion(group: Any, problem: Problem) -> Motion:
-    """Motion of a group, along the path of a problem."""
+def read_motion(group: Any, problem: Problem, curve: JointCurve | None = None) -> Motion:
+    """Motion of a group, along the path of a problem or with prescribed joints."""
     arrays = read_numbers(group, "time", "attitude", "joints", "base_position")
     times, attitudes, joints, positions = arrays
     _require_nodes(arrays, problem.model.dof)
-    motion = Motion(problem, Ending[group.attrs["ending"]], times, without_jumps(attitudes), joints)
+    ending, attitudes = Ending[group.attrs["ending"]], without_jumps(attitudes)
+    motion = Motion(problem, ending, times, attitudes, joints, curve)
     distance = np.linalg.norm(positions - motion.base_positions, axis=1)
     if distance.max() > _ROUNDING * max(1.0, float(np.abs(positions).max())):
         node = int(distance.argmax())

@@ -26,18 +26,18 @@ def read_reorientation(
     """Reorientation of a file, whose problem has the timing of its motion."""
     problem = problem or scenario.problem()
     limits, results, _ = read_limits(file, scenario, document)
-    loops = document["loops"]
+    loops = None if document["loops"] is None else JointLoops(**document["loops"])
     return Reorientation(
         problem=problem,
         start=document["from"],
         goal=document["to"],
         joints=document["joints"],
-        limits=limits or Limits(),
+        limits=(limits or Limits()).without_turn,
         allowed=document["allowed_duration"],
         reached=document["reached"],
         reason=document["reason"],
         needed=document["needed"],
-        loops=None if loops is None else JointLoops(**loops),
-        motion=read_motion(file["motion"], problem) if "motion" in file else None,
+        loops=loops,
+        motion=read_motion(file["motion"], problem, loops) if "motion" in file else None,
         limit_results=results,
     )

@@ -10,8 +10,6 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError
-from freefloat.limits.torques import InverseDynamics
-from freefloat.motion.joint_integration import JointCurve
 from freefloat.motion.motion import Ending, Motion
 from freefloat.so3 import Array, frozen, without_jumps
 
@@ -27,9 +25,9 @@ _ROUNDING = 1e-9
 class Trajectory:
     """A motion sampled at given times.
 
-    Rates solve equation (4) at each state and accelerations its time derivative, see
-    :mod:`freefloat.limits.torques`; neither is a finite difference. At an end in a dynamic
-    singularity they are nan.
+    Rates and accelerations are those of the motion's law, see :mod:`freefloat.motion.law`: along a
+    path they solve equation (4) at each state and its time derivative; neither is a finite
+    difference. At an end in a dynamic singularity they are nan.
 
     Attributes:
         motion: The motion.
@@ -78,7 +76,6 @@ class Trajectory:
         count: int | None = None,
         rate: float | None = None,
         epoch: datetime = J2000,
-        curve: JointCurve | None = None,
     ) -> Trajectory:
         """Sample a motion at evenly spaced times.
 
@@ -87,17 +84,16 @@ class Trajectory:
             count: Number of times; default is 501.
             rate: In its place, times per second [Hz].
             epoch: Instant of t = 0; UTC where it has no time zone.
-            curve: The joints of a motion that does not follow a path.
 
         Raises:
             InputError: If both are given, or there would be fewer than two or too many times.
         """
         if rate is None:
             times = even_times(motion, 501 if count is None else count)
-            return cls.of(motion, times, epoch, curve)
+            return cls.of(motion, times, epoch)
         if count is not None:
             raise InputError("rate", "a number of times was given, too", "one of the two")
-        return cls.of(motion, times_at_rate(motion, rate), epoch, curve)
+        return cls.of(motion, times_at_rate(motion, rate), epoch)
 
     @classmethod
     def of(
@@ -105,7 +101,6 @@ class Trajectory:
         motion: Motion,
         times: npt.ArrayLike,
         epoch: datetime = J2000,
-        curve: JointCurve | None = None,
     ) -> Trajectory:
         """Sample a motion.
 
@@ -113,7 +108,6 @@ class Trajectory:
             motion: The motion.
             times: Rising [s], shape (K,).
             epoch: Instant of t = 0.
-            curve: The joints of a motion that does not follow a path.
 
         Raises:
             InputError: If a time lies outside the motion.
@@ -121,16 +115,13 @@ class Trajectory:
         times = np.atleast_1d(np.asarray(times, dtype=float))
         _, attitudes, joints = motion.evaluate(motion.coordinate_at(times))
         problem = motion.problem
-        dynamics = InverseDynamics(problem)
+        law = motion.law
         n = problem.model.dof
         efforts = np.full((len(times), 6 + 3 * n), np.nan)
         for row, t, a, q in zip(efforts, times.tolist(), attitudes, joints, strict=True):
             if motion.ending is Ending.SINGULAR and t == motion.final.time:
                 continue
-            if curve is None:
-                effort = dynamics.effort(t, a, q)
-            else:
-                effort = dynamics.effort_along(curve, t, a)
+            effort = law.effort(t, a, q)
             row[:] = np.concatenate([effort.rates, effort.accelerations[6:], effort.joint_torques])
         base, angular, rates, accelerations, torques = np.split(
             efforts, [3, 6, 6 + n, 6 + 2 * n], axis=1

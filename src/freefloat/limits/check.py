@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -30,8 +30,8 @@ def check_limits(motion: Motion, limits: Limits) -> tuple[LimitResult, ...]:
     """The results of all limits along a motion, the scene's corridor and joint ranges first.
 
     Args:
-        motion: Its joints are compared with their ranges as they are; see
-            :func:`freefloat.motion.extrema.unwrapped`.
+        motion: Along a path or with prescribed joints, which are compared with their ranges as they
+            are; see :func:`freefloat.motion.extrema.unwrapped`.
         limits: The limits in addition to the joint ranges.
 
     Raises:
@@ -50,7 +50,7 @@ def check_limits(motion: Motion, limits: Limits) -> tuple[LimitResult, ...]:
 
 
 class LimitChecker:
-    """The limits of a robot and its scene, prepared for many motions.
+    """The limits of a robot and its scene, prepared for many motions, whatever moves the arm.
 
     Attributes:
         pairs: The pairs of shapes that may collide; None where no clearance is required.
@@ -91,9 +91,15 @@ class LimitChecker:
             checks[LimitKind.JOINT_TORQUE] = partial(extremes.joint_torque, limits.joint_torque)
         self._checks, self._decisions = checks, checks | decisions
 
-    def results(self, motion: Motion) -> tuple[LimitResult, ...]:
-        """The results of all limits."""
-        return tuple(check(motion) for check in self._checks.values())
+    def results(self, motion: Motion, known: Iterable[LimitResult] = ()) -> tuple[LimitResult, ...]:
+        """The results of all limits, of which some may be known already."""
+        found = {result.limit: result for result in known}
+        checks = self._checks.items()
+        return tuple(found[kind] if kind in found else check(motion) for kind, check in checks)
+
+    def timed(self, motion: Motion) -> tuple[LimitResult, ...]:
+        """The results of limits that depend on the speed."""
+        return tuple(check(motion) for kind, check in self._checks.items() if kind.timed)
 
     def results_unless_violated(
         self, motion: Motion
@@ -110,6 +116,10 @@ class LimitChecker:
         again = {k: c(motion) for k, c in self._checks.items() if c is not self._decisions[k]}
         return tuple((decided | again).values()), None
 
-    def violations(self, motion: Motion) -> tuple[LimitResult, ...]:
-        """The results of all violated limits, clearances as :meth:`results_unless_violated` has."""
-        return violated(decide(motion) for decide in self._decisions.values())
+    def violations(self, motion: Motion, *, timed: bool = True) -> tuple[LimitResult, ...]:
+        """The results of all violated limits, clearances as :meth:`results_unless_violated` has.
+
+        Those that depend on the speed may be left out.
+        """
+        decisions = self._decisions.items()
+        return violated(decide(motion) for kind, decide in decisions if timed or not kind.timed)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from freefloat.limits.limits import LimitKind, LimitResult
-from freefloat.limits.torques import InverseDynamics
 from freefloat.motion.extrema import Extremum, Function, at_nodes, joint_extents, maximum
+from freefloat.motion.law import Rates
 from freefloat.motion.margin import ROUNDING
 from freefloat.motion.motion import Motion
 from freefloat.motion.panels import NODES
@@ -59,23 +59,21 @@ def corridor(limit: Corridor, motion: Motion) -> LimitResult:
     return _result(LimitKind.CORRIDOR, worst, allowed, worst / allowed, time, name)
 
 
-Rates = Callable[[int, float], tuple[Array, Array]]
-"""The spacecraft's angular velocity and the joint rates, by panel and its parameter."""
+def joint_rate(allowed: Array, motion: Motion) -> LimitResult:
+    """The joint whose rate is largest over its limit."""
+    rates = _rates(motion)
+    return _largest_of_joints(
+        LimitKind.JOINT_RATE, allowed, motion, lambda k, x: rates(k, x).joints
+    )
 
 
-def joint_rate(allowed: Array, motion: Motion, rates: Rates | None = None) -> LimitResult:
-    """The joint whose rate is largest over its limit; ``rates`` replace those along the path."""
-    rates = rates or _rates(motion)
-    return _largest_of_joints(LimitKind.JOINT_RATE, allowed, motion, lambda k, x: rates(k, x)[1])
-
-
-def base_rate(allowed: float, motion: Motion, rates: Rates | None = None) -> LimitResult:
-    """The largest angular velocity of the spacecraft; ``rates`` replace those along the path."""
-    rates = rates or _rates(motion)
+def base_rate(allowed: float, motion: Motion) -> LimitResult:
+    """The largest angular velocity of the spacecraft."""
+    rates = _rates(motion)
 
     def squared(panel: int, x: float) -> Array:
         """The squared ratio, smooth also where the rate passes through zero."""
-        omega = rates(panel, x)[0] / allowed
+        omega = rates(panel, x).base / allowed
         return np.array([omega @ omega])
 
     peak = _peak(motion, squared)
@@ -127,24 +125,15 @@ def _of_axis(limit: PointingLimit, number: int, motion: Motion) -> LimitResult:
     return _result(LimitKind.POINTING, angle, limit.angle, float(ratio), time, where)
 
 
-def _rates(motion: Motion) -> Rates:
-    """The rates along the path of a motion."""
-    path, solver = motion.problem.path, motion.problem.resolved_rate_solver()
-
-    def rates(panel: int, x: float) -> tuple[Array, Array]:
-        t, attitude, joints = motion.at(panel, x)
-        twist, speed = path.twist_and_speed(t, motion.timing_segment(panel))
-        return solver.rates(attitude, joints, twist, speed)
-
-    return rates
+def _rates(motion: Motion) -> Callable[[int, float], Rates]:
+    """The rates along a motion, by panel and its parameter."""
+    law = motion.law
+    return lambda panel, x: law.rates(*motion.at(panel, x), motion.timing_segment(panel))
 
 
-def joint_torque(allowed: Array, motion: Motion, forces: Function | None = None) -> LimitResult:
-    """The joint whose torque or force is largest over its limit.
-
-    ``forces`` replace the joint torques and the wrench on the base, shape (n + 6,), along the path.
-    """
-    forces = forces or _forces(motion)
+def joint_torque(allowed: Array, motion: Motion) -> LimitResult:
+    """The joint whose torque or force is largest over its limit."""
+    forces = _forces(motion)
     nodes = at_nodes(motion, forces).reshape(-1, len(NODES), len(allowed) + 6)
     torques, wrenches = np.split(nodes, [len(allowed)], axis=2)
     result = _largest_of_joints(
@@ -156,11 +145,11 @@ def joint_torque(allowed: Array, motion: Motion, forces: Function | None = None)
 
 
 def _forces(motion: Motion) -> Function:
-    """Joint torques, then the wrench on the base, along the path of a motion."""
-    dynamics = InverseDynamics(motion.problem)
+    """Joint torques, then the wrench on the base, along a motion, shape (n + 6,)."""
+    law = motion.law
 
     def forces(panel: int, x: float) -> Array:
-        effort = dynamics.effort(*motion.at(panel, x), motion.timing_segment(panel))
+        effort = law.effort(*motion.at(panel, x), motion.timing_segment(panel))
         return np.concatenate([effort.joint_torques, effort.base_wrench])
 
     return forces

@@ -28,6 +28,11 @@ class LimitKind(StrEnum):
     BASE_TURN = "base_turn"
     CORRIDOR = "corridor"
 
+    @property
+    def timed(self) -> bool:
+        """Whether it depends on the speed of a motion, not on its shape alone."""
+        return self in _POWERS
+
 
 @dataclass(frozen=True, eq=False)
 class Limits:
@@ -89,6 +94,11 @@ class Limits:
     def untimed(self) -> Limits:
         """Those that do not depend on the speed along the path."""
         return replace(self, joint_rate=None, joint_torque=None, base_rate=None)
+
+    @property
+    def without_turn(self) -> Limits:
+        """Those of motions that are meant to turn the spacecraft: all but ``base_turn``."""
+        return replace(self, base_turn=None)
 
     @property
     def timed(self) -> bool:
@@ -175,6 +185,6 @@ def needed_stretch(results: Iterable[LimitResult]) -> float:
     factors = [
         float(result.ratio ** (1.0 / _POWERS[result.limit]))
         for result in results
-        if result.limit in _POWERS
+        if result.limit.timed
     ]
     return max([1.0, *factors])

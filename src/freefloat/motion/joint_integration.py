@@ -2,40 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
-
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from freefloat.dynamics.momentum import inertia_matrices
+from freefloat.motion.law import JointCurve, base_velocity
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array, rotation_matrix
+from freefloat.so3 import Array
 
 _TOLERANCE = 1e-12
 _PANELS_PER_STEP = 6
 """Panels of a motion that an integration step may cover."""
-
-
-class JointCurve(Protocol):
-    """Joint values as a function of s in [0, 1]."""
-
-    def at(self, s: Any, order: int = 0) -> Array:
-        """Joint values, or their derivatives by s of order 1 or 2, at s (...): (..., n)."""
-        ...
-
-
-def base_velocity(problem: Problem, attitude: Array, joints: Array, rates: Array) -> Array:
-    """Angular velocity of the spacecraft for prescribed joint rates, (3) of the paper.
-
-    It is D^-1 (R0^T h - h_w - Dq q') in the spacecraft frame [rad/s], shape (3,).
-    """
-    D, Dq = inertia_matrices(problem.model, joints)
-    demanded = -problem.wheel_momentum - Dq @ rates
-    if problem.momentum.any():
-        demanded = demanded + rotation_matrix(attitude).T @ problem.momentum
-    return np.asarray(np.linalg.solve(D, demanded))
 
 
 def integrate_joints(problem: Problem, curve: JointCurve, attitude: Array, panels: int) -> Motion:
@@ -65,4 +43,4 @@ def integrate_joints(problem: Problem, curve: JointCurve, attitude: Array, panel
     )  # fmt: skip
     attitudes = solution.y.T / np.linalg.norm(solution.y.T, axis=1, keepdims=True)
     joints = curve.at([float(timing.s(t)) for t in times])
-    return Motion(problem, Ending.COMPLETED, times, attitudes, joints)
+    return Motion(problem, Ending.COMPLETED, times, attitudes, joints, curve)

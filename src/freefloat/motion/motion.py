@@ -17,6 +17,7 @@ import numpy.typing as npt
 from numpy.polynomial import chebyshev
 
 from freefloat.errors import InputError
+from freefloat.motion.law import JointCurve, JointLaw, Law, PathLaw
 from freefloat.motion.panels import (
     DEGREE,
     NODES,
@@ -91,7 +92,7 @@ class Residuals:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Motion of spacecraft and arm along the end-effector's path.
+    """Motion of spacecraft and arm along the end-effector's path, or with prescribed joints.
 
     Panel k holds the nodes 8 k to 8 k + 8; neighbours share a node.
 
@@ -101,6 +102,8 @@ class Motion:
         times: At the nodes [s], shape (N,); falling for a motion integrated backward.
         attitudes: Of the spacecraft, unit quaternions x, y, z, w, shape (N, 4).
         joints: Joint values [rad or m], shape (N, n).
+        curve: The joints by s where they are prescribed; None where the path of the problem is
+            followed.
     """
 
     problem: Problem = field(repr=False)
@@ -108,10 +111,18 @@ class Motion:
     times: Array = field(repr=False)
     attitudes: Array = field(repr=False)
     joints: Array = field(repr=False)
+    curve: JointCurve | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("times", "attitudes", "joints"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    @property
+    def law(self) -> Law:
+        """What moves the arm, prepared anew: one law serves one thread."""
+        if self.curve is None:
+            return PathLaw(self.problem)
+        return JointLaw(self.problem, self.curve)
 
     @property
     def panels(self) -> int:
@@ -244,7 +255,8 @@ class Motion:
         last = NODES[1:] if u > whole else NODES[:0]
         t, a, q = self.evaluate(whole + (u - whole) * (last + 1.0) / 2.0)
         nodes = (self.times, t), (self.attitudes, a), (self.joints, q)
-        return Motion(self.problem, ending, *(np.concatenate([x[before], y]) for x, y in nodes))
+        times, attitudes, joints = (np.concatenate([x[before], y]) for x, y in nodes)
+        return Motion(self.problem, ending, times, attitudes, joints, self.curve)
 
     def residuals(self) -> Residuals:
         """Largest distance from the path and deviation of the momentum."""

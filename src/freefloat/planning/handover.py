@@ -10,7 +10,6 @@ from freefloat.dynamics.capture import Capture, Client, capture
 from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
 from freefloat.dynamics.summary import frames_at, roll_pitch_yaw
 from freefloat.errors import InputError
-from freefloat.motion.joint_integration import JointCurve, base_velocity
 from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
@@ -61,9 +60,10 @@ class Handover:
     def at_start(cls, motion: Motion) -> Handover:
         """The state at the beginning of a motion along the first path."""
         problem, start = replace(motion.problem, start_joints=None), motion.initial
-        solver, twist = problem.resolved_rate_solver(), problem.path.twist_and_speed(0.0)
-        omega, rates = solver.rates(start.attitude, start.joints, *twist)
-        return cls(problem, 0.0, start.attitude, start.joints, rates, omega, np.zeros(3))
+        rates = motion.law.rates(0.0, start.attitude, start.joints)
+        return cls(
+            problem, 0.0, start.attitude, start.joints, rates.joints, rates.base, np.zeros(3)
+        )
 
     @property
     def pose(self) -> Pose:
@@ -80,26 +80,14 @@ class Handover:
         J = end_effector_jacobian(model, self.joints, self.attitude)
         return np.asarray(J @ np.concatenate([linear, rates]))
 
-    def after_path(self, motion: Motion) -> Handover:
-        """The state at the end of a motion along a path that begins with this one."""
-        problem, final = motion.problem, motion.final
-        twist, speed = problem.path.twist_and_speed(problem.path.duration)
-        solver = problem.resolved_rate_solver()
-        omega, rates = solver.rates(final.attitude, final.joints, twist, speed)
-        return self._after(motion, omega, rates)
-
-    def after_joints(self, motion: Motion, curve: JointCurve) -> Handover:
-        """The state at the end of a motion along a joint curve that begins with this one."""
-        timing, final = motion.problem.path.timing, motion.final
-        rates = curve.at(1.0, 1) * timing.s(timing.duration, 1)
-        omega = base_velocity(motion.problem, final.attitude, final.joints, rates)
-        return self._after(motion, omega, rates)
-
-    def _after(self, motion: Motion, omega: Array, rates: Array) -> Handover:
-        final, duration = motion.final, motion.problem.path.duration
+    def after(self, motion: Motion) -> Handover:
+        """The state at the end of a motion that begins with this one."""
+        law, final = motion.law, motion.final
+        duration = law.duration
+        rates = law.rates(duration, final.attitude, final.joints)
         return replace(
             self, time=self.time + duration, attitude=final.attitude, joints=final.joints,
-            joint_rates=rates, base_rate=omega,
+            joint_rates=rates.joints, base_rate=rates.base,
             centre=self.centre + duration * self.problem.path.drift,
         )  # fmt: skip
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.limits.joint_limits import JointLimitChecker
+from freefloat.limits.check import check_limits
 from freefloat.limits.limits import LimitResult, Limits, violated
 from freefloat.motion.joint_transfer import (
     JointTransfer,
@@ -31,7 +31,7 @@ class JointMotion:
     Attributes:
         transfer: The joints.
         motion: Along them; the path of its problem is that of the end-effector.
-        limits: Limits that were required.
+        limits: Limits that were required, without ``base_turn``.
         limit_results: Limits along the motion.
     """
 
@@ -79,10 +79,13 @@ class JointMotion:
 def joint_motion(
     problem: Problem, transfer: JointTransfer, attitude: Array, duration: float, limits: Limits
 ) -> JointMotion:
-    """The motion along a transfer from an attitude, and its limits."""
+    """The motion along a transfer from an attitude, and its limits.
+
+    ``base_turn`` is none of them: the attitude that the joints lead to is the one that is wanted.
+    """
+    limits = limits.without_turn
     motion = integrate_transfer(problem, transfer, attitude, duration)
-    checker = JointLimitChecker(problem.model, limits, motion.problem.scene)
-    return JointMotion(transfer, motion, limits, checker.results(motion, transfer))
+    return JointMotion(transfer, motion, limits, check_limits(motion, limits))
 
 
 def earlier(problem: Problem, duration: float) -> Problem:

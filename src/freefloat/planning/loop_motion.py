@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from freefloat.limits.joint_limits import JointLimitChecker
-from freefloat.limits.limits import LimitKind, LimitResult, Limits, violated
+from freefloat.limits.check import LimitChecker
+from freefloat.limits.limits import LimitKind, LimitResult, Limits
 from freefloat.motion.joint_loops import JointLoops, integrate_loops
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
@@ -62,7 +62,7 @@ class LoopMotions:
     ) -> None:
         """Prepare the limits; raises an InputError where they cannot be applied."""
         self._problem, self._limits = replace(problem, scene=Scene()), limits
-        self._checker = JointLimitChecker(problem.model, limits)
+        self._checker = LimitChecker(self._problem, limits)
         self._start = start
         self.rotation = Rotation.from_quat(start).inv() * Rotation.from_quat(goal)
         rates = np.ones(problem.model.dof) if limits.joint_rate is None else limits.joint_rate
@@ -93,7 +93,7 @@ class LoopMotions:
         """
         problem = self._with_duration(1.0, still=True)
         motion = integrate_loops(problem, self.search.loops(coefficients, 1), self._start)
-        return next(iter(violated(self._checker.shaped(motion, decide_only=True))), None)
+        return next(iter(self._checker.violations(motion, timed=False)), None)
 
     def along(self, coefficients: Array, count: int, duration: float) -> LoopMotion | None:
         """The motion along loops near those with some coefficients; None where there is none.
@@ -111,12 +111,12 @@ class LoopMotions:
                 return None
             coefficients, loops = exact, self.search.loops(exact, count)
             motion = integrate_loops(problem, loops, self._start)
-            timed = self._checker.timed(motion, loops)
+            timed = self._checker.timed(motion)
             usage = _usage(timed)
             if not self.timed or not np.isfinite(usage) or close < usage <= 1.0:
                 break
             duration *= usage * spare
-        return LoopMotion(loops, motion, self._checker.shaped(motion) + timed)
+        return LoopMotion(loops, motion, self._checker.results(motion, timed))
 
     def guess(self, effort: float, count: int) -> float:
         """Duration that limits of joint rates permit, or that of the problem's path [s]."""

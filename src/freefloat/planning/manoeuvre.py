@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from freefloat.dynamics.capture import Capture
-from freefloat.motion.joint_integration import JointCurve
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.joint_motion import JointMotion
@@ -46,13 +45,6 @@ class PlannedPhase:
         if isinstance(self.result, Plan):
             return None if self.result.chosen is None else self.result.chosen.motion
         return None if isinstance(self.result, Capture) else self.result.motion
-
-    @property
-    def curve(self) -> JointCurve | None:
-        """The joints of a motion along loops or to rest; None for the others."""
-        if isinstance(self.result, Reorientation):
-            return self.result.loops
-        return self.result.transfer if isinstance(self.result, JointMotion) else None
 
     @property
     def feasible(self) -> bool:

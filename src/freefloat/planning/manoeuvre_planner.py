@@ -89,7 +89,7 @@ def plan_manoeuvre(
         done += _to_start(state, search, limits, step_of(progress, share, 0.9))
     done.append(PlannedPhase("path", 0.0, np.zeros(3), first))
     if all(phase.feasible for phase in done):
-        done += _following(state.after_path(first.chosen.motion), following, limits)
+        done += _following(state.after(first.chosen.motion), following, limits)
     return _assembled(done)
 
 
@@ -140,10 +140,7 @@ def _following(state: Handover, phases: Sequence[Phase], limits: Limits) -> Iter
         motion = planned.motion
         if not planned.feasible or motion is None:
             return
-        if isinstance(result, JointMotion):
-            state = state.after_joints(motion, result.transfer)
-        else:
-            state = state.after_path(motion)
+        state = state.after(motion)
 
 
 def _joints(state: Handover, phase: JointPhase, limits: Limits) -> JointMotion:

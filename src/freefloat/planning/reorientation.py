@@ -34,7 +34,7 @@ class Reorientation:
         start: Attitude at the start, unit quaternion x, y, z, w.
         goal: Attitude at the end.
         joints: Where the arm begins and ends, shape (n,).
-        limits: Limits that were required.
+        limits: Limits that were required, without ``base_turn``.
         allowed: Duration that was allowed [s]; None without one.
         reached: Whether a motion was found that ends at the goal and keeps the limits.
         reason: Why this motion, or why none.
@@ -118,7 +118,8 @@ def reorient(
     The joints travel a closed loop as few times as the joint ranges and the other limits permit,
     and end where they began. A dynamic singularity on the way is no obstacle, as joints are
     prescribed. Limits of rates and torques determine the duration; without any of them it is that
-    of the problem's path. Bodies of a scene and ``limits.base_turn`` are not considered. That no
+    of the problem's path. The scene and
+    ``limits.base_turn`` are not considered. That no
     motion is found does not prove that there is none.
 
     Args:
@@ -145,7 +146,7 @@ def reorient(
         (True, 1)
     """
     require_problem(problem)
-    limits = Limits() if limits is None else limits
+    limits = Limits() if limits is None else limits.without_turn
     start, goal = problem.attitude(start, key="from"), problem.attitude(goal, key="to")
     if angle_between(start, goal) < _SAME:
         raise InputError("to", "it is the attitude at the start", "another attitude")

@@ -18,7 +18,7 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_array
 
 from freefloat.limits.limits import Limits
-from freefloat.limits.torques import InverseDynamics
+from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Motion
 from freefloat.paths.time_segments import Speeds
 from freefloat.so3 import Array
@@ -74,8 +74,8 @@ def fastest_speeds(
 def limit_usage(motion: Motion, limits: Limits) -> dict[str, float]:
     """Fractions of the duration in which limits of rates and torques are used up to one percent."""
     problem = motion.problem
-    dynamics, times = InverseDynamics(problem), np.linspace(0.0, problem.path.duration, _INSTANTS)
-    efforts = [dynamics.effort(s.time, s.attitude, s.joints) for s in motion.sample(times)]
+    law, times = motion.law, np.linspace(0.0, problem.path.duration, _INSTANTS)
+    efforts = [law.effort(s.time, s.attitude, s.joints) for s in motion.sample(times)]
     ratios = {}
     if limits.joint_rate is not None:
         rates = np.abs([effort.rates[6:] for effort in efforts])
@@ -145,7 +145,7 @@ class _Place:
         self._path, self._timing = problem.path.path, problem.path.timing
         self._by_time, self._drift = problem.depends_on_timing, problem.path.drift_twist
         self._solver = problem.resolved_rate_solver()
-        self._dynamics = InverseDynamics(problem)
+        self._law = PathLaw(problem)
         times = np.linspace(0.0, problem.path.duration, 201)
         fastest = max(problem.path.timing.s(t, 1) for t in times.tolist())
         self._slowest = _SLOW * fastest
@@ -199,7 +199,7 @@ class _Place:
 
     def _torques(self, speed: float, acceleration: float) -> Array:
         twist_rate = self._curvature * speed**2 + self._tangent * acceleration
-        return self._dynamics.effort_of(
+        return self._law.effort_of(
             self._attitude, self._joints, (self._twist(speed), speed), (twist_rate, acceleration)
         ).joint_torques
 

@@ -16,8 +16,6 @@ from freefloat.planning.screening import ScreenedCandidate
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch
 from freefloat.so3 import Array
 
-_TIMED = {LimitKind.JOINT_RATE, LimitKind.BASE_RATE, LimitKind.JOINT_TORQUE}
-"""Limits that a longer duration helps to keep."""
 _STRETCHED = 8
 """Candidates that are integrated with longer durations."""
 _STRETCHES = 6
@@ -71,7 +69,7 @@ class Trials:
         if first is None:
             return simulated, results
         self.violations[first.limit] += 1
-        violated = self.checker.violations(motion) if first.limit in _TIMED else (first,)
+        violated = self.checker.violations(motion) if first.limit.timed else (first,)
         excess = _excess(violated)
         if self._nearest is None or excess < self._nearest[0]:
             self._nearest = excess, simulated
@@ -169,7 +167,7 @@ class Trials:
 
 def _is_too_fast(violated: tuple[LimitResult, ...]) -> bool:
     """Whether only rates and torques are violated, none of them without bound."""
-    return all(result.limit in _TIMED and np.isfinite(result.ratio) for result in violated)
+    return all(result.limit.timed and np.isfinite(result.ratio) for result in violated)
 
 
 def _excess(violated: tuple[LimitResult, ...]) -> tuple[float, float]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from freefloat.dynamics.capture import Capture
 from freefloat.dynamics.momentum import momentum_map
-from freefloat.limits.joint_limits import JointLimitChecker
+from freefloat.limits.check import check_limits
 from freefloat.motion.joint_transfer import integrate_transfer
 from freefloat.motion.motion import Motion
 from freefloat.planning.joint_motion import JointMotion
@@ -95,7 +95,6 @@ def _joint_motion_checks(result: JointMotion, engine: str) -> Iterator[Check]:
     angles = angle_between(again.attitudes, motion.attitudes)
     error = float(max(angles.max(), np.abs(again.joints - motion.joints).max()))
     yield error_check("integrated again", error, _SAME, "rad, m", None)
-    checker = JointLimitChecker(motion.problem.model, result.limits, motion.problem.scene)
-    recomputed = checker.results(motion, result.transfer)
+    recomputed = check_limits(motion, result.limits)
     yield from limit_checks(result.limit_results, recomputed, claimed=result.feasible)
     yield from forward_checks(engine, motion, _STEPS, _ENGINE)

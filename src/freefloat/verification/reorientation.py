@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from freefloat.limits.joint_limits import JointLimitChecker
+from freefloat.limits.check import check_limits
 from freefloat.limits.limits import LimitResult
 from freefloat.motion.joint_loops import integrate_loops
 from freefloat.planning.reorientation import Reorientation
@@ -42,8 +42,7 @@ def reorientation_checks(result: Reorientation, engine: str) -> Iterator[Check]:
     yield error_check("integrated again", difference, _SAME, "rad", None)
     error = float(angle_between(again.final.attitude, result.goal))
     yield error_check("final attitude", error, _GOAL, "rad", float(again.times[-1]))
-    checker = JointLimitChecker(again.problem.model, result.limits)
-    recomputed = checker.results(again, loops)
+    recomputed = check_limits(again, result.limits)
     yield from limit_checks(result.limit_results, recomputed, claimed=result.reached)
     yield from forward_checks(engine, motion, _STEPS * loops.count, _ENGINE)
 

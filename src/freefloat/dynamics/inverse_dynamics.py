@@ -1,0 +1,101 @@
+"""Inverse dynamics of a free-floating robot: accelerations, joint torques, wrench on the base."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, rotation_matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Effort:
+    """Rates, accelerations and forces at an instant.
+
+    Base components are linear before angular, in the spacecraft frame at its root link's origin.
+
+    Attributes:
+        rates: Base twist and joint rates, shape (6 + n,).
+        accelerations: Their time derivatives, shape (6 + n,).
+        base_wrench: Force [N] and moment [N m] on the spacecraft, shape (6,); zero but for
+            numerical errors.
+        joint_torques: [N m or N], shape (n,).
+    """
+
+    rates: Array
+    accelerations: Array
+    base_wrench: Array
+    joint_torques: Array
+
+    @classmethod
+    def unknown(cls, dof: int) -> Effort:
+        """That of a state without rates, where the arm is exactly singular: all are NaN."""
+        values = np.full(6 + dof, np.nan)
+        return cls(values, values, values[:6], values[6:])
+
+
+class InverseDynamics:
+    """Forces at states of a robot whose angular momentum is conserved, without gravity.
+
+    Every function takes the spacecraft's attitude, a unit quaternion x, y, z, w, joint values (n,),
+    and rates (3 + n,): the angular velocity of the spacecraft in its own frame, and of the joints.
+    """
+
+    def __init__(self, model: FreeFloatingModel, wheel_momentum: Array) -> None:
+        """Prepare a robot.
+
+        Args:
+            model: Robot.
+            wheel_momentum: Stored in wheels, spacecraft frame [N m s], shape (3,).
+        """
+        self._model, self._wheel_momentum = model, wheel_momentum
+        self._weightless = model.pin_model.copy()
+        self._weightless.gravity = pin.Motion.Zero()
+        self._scratch = self._weightless.createData()
+
+    def of_joints(
+        self, attitude: Array, joints: Array, rates: Array, accelerations: Array
+    ) -> Effort:
+        """Forces for joint accelerations (n,)."""
+        A, q, v, drift = self._moving(attitude, joints, rates)
+        base = -np.linalg.solve(A[:, :6], drift + A[:, 6:] @ accelerations)
+        return self._effort(q, v, np.concatenate([base, accelerations]))
+
+    def of_end_effector(
+        self, attitude: Array, joints: Array, rates: Array, twist_rate: Array, rows: list[int]
+    ) -> Effort:
+        """Forces for the derivative of the end-effector's twist (6,), of which some rows count.
+
+        The arm has as many joints as these rows.
+        """
+        A, q, v, drift = self._moving(attitude, joints, rates)
+        bias = pin.getFrameClassicalAcceleration(
+            self._weightless, self._scratch, self._model.frame_id, pin.LOCAL_WORLD_ALIGNED
+        ).vector[rows]
+        J = end_effector_jacobian(self._model, joints, attitude)[rows]
+        right = np.concatenate([-drift, twist_rate[rows] - bias])
+        return self._effort(q, v, np.linalg.solve(np.vstack([A, J]), right))
+
+    def _moving(
+        self, attitude: Array, joints: Array, rates: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """Momentum matrix, configuration, rates, and change of momentum without accelerations."""
+        A = momentum_map(self._model, joints, attitude)
+        v = np.concatenate([-np.linalg.solve(A[:3, :3], A[:3, 3:] @ rates), rates])
+        q = np.concatenate([np.zeros(3), attitude, joints])
+        variation = pin.computeCentroidalMomentumTimeVariation(
+            self._weightless, self._scratch, q, v, np.zeros(len(v))
+        )
+        drift = variation.vector
+        gyroscopic = np.cross(rates[:3], self._wheel_momentum)
+        drift[3:] += rotation_matrix(attitude) @ gyroscopic
+        return A, q, v, drift
+
+    def _effort(self, q: Array, v: Array, a: Array) -> Effort:
+        forces = np.array(pin.rnea(self._weightless, self._scratch, q, v, a))
+        forces[3:6] += np.cross(v[3:6], self._wheel_momentum)
+        return Effort(v, a, forces[:6], forces[6:])

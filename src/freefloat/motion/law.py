@@ -1,0 +1,202 @@
+"""Laws of motion: what moves the arm, a path of the end-effector or prescribed joints.
+
+The conservation of momentum adds the motion of the spacecraft. Limits, forces, states that are
+handed on, exports and checks ask the law of a motion.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from freefloat.dynamics.inverse_dynamics import Effort, InverseDynamics
+from freefloat.dynamics.momentum import Task, inertia_matrices
+from freefloat.motion.problem import Problem
+from freefloat.so3 import Array, rotation_matrix
+
+_STEPS = np.array([1.0, 2.0, 3.0])
+_WEIGHTS = np.array([45.0, -9.0, 1.0]) / 60.0
+"""Weights of central differences of sixth order."""
+_EXCURSION = 1e-3
+"""Displacement of attitude and joints in a step of the differences [rad, m]."""
+
+
+class Rates(NamedTuple):
+    """Rates of a state.
+
+    Attributes:
+        base: Angular velocity of the spacecraft in its own frame [rad/s], shape (3,).
+        joints: Joint rates [rad/s or m/s], shape (n,).
+    """
+
+    base: Array
+    joints: Array
+
+
+class Law(Protocol):
+    """What moves the arm.
+
+    Functions of a state take its time [s], the attitude of the spacecraft, a unit quaternion x, y,
+    z, w, the joints (n,), and the segment of the time law, see
+    :meth:`freefloat.paths.timing.Timing.s`.
+    """
+
+    @property
+    def duration(self) -> float:
+        """Of a whole motion [s]."""
+        ...
+
+    def rates(self, t: float, attitude: Array, joints: Array, segment: int | None = None) -> Rates:
+        """The rates at a state; infinite where the arm is exactly singular."""
+        ...
+
+    def effort(
+        self, t: float, attitude: Array, joints: Array, segment: int | None = None
+    ) -> Effort:
+        """Rates, accelerations and forces at a state; all NaN where the arm is exactly singular."""
+        ...
+
+
+class PathLaw:
+    """The end-effector follows the path of a problem: rates solve equation (4).
+
+    Accelerations solve its time derivative. The joint rates of a redundant arm, and those of the
+    task ``pointing``, are differentiated along the motion by central differences of sixth order,
+    which holds for every redundancy resolution.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        self._solver = problem.resolved_rate_solver()
+
+    @property
+    def duration(self) -> float:
+        """See :class:`Law`."""
+        return self._problem.path.duration
+
+    def rates(self, t: float, attitude: Array, joints: Array, segment: int | None = None) -> Rates:
+        """See :class:`Law`."""
+        twist, speed = self._problem.path.twist_and_speed(t, segment)
+        return Rates(*self._solver.rates(attitude, joints, twist, speed))
+
+    def effort(
+        self, t: float, attitude: Array, joints: Array, segment: int | None = None
+    ) -> Effort:
+        """See :class:`Law`."""
+        path = self._problem.path
+        prescribed = path.twist_and_speed(t, segment)
+        change = path.twist_rate(t, segment), path.timing.s(t, 2, segment)
+        return self.effort_of(attitude, joints, prescribed, change)
+
+    def effort_of(
+        self,
+        attitude: Array,
+        joints: Array,
+        prescribed: tuple[Array, float],
+        change: tuple[Array, float],
+    ) -> Effort:
+        """The same for an end-effector twist (6,) with ds/dt, and for their derivatives."""
+        twist, speed = prescribed
+        omega, joint_rates = self._solver.rates(attitude, joints, twist, speed)
+        if not np.isfinite(joint_rates).all():
+            return Effort.unknown(len(joints))
+        problem, rates = self._problem, np.concatenate([omega, joint_rates])
+        if not problem.redundant and problem.task is not Task.POINTING:
+            state = attitude, joints, rates
+            return self._dynamics.of_end_effector(*state, change[0], problem.task.rows)
+        accelerations = self._differentiated(
+            attitude, joints, rates, np.append(*prescribed), np.append(*change)
+        )
+        return self._dynamics.of_joints(attitude, joints, rates, accelerations)
+
+    @cached_property
+    def _dynamics(self) -> InverseDynamics:
+        return InverseDynamics(self._problem.model, self._problem.wheel_momentum)
+
+    def _differentiated(
+        self, attitude: Array, joints: Array, rates: Array, prescribed: Array, change: Array
+    ) -> Array:
+        """Joint accelerations: joint rates differentiated along the tangent of the motion.
+
+        Args:
+            attitude: Unit quaternion x, y, z, w.
+            joints: Joint values, shape (n,).
+            rates: Angular velocity of the base and joint rates, shape (3 + n,).
+            prescribed: Twist of the end-effector and ds/dt, shape (7,).
+            change: Its time derivative, shape (7,).
+        """
+        largest = max(float(np.abs(rates).max()), _EXCURSION / self._problem.path.duration)
+        step, now = _EXCURSION / largest, Rotation.from_quat(attitude)
+        total = np.zeros(len(joints))
+        for side in (1.0, -1.0):
+            for ahead, weight in zip(side * step * _STEPS, side * _WEIGHTS, strict=True):
+                rotated = (now * Rotation.from_rotvec(ahead * rates[:3])).as_quat()
+                later = prescribed + ahead * change
+                solved = self._solver.rates(
+                    rotated, joints + ahead * rates[3:], later[:6], float(later[6])
+                )
+                total += weight * solved[1]
+        return np.asarray(total / step)
+
+
+class JointCurve(Protocol):
+    """Joint values as a function of s in [0, 1]."""
+
+    def at(self, s: Any, order: int = 0) -> Array:
+        """Joint values, or their derivatives by s of order 1 or 2, at s (...): (..., n)."""
+        ...
+
+
+class JointLaw:
+    """The joints are prescribed, whatever the path of the end-effector.
+
+    The joints of a state are those of the curve at its time.
+    """
+
+    def __init__(self, problem: Problem, curve: JointCurve) -> None:
+        """Prepare a motion.
+
+        Args:
+            problem: Robot and momentum; the curve has the timing of its path.
+            curve: The joints.
+        """
+        self._problem, self._curve, self._timing = problem, curve, problem.path.timing
+
+    @property
+    def duration(self) -> float:
+        """See :class:`Law`."""
+        return self._problem.path.duration
+
+    def rates(self, t: float, attitude: Array, joints: Array, segment: int | None = None) -> Rates:
+        """See :class:`Law`."""
+        s, speed = self._timing.s(t, 0, segment), self._timing.s(t, 1, segment)
+        rates = self._curve.at(s, 1) * speed
+        return Rates(base_velocity(self._problem, attitude, self._curve.at(s), rates), rates)
+
+    def effort(
+        self, t: float, attitude: Array, joints: Array, segment: int | None = None
+    ) -> Effort:
+        """See :class:`Law`."""
+        rates = np.concatenate(self.rates(t, attitude, joints, segment))
+        s, speed, change = (self._timing.s(t, order, segment) for order in range(3))
+        accelerations = self._curve.at(s, 2) * speed**2 + self._curve.at(s, 1) * change
+        return self._dynamics.of_joints(attitude, self._curve.at(s), rates, accelerations)
+
+    @cached_property
+    def _dynamics(self) -> InverseDynamics:
+        return InverseDynamics(self._problem.model, self._problem.wheel_momentum)
+
+
+def base_velocity(problem: Problem, attitude: Array, joints: Array, rates: Array) -> Array:
+    """Angular velocity of the spacecraft for prescribed joint rates, (3) of the paper.
+
+    It is D^-1 (R0^T h - h_w - Dq q') in the spacecraft frame [rad/s], shape (3,).
+    """
+    D, Dq = inertia_matrices(problem.model, joints)
+    demanded = -problem.wheel_momentum - Dq @ rates
+    if problem.momentum.any():
+        demanded = demanded + rotation_matrix(attitude).T @ problem.momentum
+    return np.asarray(np.linalg.solve(D, demanded))
