@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -152,6 +152,14 @@ class Scene:
     def tumbles(self) -> bool:
         """Whether a body tumbles: the clearance then depends on time, not on the path alone."""
         return any(isinstance(body.motion, Tumbling) for body in self.bodies)
+
+    def later(self, t: float, offset: Array) -> Scene:
+        """The scene with time t [s] as time zero, moved by an offset [m], shape (3,)."""
+        bodies = tuple(body.later(t, offset) for body in self.bodies)
+        corridor = self.corridor
+        if corridor is not None and corridor.body is None:
+            corridor = replace(corridor, point=corridor.point + offset)
+        return Scene(bodies, corridor)
 
     def poses(self, t: float, path: TimedPath) -> tuple[Pose, ...]:
         """The frames of all bodies at time t [s] relative to the centre of mass, inertial axes."""

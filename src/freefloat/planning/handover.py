@@ -103,12 +103,7 @@ class Handover:
     @property
     def scene(self) -> Scene:
         """The scene now, from the present centre of mass."""
-        scene = self.problem.scene
-        bodies = tuple(body.later(self.time, -self.centre) for body in scene.bodies)
-        corridor = scene.corridor
-        if corridor is not None and corridor.body is None:
-            corridor = replace(corridor, point=corridor.point - self.centre)
-        return Scene(bodies, corridor)
+        return self.problem.scene.later(self.time, -self.centre)
 
     def path_of(self, phase: PathPhase) -> TimedPath:
         """The path of a phase that begins now, from the present centre of mass.

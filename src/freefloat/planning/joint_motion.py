@@ -89,10 +89,9 @@ def joint_motion(
 
 
 def earlier(problem: Problem, duration: float) -> Problem:
-    """The problem with its scene as it was a duration [s] earlier."""
-    still = np.zeros(3)
-    bodies = tuple(body.later(-duration, still) for body in problem.scene.bodies)
-    return replace(problem, scene=replace(problem.scene, bodies=bodies))
+    """The problem a duration [s] earlier, with the scene from the centre of mass at that time."""
+    scene = problem.scene.later(-duration, duration * problem.path.drift)
+    return replace(problem, scene=scene)
 
 
 def settling(

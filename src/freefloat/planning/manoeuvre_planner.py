@@ -51,8 +51,8 @@ def plan_manoeuvre(
             negative times.
         phases: What follows.
         search: What to choose; with ``reorient`` it has the present attitude and joints.
-        limits: Limits to keep in all phases; ``base_turn`` on paths only, bodies of the scene in
-            all phases but the reorientation.
+        limits: Limits to keep in all phases; ``base_turn`` on paths only, bodies and corridor of
+            the scene in all phases but the reorientation.
         reorient: Whether the present attitude is another one than that of the path.
         threads: As for :func:`~freefloat.planning.planner.plan`.
         progress: Called with the fraction done, in [0, 1].

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from freefloat.errors import InputError
 from freefloat.motion.motion import Motion
 from freefloat.planning.manoeuvre import Manoeuvre, PlannedPhase
@@ -42,7 +40,6 @@ def _with_scene(phase: PlannedPhase, manoeuvre: Manoeuvre) -> Motion | None:
     problem = motion.problem
     problem = replace(problem, margin=replace(problem.margin, threshold=0.0))
     if phase.kind == "reorientation":
-        scene = manoeuvre.problem.scene
-        bodies = tuple(body.later(phase.start, np.zeros(3)) for body in scene.bodies)
-        problem = replace(problem, scene=replace(scene, bodies=bodies))
+        scene = manoeuvre.problem.scene.later(phase.start, -phase.centre)
+        problem = replace(problem, scene=scene)
     return replace(motion, problem=problem)
