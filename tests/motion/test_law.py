@@ -1,0 +1,54 @@
+"""Laws of motion: their rates and accelerations are the derivatives of the motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import freefloat as ff
+from freefloat.motion.joint_loops import JointLoops, integrate_loops
+from freefloat.motion.joint_transfer import JointTransfer, integrate_transfer
+from freefloat.motion.motion import Motion
+
+START = np.array([0.3, -0.5, 1.1, 0.4, 0.9, -0.2])
+END = np.array([0.8, 0.1, 0.6, -0.3, 1.2, 0.5])
+ATTITUDE = np.array([0.46008, 0.09337, 0.73519, -0.48898])
+ATTITUDE /= np.linalg.norm(ATTITUDE)
+
+
+def moved(kind: str) -> Motion:
+    problem = ff.load_scenario("spatial_6dof/line").problem()
+    problem = problem.replace(wheel_momentum=[0.1, 0.2, -0.3])
+    if kind == "path":
+        return ff.simulate(problem, ATTITUDE).chosen.motion
+    if kind == "transfer":
+        transfer = JointTransfer.between(START, 0.02 * END, END, -0.01 * START, 20.0)
+        return integrate_transfer(problem, transfer, ATTITUDE, 20.0)
+    loops = JointLoops(START, [0.3 * END], [0.2 * START], 1)
+    return integrate_loops(problem, loops, ATTITUDE)
+
+
+@pytest.mark.parametrize("kind", ["path", "transfer", "loops"])
+def test_rates_and_accelerations_are_derivatives_of_the_motion(kind: str) -> None:
+    """Central differences of fourth order."""
+    motion = moved(kind)
+    law, T = motion.law, motion.law.duration
+    assert motion.final.time == pytest.approx(T)
+    h = 1e-3 * T
+    weights = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / (12.0 * h)
+    for t in np.array([0.1, 0.37, 0.8]) * T:
+        states = motion.sample(t + h * np.arange(-2, 3))
+        now = states[2]
+        rates = law.rates(now.time, now.attitude, now.joints)
+        joint_rates = weights @ [state.joints for state in states]
+        np.testing.assert_allclose(rates.joints, joint_rates, atol=1e-8)
+        here = Rotation.from_quat(now.attitude).inv()
+        turns = [(here * Rotation.from_quat(state.attitude)).as_rotvec() for state in states]
+        np.testing.assert_allclose(rates.base, weights @ turns, atol=1e-8)
+        efforts = [law.effort(state.time, state.attitude, state.joints) for state in states]
+        change = weights @ [effort.rates for effort in efforts]
+        np.testing.assert_allclose(efforts[2].rates[3:], np.concatenate(rates), atol=1e-12)
+        np.testing.assert_allclose(efforts[2].accelerations, change, atol=1e-8)
+        largest = np.abs(efforts[2].joint_torques).max()
+        assert np.abs(efforts[2].base_wrench).max() < 1e-9 * largest

@@ -1,0 +1,103 @@
+"""Limits of phases: one checker for paths and prescribed joints, the scene in all but loops."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import freefloat as ff
+from freefloat.limits.limits import LimitKind
+from freefloat.planning.manoeuvre import Manoeuvre
+
+BODY = ff.SceneBody("client", ff.Sphere(0.1), position=[2.5, 1.2, 0.0])
+AROUND = ff.Corridor([0.0, 0.0, 0.0], [0.0, 0.0, 1.0], radius=5.0)
+LIMITS = ff.Limits(
+    joint_rate=[0.5, 0.5],
+    joint_torque=[50.0, 50.0],
+    base_rate=1.0,
+    base_turn=3.0,
+    clearance=0.01,
+    pointing=[ff.PointingLimit("end_effector", [0, 0, 1], 0.1, direction=[0, 0, 1])],
+)
+EVERY = set(LimitKind) - {LimitKind.JOINT_RANGE}  # its joints are continuous
+EXPECTED = {
+    "path": EVERY,
+    "joints": EVERY - {LimitKind.BASE_TURN},
+    "reorientation": EVERY - {LimitKind.BASE_TURN, LimitKind.CORRIDOR},
+}
+PRESENT = ff.Search("nearest", [0.0, 0.0, 0.0, 1.0], joints=[0.5, 0.8])
+
+
+@pytest.fixture(scope="module")
+def problem() -> ff.Problem:
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    return problem.replace(path=replace(problem.path, drift=[0.001, -0.002, 0.0]))
+
+
+@pytest.fixture(scope="module")
+def manoeuvre(problem: ff.Problem) -> Manoeuvre:
+    around = problem.replace(scene=ff.Scene((BODY,), AROUND))
+    return ff.plan_manoeuvre(
+        around, [ff.JointPhase([0.4, 1.2], 30.0)], PRESENT, LIMITS, reorient=True
+    )
+
+
+def test_every_phase_reports_what_the_checker_finds(manoeuvre: Manoeuvre) -> None:
+    assert manoeuvre.feasible, manoeuvre.reason
+    kinds = [phase.kind for phase in manoeuvre.phases]
+    assert kinds == ["reorientation", "joints", "path", "joints"]
+    for phase in manoeuvre.phases:
+        result = phase.result
+        assert {entry.limit for entry in result.limit_results} == EXPECTED[phase.kind]
+        assert result.limit_results == ff.check_limits(phase.motion, result.limits)
+
+
+def test_a_turn_is_checked_where_it_is_limited(manoeuvre: Manoeuvre) -> None:
+    """Of any motion: it is the phases of joints that do not limit it."""
+    motion = manoeuvre.phases[-1].motion
+    turn = np.abs(2.0 * np.arcsin(motion.attitudes @ turned(motion.attitudes[0])))
+    results = ff.check_limits(motion, ff.Limits(base_turn=1e-3))
+    (found,) = (entry for entry in results if entry.limit is LimitKind.BASE_TURN)
+    assert not found.kept
+    assert found.worst == pytest.approx(turn.max(), abs=1e-4)
+
+
+def turned(q: np.ndarray) -> np.ndarray:
+    """A quaternion in the plane, turned further by 180 degrees, shape (4,)."""
+    x, y, z, w = q
+    return np.array([-y, x, w, -z])
+
+
+def test_the_scene_stays_where_it_is_while_the_centre_of_mass_drifts(manoeuvre: Manoeuvre) -> None:
+    for phase in manoeuvre.phases[1:]:
+        problem = phase.motion.problem
+        for t in (0.0, problem.path.duration):
+            centre = phase.centre + t * problem.path.drift
+            (body,) = problem.scene.poses(t, problem.path)
+            corridor = problem.scene.corridor_pose(t, problem.path)
+            axis = corridor.position + problem.scene.corridor.point
+            np.testing.assert_allclose(body.position + centre, BODY.position, atol=1e-12)
+            np.testing.assert_allclose(axis + centre, AROUND.point, atol=1e-12)
+
+
+@pytest.mark.parametrize(("reorient", "name"), [(False, "away"), (True, "settling")])
+def test_a_motion_of_joints_out_of_the_corridor_is_infeasible(
+    problem: ff.Problem, reorient: bool, name: str
+) -> None:
+    """The path itself is the axis of the corridor."""
+    start, end = problem.path.path.pose(0.0).position, problem.path.path.pose(1.0).position
+    narrow = ff.Scene((), ff.Corridor(start, end - start, radius=0.01))
+    phases = [ff.JointPhase([0.2, -0.4], 30.0, "away")]
+    found = ff.plan_manoeuvre(
+        problem.replace(scene=narrow), phases, PRESENT if reorient else None, reorient=reorient
+    )
+    assert not found.feasible
+    assert found.reason.startswith(f"{name}: corridor of end_effector")
+    assert found.path.feasible
+    (left,) = (phase for phase in found.phases if not phase.feasible)
+    assert left.name == name
+    (result,) = ff.check_limits(left.motion, ff.Limits())
+    assert result.limit is LimitKind.CORRIDOR
+    assert result.worst > 0.1
