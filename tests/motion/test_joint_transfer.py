@@ -8,6 +8,7 @@ import pytest
 import freefloat as ff
 from freefloat.motion.joint_transfer import JointTransfer, attitude_before, integrate_transfer
 from freefloat.so3 import angle_between
+from freefloat.visualization.drawn_path import with_drawn_path
 
 START, END = np.array([0.3, -0.5, 1.1, 0.4, 0.9, -0.2]), np.array([0.8, 0.1, 0.6, -0.3, 1.2, 0.5])
 RATES = np.array([0.01, -0.02, 0.03, 0.0, -0.01, 0.02])
@@ -52,9 +53,9 @@ def test_the_attitude_before_a_transfer_leads_to_the_one_after(problem: ff.Probl
     assert angle_between(motion.final.attitude, ATTITUDE) < 1e-9
 
 
-def test_the_path_is_that_of_the_end_effector(problem: ff.Problem) -> None:
+def test_the_drawn_path_is_that_of_the_end_effector(problem: ff.Problem) -> None:
     transfer = JointTransfer.between(START, RATES, END, np.zeros(6), 20.0)
-    motion = integrate_transfer(problem, transfer, ATTITUDE, 20.0)
+    motion = with_drawn_path(integrate_transfer(problem, transfer, ATTITUDE, 20.0))
     times = np.linspace(0.0, 20.0, 9)
     _, attitudes, joints = motion.evaluate(motion.coordinate_at(times))
     for t, attitude, q in zip(times, attitudes, joints, strict=True):

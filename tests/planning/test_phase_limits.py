@@ -44,6 +44,7 @@ def manoeuvre(problem: ff.Problem) -> Manoeuvre:
     )
 
 
+@pytest.mark.slow
 def test_every_phase_reports_what_the_checker_finds(manoeuvre: Manoeuvre) -> None:
     assert manoeuvre.feasible, manoeuvre.reason
     kinds = [phase.kind for phase in manoeuvre.phases]
@@ -54,6 +55,7 @@ def test_every_phase_reports_what_the_checker_finds(manoeuvre: Manoeuvre) -> Non
         assert result.limit_results == ff.check_limits(phase.motion, result.limits)
 
 
+@pytest.mark.slow
 def test_a_turn_is_checked_where_it_is_limited(manoeuvre: Manoeuvre) -> None:
     """Of any motion: it is the phases of joints that do not limit it."""
     motion = manoeuvre.phases[-1].motion
@@ -70,6 +72,7 @@ def turned(q: np.ndarray) -> np.ndarray:
     return np.array([-y, x, w, -z])
 
 
+@pytest.mark.slow
 def test_the_scene_stays_where_it_is_while_the_centre_of_mass_drifts(manoeuvre: Manoeuvre) -> None:
     for phase in manoeuvre.phases[1:]:
         problem = phase.motion.problem
@@ -101,3 +104,15 @@ def test_a_motion_of_joints_out_of_the_corridor_is_infeasible(
     (result,) = ff.check_limits(left.motion, ff.Limits())
     assert result.limit is LimitKind.CORRIDOR
     assert result.worst > 0.1
+
+
+def test_joints_may_wait(problem: ff.Problem) -> None:
+    """Of a phase in which nothing moves there is no path."""
+    path = problem.path
+    still = problem.replace(path=replace(path, drift=np.zeros(3)), scene=ff.Scene((BODY,)))
+    end = ff.plan_manoeuvre(still).phases[-1].motion.final.joints
+    limits = ff.Limits(clearance=0.01)
+    found = ff.plan_manoeuvre(still, [ff.JointPhase(end, 30.0, "wait")], limits=limits)
+    assert found.feasible, found.reason
+    assert ff.playback(found).html()
+    assert ff.playback(found).html()

@@ -14,7 +14,7 @@ from freefloat.io.plan_file import read_limits, read_motion, read_plan, write_mo
 from freefloat.io.reorientation_file import read_reorientation, write_reorientation
 from freefloat.io.scenario import Scenario
 from freefloat.limits.limits import Limits
-from freefloat.motion.joint_transfer import JointTransfer, with_its_path
+from freefloat.motion.joint_transfer import JointTransfer
 from freefloat.motion.problem import Problem
 from freefloat.paths.scene import Scene
 from freefloat.paths.timing import TimedPath, TimeLaw, Timing
@@ -104,6 +104,6 @@ def _joint_motion(group: Any, scenario: Scenario, problem: Problem, entry: Docum
     timing = Timing(entry["duration"], TimeLaw.UNIFORM)
     timed = replace(problem, path=TimedPath(problem.path.path, timing, problem.path.drift))
     transfer = JointTransfer(np.array(entry["joints"]))
-    motion = with_its_path(read_motion(group["motion"], timed, transfer))
+    motion = read_motion(group["motion"], timed, transfer)
     limits, results, _ = read_limits(group, scenario, entry)
     return JointMotion(transfer, motion, (limits or Limits()).without_turn, results)

@@ -110,8 +110,9 @@ def _distances(motion: Motion, pairs: CollisionPairs, places: Array, pair: IntAr
     order = np.argsort(number, kind="stable")
     groups = np.split(order, np.cumsum(np.bincount(number, minlength=len(unique)))[:-1])
     states = zip(*motion.evaluate(unique), groups, strict=True)
+    path, law = motion.problem.path, motion.law
     for t, attitude, joints, group in states:
-        poses = pairs.scene.poses(t, motion.problem.path)
+        poses = pairs.scene.poses(t, path, law.target(t, attitude, joints))
         distances[group] = pairs.distances(joints, pair[group], attitude, poses)
     return distances
 
@@ -161,14 +162,14 @@ def _frame_path_lengths(motion: Motion, scene: Scene, edges: Array) -> Array:
         c = TO_COEFFICIENTS @ values[motion.panel_nodes]
         return np.hstack([_path_lengths(c[:, :, :3], 3), 2.0 * _path_lengths(c[:, :, 3:], 4)])
 
-    problem = motion.problem
-    nodes = zip(motion.attitudes, motion.joints, strict=True)
-    robot = [problem.model.body_poses(attitude, joints) for attitude, joints in nodes]
+    problem, law = motion.problem, motion.law
+    nodes = list(zip(motion.times, motion.attitudes, motion.joints, strict=True))
+    robot = [problem.model.body_poses(attitude, joints) for _, attitude, joints in nodes]
     frames = [lengths(poses) for poses in zip(*robot, strict=True)]
     elapsed = np.abs(motion.evaluate(edges)[0] - motion.times[0])
     for body in scene.bodies:
         if body.motion == "target":
-            frames.append(lengths([problem.path.pose(t) @ body.pose for t in motion.times]))
+            frames.append(lengths([law.target(*node) @ body.pose for node in nodes]))
             continue
         speed, rate, com = float(np.linalg.norm(problem.path.drift)), 0.0, 0.0
         if isinstance(body.motion, Tumbling):

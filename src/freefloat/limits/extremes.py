@@ -41,11 +41,12 @@ def joint_range(motion: Motion) -> LimitResult:
 
 def corridor(limit: Corridor, motion: Motion) -> LimitResult:
     """The instant at which the end-effector deviates most from the corridor's axis."""
-    problem = motion.problem
+    problem, law = motion.problem, motion.law
 
     def deviation(t: float, attitude: Array, joints: Array) -> float:
         position = problem.model.end_effector_pose(attitude, joints).position
-        frame = problem.scene.corridor_pose(t, problem.path)
+        target = law.target(t, attitude, joints)
+        frame = problem.scene.corridor_pose(t, problem.path, target)
         return limit.deviation(frame.rotation.T @ (position - frame.position))
 
     def squared(panel: int, x: float) -> Array:

@@ -7,14 +7,10 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial import polynomial
-from scipy.spatial.transform import Rotation
 
 from freefloat.motion.joint_integration import integrate_joints
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.paths.curves import SplineCurve
-from freefloat.paths.orientation import OrientationSpline
-from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import TimedPath, TimeLaw, Timing
 from freefloat.paths.transfer import quintic
 from freefloat.so3 import Array, frozen
@@ -67,11 +63,11 @@ def integrate_transfer(
         duration: [s].
 
     Returns:
-        The motion; the path of its problem is that of the end-effector along it.
+        The motion; the path of its problem, with its timing, is not followed.
     """
     timing = Timing(duration, TimeLaw.UNIFORM)
     timed = replace(problem, path=TimedPath(problem.path.path, timing, problem.path.drift))
-    return with_its_path(integrate_joints(timed, transfer, attitude, _PANELS))
+    return integrate_joints(timed, transfer, attitude, _PANELS)
 
 
 def attitude_before(
@@ -88,17 +84,3 @@ def attitude_before(
         path=TimedPath(problem.path.path, Timing(duration, TimeLaw.UNIFORM)),
     )
     return integrate_joints(opposite, transfer.reversed, attitude, _PANELS).final.attitude
-
-
-def with_its_path(motion: Motion) -> Motion:
-    """The motion, whose problem has the end-effector's path along it, between nodes a spline."""
-    path = motion.problem.path
-    poses = [
-        motion.problem.model.end_effector_pose(*state)
-        for state in zip(motion.attitudes, motion.joints, strict=True)
-    ]
-    s = motion.times / path.duration
-    points = np.array([pose.position for pose in poses]) + np.outer(motion.times, path.drift)
-    rotations = Rotation.from_matrix([pose.rotation for pose in poses])
-    followed = EndEffectorPath(SplineCurve(points, s), OrientationSpline(rotations.as_quat(), s))
-    return replace(motion, problem=replace(motion.problem, path=replace(path, path=followed)))

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.dynamics.inverse_dynamics import Effort, InverseDynamics
 from freefloat.dynamics.momentum import Task, inertia_matrices
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array, rotation_matrix
+from freefloat.so3 import Array, Pose, rotation_matrix
 
 _STEPS = np.array([1.0, 2.0, 3.0])
 _WEIGHTS = np.array([45.0, -9.0, 1.0]) / 60.0
@@ -59,6 +59,13 @@ class Law(Protocol):
         """Rates, accelerations and forces at a state; all NaN where the arm is exactly singular."""
         ...
 
+    def target(self, t: float, attitude: Array, joints: Array) -> Pose:
+        """Pose of the end-effector from the centre of mass, inertial axes.
+
+        Along a path it is the one that the path prescribes. Bodies of the scene may move with it.
+        """
+        ...
+
 
 class PathLaw:
     """The end-effector follows the path of a problem: rates solve equation (4).
@@ -90,6 +97,10 @@ class PathLaw:
         prescribed = path.twist_and_speed(t, segment)
         change = path.twist_rate(t, segment), path.timing.s(t, 2, segment)
         return self.effort_of(attitude, joints, prescribed, change)
+
+    def target(self, t: float, attitude: Array, joints: Array) -> Pose:
+        """See :class:`Law`."""
+        return self._problem.path.pose(t)
 
     def effort_of(
         self,
@@ -184,6 +195,10 @@ class JointLaw:
         s, speed, change = (self._timing.s(t, order, segment) for order in range(3))
         accelerations = self._curve.at(s, 2) * speed**2 + self._curve.at(s, 1) * change
         return self._dynamics.of_joints(attitude, self._curve.at(s), rates, accelerations)
+
+    def target(self, t: float, attitude: Array, joints: Array) -> Pose:
+        """See :class:`Law`."""
+        return self._problem.model.end_effector_pose(attitude, joints)
 
     @cached_property
     def _dynamics(self) -> InverseDynamics:

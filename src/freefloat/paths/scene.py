@@ -161,12 +161,12 @@ class Scene:
             corridor = replace(corridor, point=corridor.point + offset)
         return Scene(bodies, corridor)
 
-    def poses(self, t: float, path: TimedPath) -> tuple[Pose, ...]:
-        """The frames of all bodies at time t [s] relative to the centre of mass, inertial axes."""
-        return tuple(body.pose_at(t, path) for body in self.bodies)
+    def poses(self, t: float, path: TimedPath, target: Pose | None = None) -> tuple[Pose, ...]:
+        """The frames of all bodies, see :meth:`freefloat.paths.scene_body.SceneBody.pose_at`."""
+        return tuple(body.pose_at(t, path, target) for body in self.bodies)
 
-    def corridor_pose(self, t: float, path: TimedPath) -> Pose:
-        """The corridor's frame at time t [s] relative to the centre of mass, inertial axes."""
+    def corridor_pose(self, t: float, path: TimedPath, target: Pose | None = None) -> Pose:
+        """The frame of the corridor; arguments are those of :meth:`poses`."""
         if self.corridor is None or self.corridor.body is None:
             return Pose(path.origin(t), np.eye(3))
-        return self.bodies[self.names.index(self.corridor.body)].pose_at(t, path)
+        return self.bodies[self.names.index(self.corridor.body)].pose_at(t, path, target)

@@ -87,10 +87,16 @@ class SceneBody:
         """Its frame at time zero, see ``position``."""
         return Pose(self.position, self.orientation)
 
-    def pose_at(self, t: float, path: TimedPath) -> Pose:
-        """Its frame at time t [s] relative to the centre of mass, inertial axes."""
+    def pose_at(self, t: float, path: TimedPath, target: Pose | None = None) -> Pose:
+        """Its frame at time t [s] relative to the centre of mass, inertial axes.
+
+        Args:
+            t: Time [s].
+            path: Its frame, and the pose that it prescribes for the end-effector.
+            target: Pose of the end-effector in place of the path's.
+        """
         if self.motion == "target":
-            return path.pose(t) @ self.pose
+            return (target or path.pose(t)) @ self.pose
         pose = self._turned(t)
         return Pose(pose.position + path.origin(t), pose.rotation)
 

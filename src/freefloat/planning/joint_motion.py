@@ -30,7 +30,7 @@ class JointMotion:
 
     Attributes:
         transfer: The joints.
-        motion: Along them; the path of its problem is that of the end-effector.
+        motion: Along them.
         limits: Limits that were required, without ``base_turn``.
         limit_results: Limits along the motion.
     """

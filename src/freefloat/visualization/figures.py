@@ -23,6 +23,7 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation, simulate
 from freefloat.so3 import heading_of, heading_quaternion
 from freefloat.visualization.angle_figures import angles_figure
+from freefloat.visualization.drawn_path import with_drawn_path
 from freefloat.visualization.figure_style import Figures, styled
 from freefloat.visualization.manoeuvre_figure import manoeuvre_figure
 from freefloat.visualization.map_figures import histogram_figure, slices_figure
@@ -102,9 +103,10 @@ def _figures(result: Any, threads: int | None, progress: Progress | None) -> dic
         motion = result.chosen.motion
         return _figures(motion, threads, progress) | _angles(motion, result.limits)
     if isinstance(result, Motion):
-        areas = workspace_regions(result.problem)
-        closest = closest_approach(result, result.problem.margin.measure)
-        return {"snapshots": snapshots_figure(result, areas)} | motion_figures(result, closest)
+        motion = with_drawn_path(result)
+        areas = workspace_regions(motion.problem)
+        closest = closest_approach(motion, motion.problem.margin.measure)
+        return {"snapshots": snapshots_figure(motion, areas)} | motion_figures(motion, closest)
     if isinstance(result, AttitudeMap):
         return _map_figures(result, map_marks(result), threads, progress)
     if isinstance(result, HeadingMap):

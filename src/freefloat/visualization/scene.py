@@ -23,6 +23,7 @@ from freefloat.visualization.description import (
     Trail,
     View,
 )
+from freefloat.visualization.drawn_path import with_drawn_path
 from freefloat.visualization.overlays import (
     AREAS,
     BASE_AXES,
@@ -97,7 +98,7 @@ def motion_scene(
         sampled_motion(
             motion, visuals_of(motion.problem.model), areas_of(motion.problem), limit, pointing
         )
-        for motion in motions.values()
+        for motion in map(with_drawn_path, motions.values())
     ]
     places = places or [Place()] * len(samples)
     problem = samples[0].motion.problem
