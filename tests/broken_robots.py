@@ -200,8 +200,8 @@ def _cepheus() -> Broken:
 def _spart() -> Broken:
     """Revolute joints without limits."""
     faults = tuple(
-        error(f"joint {name}", f'<joint name="{name}"',
-              (f'"{name}" type="revolute">', f'"{name}" type="revolute">{LIMIT}'))
+        warning(f"joint {name}", f'<joint name="{name}"',
+                (f'"{name}" type="revolute">', f'"{name}" type="revolute">{LIMIT}'))
         for name in ("shoulder", "elbow")
     )  # fmt: skip
     return Broken(VALID.replace(LIMIT, ""), faults)
@@ -229,7 +229,7 @@ BROKEN = {
     "Cepheus: massless link, gyration radius": _cepheus(),
     "SPART: no limits": _spart(),
     "a limit without velocity": single(
-        "error", "joint shoulder", ' effort="100" velocity="0.1"/>', ' effort="100"/>'),
+        "warning", "joint shoulder", ' effort="100" velocity="0.1"/>', ' effort="100"/>'),
     "an axis that is not a unit vector": single(
         "warning", "joint shoulder", '<axis xyz="0 0 1"/>', '<axis xyz="0 3 4"/>'),
     "angles in degrees": single(

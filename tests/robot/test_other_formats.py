@@ -178,9 +178,10 @@ def test_models_of_mujoco_that_are_no_arms_are_refused(tmp_path: Path) -> None:
                       '<joint axis="0 1 0"/><geom size="1"/></body></body>',
         "not closed": "<body>",
     }  # fmt: skip
-    for text in bodies.values():
+    for name, text in bodies.items():
         file.write_text(f"<mujoco><worldbody>{text}</worldbody></mujoco>")
-        assert error_key(ff.FreeFloatingModel.from_urdf, file) == "urdf"
+        key = "root" if name == "two roots" else "urdf"
+        assert error_key(ff.FreeFloatingModel.from_urdf, file) == key
 
 
 def test_robots_of_robot_descriptions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

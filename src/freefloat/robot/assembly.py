@@ -17,6 +17,7 @@ from freefloat.errors import InputError, ModelError, did_you_mean, require_type
 from freefloat.robot.description import RobotDescription, rpy_rotation
 from freefloat.robot.names import MeshFileError, find_mesh
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
+from freefloat.robot.source import RobotSource
 from freefloat.robot.urdf import MAGNITUDE, MOMENTS, Element, decode
 from freefloat.robot.validation import read_urdf
 from freefloat.so3 import Array, Pose
@@ -27,7 +28,7 @@ _NAMED = {"link": "name", "parent": "link", "child": "link", "joint": "name", "m
 
 
 def assemble(
-    urdf: str | Path,
+    urdf: str | Path | RobotSource,
     spacecraft: Spacecraft | None = None,
     payload: Payload | None = None,
     end_effector: str | None = None,
@@ -40,7 +41,7 @@ def assemble(
     ``spacecraft`` and ``payload``, or ``spacecraft_2`` and so on where the name is taken.
 
     Args:
-        urdf: The arm: a file or XML text.
+        urdf: The arm: a file, XML text or a source.
         spacecraft: Carries the arm's root link; without it that link is the spacecraft.
         payload: Fixed to the end-effector.
         end_effector: The link, or the joint that moves it, that carries the payload; optional

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from freefloat.robot.description import Joint, RobotDescription, UrdfDiagnostic
 from freefloat.robot.names import find_robot
 from freefloat.robot.parts import Attachment, Payload, Spacecraft
 from freefloat.robot.rigid_bodies import Body, body_of, build_model, moving_joints, pose_of
-from freefloat.robot.urdf import is_text, require_urdf
+from freefloat.robot.source import RobotSource
 from freefloat.so3 import Array, Pose, frozen, low_discrepancy, wrapped
 
 _CONFIGURATIONS = 8
@@ -68,7 +67,7 @@ class FreeFloatingModel:
     @classmethod
     def from_urdf(
         cls,
-        urdf: str | Path,
+        urdf: str | Path | RobotSource,
         end_effector: str | None = None,
         *,
         scale_mass: float | Mapping[str, float] = 1.0,
@@ -81,7 +80,8 @@ class FreeFloatingModel:
 
         Args:
             urdf: A URDF, xacro or MJCF file, XML text of a URDF, or a name: of a bundled robot, as
-                ``"spatial_6dof"``, ``"example-robot-data:ur10"``, ``"robot_descriptions:panda"``.
+                ``"spatial_6dof"``, ``"example-robot-data:ur10"``, ``"robot_descriptions:panda"``;
+                or a source, with what the reader of a xacro or MJCF file has to know.
             end_effector: Link that follows the path; optional where the robot has a single last
                 link.
             scale_mass: Factor on every mass and inertia, or a map from link to factor.
@@ -96,16 +96,16 @@ class FreeFloatingModel:
             ModelError: If there is no such URDF, it has errors, it has no such end-effector, or no
                 joint moves that.
         """
-        require_urdf(urdf)
+        source = RobotSource.of(urdf)
         require_type("end_effector", end_effector, str | None, "the name of a link")
         accepted = "a map from joint to value"
         require_type("fixed_joints", fixed_joints, Mapping | None, accepted)
-        if not is_text(urdf) and (os.path.isdir(urdf) or not os.path.exists(urdf)):
+        if not source.exists:
             try:
-                urdf = find_robot(str(urdf), Path())
+                source = replace(source, urdf=find_robot(str(source.urdf), Path()))
             except InputError as error:
                 raise ModelError(error.key, error.problem, error.accepted) from None
-        description = assemble(urdf, spacecraft, payload, end_effector, attached)
+        description = assemble(source, spacecraft, payload, end_effector, attached)
         if np.any(scale_mass != 1.0):
             description = scaled(description, scale_mass)
         if end_effector is None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import os
+import re
 import sysconfig
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -11,6 +13,7 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, distribution
 from importlib.util import find_spec
 from pathlib import Path
+from pkgutil import iter_modules
 from urllib.parse import unquote, urlsplit
 
 from freefloat.errors import InputError, did_you_mean, one_line
@@ -22,6 +25,14 @@ DESCRIPTIONS = "robot_descriptions:"
 """Prefix of the names of robots of the package robot_descriptions."""
 _LARGEST = 20_000_000
 """Size limit of a text file [bytes]."""
+_NEAREST = 5
+"""Number of names that are listed for an unknown one of a package of robots."""
+_PACKAGE_NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
+"""The name in a ``package.xml`` of ROS."""
+PACKAGES = "above the file, on ROS_PACKAGE_PATH or under AMENT_PREFIX_PATH"
+"""Where packages of ROS are looked for."""
+NAMED_PACKAGE = "--package {0}=FOLDER (robot.packages in a scenario)"
+"""What names the folder of a package."""
 
 
 def models_folder() -> Path:
@@ -100,7 +111,7 @@ def find_robot(name: str, folder: Path) -> Path:
         robots = example_robots()
         short = name.removeprefix(EXAMPLE).removesuffix("_robot")
         if short not in robots:
-            raise unknown("urdf", name, [EXAMPLE + robot for robot in sorted(robots)], "one of")
+            raise _unknown_in_package(EXAMPLE, short, sorted(robots))
         return robots[short]
     if name.startswith(DESCRIPTIONS):
         return described_robot(name.removeprefix(DESCRIPTIONS))
@@ -130,15 +141,13 @@ def described_robot(name: str) -> Path:
     Raises:
         InputError: If the package is not installed, has no such robot or cannot download it.
     """
-    module = f"robot_descriptions.{name.removesuffix('_description')}_description"
-    if find_spec("robot_descriptions") is None:
-        problem = "the package robot_descriptions is not installed"
-        raise InputError("urdf", problem, "pip install robot_descriptions, or a file")
+    short = name.removesuffix("_description")
+    known = described_robots()
+    if short not in known:
+        raise _unknown_in_package(DESCRIPTIONS, short, known)
+    module = f"robot_descriptions.{short}_description"
     try:
         robot = import_module(module)
-    except ModuleNotFoundError:
-        problem = f"robot_descriptions has no robot {name}"
-        raise InputError("urdf", problem, "a name that it lists, such as panda") from None
     except Exception as error:  # of any kind: it runs git
         problem = f"robot_descriptions cannot load {name} ({one_line(str(error))})"
         raise InputError("urdf", problem, "a robot that it can download") from None
@@ -146,6 +155,29 @@ def described_robot(name: str) -> Path:
         if hasattr(robot, key):
             return Path(getattr(robot, key))
     raise InputError("urdf", f"{module} names no file", "a robot with a URDF or MJCF file")
+
+
+def described_robots() -> tuple[str, ...]:
+    """Names of the robots of the package robot_descriptions, without ``_description``.
+
+    Raises:
+        InputError: If the package is not installed.
+    """
+    package = find_spec("robot_descriptions")
+    if package is None:
+        problem = "the package robot_descriptions is not installed"
+        raise InputError("urdf", problem, "pip install robot_descriptions, or a file")
+    modules = (module.name for module in iter_modules(package.submodule_search_locations))
+    suffix = "_description"
+    return tuple(sorted(name.removesuffix(suffix) for name in modules if name.endswith(suffix)))
+
+
+def _unknown_in_package(prefix: str, name: str, known: Sequence[str]) -> InputError:
+    """The error for an unknown robot of a package, with the most similar ones."""
+    near = difflib.get_close_matches(name[:240], known, _NEAREST, cutoff=0.0)
+    problem = f"{prefix.removesuffix(':')} has no robot {name[:240]!r}"
+    accepted = f"one of its {len(known)} robots, such as"
+    return InputError("urdf", problem, f"{accepted} {', '.join(prefix + robot for robot in near)}")
 
 
 def example_robots() -> dict[str, Path]:
@@ -251,24 +283,45 @@ def find_mesh(name: str, urdf: str) -> Path:
             return place
     hint = ""
     if split.scheme in ("package", "model"):
-        where = "above the URDF, on ROS_PACKAGE_PATH or under AMENT_PREFIX_PATH"
-        hint = f" in a folder {split.netloc} {where}"
+        named = NAMED_PACKAGE.format(split.netloc)
+        hint = f" in a folder {split.netloc} {PACKAGES}; {named} names one"
     raise MeshFileError(f"no such file{hint}")
 
 
 def _in_package(package: str, rest: str, urdf: Path) -> Iterator[Path]:
     """Paths that a file of a package may have, in order of precedence."""
-    ros, ament = (
-        [Path(word) for word in os.environ.get(variable, "").split(os.pathsep) if word]
-        for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
-    )
-    for folder in [*urdf.absolute().parents, *ros]:
-        if folder.name == package:
-            yield folder / rest
-        yield folder / package / rest
-    yield from (folder / "share" / package / rest for folder in ament)
+    yield from (folder / rest for folder in _package_folders(package, urdf))
     with suppress(InputError):
         examples = examples_folder()
         if package == examples.parent.name:
             yield examples.parent / rest
         yield examples / package / rest
+
+
+def find_package(package: str, file: Path) -> Path | None:
+    """The folder of a package of ROS, above a file or where ROS has it; None without."""
+    return next(filter(Path.is_dir, _package_folders(package, file)), None)
+
+
+def _package_folders(package: str, file: Path) -> Iterator[Path]:
+    """Folders that a package of ROS may have, in order of precedence."""
+    ros, ament = (
+        [Path(word) for word in os.environ.get(variable, "").split(os.pathsep) if word]
+        for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
+    )
+    for folder in [*file.absolute().parents, *ros]:
+        if folder.name == package or _declared_package(folder) == package:
+            yield folder
+        yield folder / package
+    yield from (folder / "share" / package for folder in ament)
+
+
+def _declared_package(folder: Path) -> str | None:
+    """The name that the ``package.xml`` of a folder declares."""
+    declaration = folder / "package.xml"
+    if not is_file(declaration):
+        return None
+    with suppress(ValueError):
+        name = _PACKAGE_NAME.search(read_text(declaration))
+        return name and name[1]
+    return None

@@ -13,7 +13,7 @@ from freefloat.errors import InputError, finite_vector, number_array, require_ty
 from freefloat.robot.description import rpy_rotation
 from freefloat.robot.names import is_file
 from freefloat.robot.plausibility import breaks_triangle
-from freefloat.robot.urdf import require_urdf
+from freefloat.robot.source import RobotSource
 from freefloat.so3 import Array, Pose, frozen
 
 INERTIA = (
@@ -124,20 +124,20 @@ class Attachment:
     """Another URDF, fixed to a link: a tool, a second arm, an antenna.
 
     Attributes:
-        urdf: A file or XML text.
+        urdf: A file, XML text or a source.
         link: The link, or the joint that moves it, that carries its root link; None for the
             spacecraft.
         mount: Pose of its root link.
         prefix: Put before the names of its links and joints.
     """
 
-    urdf: str | Path
+    urdf: str | Path | RobotSource
     link: str | None = None
     mount: Mount = field(default_factory=Mount)
     prefix: str = ""
 
     def __post_init__(self) -> None:
-        require_urdf(self.urdf)
+        RobotSource.of(self.urdf)
         require_type("attachment.mount", self.mount, Mount, _MOUNT)
 
 

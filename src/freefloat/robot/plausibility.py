@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.robot.description import Joint, Link, RigidGroup, RobotDescription
+from freefloat.robot.flat_links import flat_links
 from freefloat.robot.names import MeshFileError, find_mesh
 from freefloat.robot.shapes import MeshFile, corners
 from freefloat.so3 import Array
@@ -55,12 +56,17 @@ Faults = Iterator[Fault]
 
 
 def _inertias(robot: RobotDescription) -> Faults:
+    flat = flat_links(robot)
     for link in robot.links:
         moments = _principal_moments(link)
         if moments is None:
             continue
         shown = ", ".join(f"{moment:.6g}" for moment in moments)
-        if moments[0] < 0.0 or (moments[0] == 0.0 and link.mass > 0.0):
+        if link.name in flat:
+            problem = "of its inertia only izz is positive"
+            remedy = "ixx and iyy; izz / 2 is used, as of a flat body: all joints are planar"
+            yield Fault(link, "inertia", problem, remedy)
+        elif moments[0] < 0.0 or (moments[0] == 0.0 and link.mass > 0.0):
             problem = f"its inertia is not positive definite (principal moments {shown})"
             remedy = "moments about the centre of mass; signs of the products as in the matrix"
             yield Fault(link, "inertia", problem, remedy)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-import os
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from lxml import etree
 
-from freefloat.errors import ModelError, require_type
+from freefloat.errors import ModelError
 from freefloat.robot.description import (
     IDENTITY,
     Colour,
@@ -24,8 +24,8 @@ from freefloat.robot.description import (
     UrdfDiagnostic,
     rpy_rotation,
 )
-from freefloat.robot.names import read_text
 from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
+from freefloat.robot.source import RobotSource
 from freefloat.so3 import Array, Pose
 
 Element = Any
@@ -35,35 +35,36 @@ UNLIMITED = 1e9
 """Limits of this magnitude [rad, m, N, ...] stand for none."""
 MAGNITUDE = 1e12
 """Largest accepted number: squares of larger ones overflow."""
+_LIMIT = '<limit lower=".." upper=".." effort=".." velocity=".."/>'
 _MOST = 1000
 """Number of links and joints that a robot may have."""
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
-_MJCF = re.compile(r"\s*+(?>(?:<\?.*?\?>|<!--.*?-->)\s*+)*+<mujoco\b", re.DOTALL)
-"""Beginning of a model of MuJoCo; comments are matched once, without backtracking."""
 
 
-def is_text(urdf: str | Path) -> bool:
-    """Whether an argument is XML text and not the name of a file."""
-    return isinstance(urdf, str) and urdf.lstrip().startswith("<")
-
-
-def require_urdf(urdf: object) -> None:
-    """Raise an InputError unless the argument is text or a path."""
-    if not isinstance(urdf, os.PathLike):
-        require_type("urdf", urdf, str, "a file, XML text, or a name such as spatial_6dof")
-
-
-def parse_urdf(urdf: str | Path) -> RobotDescription:
-    """Decode a file or XML text; diagnostics are those of single attributes.
+def parse_urdf(urdf: str | Path | RobotSource) -> RobotDescription:
+    """Decode a file or XML text; diagnostics are those of single attributes, and of the reader.
 
     Raises:
         ModelError: If the file cannot be read, is not the XML of a robot, or has too many links.
     """
-    source = "URDF text" if is_text(urdf) else str(Path(urdf))
+    robot_source = RobotSource.of(urdf)
+    source = robot_source.name
     try:
-        text = str(urdf) if is_text(urdf) else _text_of_file(Path(urdf))
+        read = robot_source.read()
     except ValueError as error:
         raise ModelError("urdf", f"{source}: {error}", "a readable URDF file") from None
+    robot = _element(read.text, source)
+    for mesh in robot.iter("mesh"):
+        mesh.set("filename", robot_source.mesh_name(mesh.get("filename", "")))
+    description = decode(robot, source)
+    element = f"robot {description.name}".strip()
+    warnings = (UrdfDiagnostic(Severity.WARNING, source, 1, element, problem, remedy)
+                for problem, remedy in read.warnings)  # fmt: skip
+    return replace(description, diagnostics=(*description.diagnostics, *warnings))
+
+
+def _element(text: str, source: str) -> Element:
+    """The ``<robot>`` element of a text."""
     declaration = text.find("<!DOCTYPE")
     if declaration >= 0:  # entities can expand without bound
         line = text.count("\n", 0, declaration) + 1
@@ -90,21 +91,7 @@ def parse_urdf(urdf: str | Path) -> RobotDescription:
     if robot.tag != "robot":
         problem = f"its root element is <{robot.tag}>"
         raise ModelError("urdf", problem, "<robot>", source, robot.sourceline)
-    return decode(robot, source)
-
-
-def _text_of_file(file: Path) -> str:
-    """Text of a URDF, also of what a xacro or MJCF file describes."""
-    text = read_text(file)
-    if file.suffix == ".xacro":
-        from freefloat.robot.xacro import urdf_of_xacro
-
-        return urdf_of_xacro(file)
-    if _MJCF.match(text):
-        from freefloat.robot.mjcf import urdf_of_mjcf
-
-        return urdf_of_mjcf(file)
-    return text
+    return robot
 
 
 def _xacro_error(source: str, line: int) -> ModelError:
@@ -150,7 +137,10 @@ class _Decoder:
         )
 
     def joint(self, element: Element) -> Joint:
-        limit, mimic = element.find("limit"), element.find("mimic")
+        mimic = element.find("mimic")
+        if element.get("type") in ("revolute", "prismatic"):
+            self._complete_limit(element)
+        limit = element.find("limit")
         lower, upper = self.number(limit, "lower"), self.number(limit, "upper")
         endless = element.get("type") == "continuous"
         rated = {
@@ -170,6 +160,30 @@ class _Decoder:
             mimic=None if mimic is None else mimic.get("joint", ""),
             lines=_lines(element, element),
         )
+
+    def _complete_limit(self, element: Element) -> None:
+        """Complete the ``<limit>`` of a revolute or prismatic joint, which other readers require.
+
+        Without a range a revolute joint becomes continuous.
+        """
+        limit, kind = element.find("limit"), element.get("type")
+        given = {} if limit is None else limit.attrib
+        missing = [key for key in ("effort", "velocity") if key not in given]
+        endless = "lower" not in given and "upper" not in given
+        if not missing and not endless:
+            return
+        names = ["lower and upper"] * endless + missing
+        problem = f"a {kind} joint without {', '.join(names)} in its <limit>"
+        error = endless and kind == "prismatic"
+        remedy = _LIMIT if error else f"{_LIMIT}; it has no limit of this kind"
+        severity = Severity.ERROR if error else Severity.WARNING
+        self.report(severity, element if limit is None else limit, problem, remedy)
+        if limit is None:
+            limit = etree.SubElement(element, "limit")
+            limit.sourceline = element.sourceline
+        limit.attrib.update(dict.fromkeys(missing, f"{UNLIMITED:g}"))
+        if endless and kind == "revolute":
+            element.set("type", "continuous")
 
     def _inertial(self, element: Element) -> Inertial:
         mass, inertia = element.find("mass"), element.find("inertia")

@@ -10,18 +10,19 @@ import numpy as np
 
 from freefloat.errors import ModelError
 from freefloat.robot.description import MOVING, RobotDescription, Severity, UrdfDiagnostic
+from freefloat.robot.flat_links import with_flat_links
 from freefloat.robot.plausibility import WARNINGS, Fault, Faults, missing_meshes, root_masses
+from freefloat.robot.source import RobotSource
 from freefloat.robot.urdf import parse_urdf
 
 _TREE = "one root link, every other link the child of exactly one joint, unique names"
-_LIMIT = '<limit lower=".." upper=".." effort=".." velocity=".."/>'
 
 
-def read_urdf(urdf: str | Path, mounted: bool = False) -> RobotDescription:
+def read_urdf(urdf: str | Path | RobotSource, mounted: bool = False) -> RobotDescription:
     """A valid URDF with its warnings.
 
     Args:
-        urdf: A file, or XML text (recognized by its leading ``<``).
+        urdf: A file, XML text (recognized by its leading ``<``), or a source.
         mounted: Whether it may have no mass: an arm for a spacecraft, or a body of a scene.
 
     Raises:
@@ -36,14 +37,14 @@ def read_urdf(urdf: str | Path, mounted: bool = False) -> RobotDescription:
             remedy = f"{first.accepted} ({more} more error{'s' * (more > 1)}: freefloat info)"
             raise ModelError(first.key, first.problem, remedy, first.source, first.line)
         raise first
-    return replace(robot, diagnostics=diagnostics)
+    return replace(with_flat_links(robot), diagnostics=diagnostics)
 
 
-def examine(urdf: str | Path, mounted: bool = False) -> tuple[UrdfDiagnostic, ...]:
+def examine(urdf: str | Path | RobotSource, mounted: bool = False) -> tuple[UrdfDiagnostic, ...]:
     """All errors and warnings about a URDF, also where it cannot be loaded.
 
     Args:
-        urdf: A file or XML text.
+        urdf: A file, XML text or a source.
         mounted: Whether it may have no mass: an arm for a spacecraft, or a body of a scene.
 
     Returns:
@@ -134,11 +135,6 @@ def _joints(robot: RobotDescription) -> Faults:
                 yield Fault(joint, "joint", f"its type is {joint.type}", remedy)
             continue
         rated = {"effort": joint.effort, "velocity": joint.velocity}
-        missing = [key for key, value in rated.items() if value is None]
-        if joint.type != "continuous" and missing:
-            problem = f"a {joint.type} joint without {' and '.join(missing)} in its <limit>"
-            alternative = ', or type="continuous"' if joint.type == "revolute" else ""
-            yield Fault(joint, "limit", problem, _LIMIT + alternative)
         for key, value in rated.items():
             if value is not None and value < 0.0:
                 problem = f'its <limit {key}="{value:g}"> is negative'

@@ -1,0 +1,100 @@
+"""A file of a robot and how it is read: URDF, xacro, or a model of MuJoCo."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from freefloat.errors import InputError, ModelError, require_type
+from freefloat.robot.names import is_file, read_text
+from freefloat.robot.reader_process import UrdfText, run_reader
+
+_URDF = "a file, XML text, or a name such as spatial_6dof"
+_MJCF = re.compile(r"\s*+(?>(?:<\?.*?\?>|<!--.*?-->)\s*+)*+<mujoco\b", re.DOTALL)
+"""Beginning of a model of MuJoCo; comments are matched once, without backtracking."""
+
+
+@dataclass(frozen=True)
+class RobotSource:
+    """A robot's file, with what its reader has to know.
+
+    Attributes:
+        urdf: A URDF, xacro or MJCF file, XML text of a URDF, or a name: of a bundled robot, as
+            ``"spatial_6dof"``, ``"example-robot-data:ur10"``, ``"robot_descriptions:panda"``.
+        root: Of a model of MuJoCo, the body that is the spacecraft; default: the only body in the
+            world, else the only one with a free joint and bodies that move on it.
+        packages: Folders of packages of ROS, by name; others are looked for above the file.
+
+    Raises:
+        InputError: If a value has another type, or a folder does not exist.
+
+    Example:
+        >>> robot = ff.RobotSource("planar_2dof", packages={"my_arm_description": "/tmp"})
+        >>> ff.FreeFloatingModel.from_urdf(robot).dof
+        2
+    """
+
+    urdf: str | Path
+    root: str | None = None
+    packages: Mapping[str, str | Path] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.urdf, os.PathLike):
+            require_type("urdf", self.urdf, str, _URDF)
+        require_type("root", self.root, str | None, "the name of a body")
+        require_type("packages", self.packages, Mapping, "a map from package to folder")
+        for name, folder in self.packages.items():
+            if not Path(folder).is_dir():
+                raise InputError(f"packages.{name}", f"{folder} is no folder", "an existing folder")
+
+    @classmethod
+    def of(cls, urdf: str | Path | RobotSource) -> RobotSource:
+        """The source of a file, text or name; a source is returned as it is."""
+        return urdf if isinstance(urdf, RobotSource) else cls(urdf)
+
+    @property
+    def is_text(self) -> bool:
+        """Whether it is XML text and not the name of a file."""
+        return isinstance(self.urdf, str) and self.urdf.lstrip().startswith("<")
+
+    @property
+    def exists(self) -> bool:
+        """Whether it is text or a file, and no name."""
+        return self.is_text or is_file(Path(self.urdf))
+
+    @property
+    def name(self) -> str:
+        """The file, or ``"URDF text"``."""
+        return "URDF text" if self.is_text else str(Path(self.urdf))
+
+    def read(self) -> UrdfText:
+        """Text of the URDF, also of what a xacro or MJCF file describes.
+
+        Raises:
+            ValueError: If the file cannot be read.
+            ModelError: If the reader of a xacro or MJCF file refuses it.
+        """
+        if self.is_text:
+            return UrdfText(str(self.urdf))
+        file = Path(self.urdf)
+        text = read_text(file)
+        if self.root is not None and not _MJCF.match(text):
+            problem = f"{self.root} was given, but this is no model of MuJoCo"
+            raise ModelError("root", problem, "nothing: the root is a link without parent", str(file))
+        if file.suffix == ".xacro":
+            folders = {name: os.path.abspath(folder) for name, folder in self.packages.items()}
+            return run_reader("freefloat.robot.xacro", file, packages=folders)
+        if _MJCF.match(text):
+            return run_reader("freefloat.robot.mjcf", file, root=self.root)
+        return UrdfText(text)
+
+    def mesh_name(self, name: str) -> str:
+        """The name of a mesh file, absolute where it is in one of the named packages."""
+        for package, folder in self.packages.items():
+            prefix = f"package://{package}/"
+            if name.startswith(prefix):
+                return f"{Path(folder).absolute().as_uri()}/{name.removeprefix(prefix)}"
+        return name
