@@ -99,6 +99,8 @@ def test_a_robot_without_inertia_is_refused() -> None:
     text = re.sub(r"<inertial>.*?</inertial>", "", VALID, flags=re.DOTALL)
     flat = inertial_text(10.0, np.diag([0.0, 0.0, 1.0]))
     text = re.sub(r'<link name="bus">', lambda match: match[0] + flat, text)
+    assert FreeFloatingModel.from_urdf(text).total_mass == 10.0  # planar joints: a flat body
+    text = text.replace('<axis xyz="0 0 1"/>', '<axis xyz="0 1 0"/>', 1)
     with pytest.raises(ModelError) as caught:
         FreeFloatingModel.from_urdf(text)
     assert caught.value.key == "robot"

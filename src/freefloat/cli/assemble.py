@@ -12,12 +12,14 @@ from rich.console import RenderableType
 
 from freefloat.cli.console import Console, table
 from freefloat.cli.options import Json, Quiet, comma_separated, prepare_outputs, robot_names
+from freefloat.cli.robots import Packages, Root, robot_source
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.io.urdf_file import UrdfFile
     from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.parts import Mount
+    from freefloat.robot.source import RobotSource
 
 Vector = tuple[float, float, float]
 Placement = tuple[float, float, float, float, float, float]
@@ -25,7 +27,8 @@ _Robot = Annotated[
     str,
     typer.Argument(
         metavar="ROBOT",
-        help="An arm: a URDF, a bundled name or example-robot-data:NAME. Or a scenario, or a "
+        help="An arm: a URDF, xacro or MJCF file, a bundled name, example-robot-data:NAME or "
+        "robot_descriptions:NAME. Or a scenario, or a "
         "YAML file with its robot section alone, which has all parts.",
         autocompletion=robot_names,
     ),
@@ -94,6 +97,8 @@ def assemble(
     robot: _Robot,
     output: _Output,
     end_effector: _EndEffector = None,
+    root: Root = None,
+    package: Packages = None,
     mass: _Mass = None,
     inertia: _Inertia = None,
     com: _Centre = None,
@@ -133,12 +138,12 @@ def assemble(
         second_arm={"urdf": second_arm, "mount": second_mount},
     )  # fmt: skip
     if is_scenario(robot):
-        if parts or end_effector is not None:
+        if parts or end_effector is not None or root is not None or package:
             accepted = "-o, --copy-meshes and --json"
             raise InputError("options", "the scenario has all parts of its robot", accepted)
         model = load_robot(robot)
     else:
-        model = _assembled(robot, end_effector, parts)
+        model = _assembled(robot_source(robot, root, package), end_effector, parts)
     prepare_outputs(Path(model.description.source), output=output)
     written = write_urdf(model, output, copy_meshes)
     console = Console(as_json, quiet)
@@ -156,16 +161,16 @@ def _given(**parts: dict[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def _assembled(
-    robot: str, end_effector: str | None, parts: dict[str, dict[str, Any]]
+    source: RobotSource, end_effector: str | None, parts: dict[str, dict[str, Any]]
 ) -> FreeFloatingModel:
     """Return the model of an arm with the parts that the options describe."""
     from freefloat.robot.assembly import end_effector_link
     from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.names import find_robot
     from freefloat.robot.parts import Attachment, Payload, Spacecraft
+    from freefloat.robot.source import RobotSource
     from freefloat.robot.validation import read_urdf
 
-    urdf = find_robot(robot, Path())
     attached = []
     for key, prefix in (("tool", "tool_"), ("second_arm", "second_")):
         if key not in parts:
@@ -176,11 +181,12 @@ def _assembled(
             file = find_robot(parts[key]["urdf"], Path())
         except InputError as error:
             raise InputError(key, error.problem, error.accepted) from None
-        link = end_effector_link(read_urdf(urdf), end_effector) if key == "tool" else None
+        link = end_effector_link(read_urdf(source), end_effector) if key == "tool" else None
         mount = _mount(f"{prefix}mount", parts[key].get("mount", (0.0,) * 6))
-        attached.append(Attachment(file, link, mount, prefix))
+        part = RobotSource(file, packages=source.packages)
+        attached.append(Attachment(part, link, mount, prefix))
     return FreeFloatingModel.from_urdf(
-        urdf,
+        source,
         end_effector,
         attached=attached,
         spacecraft=Spacecraft(**_body("spacecraft", parts)) if "spacecraft" in parts else None,

@@ -13,7 +13,14 @@ from rich.text import Text
 from freefloat.cli.console import Console, decimals, extent, table
 from freefloat.cli.mission import mission_document, mission_tables
 from freefloat.cli.options import Attitude, Json, Quiet, comma_separated
-from freefloat.cli.robots import EndEffector, RobotName, diagnostic_lines, load_robot
+from freefloat.cli.robots import (
+    EndEffector,
+    Packages,
+    RobotName,
+    Root,
+    diagnostic_lines,
+    load_robot,
+)
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
@@ -40,6 +47,8 @@ _Hold = Annotated[
 def info(
     robot: RobotName,
     end_effector: EndEffector = None,
+    root: Root = None,
+    package: Packages = None,
     joints: _Joints = None,
     attitude: Attitude = None,
     hold: _Hold = False,
@@ -68,7 +77,7 @@ def info(
     from freefloat.limits.contact import why_unchecked
 
     console = Console(as_json, quiet)
-    loaded = load_robot(console, robot, end_effector)
+    loaded = load_robot(console, robot, end_effector, root, package)
     scenario = loaded.scenario
     values = None if joints is None else comma_separated("joints", joints)
     summary = RobotSummary.of(

@@ -14,7 +14,7 @@ import typer
 
 from freefloat.errors import InputError
 
-_YAML, _URDF = (".yaml", ".yml"), (".urdf",)
+_YAML, _ROBOT = (".yaml", ".yml"), (".urdf", ".xacro", ".xml")
 
 
 def _completion(*kinds: str, suffixes: tuple[str, ...] = ()) -> Callable[[str], list[str]]:
@@ -38,7 +38,7 @@ def _completion(*kinds: str, suffixes: tuple[str, ...] = ()) -> Callable[[str], 
 
 scenario_names = _completion("scenarios", suffixes=_YAML)
 study_names = _completion("studies", suffixes=_YAML)
-robot_names = _completion("robots", "scenarios", suffixes=_URDF + _YAML)
+robot_names = _completion("robots", "scenarios", suffixes=_ROBOT + _YAML)
 file_names = _completion("robots", "scenarios", "studies")
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout.")]

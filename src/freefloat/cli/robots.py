@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from freefloat.io.scenario import Scenario
     from freefloat.robot.description import UrdfDiagnostic
     from freefloat.robot.model import FreeFloatingModel
+    from freefloat.robot.source import RobotSource
 
-_EXAMPLES = "example-robot-data:"
 _SHOWN = 3
 """Links or joints that are named of those with the same problem."""
 
@@ -32,12 +32,23 @@ RobotName = Annotated[
     str,
     typer.Argument(
         metavar="MODEL_OR_SCENARIO",
-        help="A URDF, a scenario file, a bundled name of either, or example-robot-data:NAME",
+        help="A URDF, xacro or MJCF file, a scenario file, a bundled name, example-robot-data:NAME "
+        "or robot_descriptions:NAME",
         autocompletion=robot_names,
     ),
 ]
 EndEffector = Annotated[
     str | None, typer.Option(metavar="LINK", help="For a URDF with several last links: which one.")
+]
+Root = Annotated[
+    str | None,
+    typer.Option(metavar="BODY", help="Of a model of MuJoCo with several: the spacecraft."),
+]
+Packages = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--package", metavar="NAME=FOLDER", help="Folder of a package of ROS; repeatable."
+    ),
 ]
 
 
@@ -60,16 +71,23 @@ class LoadedRobot:
     scenario: Scenario | None = None
 
 
-def load_robot(console: Console, robot: str, end_effector: str | None) -> LoadedRobot:
+def load_robot(
+    console: Console,
+    robot: str,
+    end_effector: str | None,
+    root: str | None = None,
+    packages: Sequence[str] | None = None,
+) -> LoadedRobot:
     """The robot of a scenario or a URDF; exits with its errors if it has some."""
     from freefloat.dynamics.measures import singularity_measure
     from freefloat.dynamics.summary import natural_task
     from freefloat.io.scenario import load_scenario
     from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.names import (
+        DESCRIPTIONS,
+        EXAMPLE,
         bundled_robots,
         bundled_scenarios,
-        find_robot,
         is_file,
         is_scenario,
         unknown,
@@ -77,18 +95,22 @@ def load_robot(console: Console, robot: str, end_effector: str | None) -> Loaded
     from freefloat.robot.validation import examine
 
     if is_scenario(robot):
-        if end_effector is not None:
-            raise InputError("end_effector", "the scenario names it already", "a URDF with it")
+        options = {"end_effector": end_effector, "root": root, "package": packages}
+        for option, value in options.items():
+            if value:
+                raise InputError(option, "the scenario names it already", "a URDF with it")
         loaded = load_scenario(robot)
-        mounted = loaded.content.robot.spacecraft is not None
-        diagnostics = _require_no_error(console, examine(loaded.urdf(), mounted))
+        section = loaded.content.robot
+        found = examine(section.source(loaded.source), mounted=section.spacecraft is not None)
+        diagnostics = _require_no_error(console, found)
         problem = loaded.problem()
         measure = problem.margin.measure
         return LoadedRobot(problem.model, problem.task, measure, diagnostics, loaded)
-    if robot.startswith(_EXAMPLES) or robot in bundled_robots() or is_file(Path(robot)):
-        urdf = find_robot(robot, Path())
-        diagnostics = _require_no_error(console, examine(urdf))
-        model = FreeFloatingModel.from_urdf(urdf, end_effector)
+    named = robot.startswith((EXAMPLE, DESCRIPTIONS)) or robot in bundled_robots()
+    if named or is_file(Path(robot)):
+        source = robot_source(robot, root, packages)
+        diagnostics = _require_no_error(console, examine(source))
+        model = FreeFloatingModel.from_urdf(source, end_effector)
         task = natural_task(model)
         return LoadedRobot(model, task, singularity_measure(model, task, "gjm"), diagnostics)
     if scenarios := [name for name in bundled_scenarios() if name.startswith(f"{robot}/")]:
@@ -96,6 +118,25 @@ def load_robot(console: Console, robot: str, end_effector: str | None) -> Loaded
         raise InputError("robot", f"{robot} is assembled in scenarios, not a URDF", accepted)
     names = (*bundled_robots(), *bundled_scenarios())
     raise unknown("robot", robot, names, "a URDF, a scenario file, or one of")
+
+
+def robot_source(robot: str, root: str | None, packages: Sequence[str] | None) -> RobotSource:
+    """The file of a robot with what the options say about it.
+
+    Raises:
+        InputError: If there is no such robot, or a package is not ``NAME=FOLDER``.
+    """
+    from freefloat.robot.names import find_robot
+    from freefloat.robot.source import RobotSource
+
+    folders = {}
+    for text in packages or ():
+        name, _, folder = text.partition("=")
+        if not Path(folder).is_dir() or not name or not folder:
+            problem = f"{text!r} was given"
+            raise InputError("package", problem, "NAME=FOLDER with an existing folder")
+        folders[name] = folder
+    return RobotSource(find_robot(robot, Path()), root, folders)
 
 
 def _require_no_error(

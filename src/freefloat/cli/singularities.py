@@ -13,7 +13,7 @@ from rich.console import RenderableType
 
 from freefloat.cli.console import Console, decimals, draw, short_label, table
 from freefloat.cli.options import Json, Plots, Quiet, ResultFile, comma_separated, prepare_outputs
-from freefloat.cli.robots import EndEffector, RobotName, load_robot
+from freefloat.cli.robots import EndEffector, Packages, RobotName, Root, load_robot
 from freefloat.errors import InputError, finite_number
 
 if TYPE_CHECKING:
@@ -48,6 +48,8 @@ _Page = Annotated[
 def singularities(
     robot: RobotName,
     end_effector: EndEffector = None,
+    root: Root = None,
+    package: Packages = None,
     resolution: _Resolution = None,
     fix: _Fix = None,
     output: ResultFile = None,
@@ -70,7 +72,7 @@ def singularities(
     from freefloat.workspace.singularity_map import singularity_map
 
     console = Console(as_json, quiet)
-    loaded = load_robot(console, robot, end_effector)
+    loaded = load_robot(console, robot, end_effector, root, package)
     model, task, measure = loaded.model, loaded.task, loaded.measure
     prepare_outputs(output=output, html=html, folder=plots)
     width = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from freefloat.io.yaml import error_context, file_keys
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_robot
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
+from freefloat.robot.source import RobotSource
 
 
 class MountSection(Section):
@@ -86,11 +88,13 @@ class AttachedSection(Section):
     prefix: str = ""
     """Prefix of the names of its links and joints."""
 
-    def to_attachment(self, scenario: Path, key: str) -> Attachment:
+    def to_attachment(
+        self, scenario: Path, key: str, packages: Mapping[str, str | Path]
+    ) -> Attachment:
         """The attachment; errors name the scenario file and begin with a key."""
         with error_context(scenario, key):
-            urdf = find_robot(self.urdf, scenario.parent)
-        return Attachment(urdf, self.link, self.mount.to_mount(), self.prefix)
+            source = RobotSource(find_robot(self.urdf, scenario.parent), packages=packages)
+        return Attachment(source, self.link, self.mount.to_mount(), self.prefix)
 
 
 class RobotSection(Section):
@@ -101,6 +105,12 @@ class RobotSection(Section):
     ``example-robot-data:NAME`` or ``robot_descriptions:NAME``."""
     end_effector: Name
     """The link that follows the path."""
+    root: Name | None = None
+    """Of a model of MuJoCo, the body that is the spacecraft; default: the only body in the world,
+    else the only one with a free joint and bodies that move on it."""
+    packages: dict[Name, Name] = Field(default={}, max_length=100)
+    """Folders of packages of ROS, by name, relative to the scenario file; others are looked for
+    above the file that needs them."""
     scale_mass: Factor | dict[str, Factor] = 1.0
     """Factor on mass and inertia of every link, or a map from link to factor."""
     spacecraft: SpacecraftSection | None = None
@@ -111,6 +121,19 @@ class RobotSection(Section):
     """Further URDFs, fixed to links one after the other."""
     held: dict[Name, Number] = Field(default={})
     """Values [rad, m] of fixed joints; joints off the chain to the end-effector never move."""
+
+    def source(self, scenario: Path) -> RobotSource:
+        """The file of the robot, before anything is assembled with it.
+
+        Raises:
+            InputError: If there is no such file, or no folder of a package; it names the scenario.
+        """
+        folder = scenario.parent
+        with error_context(scenario, "robot."):
+            return RobotSource(find_robot(self.urdf, folder), self.root, self._packages(folder))
+
+    def _packages(self, folder: Path) -> dict[str, Path]:
+        return {name: folder / place for name, place in self.packages.items()}
 
     def to_model(self, scenario: Path) -> FreeFloatingModel:
         """Model of the robot, assembled of its parts.
@@ -125,16 +148,17 @@ class RobotSection(Section):
         folder = scenario.parent
         craft = self.spacecraft
         payload = self.payload
+        source = self.source(scenario)
         with error_context(scenario, "robot."), file_keys(fixed_joints="held"):
             return FreeFloatingModel.from_urdf(
-                find_robot(self.urdf, folder),
+                source,
                 self.end_effector,
                 scale_mass=self.scale_mass,
                 fixed_joints=self.held,
                 spacecraft=None if craft is None else Spacecraft(**craft.values(folder)),
                 payload=None if payload is None else Payload(**payload.values(folder)),
                 attached=[
-                    part.to_attachment(scenario, f"robot.attached.{index}.")
+                    part.to_attachment(scenario, f"robot.attached.{index}.", source.packages)
                     for index, part in enumerate(self.attached)
                 ],
             )

@@ -33,7 +33,7 @@ from freefloat.planning.objective import Objective, Weights
 from freefloat.planning.phases import Phase
 from freefloat.planning.plan import Search
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.names import find_robot, find_scenario
+from freefloat.robot.names import find_scenario
 from freefloat.so3 import Pose, frozen, unit_quaternion
 
 
@@ -56,11 +56,6 @@ class Scenario:
     samples: str | None = field(default=None, repr=False)
     robot: FreeFloatingModel | None = field(default=None, repr=False)
     shapes: FileShapes = field(default_factory=dict, repr=False)
-
-    def urdf(self) -> Path:
-        """URDF file of the robot, before anything is assembled with it."""
-        with self.error_context("robot."):
-            return find_robot(self.content.robot.urdf, self.source.parent)
 
     def model(self) -> FreeFloatingModel:
         """The robot."""

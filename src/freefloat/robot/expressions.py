@@ -19,14 +19,13 @@ _ACCEPTED = (
     ast.cmpop,
 )  # fmt: skip
 _METHODS = {
-    str: frozenset(
-        "capitalize count endswith find index isdigit join lower lstrip partition replace rfind "
-        "rpartition rsplit rstrip split splitlines startswith strip title upper zfill".split()
-    ),
-    list: frozenset("append copy count extend index insert pop remove reverse sort".split()),
-    tuple: frozenset(["count", "index"]),
-    dict: frozenset("copy get items keys pop setdefault update values".split()),
-}
+    str: {"count", "endswith", "find", "index", "isdigit", "join", "lower", "lstrip", "replace",
+          "rfind", "rsplit", "rstrip", "split", "splitlines", "startswith", "strip", "title",
+          "upper", "zfill"},
+    list: {"append", "copy", "count", "extend", "index", "insert", "pop", "remove", "reverse"},
+    tuple: {"count", "index"},
+    dict: {"copy", "get", "items", "keys", "pop", "update", "values"},
+}  # fmt: skip
 """Methods by type; ``format`` would reach attributes."""
 _ATTRIBUTE = "attribute of"
 """Name of the function for attributes, which no expression can write."""

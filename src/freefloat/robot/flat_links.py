@@ -21,7 +21,7 @@ def flat_links(robot: RobotDescription) -> frozenset[str]:
     Other moments do not matter for motions in this plane. Without them the robot may resist no
     rotation out of it.
     """
-    poses = {name: IDENTITY for name in robot.roots}
+    poses = dict.fromkeys(robot.roots, IDENTITY)
     flat = set()
     for name in list(poses):
         queue = [name]

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.errors import ModelError, did_you_mean, one_line
-from freefloat.robot.reader_process import UrdfText
+from freefloat.robot.reader_process import MEMORY, UrdfText
 
 _WORLD = 0
 """Number of MuJoCo's world body."""
@@ -78,7 +78,8 @@ def _load(file: str) -> Any:
         raise
     except Exception as error:  # of several kinds, one of them MuJoCo's own
         problem = f"MuJoCo refuses it ({one_line(' '.join(str(error).split()))})"
-        raise ModelError("urdf", problem, "a valid MJCF file", file) from None
+        accepted = f"a valid MJCF file that takes less than {MEMORY / 1e9:g} GB of memory"
+        raise ModelError("urdf", problem, accepted, file) from None
 
 
 def _root_body(model: Any, root: str | None, source: str) -> int:

@@ -83,7 +83,8 @@ class RobotSource:
         text = read_text(file)
         if self.root is not None and not _MJCF.match(text):
             problem = f"{self.root} was given, but this is no model of MuJoCo"
-            raise ModelError("root", problem, "nothing: the root is a link without parent", str(file))
+            accepted = "nothing: its root is the link without parent"
+            raise ModelError("root", problem, accepted, str(file))
         if file.suffix == ".xacro":
             folders = {name: os.path.abspath(folder) for name, folder in self.packages.items()}
             return run_reader("freefloat.robot.xacro", file, packages=folders)

@@ -172,7 +172,7 @@ class _Decoder:
         endless = "lower" not in given and "upper" not in given
         if not missing and not endless:
             return
-        names = ["lower and upper"] * endless + missing
+        names = ["lower", "upper"] * endless + missing
         problem = f"a {kind} joint without {', '.join(names)} in its <limit>"
         error = endless and kind == "prismatic"
         remedy = _LIMIT if error else f"{_LIMIT}; it has no limit of this kind"

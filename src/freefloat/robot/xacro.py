@@ -52,7 +52,8 @@ def read(file: str, packages: Mapping[str, str]) -> UrdfText:
         for cause in causes:
             if isinstance(cause, ModelError | MemoryError):
                 raise cause from None
-        text = _PREFIX.sub("", str(error)) or type(causes[-1]).__name__
+        text, reason = _PREFIX.sub("", str(error)), str(causes[-1])
+        text = text.replace(reason, "", text.count(reason) - 1) or type(causes[-1]).__name__
         problem = f"xacro refuses it ({one_line(' '.join(text.split()))})"
         source = next((name for name in reversed(xacro.filestack) if name), file)
         raise ModelError("urdf", problem, "a valid xacro file", source) from None
@@ -91,8 +92,9 @@ def _confine(xacro: Any, file: Path, packages: Mapping[str, str]) -> None:
         read_text(Path(xacro.abs_filename_spec(name)))  # refuses devices and large files
         return xacro.load_yaml(name)
 
-    def refuse(what: object, *_: object) -> None:
-        raise xacro.XacroException(f"$(env ...) and $(eval ...) are not evaluated: {what}")
+    def refuse(text: str, context: object = None) -> None:
+        problem = f"$({'env' if context is None else 'eval'} {text}) is not evaluated"
+        raise ModelError("urdf", problem, "$(optenv NAME DEFAULT) or ${...}", xacro.filestack[-1])
 
     xacro.safe_eval = evaluate
     xacro.parse = parse

@@ -1,0 +1,1 @@
+"""Robots as others publish them: URDFs without limits, scenes of MuJoCo."""

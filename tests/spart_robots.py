@@ -1,0 +1,63 @@
+"""Robots in the style of SPART's examples: no limits, massless roots, inertias of the plane."""
+
+from __future__ import annotations
+
+
+def link(name: str, mass: float = 0.0, centre: str = "0 0 0", moments: str = "0 0 0") -> str:
+    """A link with principal moments; without mass it has no inertial."""
+    if not mass:
+        return f'<link name="{name}"/>'
+    xx, yy, zz = moments.split()
+    return (
+        f'<link name="{name}"><inertial><origin xyz="{centre}"/><mass value="{mass}"/>'
+        f'<inertia ixx="{xx}" ixy="0" ixz="0" iyy="{yy}" iyz="0" izz="{zz}"/></inertial></link>'
+    )
+
+
+def joint(name: str, parent: str, child: str, at: str, kind: str = "revolute", axis: str = "0 0 1",
+          limit: str = "") -> str:  # fmt: skip
+    """A joint; SPART's have no ``<limit>``."""
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{at}"/><axis xyz="{axis}"/>{limit}</joint>'
+    )
+
+
+def arm(prefix: str, at: str, moments: str, limit: str = "") -> str:
+    """Two links of 1 m and an end-effector on the link ``base``."""
+    upper, lower, tip = (f"{prefix}{name}" for name in ("upper", "lower", "tip"))
+    return "\n".join(
+        [
+            joint(f"{prefix}J1", "base", upper, at, limit=limit),
+            link(upper, 10.0, "0.5 0 0", moments),
+            joint(f"{prefix}J2", upper, lower, "1 0 0", limit=limit),
+            link(lower, 8.0, "0.5 0 0", moments),
+            joint(f"{prefix}tool", lower, tip, "1 0 0", "fixed"),
+            link(tip),
+        ]
+    )
+
+
+def robot(*parts: str) -> str:
+    """The whole file."""
+    return '<?xml version="1.0"?>\n<robot name="SC_2DoF">\n' + "\n".join(parts) + "\n</robot>\n"
+
+
+_BUS = link("base", 100.0, "0 0 0", "20 20 20")
+_FLAT = "0 0 0.8"
+ROBOTS = {
+    "no limits": robot(_BUS, arm("", "0.5 0 0", "0.1 0.8 0.8")),
+    "a range without effort and velocity": robot(
+        _BUS, arm("", "0.5 0 0", "0.1 0.8 0.8", '<limit lower="-3" upper="3"/>')
+    ),
+    "inertias of the plane": robot(
+        link("base", 100.0, "0 0 0", "0 0 20"), arm("", "0.5 0 0", _FLAT)
+    ),
+    "a massless root": robot(
+        link("origin"), joint("fixing", "origin", "base", "0 0 0", "fixed"),
+        link("base", 100.0, "0 0 0", "0 0 20"), arm("", "0.5 0 0", _FLAT),
+    ),
+    "two arms": robot(_BUS, arm("", "0.5 0 0", "0.1 0.8 0.8"),
+                      arm("left_", "-0.5 0 0", "0.1 0.8 0.8")),
+}  # fmt: skip
+"""URDFs with two revolute joints; the second arm of the last is held."""
