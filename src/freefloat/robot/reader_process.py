@@ -20,7 +20,7 @@ from typing import Any
 
 from freefloat.errors import ModelError
 
-SECONDS = 30
+SECONDS: float = 30
 """Time that a reader may take [s]."""
 MEMORY = 2_000_000_000
 """Address space that a reader may use [bytes]."""

@@ -104,7 +104,7 @@ def _confine(xacro: Any, file: Path, packages: Mapping[str, str]) -> None:
     substitution_args._eval_optenv = lambda name, default="": default
     symbols = xacro._global_symbols
     for name in _REFUSED:
-        symbols["python"].pop(name)
+        symbols["python"].pop(name, None)
     symbols["load_yaml"] = symbols["xacro"]["load_yaml"] = load_yaml
 
 

@@ -1,0 +1,147 @@
+"""Robot files that try to run code, read other files, or never end."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import psutil
+import pytest
+
+import freefloat as ff
+from freefloat.errors import ModelError
+from freefloat.robot import reader_process
+from freefloat.robot.xacro import read
+from tests.errors import error_key
+
+XACRO = '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'
+BLOCK = '<xacro:property name="block"><c/></xacro:property>'
+NEVER = XACRO.format('<link name="${9**9**9**9}"/>')
+CLASSES = "().__class__.__base__.__subclasses__()"
+ATTACKS = {
+    "code in a lambda": f"(lambda: {CLASSES})()",
+    "code in a comprehension": f"[c for c in {CLASSES}]",
+    "a generator's frame": "list(x.gi_frame for x in (1,))",
+    "attributes": CLASSES,
+    "an attribute in other letters": "().__ｃlass__",
+    "globals of a function": "xacro.load_yaml.__globals__",
+    "a method of type by its name": "python.vars(python.type)['__subclasses__'](python.type)",
+    "a new class": "python.type('X', (), dict())",
+    "a format that reads attributes": r"str.format('{0.__class__\x7d', 1)",
+    "a format of a literal": r"'{0.__class__\x7d'.format(1)",
+    "the same, mapped": r"list(map(str.format, ['{0.__class__\x7d'], [1]))",
+    "builtins": "__builtins__",
+    "import": "__import__('os').system('true')",
+    "getattr": "getattr('', '__class__')",
+    "assignment": "(x := 1)",
+    "an f-string": "f'x'",
+    "the symbols of a namespace": "python.parent",
+    "an entry that is no symbol": "python['__builtins__']",
+    "a secret text file": "xacro.load_yaml('/etc/passwd')",
+    "a tag of PyYAML": "xacro.load_yaml('tag.yaml')",
+    "deep parentheses": "(" * 500 + ")" * 500,
+    "a file of XML, then a download": "n['**block'].ownerDocument.implementation.createDOMBuilder",
+}
+FILES = {
+    "a lazy property": '<xacro:property name="x" value="${(lambda: 1)()}"/><link name="${x}"/>',
+    "a default": '<xacro:macro name="m" params="a:=${().__class__}"><c d="${a}"/></xacro:macro>'
+                 "<xacro:m/>",
+    "a condition": '<xacro:if value="${().__class__ == 1}"/>',
+    "a name": '<xacro:property name="${().__class__}" value="1"/>',
+    "an argument": '<xacro:arg name="a" default="${().__class__}"/>',
+    "a comment": "<!-- xacro:eval-comments --><!-- ${().__class__} -->",
+    "eval": r"""<link name="$(eval open${'\x28'}'/etc/passwd'${'\x29'})"/>""",
+    "the environment": '<link name="$(env PATH)"/>',
+    "a command": '<link name="$(command ls)"/>',
+    "no XML": '<xacro:include filename="/etc/passwd"/>',
+    "a device": '<xacro:include filename="/dev/zero"/>',
+    "itself": '<xacro:include filename="a.xacro"/>',
+}  # fmt: skip
+
+
+@pytest.fixture
+def refused(tmp_path: Path):
+    """Assert that the text of a xacro file is refused."""
+    (tmp_path / "tag.yaml").write_text("!!python/object/apply:os.getcwd []")
+    (tmp_path / "block.xacro").write_text(XACRO.format(BLOCK))
+    file = tmp_path / "a.xacro"
+
+    def check(text: str) -> None:
+        file.write_text(text)
+        with pytest.raises(ModelError) as caught:
+            read(str(file), {})
+        assert caught.value.key == "urdf"
+
+    return check
+
+
+@pytest.mark.parametrize("expression", ATTACKS.values(), ids=ATTACKS)
+def test_expressions_do_not_reach_python(expression: str, refused) -> None:
+    include = '<xacro:include filename="block.xacro" ns="n"/>'
+    refused(XACRO.format(f"{include}<link name={quoteattr(f'${{{expression}}}')}/>"))
+
+
+@pytest.mark.parametrize("content", FILES.values(), ids=FILES)
+def test_no_part_of_a_file_is_evaluated_otherwise(content: str, refused) -> None:
+    refused(XACRO.format(content))
+
+
+def test_entities_are_refused(refused) -> None:
+    refused('<!DOCTYPE r [<!ENTITY a "b">]>' + XACRO.format('<link name="&a;"/>'))
+
+
+def test_what_robots_need_is_evaluated(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text("links: {upper: {mass: 3, names: [a, b]}}\nturn: !degrees 180")
+    content = (
+        """<xacro:property name="d" value="${xacro.load_yaml('a.yaml')}"/>"""
+        """<c a="${d.links.upper.mass * 2}" b="${'-'.join(d.links.upper.names)}" """
+        """c="${round(d.turn - math.pi, 9)}" d="${max(1, -2 ** 2) if True else 0}" """
+        """e="${sorted([2, 1])[0:1]}" f="$(optenv PATH none)"/>"""
+    )
+    (tmp_path / "a.xacro").write_text(XACRO.format(content))
+    text = read(str(tmp_path / "a.xacro"), {}).text
+    assert '<c a="6" b="a-b" c="0.0" d="1" e="[1]" f="none"/>' in text
+
+
+@pytest.mark.parametrize("size", ["${9**9**9**9}", "${'a' * 10**10}"])
+def test_time_and_memory_are_limited(
+    size: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reader_process, "SECONDS", 0.5)
+    (tmp_path / "a.xacro").write_text(XACRO.format(f'<link name="{size}"/>'))
+    assert error_key(ff.FreeFloatingModel.from_urdf, tmp_path / "a.xacro") == "urdf"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "model",
+    [
+        '<worldbody><replicate count="100000000"><body><geom size="1"/></body></replicate>'
+        "</worldbody>",
+        '<asset><hfield name="h" nrow="60000" ncol="60000" size="1 1 1 1"/></asset>',
+    ],
+)
+def test_large_models_of_mujoco_are_refused(
+    model: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reader_process, "SECONDS", 3)
+    monkeypatch.chdir(tmp_path)
+    Path("a.xml").write_text(f"<mujoco>{model}</mujoco>")
+    assert error_key(ff.FreeFloatingModel.from_urdf, "a.xml") == "urdf"
+    assert [file.name for file in tmp_path.iterdir()] == ["a.xml"]
+
+
+@pytest.mark.slow
+def test_readers_end_with_their_parent(tmp_path: Path) -> None:
+    (tmp_path / "a.xacro").write_text(NEVER)
+    code = "import sys, freefloat as ff; ff.FreeFloatingModel.from_urdf(sys.argv[1])"
+    parent = subprocess.Popen([sys.executable, "-c", code, str(tmp_path / "a.xacro")])
+    while not (children := psutil.Process(parent.pid).children()):
+        assert parent.poll() is None
+    while children[0].cpu_times().user < 0.5:  # it evaluates
+        assert children[0].is_running()
+    parent.kill()
+    parent.wait()
+    assert psutil.wait_procs(children, timeout=10)[1] == []
