@@ -61,3 +61,30 @@ ROBOTS = {
                       arm("left_", "-0.5 0 0", "0.1 0.8 0.8")),
 }  # fmt: skip
 """URDFs with two revolute joints; the second arm of the last is held."""
+
+
+def scene(target: str = "") -> str:
+    """A scene of MuJoCo: a chaser with an arm, a target with bodies on it, markers, a floor."""
+    return f"""<mujoco model="orbit"><option gravity="0 0 0"/><worldbody>
+  <light pos="0 0 5"/><geom name="floor" type="plane" size="5 5 0.1" pos="0 0 -3"/><site/>
+  <body name="chaser"><freejoint/><inertial pos="0 0 0" mass="100" diaginertia="20 20 20"/>
+    <geom type="box" size="0.5 0.4 0.4" mass="0" contype="0" conaffinity="0"/><site name="imu"/>
+    <body name="upper" pos="0.5 0 0"><joint name="q1" axis="0 0 1"/>
+      <inertial pos="0.5 0 0" mass="10" diaginertia="0.1 0.8 0.8"/>
+      <body name="lower" pos="1 0 0"><joint name="q2" axis="0 0 1"/>
+        <inertial pos="0.5 0 0" mass="8" diaginertia="0.1 0.8 0.8"/>
+        <body name="tip" pos="1 0 0"><site name="tool"/></body>
+      </body>
+    </body>
+  </body>
+  <body name="target" pos="3 0 0"><freejoint/><geom size="0.3"/>{target}</body>
+  <body name="goal" mocap="true" pos="2 0 0"><geom size="0.05" contype="0" conaffinity="0"/></body>
+  <replicate count="20" offset="0 0.1 0">
+    <body name="marker" pos="1 1 1"><geom size="0.02"/></body>
+  </replicate>
+</worldbody></mujoco>
+"""
+
+
+SCENE = scene()
+"""A scene with 23 bodies in the world, of which one can be the root."""

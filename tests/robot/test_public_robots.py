@@ -1,1 +1,198 @@
-"""Robots as others publish them: URDFs without limits, scenes of MuJoCo."""
+"""Robots as others publish them: URDFs without limits, scenes of MuJoCo, packages of ROS."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import yaml
+
+import freefloat as ff
+from tests.commands import document, error, run
+from tests.errors import error_key
+from tests.spart_robots import ROBOTS, SCENE, scene
+
+HELD = {"two arms": {"left_J1": 0.4, "left_J2": -0.7}}
+SCENARIO = {
+    "task": "planar-position",
+    "path": {"line": {"from": [1.55, 0.6, 0], "to": [1.35, 0.9, 0]}},
+    "timing": {"duration": 60},
+    "margin": {"measure": "system", "fraction": 0.01},
+}
+
+
+def warned(robot: dict) -> list[str]:
+    """Elements of the warnings of ``info``."""
+    return [finding["element"] for finding in robot["findings"]]
+
+
+def plan_and_check(folder: Path, robot: dict) -> None:
+    """Plan with a robot, and check the file with MuJoCo."""
+    (folder / "s.yaml").write_text(yaml.safe_dump(SCENARIO | {"robot": robot}))
+    assert document("plan", folder / "s.yaml", "-o", folder / "p.h5")["feasible"]
+    assert run("check", folder / "p.h5", "--engine", "mujoco").exit_code == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["a massless root", "two arms"])
+def test_robots_of_spart_plan(name: str, tmp_path: Path) -> None:
+    file = tmp_path / "robot.urdf"
+    file.write_text(ROBOTS[name])
+    assert {"joint J1", "joint J2"} <= set(warned(document("info", file, "--end-effector", "tip")))
+    robot = {"urdf": "robot.urdf", "end_effector": "tip", "held": HELD.get(name, {})}
+    plan_and_check(tmp_path, robot)
+
+
+def test_joints_without_limits_have_none() -> None:
+    model = ff.FreeFloatingModel.from_urdf(ROBOTS["no limits"])
+    assert not np.isfinite(model.joint_ranges).any()
+    assert all(np.isinf([body.rated_speed, body.rated_effort]).all() for body in model.bodies)
+    ranged = ff.FreeFloatingModel.from_urdf(ROBOTS["a range without effort and velocity"])
+    assert ranged.joint_ranges[1].tolist() == [3.0, 3.0]
+    assert all(np.isinf([body.rated_speed, body.rated_effort]).all() for body in ranged.bodies)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_another_parser_reads_what_is_saved(name: str) -> None:
+    text = ff.FreeFloatingModel.from_urdf(ROBOTS[name], "tip").description.text
+    parsed = pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
+    assert parsed.nv == 6 + (4 if name == "two arms" else 2)
+    assert ff.FreeFloatingModel.from_urdf(text, "tip").joint_names == ("J1", "J2")
+
+
+def test_moments_out_of_the_plane_do_not_matter_in_it() -> None:
+    flat = ROBOTS["inertias of the plane"]
+    full = flat.replace('ixx="0"', 'ixx="5"').replace('iyy="0"', 'iyy="7"')
+    jacobians = [
+        ff.generalized_jacobian(ff.FreeFloatingModel.from_urdf(text), [0.5, 1.0], "planar-position")
+        for text in (flat, full)
+    ]
+    np.testing.assert_allclose(*jacobians, rtol=1e-12)
+
+
+def test_prismatic_joints_need_a_range() -> None:
+    sliding = ROBOTS["no limits"].replace('"revolute"', '"prismatic"', 1)
+    assert error_key(ff.FreeFloatingModel.from_urdf, sliding) == "joint J1"
+
+
+@pytest.fixture
+def orbit(tmp_path: Path) -> Path:
+    file = tmp_path / "scene.xml"
+    file.write_text(SCENE)
+    return file
+
+
+@pytest.mark.slow
+def test_the_chaser_of_a_scene_plans(orbit: Path, tmp_path: Path) -> None:
+    info = document("info", orbit)
+    assert (info["total_mass"], info["dof"]) == (118.0, 2)
+    assert warned(info) == ["robot scene"]
+    plan_and_check(tmp_path, {"urdf": "scene.xml", "end_effector": "tip"})
+
+
+@pytest.mark.slow
+def test_another_root_is_named(orbit: Path, tmp_path: Path) -> None:
+    orbit.write_text(scene(target='<body name="panel"><joint/><geom size="1"/></body>'))
+    assert error("info", orbit)["key"] == "root"
+    assert error("info", orbit, "--root", "chase")["key"] == "root"
+    assert error("info", "planar_2dof", "--root", "chaser")["key"] == "root"
+    assert error("info", "planar_2dof/line", "--root", "chaser")["key"] == "root"
+    chaser = document("info", orbit, "--root", "chaser")
+    assert (chaser["dof"], chaser["warnings"]) == (2, [])
+    robot = {"urdf": "scene.xml", "root": "chaser", "end_effector": "tip"}
+    (tmp_path / "s.yaml").write_text(yaml.safe_dump(SCENARIO | {"robot": robot}))
+    assert ff.load_scenario(tmp_path / "s.yaml").model().body_names[0] == "chaser"
+
+
+@pytest.fixture
+def workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A workspace of ROS beside a folder with files of the same names; writes the arm's file."""
+    parts = {"arm_description/urdf": 12.0, "parts": 13.0, "far/part_files": 14.0, "here": 1001.0}
+    for folder, mass in parts.items():
+        (tmp_path / folder).mkdir(parents=True)
+        text = f'<robot xmlns:xacro="x"><xacro:property name="m" value="{mass}"/></robot>'
+        (tmp_path / folder / "part.xacro").write_text(text)
+    monkeypatch.chdir(tmp_path / "here")
+
+    def write(include: str) -> str:
+        body = ROBOTS["no limits"].replace('"100.0"', '"${m}"')
+        body = body.replace('name="SC_2DoF">', f'name="a" xmlns:xacro="x">\n{include}')
+        (tmp_path / "arm_description/urdf/arm.xacro").write_text(body)
+        return "../arm_description/urdf/arm.xacro"
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("include", "mass"),
+    [
+        ("part.xacro", 12.0),
+        ("$(dirname)/part.xacro", 12.0),
+        ("$(cwd)/part.xacro", 12.0),
+        ("../urdf/part.xacro", 12.0),
+        ("$(find arm_description)/urdf/part.xacro", 12.0),
+        ("$(find parts)/part.xacro", 13.0),
+    ],
+)
+def test_included_files_are_found_from_the_file(include: str, mass: float, workspace) -> None:
+    file = workspace(f'<xacro:include filename="{include}"/>')
+    assert ff.FreeFloatingModel.from_urdf(file).total_mass == mass + 18.0
+
+
+@pytest.mark.slow
+def test_packages_are_named(workspace, tmp_path: Path) -> None:
+    file = workspace('<xacro:include filename="$(find other)/part.xacro"/>')
+    assert error("info", file)["key"] == "urdf"
+    assert error("info", file, "--package", "other=nowhere")["key"] == "package"
+    named = document("info", file, "--package", "other=../far/part_files")
+    assert named["total_mass"] == 32.0
+    robot = {"urdf": "arm_description/urdf/arm.xacro", "end_effector": "tip"}
+    for folder, key in (("far/part_files", None), ("far/none", "robot.packages.other")):
+        section = robot | {"packages": {"other": folder}}
+        (tmp_path / "s.yaml").write_text(yaml.safe_dump(SCENARIO | {"robot": section}))
+        scenario = ff.load_scenario(tmp_path / "s.yaml")
+        if key is None:
+            assert scenario.model().total_mass == 32.0
+        else:
+            assert error_key(scenario.model) == key
+
+
+def test_meshes_of_named_packages_are_found(tmp_path: Path) -> None:
+    (tmp_path / "arm.stl").write_text("solid arm\nendsolid arm\n")
+    shape = '<visual><geometry><mesh filename="package://far/arm.stl"/></geometry></visual>'
+    text = ROBOTS["no limits"].replace('<link name="upper">', f'<link name="upper">{shape}')
+    (tmp_path / "robot.urdf").write_text(text)
+    file = tmp_path / "robot.urdf"
+    assert "link upper" in warned(document("info", file))
+    assert "link upper" not in warned(document("info", file, "--package", f"far={tmp_path}"))
+
+
+def test_every_command_knows_robot_descriptions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = tmp_path / "robot_descriptions"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (tmp_path / "arm.urdf").write_text(ROBOTS["no limits"])
+    for name in ("mine", *(f"arm_{k}" for k in range(8))):
+        text = f"URDF_PATH = {str(tmp_path / 'arm.urdf')!r}"
+        (package / f"{name}_description.py").write_text(text)
+    for name in [name for name in sys.modules if name.startswith("robot_descriptions")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.syspath_prepend(tmp_path)
+    assert document("info", "robot_descriptions:mine")["dof"] == 2
+    output = tmp_path / "out.urdf"
+    assert document("assemble", "robot_descriptions:mine", "-o", output)["total_mass"] == 118.0
+    near = error("info", "robot_descriptions:arm_9")["accepted"]
+    assert near.count("robot_descriptions:arm_") == 5
+    for name in [name for name in sys.modules if name.startswith("robot_descriptions")]:
+        monkeypatch.delitem(sys.modules, name)
+
+
+def test_unknown_robots_of_a_package_are_answered_with_the_nearest() -> None:
+    accepted = error("info", "example-robot-data:ur_10")["accepted"]
+    assert "example-robot-data:ur10" in accepted
+    assert accepted.count("example-robot-data:") == 5
