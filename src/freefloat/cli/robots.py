@@ -47,7 +47,7 @@ Root = Annotated[
 Packages = Annotated[
     list[str] | None,
     typer.Option(
-        "--package", metavar="NAME=FOLDER", help="Folder of a package of ROS; repeatable."
+        "--package", metavar="NAME=FOLDER", help="A package of ROS; may be repeated."
     ),
 ]
 
