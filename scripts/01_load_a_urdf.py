@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 
 import freefloat as ff
-from freefloat.robot.names import example_robots, find_robot
+from freefloat.robot.names import find_robot
 from freefloat.robot.parts import Mount
+from freefloat.robot.robot_packages import example_robots
 
 # Any URDF will do whose root link is the spacecraft; this one comes with freefloat.
 urdf = find_robot("spatial_6dof", Path())

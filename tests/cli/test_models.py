@@ -57,7 +57,7 @@ def test_a_copy_of_a_bundled_file_works_in_any_folder(tmp_path: Path) -> None:
     copy = tmp_path / "mine.yaml"
     for name in bundled_scenarios():
         copy.write_text(ENTRIES[name].text, encoding="utf-8")
-        assert load_scenario(copy).urdf() == load_scenario(name).urdf()
+        assert load_scenario(copy).robot_source() == load_scenario(name).robot_source()
     for name in bundled_studies():
         copy.write_text(ENTRIES[name].text, encoding="utf-8")
         assert load_study(copy).base == load_study(name).base

@@ -19,7 +19,8 @@ from scipy.spatial.transform import Rotation
 from freefloat.io.scenario import load_robot, load_scenario
 from freefloat.io.urdf_file import write_urdf
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.names import EXAMPLE, find_robot
+from freefloat.robot.names import find_robot
+from freefloat.robot.robot_packages import EXAMPLE
 from tests import commands
 from tests.errors import error_key
 from tests.robots import inertial_text, joint_text, link_text, random_robot

@@ -23,8 +23,9 @@ from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.robot.assembly import assemble
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.names import EXAMPLE, find_robot
+from freefloat.robot.names import find_robot
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
+from freefloat.robot.robot_packages import EXAMPLE
 from tests.robots import Robot, inertial_text, joint_text, link_text, random_inertia, random_robot
 
 UR5 = """

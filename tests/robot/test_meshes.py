@@ -14,7 +14,8 @@ import pytest
 import trimesh
 
 from freefloat.robot.meshes import Part, read_mesh
-from freefloat.robot.names import MeshFileError, examples_folder, find_mesh
+from freefloat.robot.names import MeshFileError, find_mesh
+from freefloat.robot.robot_packages import examples_folder
 
 EXAMPLES = [
     examples_folder() / file

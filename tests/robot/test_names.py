@@ -13,19 +13,18 @@ import pytest
 
 from freefloat.errors import InputError, ModelError
 from freefloat.io.scenario import load_scenario
-from freefloat.robot import names as bundled
+from freefloat.robot import robot_packages
 from freefloat.robot.assembly import assemble
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import (
-    EXAMPLE,
     bundled_robots,
     bundled_scenarios,
-    example_robots,
     find_robot,
     find_scenario,
     models_folder,
 )
 from freefloat.robot.parts import Payload
+from freefloat.robot.robot_packages import EXAMPLE, example_robots
 from freefloat.robot.validation import read_urdf
 
 
@@ -125,7 +124,7 @@ def test_a_stock_robot_is_found_by_its_short_name(name: str, file: str) -> None:
 
 def test_every_urdf_of_the_package_has_a_name_and_the_empty_one_gives_way() -> None:
     robots = example_robots()
-    folder = bundled.examples_folder()
+    folder = robot_packages.examples_folder()
     missing = {path.name for path in folder.glob("*/**/*.urdf")} - {
         path.name for path in robots.values()
     }
@@ -141,7 +140,7 @@ def _not_installed(name: str) -> None:
 def test_without_the_package_the_message_says_how_to_get_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bundled, "distribution", _not_installed)
+    monkeypatch.setattr(robot_packages, "distribution", _not_installed)
     monkeypatch.setattr(sysconfig, "get_path", lambda name: str(tmp_path))
     with pytest.raises(InputError) as caught:
         find_robot(f"{EXAMPLE}ur5", Path("/"))
@@ -154,6 +153,6 @@ def test_the_package_may_lie_where_conda_puts_it(
     file = tmp_path / "share/example-robot-data/robots/my_description/urdf/mine_robot.urdf"
     file.parent.mkdir(parents=True)
     file.write_text("<robot/>")
-    monkeypatch.setattr(bundled, "distribution", _not_installed)
+    monkeypatch.setattr(robot_packages, "distribution", _not_installed)
     monkeypatch.setattr(sysconfig, "get_path", lambda name: str(tmp_path))
     assert example_robots() == {"mine": file}

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.errors import ModelError
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.names import example_robots, models_folder
+from freefloat.robot.names import models_folder
+from freefloat.robot.robot_packages import example_robots
 from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
 from freefloat.robot.urdf import parse_urdf
 from freefloat.robot.validation import read_urdf

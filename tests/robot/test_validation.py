@@ -16,7 +16,8 @@ from scipy.spatial.transform import Rotation
 from freefloat.errors import ModelError
 from freefloat.robot.description import Severity
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.names import example_robots, models_folder
+from freefloat.robot.names import models_folder
+from freefloat.robot.robot_packages import example_robots
 from freefloat.robot.validation import examine, read_urdf
 from tests.broken_robots import BROKEN, HAND, UPPER, VALID, WRIST, Broken, Fault, joint, link
 from tests.robots import Robot, inertial_text, joint_text, link_text, robots

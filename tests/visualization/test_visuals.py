@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 
 from freefloat.robot.meshes import Mesh
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.names import examples_folder, find_robot
+from freefloat.robot.names import find_robot
 from freefloat.robot.parts import Spacecraft
+from freefloat.robot.robot_packages import examples_folder
 from freefloat.robot.shapes import Box, Cylinder, Sphere
 from freefloat.so3 import Pose
 from freefloat.visualization.visuals import RobotVisuals, Visual, robot_visuals

@@ -22,11 +22,12 @@ def _completion(*kinds: str, suffixes: tuple[str, ...] = ()) -> Callable[[str], 
 
     def complete(incomplete: str) -> list[str]:
         from freefloat.robot import names
+        from freefloat.robot.robot_packages import EXAMPLE, example_robots
 
         bundled = [name for kind in kinds for name in getattr(names, f"bundled_{kind}")()]
         if incomplete and "robots" in kinds:  # without a first letter they would be too many
             with suppress(InputError):
-                bundled += [names.EXAMPLE + name for name in sorted(names.example_robots())]
+                bundled += [EXAMPLE + name for name in sorted(example_robots())]
         files = sorted(glob(f"{escape(incomplete)}*")) if suffixes else []
         return [
             *(name for name in bundled if name.startswith(incomplete)),

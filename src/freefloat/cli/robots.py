@@ -46,9 +46,7 @@ Root = Annotated[
 ]
 Packages = Annotated[
     list[str] | None,
-    typer.Option(
-        "--package", metavar="NAME=FOLDER", help="A package of ROS; may be repeated."
-    ),
+    typer.Option("--package", metavar="NAME=FOLDER", help="A package of ROS; may be repeated."),
 ]
 
 
@@ -84,14 +82,13 @@ def load_robot(
     from freefloat.io.scenario import load_scenario
     from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.names import (
-        DESCRIPTIONS,
-        EXAMPLE,
         bundled_robots,
         bundled_scenarios,
         is_file,
         is_scenario,
         unknown,
     )
+    from freefloat.robot.robot_packages import DESCRIPTIONS, EXAMPLE
     from freefloat.robot.validation import examine
 
     if is_scenario(robot):
@@ -100,9 +97,8 @@ def load_robot(
             if value:
                 raise InputError(option, "the scenario names it already", "a URDF with it")
         loaded = load_scenario(robot)
-        section = loaded.content.robot
-        found = examine(section.source(loaded.source), mounted=section.spacecraft is not None)
-        diagnostics = _require_no_error(console, found)
+        mounted = loaded.content.robot.spacecraft is not None
+        diagnostics = _require_no_error(console, examine(loaded.robot_source(), mounted))
         problem = loaded.problem()
         measure = problem.margin.measure
         return LoadedRobot(problem.model, problem.task, measure, diagnostics, loaded)

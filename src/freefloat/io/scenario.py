@@ -34,6 +34,7 @@ from freefloat.planning.phases import Phase
 from freefloat.planning.plan import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_scenario
+from freefloat.robot.source import RobotSource
 from freefloat.so3 import Pose, frozen, unit_quaternion
 
 
@@ -56,6 +57,10 @@ class Scenario:
     samples: str | None = field(default=None, repr=False)
     robot: FreeFloatingModel | None = field(default=None, repr=False)
     shapes: FileShapes = field(default_factory=dict, repr=False)
+
+    def robot_source(self) -> RobotSource:
+        """The file of the robot, before anything is assembled with it."""
+        return self.content.robot.source(self.source)
 
     def model(self) -> FreeFloatingModel:
         """The robot."""
