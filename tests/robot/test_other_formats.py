@@ -168,6 +168,7 @@ def test_a_model_of_mujoco_has_the_same_dynamics(name: str, tmp_path: Path) -> N
         np.testing.assert_allclose(mass_matrix(read, q), M, atol=1e-9 * np.abs(M).max())
 
 
+@pytest.mark.slow
 def test_models_of_mujoco_that_are_no_arms_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "robot.xml"
     bodies = {

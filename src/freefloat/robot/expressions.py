@@ -35,13 +35,12 @@ class ExpressionError(Exception):
     """An expression that is not accepted."""
 
 
-def evaluate(expression: str, symbols: dict[str, Any], local: object = None) -> Any:
+def evaluate(expression: str, symbols: dict[str, Any]) -> Any:
     """The value of an expression.
 
     Args:
         expression: Text of the expression.
         symbols: Values of names.
-        local: Not used; xacro has it.
 
     Raises:
         ExpressionError: If it is more than an expression of numbers, text, lists and functions.

@@ -60,7 +60,8 @@ def read(file: str, root: str | None = None) -> UrdfText:
     others = [name for name in _names(model, _children(model)) if name != _name(model, start)]
     if root is not None or not others:
         return UrdfText(text)
-    problem = f"its root is {_name(model, start)}; left out of the world: {', '.join(others)}"
+    left_out = one_line(", ".join(others))
+    problem = f"its root is {_name(model, start)}; left out of the world: {left_out}"
     return UrdfText(text, ((problem, "--root BODY (robot.root in a scenario) for another root"),))
 
 

@@ -83,15 +83,20 @@ def run_reader(module: str, file: Path, **arguments: Any) -> UrdfText:
 
 
 def main() -> None:
-    """Answer the request on the standard input; messages of libraries go to standard error."""
+    """Answer the request on the standard input; messages of libraries are dropped."""
     request = json.loads(sys.stdin.buffer.read())
-    answers = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)
+    answers, errors = os.fdopen(os.dup(1), "w"), os.dup(2)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.dup2(nowhere, 2)
     ctypes.CDLL(None).prctl(_END_WITH_PARENT, signal.SIGKILL)
     if os.getppid() != request["parent"]:
         return
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    json.dump(_answer(request["module"], request["arguments"]), answers)
+    try:
+        json.dump(_answer(request["module"], request["arguments"]), answers)
+    finally:
+        os.dup2(errors, 2)
     answers.close()
 
 

@@ -70,8 +70,7 @@ def _confine(xacro: Any, file: Path, packages: Mapping[str, str]) -> None:
     """Replace what evaluates expressions, reads files or looks around on this machine."""
     from xacro import substitution_args
 
-    def parse(document: None, name: str) -> xml.dom.minidom.Document:
-        del document
+    def parse(_: None, name: str) -> xml.dom.minidom.Document:
         path = Path(name)
         if not path.exists():  # xacro looks for this error where an include is optional
             xacro.filestack.pop()
