@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -140,8 +141,10 @@ def test_readers_end_with_their_parent(tmp_path: Path) -> None:
     parent = subprocess.Popen([sys.executable, "-c", code, str(tmp_path / "a.xacro")])
     while not (children := psutil.Process(parent.pid).children()):
         assert parent.poll() is None
+        time.sleep(0.05)
     while children[0].cpu_times().user < 0.5:  # it evaluates
         assert children[0].is_running()
+        time.sleep(0.05)
     parent.kill()
     parent.wait()
     assert psutil.wait_procs(children, timeout=10)[1] == []

@@ -42,11 +42,11 @@ EndEffector = Annotated[
 ]
 Root = Annotated[
     str | None,
-    typer.Option(metavar="BODY", help="Of a model of MuJoCo with several: the spacecraft."),
+    typer.Option(metavar="BODY", help="The spacecraft, in a MuJoCo scene with several bodies."),
 ]
 Packages = Annotated[
     list[str] | None,
-    typer.Option("--package", metavar="NAME=FOLDER", help="A package of ROS; may be repeated."),
+    typer.Option(metavar="NAME=FOLDER", help="Folder of a package of ROS; may be repeated."),
 ]
 
 
