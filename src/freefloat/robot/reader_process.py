@@ -1,7 +1,7 @@
 """A process of its own for readers of files that are programs: xacro, and models of MuJoCo.
 
-The process ends after a time, cannot use more than an amount of memory, and ends with its parent.
-It imports nothing of freefloat but errors, this module and the reader.
+The process ends after a time. On Linux it cannot use more than an amount of memory, and ends with
+its parent. It imports nothing of freefloat but errors, this module and the reader.
 """
 
 from __future__ import annotations
@@ -89,10 +89,11 @@ def main() -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
-    ctypes.CDLL(None).prctl(_END_WITH_PARENT, signal.SIGKILL)
+    if sys.platform == "linux":  # other systems know neither
+        ctypes.CDLL(None).prctl(_END_WITH_PARENT, signal.SIGKILL)
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     if os.getppid() != request["parent"]:
         return
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     try:
         json.dump(_answer(request["module"], request["arguments"]), answers)
     finally:
