@@ -135,6 +135,46 @@ def test_an_attitude_is_chosen_played_and_saved(browser: Browser, spatial_studio
         assert run("check", file).exit_code == 0
 
 
+def sliders(page: Page) -> list[str]:
+    """Names of the sliders that a scenario shows."""
+    rows = page.locator("#sliders input").all()
+    return [str(row.get_attribute("name")) for row in rows if row.is_visible()]
+
+
+def assert_every_slider_is_answered(page: Page) -> None:
+    for name in sliders(page):
+        slider = page.locator(f"input[name='{name}']")
+        low, value = (float(slider.evaluate(f"row => row.{end}")) for end in ("min", "value"))
+        wanted = str(low + 0.9 * (value - low) if value > low else 0.9 * low)
+        page.evaluate("window.shown = studio.outline")
+        slider.fill(wanted)
+        wait(page, "studio.outline !== window.shown")
+        assert float(slider.input_value()) == pytest.approx(float(wanted), rel=1e-4), name
+    wait(page, "document.getElementById('status').textContent === 'ready'")
+    assert page.locator("#notice").is_hidden()
+
+
+@pytest.mark.slow
+def test_every_slider_of_a_spatial_scenario_is_answered(
+    browser: Browser, spatial_studio: Studio
+) -> None:
+    with opened(browser, spatial_studio) as page:
+        axes = ["x", "y", "z"]
+        momentum, ends = [f"h {axis}" for axis in axes], ["end roll", "end pitch", "end yaw"]
+        assert sliders(page) == [*momentum, "duration", "margin", *ends]
+        assert_every_slider_is_answered(page)
+
+
+@pytest.mark.slow
+def test_every_slider_of_a_planar_scenario_is_answered(
+    browser: Browser, planar_studio: Studio
+) -> None:
+    with opened(browser, planar_studio) as page:
+        assert sliders(page) == ["h z", "duration", "margin", "end yaw"]
+        assert_every_slider_is_answered(page)
+        assert content(page)["momentum"][:2] == [0.0, 0.0]
+
+
 @pytest.mark.slow
 def test_a_reload_and_a_killed_worker_lose_nothing(
     browser: Browser, spatial_studio: Studio

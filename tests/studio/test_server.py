@@ -5,16 +5,19 @@ from __future__ import annotations
 import asyncio
 import http.client
 import json
+import re
 import socket
 from collections.abc import AsyncIterator, Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
 from tornado.httpclient import HTTPClientError, HTTPRequest
 from tornado.websocket import WebSocketClientConnection, websocket_connect
 
+from freefloat.robot.names import find_scenario
 from tests.commands import error
 from tests.studio.conftest import Studio
 
@@ -26,12 +29,45 @@ MALFORMED = [
     json.dumps({"type": "duration", "value": "100", **EDIT}),
     '{"type": "duration", "value": NaN, "gesture": "1", "done": true}',
     '{"type": "margin", "value": 1e400, "gesture": "1", "done": true}',
+    '{"type": "momentum", "value": [0.0, Infinity, 0.0], "gesture": "1", "done": true}',
+    '{"type": "choose", "rotation_vector": [NaN, 0.0, 0.0]}',
+    '{"type": "choose", "heading_deg": -Infinity}',
+    json.dumps({"type": "momentum", "value": [0.0, 0.0], **EDIT}),
+    json.dumps({"type": "momentum", "value": None, **EDIT}),
+    json.dumps({"type": "orientation", "value": {"roll": 0.0}, **EDIT}),
+    json.dumps({"type": "margin", "value": True, **EDIT}),
+    json.dumps({"type": "explain", "samples": 1, "sample": 0.5}),
     json.dumps({"type": "handle", "handle": 0, "position": [0.0, 1e30, 0.0], **EDIT}),
     json.dumps({"type": "handle", "handle": 99, "position": [0.0, 0.0, 0.0], **EDIT}),
     json.dumps({"type": "handle", "handle": -1, "position": [0.0, 0.0, 0.0], **EDIT}),
     json.dumps({"type": "open", "scenario": "/etc/passwd"}),
     json.dumps({"type": "open", "scenario": "../../secret.yaml"}),
 ]  # fmt: skip
+
+
+GOOD = find_scenario("planar_2dof/line").read_text("utf-8")
+BROKEN = {
+    "empty": "",
+    "no mapping": "[1, 2]",
+    "no YAML": "path: [1, ",
+    "no timing": GOOD.replace("timing:", "# timing:"),
+    "timing null": re.sub("timing: .*", "timing:", GOOD),
+    "timing a list": re.sub("timing: .*", "timing: [1, 2]", GOOD),
+    "duration a word": GOOD.replace("duration: 30", "duration: '30'"),
+    "duration zero": GOOD.replace("duration: 30", "duration: 0"),
+    "duration null": GOOD.replace("duration: 30", "duration:"),
+    "duration NaN": GOOD.replace("duration: 30", "duration: .nan"),
+    "momentum a word": f"{GOOD}\nmomentum: much\n",
+    "momentum NaN": f"{GOOD}\nmomentum: [0, 0, .nan]\n",
+    "momentum infinite": f"{GOOD}\nmomentum: [0, 0, .inf]\n",
+    "momentum null": f"{GOOD}\nmomentum:\n",
+    "margin a list": re.sub("margin: .*", "margin: [1]", GOOD),
+    "line null": re.sub("line: {.*}", "line:", GOOD),
+    "point of words": GOOD.replace("[1.9, 0.2, 0]", "[a, b, c]"),
+    "robot missing": GOOD.replace("planar_2dof", "missing"),
+    "momentum across": f"{GOOD}\nmomentum: [1, 0, 0]\n",
+}
+"""Texts that a scenario file on disk may have by mistake."""
 
 
 @pytest.fixture(scope="module")
@@ -76,15 +112,15 @@ async def closed(connection: WebSocketClientConnection) -> None:
 
 async def answer(
     connection: WebSocketClientConnection,
-    kind: str,
+    *kinds: str,
     wanted: Callable[[dict[str, Any]], bool] = lambda message: True,
 ) -> dict[str, Any]:
-    """The next message of a type with a property: a slow reader receives only the newest."""
+    """The next message of some types with a property: a slow reader receives only the newest."""
     while True:
         text = await asyncio.wait_for(connection.read_message(), 30)
         assert text is not None, "the connection was closed"
         message = json.loads(text)
-        if message["type"] == kind and wanted(message):
+        if message["type"] in kinds and wanted(message):
             return dict(message)
 
 
@@ -143,6 +179,54 @@ def test_malformed_messages_are_refused_and_the_session_goes_on(studio: Studio) 
     in_a_loop(talk())
 
 
+def test_what_is_refused_by_the_planner_leaves_the_studio_ready(studio: Studio) -> None:
+    async def talk() -> None:
+        async with connected(studio) as connection:
+            await answer(connection, "outline")
+            edit = {"type": "momentum", "value": [1.0, 0.0, 0.0], **EDIT}
+            await connection.write_message(json.dumps(edit))
+            text = (await answer(connection, "problem"))["text"]
+            assert "momentum" in text
+            assert "/" not in text  # no folder of the installation
+            await answer(connection, "status", wanted=lambda m: not m["busy"])
+            await connection.write_message(json.dumps({"type": "undo"}))
+            await answer(connection, "outline")
+
+    in_a_loop(talk())
+
+
+@pytest.mark.slow
+def test_a_file_that_was_broken_is_refused_and_the_session_goes_on(
+    start_studio: Callable[[str], Studio], tmp_path: Path
+) -> None:
+    file = tmp_path / "own.yaml"
+    file.write_text(GOOD, "utf-8")
+    studio = start_studio(str(file))
+    opening = json.dumps({"type": "open", "scenario": str(file)})
+    duration = {"type": "duration", "value": 31.0, **EDIT}
+    handle = {"type": "handle", "handle": 1, "position": [0.5, 1.2, 0.0], **EDIT}
+    margin = {"type": "margin", "value": 0.1, **EDIT}
+
+    async def talk() -> None:
+        async with connected(studio) as connection:
+            await answer(connection, "outline")
+            for text in BROKEN.values():
+                file.write_text(text, "utf-8")
+                await connection.write_message(opening)
+                assert (await answer(connection, "error", "problem"))["text"]
+                for edit in (duration, handle, margin):
+                    await connection.write_message(json.dumps(edit))
+            file.write_text(GOOD, "utf-8")
+            await connection.write_message(opening)
+            await answer(connection, "state", wanted=lambda m: m["text"] == GOOD)
+            await answer(connection, "outline")
+            await connection.write_message(json.dumps(duration))
+            await answer(connection, "outline", wanted=lambda m: m["duration"] == 31.0)
+        assert studio.worker().is_running()
+
+    in_a_loop(talk())
+
+
 def test_a_message_that_is_too_long_closes_its_connection_alone(studio: Studio) -> None:
     async def talk() -> None:
         async with connected(studio) as connection, connected(studio) as other:
@@ -181,10 +265,12 @@ def test_two_browsers_see_the_same(studio: Studio) -> None:
             edit = {"type": "momentum", "value": [0.0, 0.0, 0.25], **EDIT}
             await first.write_message(json.dumps(edit))
             for connection in (first, second):
-                await answer(connection, "outline", lambda m: m["momentum"] == [0.0, 0.0, 0.25])
+                await answer(
+                    connection, "outline", wanted=lambda m: m["momentum"] == [0.0, 0.0, 0.25]
+                )
                 assert (await answer(connection, "attitudes"))["kind"] == "dial"
             await second.write_message(json.dumps({"type": "undo"}))
-            await answer(first, "outline", lambda m: m["momentum"] == [0.0, 0.0, 0.0])
+            await answer(first, "outline", wanted=lambda m: m["momentum"] == [0.0, 0.0, 0.0])
 
     in_a_loop(talk())
 
@@ -202,16 +288,18 @@ def test_edits_of_a_gesture_are_one_step_that_undo_and_redo_take(studio: Studio)
             for step in ("undo", "redo", "undo", "redo"):  # the worker may see the last one alone
                 await connection.write_message(json.dumps({"type": step}))
             at_end = await answer(
-                connection, "state", lambda m: "1.25" in m["text"] and not m["redo"]
+                connection, "state", wanted=lambda m: "1.25" in m["text"] and not m["redo"]
             )
-            await answer(connection, "outline", lambda m: m["handles"][1]["position"][1] == 1.25)
+            await answer(
+                connection, "outline", wanted=lambda m: m["handles"][1]["position"][1] == 1.25
+            )
             edit = {"type": "handle", "handle": 0, "position": [1.9, 0.25, 0.0], **EDIT}
             await connection.write_message(json.dumps(edit))
-            await answer(connection, "state", lambda m: "[1.9, 0.25, 0.0]" in m["text"])
+            await answer(connection, "state", wanted=lambda m: "[1.9, 0.25, 0.0]" in m["text"])
             await connection.write_message(json.dumps({"type": "undo"}))
-            await answer(connection, "state", lambda m: m["text"] == at_end["text"])
+            await answer(connection, "state", wanted=lambda m: m["text"] == at_end["text"])
             await connection.write_message(json.dumps({"type": "undo"}))
-            await answer(connection, "state", lambda m: m["text"] == before["text"])
+            await answer(connection, "state", wanted=lambda m: m["text"] == before["text"])
 
     in_a_loop(talk())
 

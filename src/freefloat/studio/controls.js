@@ -58,6 +58,7 @@ class Sliders {
       const output = document.createElement("output");
       row.className = "slider";
       Object.assign(input, { type: "range", step: "any", name: label });
+      row.hidden = true; // until its value is known
       row.append(label, input, output);
       element("sliders").append(row);
       const entry = { type, part, label, unit, row, input, output };
@@ -69,10 +70,10 @@ class Sliders {
   }
 
   send(entry, done) {
-    const { type, part } = entry;
-    const values = this.rows.filter(row => row.type === type).map(row => this.value(row));
+    const { type, part } = entry, values = this.values[type];
+    values[part || 0] = this.value(entry); // the others, shown or not, keep their values
     this.write(entry);
-    this.edit({ type, value: part === null ? values[0] : values }, done);
+    this.edit({ type, value: part === null ? values[0] : [...values] }, done);
   }
 
   value({ type, input }) { return type === "orientation" ? +input.value * Math.PI / 180 : +input.value; }
@@ -86,14 +87,14 @@ class Sliders {
   show(outline, ends) {
     this.outline = outline;
     const { momentum, duration, margin, rpy, planar } = outline;
-    const degrees = rpy && rpy.map(angle => angle * 180 / Math.PI);
-    const values = { momentum, duration: [duration], margin: [margin.value], orientation: degrees };
+    this.values = { momentum: [...momentum], duration: [duration], margin: [margin.value], orientation: rpy && [...rpy] };
     const limits = { ...ends, margin: [0, margin.is_fraction ? 0.99 : margin.largest], orientation: [-180, 180] };
     for (const entry of this.rows) {
       const { type, part, label, row, input } = entry;
-      row.hidden = !values[type] || (planar && !IN_PLANE.includes(label));
+      row.hidden = !this.values[type] || (planar && !IN_PLANE.includes(label));
       if (row.hidden || input === this.held) continue;
-      const value = values[type][part || 0], [low, high] = limits[type];
+      const scale = type === "orientation" ? 180 / Math.PI : 1;
+      const value = scale * this.values[type][part || 0], [low, high] = limits[type];
       Object.assign(input, { min: Math.min(low, value), max: Math.max(high, value), value });
       this.write(entry);
     }

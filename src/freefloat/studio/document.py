@@ -6,12 +6,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
 
-from freefloat.errors import InputError
-from freefloat.io.yaml import parse_yaml, read_text
-from freefloat.robot.names import find_scenario
+from freefloat.io.scenario import Scenario, load_scenario
+from freefloat.io.yaml import parse_yaml
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +20,7 @@ class Document:
         name: What it was opened as.
         source: Its file.
         text: Its text, with the comments of the file while it is not edited.
-        content: The data of the text.
+        content: The data of the text, without keys whose value is null.
         ends: Ends of the sliders.
     """
 
@@ -34,15 +32,15 @@ class Document:
 
     @classmethod
     def opened(cls, name: str) -> Document:
-        """Open a file or a bundled scenario; raises InputError."""
-        source = find_scenario(name)
-        text = read_text(source)
-        content = parse_yaml(text, source)
-        try:
-            return cls(name, source, text, content, _slider_ends(content))
-        except (KeyError, TypeError, ValueError):
-            problem = "it has no timing.duration, or its momentum is no vector"
-            raise InputError("scenario", problem, "a scenario", str(source)) from None
+        """Open a file or a bundled scenario.
+
+        Raises:
+            InputError: If it is no scenario.
+        """
+        scenario = load_scenario(name)
+        text, source = scenario.text, scenario.source
+        content = _without_null(parse_yaml(text, source))
+        return cls(name, source, text, content, _slider_ends(scenario))
 
     @property
     def file_name(self) -> str:
@@ -55,8 +53,16 @@ class Document:
         return Document(self.name, self.source, text, content, self.ends)
 
 
-def _slider_ends(content: dict[str, Any]) -> dict[str, list[float]]:
+def _without_null(value: Any) -> Any:
+    """The data without keys whose value is null, which mean the same as no keys."""
+    if isinstance(value, dict):
+        return {key: _without_null(part) for key, part in value.items() if part is not None}
+    return [_without_null(part) for part in value] if isinstance(value, list) else value
+
+
+def _slider_ends(scenario: Scenario) -> dict[str, list[float]]:
     """Ends of the sliders of a scenario that was opened: momentum [N m s], duration [s]."""
-    momentum = max(1.0, 2.0 * float(np.abs(content.get("momentum", [0.0])).max()))
-    duration = float(content["timing"]["duration"])
+    momentum = max(1.0, 2.0 * max(map(abs, scenario.content.momentum)))
+    with scenario.error_context():
+        duration = scenario.content.timing.to_timing().duration
     return {"momentum": [-momentum, momentum], "duration": [0.2 * duration, 4.0 * duration]}

@@ -44,12 +44,14 @@ def edited(content: Content, edit: Edit, outline: Mapping[str, Any] | None) -> d
         case SetDuration(value=duration):
             return {**content, "timing": _with_duration(content["timing"], duration)}
         case SetMargin(value=value):
-            margin = dict(content["margin"])
+            margin = dict(content.get("margin", {}))
             margin["fraction" if "fraction" in margin else "value"] = value
             return {**content, "margin": margin}
     if outline is None:
         raise InputError("path", "its handles are not known yet", "an edit of the scenario shown")
     if isinstance(edit, TurnEnd):
+        if outline["rpy"] is None:
+            raise InputError("orientation", "it cannot be set", "a path with `attitude`")
         return {**content, "path": _with_end(content["path"], edit.value, outline)}
     return {**content, "path": _with_handle(content["path"], edit, outline)}
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
-from freefloat.errors import InputError
+from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.field_types import NotNegative, Number, Positive, RollPitchYaw, Section, Vector
 
 
@@ -109,6 +109,14 @@ def parse_message(text: str | bytes) -> Edit | Open | Choose | Explain | Step:
         first = error.errors(include_url=False, include_input=False)[0]
         key = ".".join(map(str, first["loc"])) or "message"
         raise InputError(key, first["msg"], "a message of the studio's page") from None
+
+
+def page_text(error: FreeFloatError) -> str:
+    """An error for the page, which names a file without its folder."""
+    if isinstance(error, InputError) and error.source:
+        file = Path(error.source).name
+        return str(InputError(error.key, error.problem, error.accepted, file, error.line))
+    return str(error)
 
 
 @dataclass(frozen=True)

@@ -65,10 +65,11 @@ def _handles(scenario: Scenario, problem: Problem, frame: Pose | SceneBody | Non
 
     A handle is the drawn point; where the centre of mass drifts, it differs from the path's.
     """
-    if isinstance(frame, SceneBody):  # the path moves with a tumbling body
+    section, curve = scenario.content.path, problem.path.path.curve
+    oriented = problem.task.prescribes_orientation and section.attitude is None  # in the CSV file
+    if isinstance(frame, SceneBody) or oriented:  # or the path moves with a tumbling body
         return {"frame": None, "handles": [], "points": []}
     frame = frame or Pose(np.zeros(3), np.eye(3))
-    section, curve = scenario.content.path, problem.path.path.curve
     names = ["start", *map(str, range(1, _HANDLES - 1)), "end"]
     parameters = np.linspace(0.0, 1.0, _HANDLES)
     if section.line is not None:
@@ -97,17 +98,17 @@ def _handles(scenario: Scenario, problem: Problem, frame: Pose | SceneBody | Non
 
 def _orientation(scenario: Scenario, problem: Problem, frame: Pose | SceneBody | None) -> Any:
     """Roll, pitch, yaw [rad] at the end and the quaternion at the start, in the path's frame."""
-    if isinstance(frame, SceneBody) or not problem.task.prescribes_orientation:
+    law = scenario.content.path.attitude
+    if isinstance(frame, SceneBody) or not problem.task.prescribes_orientation or law is None:
         return {"rpy": None, "start_quaternion": None}
     rotation = np.eye(3) if frame is None else frame.rotation
     start, end = (
         Rotation.from_matrix(rotation.T @ problem.path.path.orientation.rotation(s))
         for s in (0.0, 1.0)
     )
-    law = scenario.content.path.attitude
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # where the pitch is 90 degrees, any roll will do
         rpy = end.as_euler("xyz").round(6).tolist()
-    if law is not None and law.slerp is not None and law.slerp.end.rpy is not None:
+    if law.slerp is not None and law.slerp.end.rpy is not None:
         rpy = list(law.slerp.end.rpy)  # as it was set: other angles may state the same
     return {"rpy": rpy, "start_quaternion": start.as_quat().round(9).tolist()}

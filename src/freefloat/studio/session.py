@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from freefloat.errors import InputError
+from freefloat.errors import FreeFloatError, InputError
 from freefloat.robot.names import bundled_scenarios
 from freefloat.so3 import heading_quaternion
 from freefloat.studio.document import Document
@@ -24,6 +24,7 @@ from freefloat.studio.messages import (
     State,
     Step,
     Task,
+    page_text,
     parse_message,
 )
 from freefloat.studio.process import WorkerProcess
@@ -76,8 +77,8 @@ class Session:
         """Handle a message of a browser; what is wrong with it is replied."""
         try:
             self._handle(parse_message(text), reply)
-        except InputError as error:
-            reply({"type": "error", "text": str(error)})
+        except FreeFloatError as error:
+            reply({"type": "error", "text": page_text(error)})
 
     def release(self) -> None:
         """End a gesture whose browser has gone."""
@@ -148,6 +149,7 @@ class Session:
         """
         if read:
             self._gesture, self._dragging, self._outline = "", False, None
+            self.newest.pop("outline", None)
         document = self._document
         self._lost_twice = False
         self.worker.send(State(
@@ -161,6 +163,7 @@ class Session:
             "text": document.text,
             "ends": document.ends,
             "choice": self._choice,
+            "outlined": self._outline is not None,
             "undo": self._place > 0,
             "redo": self._place + 1 < len(self._history),
         })  # fmt: skip

@@ -14,7 +14,7 @@ class Studio {
     this.scenario = "";
     this.loading = Promise.resolve();
     this.connection = new Connection(message => this.receive(message), open => this.connected(open));
-    const edit = (message, done) => this.connection.edit(message, done);
+    const edit = (message, done) => this.known && this.connection.edit(message, done);
     this.handles = new Handles(this.viewer, (handle, position, done) => edit({ type: "handle", handle, position }, done));
     this.sliders = new Sliders(edit);
     this.strip = new Strip(element("strip"), time => { this.player.pause(); this.player.seek(time); });
@@ -61,7 +61,7 @@ class Studio {
     const handlers = {
       state: this.showState, outline: this.showOutline, attitudes: this.showAttitudes, limits: this.showLimits,
       motion: this.queueMotion, status: this.status, reason: this.showReason, saved: this.showSaved,
-      error: ({ text }) => this.notice(text), problem: ({ text }) => this.notice(text, false, true),
+      error: this.showError, problem: ({ text }) => this.notice(text, false, true),
     };
     handlers[message.type].call(this, message);
   }
@@ -82,8 +82,16 @@ class Studio {
     if (!lasting) this.vanishes = setTimeout(() => { notice.hidden = true; }, SHOWN);
   }
 
+  // What was refused is shown as it was before.
+  showError({ text }) {
+    this.notice(text);
+    if (this.state) this.showState(this.state);
+    if (this.known) this.showControls();
+  }
+
   showState(state) {
     this.state = state;
+    this.known = state.outlined; // whether the handles and sliders are those of this scenario
     this.played ??= state.choice; // before this page was opened
     const select = element("scenario");
     if (select.options.length !== state.scenarios.length) {
@@ -96,8 +104,8 @@ class Studio {
 
   showOutline(outline) {
     this.outline = outline;
-    this.handles.show(outline);
-    this.sliders.show(outline, this.state.ends);
+    this.known = true;
+    this.showControls();
     element("notice").hidden = !element("notice").classList.contains("good");
     const scene = this.player && this.player.shown[0];
     for (const name of scene ? STALE : []) {
@@ -105,6 +113,11 @@ class Studio {
       if (node) node.set_property("visible", false);
     }
     document.body.classList.add("stale");
+  }
+
+  showControls() {
+    this.handles.show(this.outline);
+    this.sliders.show(this.outline, this.state.ends);
   }
 
   showAttitudes(set) {

@@ -8,7 +8,7 @@ from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
 
 from freefloat.errors import FreeFloatError
-from freefloat.studio.messages import Answer, State, Task
+from freefloat.studio.messages import Answer, State, Task, page_text
 
 if TYPE_CHECKING:  # the server, which starts the process, needs no planner
     from freefloat.studio.analysis import Analysis
@@ -20,10 +20,11 @@ _WHILE_DRAGGING = 2
 def work(connection: Connection) -> None:
     """Answer states and tasks until the server closes the connection."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the server, which ends this
-    worker = _Worker(connection)
+    worker, busy = _Worker(connection), False
     try:
         while True:
-            worker.step()
+            worker.receive(wait=not busy)
+            busy = worker.step()
     except (EOFError, OSError):
         pass
 
@@ -43,34 +44,31 @@ class _Worker:
         self._analysis: Analysis | None = None
         self._tasks: deque[Task] = deque()
 
-    def step(self) -> None:
-        """Take the messages that have arrived, waiting where nothing is to be done; do one thing.
+    def receive(self, wait: bool) -> None:
+        """Take the messages that have arrived; of several states only the newest counts.
 
-        Of several states only the newest counts.
+        Args:
+            wait: Whether to wait for the first one.
         """
-        busy = self._one_thing()
-        if not busy and self._state is not None:
-            self._connection.send(Answer("idle"))
-        while self._connection.poll(0.0 if busy else None):
+        while self._connection.poll(None if wait else 0.0):
+            wait = False
             message = self._connection.recv()
             if isinstance(message, Task):
                 self._tasks.append(message)
             else:
                 self._state = message
-            busy = True
 
-    def _one_thing(self) -> bool:
+    def step(self) -> bool:
         """Do the most urgent part of the work; return whether there was any."""
         try:
             answer = self._answer()
         except _Superseded:
             return True
         except FreeFloatError as error:
-            self._connection.send(Answer("problem", {"text": str(error)}))
+            self._connection.send(Answer("problem", {"text": page_text(error)}))
             self._analysis, self._state = None, None  # until the next edit
             return True
-        if answer is not None:
-            self._connection.send(answer)
+        self._connection.send(Answer("idle") if answer is None else answer)
         return answer is not None
 
     def _answer(self) -> Answer | None:
@@ -109,7 +107,7 @@ class _Worker:
         try:
             return self._analysis.save(task.file, self._state.attitude)
         except FreeFloatError as error:
-            return Answer(kind, {"refused": str(error)})
+            return Answer(kind, {"refused": page_text(error)})
 
     def _progress(self, _: float) -> None:
         """Abandon a map for a newer message."""
