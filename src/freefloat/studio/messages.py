@@ -129,7 +129,7 @@ class State:
         attitude: Chosen initial attitude x, y, z, w; None for the best one.
         choice: Number of the choice of the attitude.
         dragging: Whether an edit is under way: motions wait until it is done.
-        outline: Whether the outline is wanted even if the scenario is the one before.
+        reading: Number of the scenarios shown, other than by edits; the outline of each is wanted.
     """
 
     text: str
@@ -137,7 +137,7 @@ class State:
     attitude: tuple[float, ...] | None = None
     choice: int = 0
     dragging: bool = False
-    outline: bool = False
+    reading: int = 0
 
 
 @dataclass(frozen=True)
@@ -162,8 +162,10 @@ class Answer:
             or ``idle``.
         content: What browsers are sent, JSON.
         reasons: Of ``attitudes``: a sentence on each sample, which the server keeps.
+        reading: That of the newest state.
     """
 
     kind: str
     content: Mapping[str, Any] = field(default_factory=dict)
     reasons: tuple[str, ...] = ()
+    reading: int = 0

@@ -60,7 +60,7 @@ class Session:
         self._own = None if scenario in bundled_scenarios() else scenario
         self._gesture, self._dragging = "", False
         self._attitude: tuple[float, ...] | None = None
-        self._choice = 0
+        self._choice, self._reading = 0, 1
         self._outline: dict[str, Any] | None = None
         self._reasons: tuple[str, ...] = ()
         self._sets, self._lost_twice = 0, False
@@ -150,11 +150,12 @@ class Session:
         if read:
             self._gesture, self._dragging, self._outline = "", False, None
             self.newest.pop("outline", None)
+            self._reading += 1
         document = self._document
         self._lost_twice = False
         self.worker.send(State(
             document.text, document.source, self._attitude, self._choice, self._dragging,
-            self._outline is None,
+            self._reading,
         ))  # fmt: skip
         self._tell({
             "type": "state",
@@ -170,8 +171,10 @@ class Session:
         self._tell({"type": "status", "busy": True})
 
     def _answered(self, answer: Answer) -> None:
-        """Keep an answer of the worker and pass it on."""
+        """Keep an answer of the worker and pass it on, unless another scenario was opened."""
         content = dict(answer.content)
+        if answer.reading != self._reading and answer.kind not in ("page", "saved"):
+            return
         match answer.kind:
             case "idle":
                 self._lost_twice = False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections import deque
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
 
@@ -40,7 +41,7 @@ class _Worker:
         self._connection = connection
         self._robots = Robots()
         self._state: State | None = None
-        self._outlined: State | None = None
+        self._reading, self._outlined = 0, 0
         self._analysis: Analysis | None = None
         self._tasks: deque[Task] = deque()
 
@@ -56,7 +57,7 @@ class _Worker:
             if isinstance(message, Task):
                 self._tasks.append(message)
             else:
-                self._state = message
+                self._state, self._reading = message, message.reading
 
     def step(self) -> bool:
         """Do the most urgent part of the work; return whether there was any."""
@@ -65,11 +66,14 @@ class _Worker:
         except _Superseded:
             return True
         except FreeFloatError as error:
-            self._connection.send(Answer("problem", {"text": page_text(error)}))
+            self._send(Answer("problem", {"text": page_text(error)}))
             self._analysis, self._state = None, None  # until the next edit
             return True
-        self._connection.send(Answer("idle") if answer is None else answer)
+        self._send(answer or Answer("idle"))
         return answer is not None
+
+    def _send(self, answer: Answer) -> None:
+        self._connection.send(replace(answer, reading=self._reading))
 
     def _answer(self) -> Answer | None:
         from freefloat.studio.analysis import Analysis
@@ -79,10 +83,10 @@ class _Worker:
             return self._done(self._tasks.popleft()) if self._tasks else None
         if analysis is None or not analysis.poses(state):
             self._analysis = Analysis(state, self._robots)
-            self._outlined = state
+            self._outlined = state.reading
             return self._analysis.outline()
-        if state.outline and state is not self._outlined:
-            self._outlined = state
+        if state.reading != self._outlined:
+            self._outlined = state.reading
             return analysis.outline()
         finest = len(analysis.levels)
         if analysis.level < min(_WHILE_DRAGGING, finest - 1):
