@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,11 +24,13 @@ class Studio:
         process: The server.
         address: Of its page.
         folder: Where it saves plans.
+        browser: The arguments of its browser, where it has opened one.
     """
 
     process: subprocess.Popen[str]
     address: str
     folder: Path
+    browser: Path
 
     @property
     def port(self) -> int:
@@ -46,6 +49,14 @@ class Studio:
         )
         return worker
 
+    def told(self) -> str:
+        """What its browser was told to open."""
+        end = time.monotonic() + 10.0
+        while not self.browser.exists():
+            assert time.monotonic() < end
+            time.sleep(0.02)
+        return self.browser.read_text("utf-8").strip()
+
     def stop(self) -> int:
         """End it as Ctrl-C does; return its exit code."""
         self.process.send_signal(signal.SIGINT)
@@ -53,21 +64,32 @@ class Studio:
 
 
 @pytest.fixture(scope="session")
-def start_studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str], Studio]]:
-    """Start the command with a scenario; it is ended after the tests."""
-    started: list[Studio] = []
+def start_studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Studio]]:
+    """Start the command with a scenario; it is ended after the tests.
 
-    def start(scenario: str) -> Studio:
+    Its browser is a script that writes its arguments to a file.
+    """
+    started: list[Studio] = []
+    browser = tmp_path_factory.mktemp("browser") / "browser"
+    browser.write_text('#!/bin/sh\necho "$@" > "$OPENED.part" && mv "$OPENED.part" "$OPENED"\n')
+    browser.chmod(0o700)
+
+    def start(scenario: str, *options: str) -> Studio:
         folder = tmp_path_factory.mktemp("studio")
-        words = [scenario, "--json", "--port", "0", "-o", str(folder)]
+        opened = tmp_path_factory.mktemp("opened") / "arguments"
+        words = [scenario, *options, "--port", "0", "-o", str(folder)]
         process = subprocess.Popen(
             [sys.executable, "-m", "freefloat", "studio", *words],
-            stdout=subprocess.PIPE, text=True, env=os.environ, start_new_session=True,
+            stdout=subprocess.PIPE, text=True, start_new_session=True,
+            env=os.environ | {"BROWSER": str(browser), "OPENED": str(opened)},
         )  # fmt: skip
         assert process.stdout is not None
-        lines = iter(process.stdout.readline, "}\n")
-        address = json.loads("".join([*lines, "}"]))["address"]
-        started.append(Studio(process, address, folder))
+        if "--json" in options:
+            lines = iter(process.stdout.readline, "}\n")
+            address = json.loads("".join([*lines, "}"]))["address"]
+        else:
+            address = process.stdout.readline().split()[0]
+        started.append(Studio(process, address, folder, opened))
         return started[-1]
 
     yield start

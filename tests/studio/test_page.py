@@ -38,7 +38,7 @@ NEXT_SET = """() => {
 
 
 @pytest.fixture(scope="module")
-def studio(kernels: None, start_studio: Callable[[str], Studio]) -> Studio:
+def studio(kernels: None, start_studio: Callable[..., Studio]) -> Studio:
     return start_studio("spatial_6dof/line")
 
 
@@ -55,7 +55,8 @@ def tab(browser: Browser, studio: Studio, errors: list[str]) -> Iterator[Page]:
     page = context.new_page()
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.on("console", lambda m: m.type == "error" and errors.append(m.text))
-    page.goto(studio.address)
+    page.goto(studio.told())
+    page.wait_for_url(studio.address)
     wait(page, "Boolean(studio.player)")
     yield page
     context.close()

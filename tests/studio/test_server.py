@@ -7,11 +7,13 @@ import http.client
 import json
 import re
 import socket
+import stat
 from collections.abc import AsyncIterator, Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
 from tornado.httpclient import HTTPClientError, HTTPRequest
@@ -71,7 +73,7 @@ BROKEN = {
 
 
 @pytest.fixture(scope="module")
-def studio(start_studio: Callable[[str], Studio]) -> Studio:
+def studio(start_studio: Callable[..., Studio]) -> Studio:
     return start_studio("planar_2dof/line")
 
 
@@ -197,7 +199,7 @@ def test_what_is_refused_by_the_planner_leaves_the_studio_ready(studio: Studio) 
 
 @pytest.mark.slow
 def test_a_file_that_was_broken_is_refused_and_the_session_goes_on(
-    start_studio: Callable[[str], Studio], tmp_path: Path
+    start_studio: Callable[..., Studio], tmp_path: Path
 ) -> None:
     file = tmp_path / "own.yaml"
     file.write_text(GOOD, "utf-8")
@@ -306,10 +308,24 @@ def test_edits_of_a_gesture_are_one_step_that_undo_and_redo_take(studio: Studio)
 
 @pytest.mark.slow
 def test_it_ends_with_exit_code_zero_and_its_worker_with_it(
-    start_studio: Callable[[str], Studio],
+    start_studio: Callable[..., Studio],
 ) -> None:
-    studio = start_studio("planar_2dof/line")
+    studio = start_studio("planar_2dof/line", "--json")
     worker = studio.worker()
     assert studio.stop() == 0
     worker.wait(5)
     assert not worker.is_running()
+    assert not studio.browser.exists()
+
+
+@pytest.mark.slow
+def test_the_browser_is_told_a_private_page_that_is_deleted_at_the_end(
+    start_studio: Callable[..., Studio],
+) -> None:
+    studio = start_studio("planar_2dof/line")
+    assert studio.token not in studio.told()  # arguments, which all users can read
+    page = Path(urlsplit(studio.told()).path)
+    assert stat.S_IMODE(page.stat().st_mode) == 0o600
+    assert studio.address in page.read_text("utf-8")
+    assert studio.stop() == 0
+    assert list(studio.folder.iterdir()) == []

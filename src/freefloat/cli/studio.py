@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
+from threading import Thread
 from typing import Annotated
 
 import typer
@@ -29,7 +31,7 @@ _Folder = Annotated[
 
 
 def studio(
-    scenario: _Scenario = "spatial_6dof/line",
+    scenario: _Scenario = "spatial_6dof/above",
     port: _Port = 7008,
     no_browser: _NoBrowser = False,
     output: _Folder = Path(),
@@ -39,25 +41,28 @@ def studio(
     """Edit a scenario in a browser and see at once from which attitudes it is feasible.
 
     Drag the path, set the orientation, momentum, duration and margin; choose an attitude to play
-    its motion, and save the plan. The page is served to this machine alone, at an address that
-    nobody can guess. Exit code 0, also after Ctrl-C.
+    its motion, and save the plan. The page is served to this machine alone, at a secret address:
+    whoever knows it can edit the scenario and save plans. Exit code 0, also after Ctrl-C.
 
     Example: freefloat studio
 
     Example: freefloat studio planar_3dof/parabola -o plans
     """
     from freefloat.io.scenario import load_scenario
+    from freefloat.studio.redirect import redirect_page
     from freefloat.studio.server import serve_studio
-    from freefloat.visualization.server import open_browser
+    from freefloat.visualization.server import has_display, open_browser
 
     load_scenario(scenario)  # its errors belong on the terminal
     make_folder("output", output)
-    console = Console(as_json, quiet)
+    console, opens = Console(as_json, quiet), has_display() and not (no_browser or as_json)
+    with ExitStack() as at_end:
 
-    def ready(address: str) -> None:
-        console.json({"address": address})
-        console.tables([f"{address}  (for this machine alone; Ctrl-C ends)"])
-        if not (no_browser or as_json):
-            open_browser(address)
+        def ready(address: str) -> None:
+            console.json({"address": address})
+            console.tables([f"{address}  (for this machine alone; Ctrl-C ends)"])
+            if opens:  # in a thread, because some browsers are waited for
+                page = at_end.enter_context(redirect_page(address, output))
+                Thread(target=open_browser, args=(page.as_uri(),), daemon=True).start()
 
-    serve_studio(scenario, output, port, ready)
+        serve_studio(scenario, output, port, ready)

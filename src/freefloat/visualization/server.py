@@ -96,9 +96,12 @@ def first_free(port: int, bind: Callable[[int], _Bound]) -> _Bound:
     raise InputError("port", f"no free port from {port} to {last}", "another port, or 0 for any")
 
 
+def has_display() -> bool:
+    """Whether a browser can be opened: a text browser would occupy the terminal."""
+    screens = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
+    return sys.platform != "linux" or any(os.environ.get(name) for name in screens)
+
+
 def open_browser(address: str) -> bool:
     """Open a page in a browser if there is a display; return whether it was opened."""
-    screens = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
-    if sys.platform == "linux" and not any(os.environ.get(name) for name in screens):
-        return False  # a text browser would occupy the terminal
-    return webbrowser.open(address)
+    return has_display() and webbrowser.open(address)
