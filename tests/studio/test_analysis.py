@@ -76,10 +76,21 @@ def test_a_path_out_of_reach_is_explained(name: str, line: dict[str, Any]) -> No
     while studied.level < len(studied.levels) - (name[:2] == "sp"):  # without the largest
         answer = studied.next_map(no_progress)
         assert "reach" in answer.content["remark"]
-    motion = studied.motion(state).content
+    motion = studied.motion(state, no_progress).content
     assert "scene" not in motion
     assert "reaches the start" in motion["outcome"]
     assert "refused" in studied.page().content
+
+
+@pytest.mark.slow
+def test_the_motion_shown_keeps_the_limits() -> None:
+    studied, state = analysis("spatial_6dof/above")
+    while studied.level < 2:  # as many maps as the studio makes before the motion
+        studied.next_map(no_progress)
+    assert "scene" in studied.motion(state, no_progress).content
+    results = studied.limits().content["results"]
+    assert {result["limit"] for result in results} > {"clearance", "joint rate"}
+    assert all(result["kept"] for result in results)
 
 
 @pytest.mark.slow
@@ -88,7 +99,7 @@ def test_without_a_feasible_attitude_the_motion_that_gets_farthest_is_shown() ->
     studied, state = analysis("ur5_servicer/inspect", margin=margin)
     answer = studied.next_map(no_progress)
     assert not (unpacked(answer.content["states"], "u1") == 2).any()
-    motion = studied.motion(state).content
+    motion = studied.motion(state, no_progress).content
     assert motion["outcome"] == "The whole path was followed."
     assert studied.limits().content["results"]
 
@@ -104,3 +115,10 @@ def test_plans_of_a_scenario_that_states_a_fraction_are_saved_under_free_names(
     file = studied.save(tmp_path / "line.h5", chosen).content["file"]
     plan = ff.load(file)
     assert ff.check(plan).passed
+
+
+@pytest.mark.slow
+def test_the_contact_of_a_saved_motion_is_told(tmp_path: Path) -> None:
+    studied, _ = analysis("spatial_6dof/line", search={"samples": 512})
+    content = studied.save(tmp_path / "line.h5", None).content
+    assert content["contact"] == str(ff.load(content["file"]).contact)

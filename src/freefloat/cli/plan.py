@@ -19,6 +19,7 @@ from freefloat.cli.console import (
     draw,
     limit_tables,
     motion_lines,
+    say,
     search_lines,
     short_label,
     table,
@@ -93,6 +94,8 @@ def plan(
         from freefloat.io.results import save  # HDF5 is slow to import
 
         save(result, output, loaded)
+        if result.contact is not None and not (quiet or as_json):
+            say(f"{output} was written, although {result.contact}")
     if html is not None:
         document["html"] = None
         if result.chosen is not None:

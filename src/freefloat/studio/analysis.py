@@ -22,10 +22,16 @@ from freefloat.planning.planar_planner import plan_in_plane
 from freefloat.planning.planner import plan
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array
 from freefloat.studio.attitudes import ball, best_sample, dial
 from freefloat.studio.messages import Answer, State
-from freefloat.studio.motions import best_motion, limits_answer, motion_answer, place, playback_of
+from freefloat.studio.motions import (
+    best_motion,
+    limits_answer,
+    motion_answer,
+    motion_within_limits,
+    place,
+    playback_of,
+)
 from freefloat.studio.outline import outline
 from freefloat.visualization.playback import Playback
 
@@ -129,11 +135,23 @@ class Analysis:
         """Whether a state has another attitude than that of the motion shown."""
         return self._shown != (state.attitude, state.choice)
 
-    def motion(self, state: State) -> Answer:
-        """The motion from the attitude of a state; from the best of the map without one."""
+    def motion(self, state: State, progress: Progress) -> Answer:
+        """The motion from the attitude of a state.
+
+        Without one it is that of the largest margin in the map that keeps the limits; where none
+        was found, the one that gets farthest.
+
+        Args:
+            state: The state.
+            progress: Called during the computation; may raise an exception to abandon it.
+        """
+        samples, found = self._map, None
+        chosen = np.array(state.attitude or (0.0, 0.0, 0.0, 1.0))
+        if state.attitude is None and samples is not None:
+            found = motion_within_limits(self._evaluator, samples, self._limits, progress)
+            chosen = samples.attitudes[best_sample(samples.results)]
+        self._motion = found or best_motion(self._evaluator, chosen)
         self._shown, self.limits_wanted = (state.attitude, state.choice), False
-        chosen = self._best() if state.attitude is None else np.array(state.attitude)
-        self._motion = best_motion(self._evaluator, chosen)
         if self._motion is None:
             self._playback = None
             content = {
@@ -145,13 +163,6 @@ class Analysis:
             self.limits_wanted = True
             content = motion_answer(self._motion, self._playback)
         return Answer("motion", {**content, "choice": state.choice})
-
-    def _best(self) -> Array:
-        """The attitude of the largest margin in the map; without any, of the longest motion."""
-        if self._map is None:
-            return np.array([0.0, 0.0, 0.0, 1.0])
-        best: Array = self._map.attitudes[best_sample(self._map.results)]
-        return best
 
     def limits(self) -> Answer:
         """The limits along the motion shown."""
@@ -176,7 +187,8 @@ class Analysis:
             return Answer("saved", {"refused": f"not saved: {result.reason}"})
         file = _free(file)
         save(result, file, None if self._scenario.has_phases else self._scenario)
-        return Answer("saved", {"file": str(file), "reason": result.reason})
+        contact = None if result.contact is None else str(result.contact)
+        return Answer("saved", {"file": str(file), "reason": result.reason, "contact": contact})
 
     def page(self) -> Answer:
         """The page that plays the motion shown."""

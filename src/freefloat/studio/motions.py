@@ -6,10 +6,16 @@ from typing import Any
 
 import numpy as np
 
+from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.limits import LimitResult, Limits
 from freefloat.motion.problem import Problem
+from freefloat.planning.attitude_map import AttitudeMap
+from freefloat.planning.heading_map import HeadingMap
+from freefloat.planning.plan import Search
+from freefloat.planning.screening import screen
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch
+from freefloat.planning.trials import Trials
 from freefloat.so3 import Array, heading_of
 from freefloat.studio.attitudes import best_columns
 from freefloat.visualization.playback import Playback
@@ -17,6 +23,8 @@ from freefloat.visualization.scene import motion_scene
 from freefloat.visualization.slices import rotation_vectors
 
 _TITLE = "motion"
+_MOST = 8
+"""Precise motions that are compared with the limits before giving up."""
 _UNITS = {
     "joint_range": "rad or m", "joint_rate": "rad/s or m/s", "base_rate": "rad/s",
     "joint_torque": "N m or N", "clearance": "m", "pointing": "rad", "base_turn": "rad",
@@ -31,6 +39,38 @@ def best_motion(evaluator: FeasibilityEvaluator, attitude: Array) -> SimulatedBr
         return None
     branch = int(best_columns(results)[0])
     return integrate_branch(evaluator.problem, attitude, branch)
+
+
+def motion_within_limits(
+    evaluator: FeasibilityEvaluator,
+    samples: AttitudeMap | HeadingMap,
+    limits: Limits,
+    progress: Progress,
+) -> SimulatedBranch | None:
+    """The motion of the largest margin, of those from samples, that keeps the limits.
+
+    Args:
+        evaluator: Of the problem.
+        samples: A map of it.
+        limits: The limits.
+        progress: Called between candidates; may raise an exception to abandon the search.
+
+    Returns:
+        None where none was found.
+    """
+    trials = Trials(evaluator, limits)
+    attitudes, margins = samples.attitudes, samples.results.margins
+    pairs = trials.checker.pairs
+    for candidate in screen(evaluator, attitudes, margins, None, Search(), limits, pairs):
+        progress(0.0)
+        if candidate.violation is not None:
+            continue
+        passed = trials.check_candidate(candidate)
+        if passed is not None:
+            return passed[0]
+        if trials.count == _MOST:
+            break
+    return None
 
 
 def playback_of(simulated: SimulatedBranch, limits: Limits) -> Playback:

@@ -141,9 +141,9 @@ class Studio {
 
   choose(choice) { this.connection.send({ type: "choose", ...choice }); }
 
-  showSaved({ file, reason, refused }) {
+  showSaved({ file, reason, contact, refused }) {
     if (refused) this.notice(refused);
-    else this.notice(`Saved ${file}: ${reason}.`, true);
+    else this.notice(`Saved ${file}: ${reason}.${contact ? ` Warning: ${contact}.` : ""}`, !contact);
   }
 
   showLimits({ results }) {

@@ -94,7 +94,7 @@ class _Worker:
         if state.dragging:
             return None
         if analysis.motion_wanted(state):
-            return analysis.motion(state)
+            return analysis.motion(state, self._progress)
         if analysis.limits_wanted:
             return analysis.limits()
         if self._tasks:
