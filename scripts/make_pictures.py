@@ -40,10 +40,12 @@ def example_1() -> tuple[Problem, list[Motion]]:
     return problem, [ff.simulate(problem, start, branch=0).chosen.motion for start in starts]
 
 
-SINGULAR = [0.1, 0.5, 0.2, -0.8367]
-"""Initial attitude of Fig. 9, from which half of the arm branches become singular."""
+TURNED = {"turned by −20° about y": [0.0, -0.1736, 0.0, 0.9848],
+          "turned by −20° about x": [-0.1736, 0.0, 0.0, 0.9848]}  # fmt: skip
+"""Initial attitudes of the UR5 on a servicer: one arm branch follows its path from the first, and is
+at a dynamic singularity after 29 s from the second; neither motion has contact."""
 SIZE = (1200, 560)
-SMALL, FRAMES, RATE = (720, 336), 40, 8.0
+SMALL, FRAMES, RATE = (840, 392), 40, 8.0
 """Animation: size [pixels], frames before the pause, frames per second."""
 
 
@@ -76,11 +78,11 @@ def motion() -> Figure:
 
 
 def taken(times: Sequence[float], size: tuple[int, int]) -> Iterator[bytes]:
-    """Pictures of the page: Example 2 from the attitudes of Figs. 10 and 9."""
-    problem = ff.load_scenario("spatial_6dof/line").problem()
+    """Pictures of the page: the same path of a UR5 from two attitudes."""
+    problem = ff.load_scenario("ur5_servicer/arc").problem()
     shown = {
-        "from 0.46 0.09 0.74 -0.49": ff.simulate(problem, TANGENT, branch=2).chosen.motion,
-        "from 0.1 0.5 0.2 -0.84": ff.simulate(problem, SINGULAR, branch=2).chosen.motion,
+        name: ff.simulate(problem, attitude, branch=4).chosen.motion
+        for name, attitude in TURNED.items()
     }
     page = ff.playback(shown).html()
     return take_pictures(page, times, size, scene="side by side")
@@ -89,7 +91,7 @@ def taken(times: Sequence[float], size: tuple[int, int]) -> Iterator[bytes]:
 def playback() -> Path:
     """The page at the end of the motions."""
     file = FOLDER / "playback.png"
-    (picture,) = taken([100.0], SIZE)
+    (picture,) = taken([40.0], SIZE)
     with written_beside(file) as temporary:
         temporary.write_bytes(picture)
     return file
@@ -109,7 +111,7 @@ def mission() -> Path:
 def door() -> Path:
     """Animation of the page, the first picture of README."""
     file = FOLDER / "door.gif"
-    times = np.concatenate([np.linspace(0.0, 100.0, FRAMES), np.full(FRAMES // 4, 100.0)])
+    times = np.concatenate([np.linspace(0.0, 40.0, FRAMES), np.full(FRAMES // 4, 40.0)])
     write_gif(file, taken(times.tolist(), SMALL), RATE)
     return file
 

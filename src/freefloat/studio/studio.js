@@ -177,8 +177,9 @@ class Studio {
     about = motion.about || null;
     if (about) {
       const player = await loadScene(this.viewer, motion.scene, motion.tracks);
-      if (before) Object.assign(player, { time: before.time, speed: before.speed, hidden: before.hidden });
-      this.start(player, motion.choice, before && before.playing);
+      const same = before && this.scenario === this.state.scenario;
+      if (same) Object.assign(player, { time: before.time, speed: before.speed, hidden: before.hidden });
+      this.start(player, motion.choice, same && before.playing);
     } else {
       element("states").textContent = motion.outcome;
     }

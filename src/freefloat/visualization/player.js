@@ -500,6 +500,9 @@ class Panels {
       label.style.top = `${y}px`;
       return label;
     }));
+    for (const label of element("labels").children) { // those at the right edge stand on the left of their points
+      if (label.offsetLeft + label.offsetWidth + 8 > pane.clientWidth) label.style.transform = "translate(calc(-100% - 8px), -50%)";
+    }
   }
 }
 
