@@ -35,8 +35,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.slow
 def test_a_spatial_plan_has_the_documented_keys_and_is_written() -> None:
-    text = run("plan", "easy.yaml", "-o", "new/plan.h5").stdout
-    plan = load("new/plan.h5").to_dict()
+    result = run("plan", "easy.yaml", "-o", "new/plan.h5")
+    text, plan = result.stdout, load("new/plan.h5").to_dict()
+    assert str(load("new/plan.h5").contact) in result.stderr  # with the name of the file
     assert plan.keys() >= KEYS
     assert plan["feasible"] is plan["completed"] is True
     assert plan["attitude_ranges_deg"] == plan["disagreements"] == []
