@@ -42,8 +42,8 @@ def example_1() -> tuple[Problem, list[Motion]]:
 
 TURNED = {"turned by −20° about y": [0.0, -0.1736, 0.0, 0.9848],
           "turned by −20° about x": [-0.1736, 0.0, 0.0, 0.9848]}  # fmt: skip
-"""Initial attitudes of the UR5 on a servicer: an arm branch follows its path from the first, and is at
-a dynamic singularity after 29 s from the second; neither motion has contact."""
+"""Initial attitudes of the UR5 on a servicer: from the first an arm branch follows its path, from
+the second it is at a dynamic singularity after 29 s; neither motion has contact."""
 SIZE = (1200, 560)
 SMALL, FRAMES, RATE = (840, 392), 40, 8.0
 """Animation: size [pixels], frames before the pause, frames per second."""
