@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-import asyncio
 import http.client
 import json
-import re
 import socket
 import stat
-from collections.abc import AsyncIterator, Callable, Coroutine
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import asynccontextmanager
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from tornado.httpclient import HTTPClientError, HTTPRequest
-from tornado.websocket import WebSocketClientConnection, websocket_connect
+from tornado.httpclient import HTTPClientError
 
-from freefloat.robot.names import find_scenario
 from tests.commands import error
+from tests.studio.client import EDIT, answer, closed, connected, in_a_loop
 from tests.studio.conftest import Studio
 
-EDIT = {"gesture": "1", "done": True}
 MALFORMED = [
     "", "no JSON", "[]", "{}", '{"type": "shutdown"}', '{"type": "undo", "more": 1}',
     '{"type": "open"}', '{"type": "open", "scenario": 3}', "\x00", "{" * 3000,
@@ -47,31 +40,6 @@ MALFORMED = [
 ]  # fmt: skip
 
 
-GOOD = find_scenario("planar_2dof/line").read_text("utf-8")
-BROKEN = {
-    "empty": "",
-    "no mapping": "[1, 2]",
-    "no YAML": "path: [1, ",
-    "no timing": GOOD.replace("timing:", "# timing:"),
-    "timing null": re.sub("timing: .*", "timing:", GOOD),
-    "timing a list": re.sub("timing: .*", "timing: [1, 2]", GOOD),
-    "duration a word": GOOD.replace("duration: 30", "duration: '30'"),
-    "duration zero": GOOD.replace("duration: 30", "duration: 0"),
-    "duration null": GOOD.replace("duration: 30", "duration:"),
-    "duration NaN": GOOD.replace("duration: 30", "duration: .nan"),
-    "momentum a word": f"{GOOD}\nmomentum: much\n",
-    "momentum NaN": f"{GOOD}\nmomentum: [0, 0, .nan]\n",
-    "momentum infinite": f"{GOOD}\nmomentum: [0, 0, .inf]\n",
-    "momentum null": f"{GOOD}\nmomentum:\n",
-    "margin a list": re.sub("margin: .*", "margin: [1]", GOOD),
-    "line null": re.sub("line: {.*}", "line:", GOOD),
-    "point of words": GOOD.replace("[1.9, 0.2, 0]", "[a, b, c]"),
-    "robot missing": GOOD.replace("planar_2dof", "missing"),
-    "momentum across": f"{GOOD}\nmomentum: [1, 0, 0]\n",
-}
-"""Texts that a scenario file on disk may have by mistake."""
-
-
 @pytest.fixture(scope="module")
 def studio(start_studio: Callable[..., Studio]) -> Studio:
     return start_studio("planar_2dof/line")
@@ -85,45 +53,6 @@ def status(studio: Studio, path: str, **headers: str) -> int:
     response.read()
     connection.close()
     return response.status
-
-
-def in_a_loop(coroutine: Coroutine[Any, Any, Any]) -> Any:
-    """Run a coroutine in a thread: browsers of other tests have a loop in this one."""
-    with ThreadPoolExecutor(1) as pool:
-        return pool.submit(asyncio.run, coroutine).result()
-
-
-@asynccontextmanager
-async def connected(studio: Studio, **headers: str) -> AsyncIterator[WebSocketClientConnection]:
-    url = f"ws://127.0.0.1:{studio.port}/{studio.token}/socket"
-    connection = await websocket_connect(HTTPRequest(url, headers=headers))
-    try:
-        yield connection
-    finally:
-        ended = connection.protocol.client_terminated
-        connection.close()
-        if not ended:
-            await closed(connection)
-
-
-async def closed(connection: WebSocketClientConnection) -> None:
-    """Wait until a connection is closed."""
-    while await asyncio.wait_for(connection.read_message(), 30) is not None:
-        pass
-
-
-async def answer(
-    connection: WebSocketClientConnection,
-    *kinds: str,
-    wanted: Callable[[dict[str, Any]], bool] = lambda message: True,
-) -> dict[str, Any]:
-    """The next message of some types with a property: a slow reader receives only the newest."""
-    while True:
-        text = await asyncio.wait_for(connection.read_message(), 30)
-        assert text is not None, "the connection was closed"
-        message = json.loads(text)
-        if message["type"] in kinds and wanted(message):
-            return dict(message)
 
 
 def test_the_scenario_must_exist() -> None:
@@ -193,38 +122,6 @@ def test_what_is_refused_by_the_planner_leaves_the_studio_ready(studio: Studio) 
             await answer(connection, "status", wanted=lambda m: not m["busy"])
             await connection.write_message(json.dumps({"type": "undo"}))
             await answer(connection, "outline")
-
-    in_a_loop(talk())
-
-
-@pytest.mark.slow
-def test_a_file_that_was_broken_is_refused_and_the_session_goes_on(
-    start_studio: Callable[..., Studio], tmp_path: Path
-) -> None:
-    file = tmp_path / "own.yaml"
-    file.write_text(GOOD, "utf-8")
-    studio = start_studio(str(file))
-    opening = json.dumps({"type": "open", "scenario": str(file)})
-    duration = {"type": "duration", "value": 31.0, **EDIT}
-    handle = {"type": "handle", "handle": 1, "position": [0.5, 1.2, 0.0], **EDIT}
-    margin = {"type": "margin", "value": 0.1, **EDIT}
-
-    async def talk() -> None:
-        async with connected(studio) as connection:
-            await answer(connection, "outline")
-            for text in BROKEN.values():
-                file.write_text(text, "utf-8")
-                await connection.write_message(opening)
-                assert (await answer(connection, "error", "problem"))["text"]
-                for edit in (duration, handle, margin):
-                    await connection.write_message(json.dumps(edit))
-            file.write_text(GOOD, "utf-8")
-            await connection.write_message(opening)
-            await answer(connection, "state", wanted=lambda m: m["text"] == GOOD)
-            await answer(connection, "outline")
-            await connection.write_message(json.dumps(duration))
-            await answer(connection, "outline", wanted=lambda m: m["duration"] == 31.0)
-        assert studio.worker().is_running()
 
     in_a_loop(talk())
 
