@@ -133,13 +133,13 @@ def test_a_phase_that_fails_ends_with_exit_code_1(file: Path, tmp_path: Path) ->
 
 @pytest.mark.parametrize(("old", "new", "key"), [
     ("mass: 3", "mass: 0", "phases.0.capture.mass"),
-    ("body: client", "body: other", "phases.capture.body"),
+    ("body: client", "body: other", "phases.0.capture.body"),
     ("duration: 20", "timing: {duration: 20}", "phases.2"),
-    ("q2: 1.2", "q3: 1.2", "phases.joints.joints"),
+    ("q2: 1.2", "q3: 1.2", "phases.1.joints"),
     ("frame: end_effector}", "frame: tool}", "phases.2.to.frame"),
     ("joints: [0.5, 0.8], reorient", "reorient", "search.joints"),
     ("{joints: {q1: 0.4, q2: 1.2}, duration: 30}", "capture: {body: client, mass: 3}",
-     "phases.capture.body"),
+     "phases.1.capture.body"),
 ])  # fmt: skip
 def test_bad_phases_are_refused(file: Path, old: str, new: str, key: str) -> None:
     assert error("plan", changed(file, old, new))["key"] == key

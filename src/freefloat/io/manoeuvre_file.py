@@ -84,7 +84,7 @@ def _following(
         result = _joint_motion(group, scenario, problem, entry)
         state = state.after(result.motion)
     else:
-        problem = state.stated(state.path_of(phase), phase.margin, phase)
+        problem = state.problem_of(phase)
         result = read_plan(group, scenario, entry, problem)
         state = state.after(result.chosen.motion)
     return PlannedPhase(phase.name, start, centre, result), state

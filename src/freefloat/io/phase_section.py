@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, cast
 
@@ -24,12 +25,20 @@ from freefloat.io.orientation_section import Orientation, rotation_of
 from freefloat.io.path_schema import PathFrame, PathSection
 from freefloat.io.path_section import path_of
 from freefloat.io.timing_section import TimingSection
-from freefloat.io.yaml import file_keys
+from freefloat.motion.problem import Problem
 from freefloat.paths.path import samples_text
 from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.scene import Scene
 from freefloat.paths.timing import TimedPath
-from freefloat.planning.phases import CapturePhase, JointPhase, PathPhase, Phase, PoseGoal
+from freefloat.planning.expected_state import keys_within
+from freefloat.planning.phases import (
+    CapturePhase,
+    JointPhase,
+    PathPhase,
+    Phase,
+    PoseGoal,
+    checked_phases,
+)
 from freefloat.so3 import Pose
 
 
@@ -63,7 +72,8 @@ class PhaseSection(Section):
     """A phase after the path, from the state at which the one before ends: exactly one kind."""
 
     name: Name | None = None
-    """Its name; default: its kind."""
+    """Its name, unlike those of the others; default: its kind, with a number where another phase
+    has that name: ``joints``, ``joints 2``."""
     path: PathSection | None = None
     """A path that begins with the end-effector's pose and velocity; its frame is ``inertial`` or a
     body of the scene."""
@@ -90,54 +100,67 @@ class PhaseSection(Section):
             raise ValueError("duration together with to or joints")
         return self
 
-    @property
-    def kind(self) -> str:
-        """The key that says what is done."""
-        return next(key for key in ("path", "to", "joints", "capture") if getattr(self, key))
-
-    def to_phase(self, number: int, task: Task, scene: Scene, folder: Path) -> Phase:
+    def to_phase(self, task: Task, scene: Scene, folder: Path) -> Phase:
         """The phase.
 
         Args:
-            number: Its index, for errors.
             task: Of the scenario.
             scene: Of the scenario.
             folder: Folder of the files that it names.
 
         Raises:
-            InputError: If a value is invalid.
+            InputError: If a value is invalid; keys are those below that of its kind.
         """
-        key, name = f"phases.{number}", self.name or self.kind
+        name, duration = self.name or "", self.duration or 0.0
         if self.capture is not None:
-            with file_keys(**{field: f"{key}.capture.{field}" for field in ("inertia", "com")}):
-                inertia, com = self.capture.inertia, self.capture.com
-                return CapturePhase(
-                    self.capture.body, self.capture.mass,
-                    None if inertia is None else np.array(inertia),
-                    None if com is None else np.array(com), name,
-                )  # fmt: skip
+            inertia, com = self.capture.inertia, self.capture.com
+            return CapturePhase(
+                self.capture.body, self.capture.mass,
+                None if inertia is None else np.array(inertia),
+                None if com is None else np.array(com), name,
+            )  # fmt: skip
         if self.joints is not None:
-            return JointPhase(self.joints, float(self.duration or 0.0), name)
+            return JointPhase(self.joints, duration, name)
         if self.to is not None:
             rotation = np.eye(3)
             if self.to.orientation is not None:
-                rotation = rotation_of(self.to.orientation, f"{key}.to.orientation")
+                rotation = rotation_of(self.to.orientation, "to.orientation")
             pose = Pose(np.array(self.to.position), rotation)
-            goal = PoseGoal(pose, float(self.duration or 0.0), self.to.frame)
-            return PathPhase(goal, name, self.margin)
-        return PathPhase(self._path(f"{key}.path", task, scene, folder), name, self.margin)
+            return PathPhase(PoseGoal(pose, duration, self.to.frame), name, self.margin)
+        return PathPhase(self._path(task, scene, folder), name, self.margin)
 
-    def _path(self, key: str, task: Task, scene: Scene, folder: Path) -> TimedPath | RelativePath:
+    def _path(self, task: Task, scene: Scene, folder: Path) -> TimedPath | RelativePath:
         section, timing = cast(PathSection, self.path), cast(TimingSection, self.timing)
         kind = section.frame
         known = [PathFrame.INERTIAL, *scene.names]
         if kind not in known:
-            raise InputError(f"{key}.frame", f"{kind!s} was given", ", ".join(known))
-        samples = None
-        if section.samples is not None:
-            samples = samples_text(folder / section.samples)
-        with file_keys(attitude=f"{key}.attitude"):
+            raise InputError("path.frame", f"{kind!s} was given", ", ".join(known))
+        with keys_within("path"):
+            samples = None
+            if section.samples is not None:
+                samples = samples_text(folder / section.samples)
             path = path_of(section, task, samples, folder, None)
         if kind is PathFrame.INERTIAL:
             return TimedPath(path, timing.to_timing())
         return RelativePath(scene.bodies[scene.names.index(kind)], path, timing.to_timing())
+
+
+def phases_of(
+    sections: Sequence[PhaseSection], problem: Problem, folder: Path
+) -> tuple[Phase, ...]:
+    """The phases of a file, checked against the problem of its path.
+
+    Args:
+        sections: Of the phases.
+        problem: Of the first path.
+        folder: Folder of the files that they name.
+
+    Raises:
+        InputError: If a value is invalid, or a phase cannot follow those before.
+    """
+    keys, phases = list[str](), list[Phase]()
+    for number, section in enumerate(sections):
+        keys.append(f"phases.{number}.capture" if section.capture else f"phases.{number}")
+        with keys_within(keys[-1]):
+            phases.append(section.to_phase(problem.task, problem.scene, folder))
+    return checked_phases(problem, phases, keys)

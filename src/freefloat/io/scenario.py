@@ -18,6 +18,7 @@ from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
 from freefloat.dynamics.redundancy import Redundancy, Toward
 from freefloat.io.limits_section import limits_content, limits_of
 from freefloat.io.path_section import frame_of, path_of, section_of
+from freefloat.io.phase_section import phases_of
 from freefloat.io.robot_section import RobotFile
 from freefloat.io.scene_section import FileShapes, file_shapes, scene_content
 from freefloat.io.schema import ScenarioFile, WeightsSection
@@ -144,12 +145,9 @@ class Scenario:
         Raises:
             InputError: If a value is invalid; it names the file and the key.
         """
-        content, scene = self.content, self.problem().scene
+        problem = self.problem()
         with self.error_context():
-            return tuple(
-                section.to_phase(number, content.task, scene, self.source.parent)
-                for number, section in enumerate(content.phases)
-            )
+            return phases_of(self.content.phases, problem, self.source.parent)
 
     @property
     def has_phases(self) -> bool:

@@ -34,8 +34,9 @@ class CollisionPairs:
         scene: The scene; without bodies the distances depend on the joints alone.
         pairs: Indices of two shapes each, the first on the body nearer to the spacecraft, the
             second one perhaps on a body of the scene, (P, 2).
-        left_out: Pairs of links that are always too near, ``"a - b: why"``, and links with mass
-            but without shape, ``"a: why"``.
+        left_out: Pairs of links that are always too near, and of a body that is held with another
+            body of the scene, ``"a - b: why"``, and links with mass but without shape, which no
+            body is the shape of, ``"a: why"``.
         links_left_out: Links of these pairs.
     """
 
@@ -85,13 +86,17 @@ class CollisionPairs:
         self._numbers = np.flatnonzero(~near)
         names = set(map(self._links, self.pairs))
         self.links_left_out = {self._shapes[index].link for index in candidates[near].ravel()}
-        shaped = {shape.link for shape in robot}
+        shaped = {shape.link for shape in robot} | {body.payload for body in scene.bodies}
         self.left_out = tuple(sorted({
             f"{name}: {'parts are ' if name in names else ''}always too near"
             for name in map(self._links, candidates[near])
         })) + tuple(
             f"{link.name}: without shape"
             for link in model.description.links if link.mass > 0.0 and link.name not in shaped
+        ) + tuple(
+            f"{body.name} - {other.name}: it is held, the other is no part of the robot"
+            for body, other in itertools.product(scene.bodies, repeat=2)
+            if body.payload is not None and other.payload is None
         )  # fmt: skip
         if not len(self.pairs):
             problem = "the robot has no two shapes that could collide"

@@ -49,6 +49,7 @@ class SceneBody:
             prescribes for the end-effector (of tasks without orientation: its position); or a
             torque-free rotation.
         touch_links: Links of the robot that may touch it.
+        payload: Link of the robot, without shape, that has the mass of the body, which is held.
 
     Raises:
         InputError: If a value is of another kind, or a file cannot be read.
@@ -65,6 +66,7 @@ class SceneBody:
     orientation: Array = field(default_factory=_unit, repr=False)
     motion: Literal["fixed", "target"] | Tumbling = "fixed"
     touch_links: tuple[str, ...] = ()
+    payload: str | None = None
 
     def __post_init__(self) -> None:
         require_type("body.name", self.name, str, "a name")
@@ -81,6 +83,7 @@ class SceneBody:
         if not isinstance(self.motion, str) or self.motion not in ("fixed", "target"):
             accepted = "'fixed', 'target', or a Tumbling"
             require_type("body.motion", self.motion, Tumbling, accepted)
+        require_type("body.payload", self.payload, str | None, "the name of a link")
 
     @property
     def pose(self) -> Pose:

@@ -29,6 +29,12 @@ _CLOSEST = 1e-9
 """Smallest distance of stops in s and in t over the duration."""
 
 
+def positive_duration(key: str, value: float) -> float:
+    """A duration [s]; an InputError that names ``key`` for one that is too short or too long."""
+    accepted = f"a positive number, {_SHORTEST:g} to {_LONGEST:g} s"
+    return finite_number(key, value, accepted, _SHORTEST, _LONGEST)
+
+
 class TimeLaw(StrEnum):
     """How s rises from 0 to 1 with the dimensionless time between two rests."""
 
@@ -101,8 +107,7 @@ class Timing:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "law", member("timing.law", TimeLaw, self.law))
-        accepted = f"a positive number, {_SHORTEST:g} to {_LONGEST:g} s"
-        duration = finite_number("timing.duration", self.duration, accepted, _SHORTEST, _LONGEST)
+        duration = positive_duration("timing.duration", self.duration)
         object.__setattr__(self, "duration", duration)
         require_type("timing.stops", self.stops, Sequence, _STOPS)
         for index, stop in enumerate(self.stops):

@@ -6,27 +6,22 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from freefloat.dynamics.capture import Capture, Client, capture
+from freefloat.dynamics.capture import Capture, capture
 from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
-from freefloat.dynamics.summary import frames_at, roll_pitch_yaw
-from freefloat.errors import InputError
+from freefloat.dynamics.summary import frames_at
 from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.paths.curves import Curve
-from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.scene import Scene
-from freefloat.paths.scene_body import SceneBody
 from freefloat.paths.timing import TimedPath
 from freefloat.paths.transfer import transfer
-from freefloat.paths.tumbling import Tumbling
 from freefloat.planning.phases import CapturePhase, PathPhase, PoseGoal
-from freefloat.robot.parts import Mount
-from freefloat.so3 import Array, Pose, frozen, rotation_matrix, rotation_vector_between
-
-_JUMP = 1e-6
-"""Largest jump of the end-effector between phases [m, rad], and of its twist [m/s, rad/s]."""
+from freefloat.planning.prescribed_path import (
+    moved_to_begin_at,
+    prescribed_path,
+    require_continuous,
+)
+from freefloat.so3 import Array, Pose, frozen, rotation_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,13 +86,15 @@ class Handover:
             centre=self.centre + duration * self.problem.path.drift,
         )  # fmt: skip
 
-    def stated(self, path: TimedPath, margin: float, phase: PathPhase | None = None) -> Problem:
-        """The problem of a phase that begins now, with a path from the present centre of mass."""
-        measure = self.problem.margin.measure
-        redundancy = self.problem.redundancy if phase is None else phase.redundancy
+    def problem_of(self, phase: PathPhase) -> Problem:
+        """The problem of a phase that begins now, from the present centre of mass.
+
+        Raises:
+            InputError: If the end-effector would jump, or change its twist at once.
+        """
         return self.problem.replace(
-            path=path, margin=Margin(measure, margin), redundancy=redundancy,
-            scene=self.scene, start_joints=None,
+            path=self.path_of(phase), margin=Margin(self.problem.margin.measure, phase.margin),
+            redundancy=phase.redundancy, scene=self.scene, start_joints=None,
         )  # fmt: skip
 
     @property
@@ -111,20 +108,13 @@ class Handover:
         Raises:
             InputError: If the end-effector would jump, or change its twist at once.
         """
-        drift = self.problem.path.drift
+        drift, task = self.problem.path.drift, self.problem.task
         if isinstance(phase.path, PoseGoal):
             return transfer(self.pose, self.twist, self._goal(phase.path), phase.path.duration,
                             drift)  # fmt: skip
-        if isinstance(phase.path, RelativePath):
-            body = _body(self.scene, phase.path.body.name, f"phases.{phase.name}")
-            path: TimedPath = replace(phase.path, body=body).timed(drift)
-        else:
-            given = phase.path.path
-            curve = _Shifted(given.curve, -self.centre)
-            moved = EndEffectorPath(curve, given.orientation)
-            path = TimedPath(moved, phase.path.timing, drift)
-        self._require_continuous(path, phase.name)
-        return path
+        path = prescribed_path(phase.path, self.scene.bodies, self.centre, drift)
+        require_continuous(path, self.pose, self.twist, task)
+        return moved_to_begin_at(path, self.pose, task)
 
     def _goal(self, goal: PoseGoal) -> Pose:
         """The pose from the present centre of mass, inertial axes."""
@@ -134,60 +124,30 @@ class Handover:
             return self.pose @ goal.pose
         return frames_at(self.problem.model, self.attitude, self.joints)[goal.frame] @ goal.pose
 
-    def _require_continuous(self, path: TimedPath, name: str) -> None:
-        start, here = path.pose(0.0), self.pose
-        rows = np.array(self.problem.task.rows)
-        jumps = np.concatenate([
-            start.position - here.position,
-            rotation_vector_between(here.rotation, start.rotation),
-        ])[rows]  # fmt: skip
-        if np.abs(jumps).max() > _JUMP:
-            size = float(np.abs(jumps).max())
-            accepted = "the pose at which the phase before ends, or a path to a pose"
-            raise InputError(f"phases.{name}.path", f"it begins {size:.3g} m or rad away", accepted)
-        twist = path.twist(0.0) + path.drift_twist
-        change = float(np.abs((twist - self.twist)[rows]).max())
-        if change > _JUMP:
-            accepted = "the twist at which the phase before ends, or a path to a pose"
-            problem = f"the end-effector's twist would change by {change:.3g} m/s or rad/s"
-            raise InputError(f"phases.{name}.path", problem, accepted)
-
     def captured(self, phase: CapturePhase) -> tuple[Handover, Capture]:
-        """The state after a body is fixed to the end-effector, and the capture.
-
-        Raises:
-            InputError: If there is no such body, it is held already, or nothing states its inertia.
-        """
-        key = f"phases.{phase.name}"
-        body = _body(self.scene, phase.body, key)
-        if body.motion == "target":
-            held_already = f"{body.name} moves with the end-effector already"
-            raise InputError(f"{key}.body", held_already, "another body of the scene")
-        tumbling = body.motion if isinstance(body.motion, Tumbling) else None
-        inertia, com, rate = phase.inertia, phase.com, np.zeros(3)
-        if tumbling is not None:
-            inertia = tumbling.inertia if inertia is None else inertia
-            com, rate = tumbling.com if com is None else com, tumbling.rate
-        if inertia is None:
-            accepted = "an inertia here, or in the body's tumbling"
-            raise InputError(f"{key}.inertia", "it is missing", accepted)
+        """The state after a body is fixed to the end-effector, and the capture."""
+        body = next(body for body in self.scene.bodies if body.name == phase.body)
         grapple = body.pose.inverse() @ self.pose
-        mount = Mount(grapple.position, roll_pitch_yaw(grapple.rotation))
-        com = np.zeros(3) if com is None else com
-        client = Client(phase.mass, inertia, mount, rate, com=com)
         problem, axes = self.problem, rotation_matrix(self.attitude)
         wheels = axes @ problem.wheel_momentum
         result = capture(
-            problem.model, client, self.attitude, self.joints, self.joint_rates,
-            problem.momentum - wheels, problem.path.drift,
+            problem.model, phase.client(body, grapple), self.attitude, self.joints,
+            self.joint_rates, problem.momentum - wheels, problem.path.drift,
         )  # fmt: skip
+        before, links = problem.model.description.links_by_name, result.model.description.links
+        payload = next(link.name for link in links if link.name not in before)
         held = replace(
             body, position=grapple.inverse().position, orientation=grapple.inverse().rotation,
             motion="target", touch_links=(*body.touch_links, problem.model.end_effector),
+            payload=payload,
         )  # fmt: skip
         others = (b for b in problem.scene.bodies if b.name != phase.body)
+        corridor = problem.scene.corridor
+        if corridor is not None and corridor.body == phase.body:
+            corridor = None  # the end-effector does not move in it any more
+        scene = Scene((*others, held), corridor)
         following = problem.replace(
-            model=result.model, momentum=result.momentum + wheels, scene=Scene((*others, held)),
+            model=result.model, momentum=result.momentum + wheels, scene=scene,
             path=replace(problem.path, drift=result.velocity),
         )  # fmt: skip
         state = replace(
@@ -195,26 +155,3 @@ class Handover:
             base_rate=axes.T @ result.base_rate, centre=self.centre + result.centre_of_mass,
         )  # fmt: skip
         return state, result
-
-
-class _Shifted(Curve):
-    """A curve moved by an offset [m], (3,)."""
-
-    def __init__(self, curve: Curve, offset: Array) -> None:
-        self._curve, self._offset, self.breaks = curve, offset, curve.breaks
-
-    def __call__(self, s: float, order: int = 0) -> Array:
-        """See :class:`~freefloat.paths.curves.Curve`."""
-        value = self._curve(s, order)
-        return value if order else value + self._offset
-
-    def within(self, low: float, high: float) -> _Shifted:
-        """See :class:`~freefloat.paths.curves.Segmented`."""
-        return _Shifted(self._curve.within(low, high), self._offset)
-
-
-def _body(scene: Scene, name: str, key: str) -> SceneBody:
-    if name not in scene.names:
-        accepted = ", ".join(scene.names) or "none, the scene has no bodies"
-        raise InputError(f"{key}.body", f"there is no {name!r}", accepted)
-    return scene.bodies[scene.names.index(name)]

@@ -8,20 +8,19 @@ from dataclasses import replace
 import numpy as np
 
 from freefloat.concurrency import Progress, step_of
-from freefloat.errors import InputError, require_type
-from freefloat.limits.contact import self_contact
+from freefloat.errors import InputError
 from freefloat.limits.limits import Limits
-from freefloat.motion.certificate import certify
 from freefloat.motion.joint_transfer import JointTransfer
-from freefloat.motion.problem import Problem
+from freefloat.motion.problem import Problem, require_problem
+from freefloat.planning.expected_state import keys_within
 from freefloat.planning.handover import Handover
 from freefloat.planning.joint_motion import JointMotion, joint_motion, settling
 from freefloat.planning.manoeuvre import Manoeuvre, PlannedPhase
-from freefloat.planning.phases import CapturePhase, JointPhase, PathPhase, Phase
+from freefloat.planning.path_continuation import continued
+from freefloat.planning.phases import CapturePhase, JointPhase, Phase, checked_phases
 from freefloat.planning.plan import Plan, Search
 from freefloat.planning.planner import plan
 from freefloat.planning.reorientation import reorient
-from freefloat.planning.simulation import simulate
 from freefloat.so3 import angle_between
 
 _SAME = 1e-9
@@ -61,8 +60,9 @@ def plan_manoeuvre(
         The manoeuvre; of an infeasible one the phases up to the one that fails.
 
     Raises:
-        InputError: If an argument is of another type, a phase does not begin where the one before
-            ends, or ``reorient`` lacks the present attitude or joints.
+        InputError: If an argument is of another type, or ``reorient`` lacks the present attitude or
+            joints; if a phase cannot follow those before: there is no such body or joint, or it
+            begins elsewhere. What does not depend on the motions is found before they are planned.
 
     Example:
         >>> problem = ff.load_scenario("planar_2dof/line").problem()
@@ -72,9 +72,8 @@ def plan_manoeuvre(
     """
     search = Search() if search is None else search
     limits = Limits() if limits is None else limits
-    for phase in (following := tuple(phases)):
-        accepted = "a PathPhase, a JointPhase or a CapturePhase"
-        require_type("phases", phase, PathPhase | JointPhase | CapturePhase, accepted)
+    require_problem(problem)
+    following = checked_phases(problem, phases)
     if reorient and (search.from_attitude is None or search.joints is None):
         key = "search.from_attitude" if search.from_attitude is None else "search.joints"
         raise InputError(key, "it is missing, for a reorientation", "the present state")
@@ -125,7 +124,7 @@ def _to_start(
 
 def _following(state: Handover, phases: Sequence[Phase], limits: Limits) -> Iterable[PlannedPhase]:
     """The phases after the first path, up to the first that fails."""
-    for phase in phases:
+    for number, phase in enumerate(phases):
         start, centre = state.time, state.centre
         if isinstance(phase, CapturePhase):
             state, found = state.captured(phase)
@@ -134,7 +133,8 @@ def _following(state: Handover, phases: Sequence[Phase], limits: Limits) -> Iter
         if isinstance(phase, JointPhase):
             result: JointMotion | Plan = _joints(state, phase, limits)
         else:
-            result = _path(state, phase, limits)
+            with keys_within(f"phases.{number}"):
+                result = continued(state, phase, limits)
         planned = PlannedPhase(phase.name, start, centre, result)
         yield planned
         motion = planned.motion
@@ -145,29 +145,8 @@ def _following(state: Handover, phases: Sequence[Phase], limits: Limits) -> Iter
 
 def _joints(state: Handover, phase: JointPhase, limits: Limits) -> JointMotion:
     problem = replace(state.problem, scene=state.scene)
-    end = problem.model.joint_vector(phase.joints, f"phases.{phase.name}.joints")
+    end = problem.model.joint_vector(phase.joints, "joints")
     transfer = JointTransfer.between(
         state.joints, state.joint_rates, end, np.zeros_like(end), phase.duration
     )
     return joint_motion(problem, transfer, state.attitude, phase.duration, limits)
-
-
-def _path(state: Handover, phase: PathPhase, limits: Limits) -> Plan:
-    """The motion along a further path from the state that there is."""
-    problem = state.stated(state.path_of(phase), phase.margin, phase)
-    simulation = simulate(problem, state.attitude, joints=state.joints, limits=limits)
-    chosen, results = simulation.chosen, simulation.limit_results
-    kept = all(result.kept for result in results)
-    reason = "the state at the end of the phase before"
-    if not chosen.motion.completed:
-        reason = f"{chosen.motion.ending.value} t = {chosen.motion.final.time:.4g} s"
-    elif not simulation.feasible:
-        reason = f"the margin {chosen.minimum_margin:.4g} is below {phase.margin:.4g}"
-    elif not kept:
-        worst = next(result for result in results if not result.kept)
-        reason = f"{worst.limit} of {worst.where} is violated at t = {worst.time:.4g} s"
-    return Plan(
-        problem, Search(), simulation.feasible and kept, reason, chosen=chosen, limits=limits,
-        limit_results=results, certificate=certify(chosen.motion),
-        contact=self_contact(chosen.motion, results),
-    )  # fmt: skip

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
-from itertools import pairwise
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,12 +11,13 @@ from freefloat.dynamics.capture import Capture
 from freefloat.dynamics.momentum import momentum_map
 from freefloat.limits.check import check_limits
 from freefloat.motion.joint_transfer import integrate_transfer
-from freefloat.motion.motion import Motion
+from freefloat.motion.motion import Motion, State
 from freefloat.planning.joint_motion import JointMotion
 from freefloat.planning.manoeuvre import Manoeuvre, PlannedPhase
 from freefloat.planning.plan import Plan
+from freefloat.planning.prescribed_path import JUMP
 from freefloat.planning.reorientation import Reorientation
-from freefloat.so3 import angle_between, rotation_matrix
+from freefloat.so3 import Array, angle_between, rotation_matrix
 from freefloat.verification.engines import forward_checks
 from freefloat.verification.motion import completed, verify_motion
 from freefloat.verification.reorientation import limit_checks, reorientation_checks
@@ -54,27 +54,57 @@ def manoeuvre_checks(manoeuvre: Manoeuvre, engine: str) -> Iterator[Check]:
 
 
 def _handover_checks(manoeuvre: Manoeuvre) -> Iterator[Check]:
-    """Attitude and joints are those at the end of the phase before."""
-    moving = [phase for phase in manoeuvre.phases if phase.motion is not None]
-    for before, after in pairwise(moving):
-        if before.motion is None or after.motion is None:
-            continue
-        last, first = before.motion.final, after.motion.initial
-        angle = float(angle_between(last.attitude, first.attitude))
-        joints = float(np.abs(last.joints - first.joints).max())
-        name = f"{after.name}: begins where {before.name} ends"
-        yield error_check(name, max(angle, joints), _SAME, "rad, m", after.start)
+    """Each phase begins with the state at which the one before ends."""
+    before: tuple[PlannedPhase, _State] | None = None
     for phase in manoeuvre.phases:
-        if isinstance(phase.result, Capture):
-            motions = [entry.motion for entry in moving if entry.start < phase.start]
-            yield from _capture_checks(phase, phase.result, motions[-1])
+        motion, result = phase.motion, phase.result
+        if isinstance(result, Capture) and before is not None:
+            last = before[1]
+            yield from _capture_checks(phase, result, last)
+            omega = rotation_matrix(last.attitude).T @ result.base_rate
+            before = before[0], replace(last, joint_rates=result.joint_rates, base_rate=omega)
+        if motion is None:
+            continue
+        if before is not None:
+            yield from _joint_checks(phase, _state(phase, motion, motion.initial), *before)
+        before = phase, _state(phase, motion, motion.final)
 
 
-def _capture_checks(phase: PlannedPhase, result: Capture, before: Motion | None) -> Iterator[Check]:
+@dataclass(frozen=True, eq=False)
+class _State:
+    """Where a phase begins or ends, the base position in the frame of the manoeuvre."""
+
+    attitude: Array
+    joints: Array
+    base_position: Array
+    joint_rates: Array
+    base_rate: Array
+
+
+def _state(phase: PlannedPhase, motion: Motion, state: State) -> _State:
+    """A state of a motion with its rates."""
+    where, drift = (state.attitude, state.joints), motion.problem.path.drift
+    rates = motion.law.rates(state.time, *where)
+    base = phase.centre + state.time * drift + state.base_position
+    return _State(*where, base, rates.joints, rates.base)
+
+
+def _joint_checks(
+    phase: PlannedPhase, first: _State, before: PlannedPhase, last: _State
+) -> Iterator[Check]:
+    """Configuration and rates where two phases join."""
+    angle = float(angle_between(last.attitude, first.attitude))
+    lengths = (last.joints - first.joints, last.base_position - first.base_position)
+    error = max(angle, *(float(np.abs(difference).max()) for difference in lengths))
+    name = f"{phase.name}: begins where {before.name} ends"
+    yield error_check(name, error, _SAME, "rad, m", phase.start)
+    rates = (last.joint_rates - first.joint_rates, last.base_rate - first.base_rate)
+    error = max(float(np.abs(difference).max()) for difference in rates)
+    yield error_check(f"{phase.name}: rates at its start", error, JUMP, "rad/s, m/s", phase.start)
+
+
+def _capture_checks(phase: PlannedPhase, result: Capture, state: _State) -> Iterator[Check]:
     """The momentum is that of the new robot at its rates."""
-    if before is None:
-        return
-    state = before.final
     A = momentum_map(result.model, state.joints, state.attitude)
     omega = rotation_matrix(state.attitude).T @ result.base_rate
     rates = np.concatenate([omega, result.joint_rates])

@@ -13,6 +13,7 @@ from freefloat.limits.check import check_limits
 from freefloat.limits.limits import LimitKind, LimitResult, Limits
 from freefloat.motion.certificate import Certificate, certify
 from freefloat.motion.extrema import closest_approach
+from freefloat.planning.path_continuation import branch_at
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import SimulatedBranch, Simulation
 from freefloat.verification.engines import EngineRuns, engine_checks, engine_runs
@@ -37,8 +38,6 @@ _ABSOLUTE = 1e-9
 """Absolute deviation of all numbers: rounding."""
 _EXACT = 1e-6
 """Relative deviation of all other numbers: rounding."""
-_NEAR = 1e-6
-"""Distance of the initial joints from those of their arm branch [rad, m]."""
 
 
 def verify_motion(
@@ -126,12 +125,8 @@ def _branch_checks(chosen: SimulatedBranch) -> Iterator[Check]:
     yield comparison_check("closest approach", chosen.closest_approach.value, value, allowed)
     if not problem.redundant:
         start = motion.initial
-        near = [
-            branch.index
-            for branch in problem.branches(start.attitude, start.time)
-            if problem.model.joint_distance(branch.joints, start.joints) < _NEAR
-        ]
-        yield comparison_check("branch", chosen.branch.index, near[-1] if near else None, 0.0)
+        branch = branch_at(problem, start.attitude, start.joints)
+        yield comparison_check("branch", chosen.branch.index, branch.index, 0.0)
 
 
 def _limit_check(

@@ -1,0 +1,100 @@
+"""What is known of the states of a manoeuvre before anything is planned."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from freefloat.dynamics.redundancy import Redundancy
+from freefloat.errors import InputError
+from freefloat.motion.problem import Problem
+from freefloat.paths.scene import Scene
+from freefloat.paths.scene_body import SceneBody
+from freefloat.paths.timing import TimedPath, TimeLaw, Timing
+from freefloat.so3 import Array, Pose
+
+_STILL = np.zeros(3)
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectedState:
+    """What is known of the state between two phases.
+
+    Attributes:
+        problem: That of the first path; after a capture without momentum, which is not known then.
+        bodies: Bodies of the scene that are free, at time zero.
+        time: From the beginning of the first path [s].
+        pose: Of the end-effector in the frame of the manoeuvre; None where it is not known.
+        twist: In that frame [m/s; rad/s], shape (6,); None where it is not known.
+    """
+
+    problem: Problem = field(repr=False)
+    bodies: tuple[SceneBody, ...]
+    time: float
+    pose: Pose | None
+    twist: Array | None
+
+    @classmethod
+    def after_first(cls, problem: Problem) -> ExpectedState:
+        """The state at the end of the first path, whose problem is given."""
+        path = problem.path
+        pose, twist = path.path.pose(1.0), path.twist(path.duration) + path.drift_twist
+        return cls(problem, problem.scene.bodies, path.duration, pose, twist)
+
+    @property
+    def bodies_now(self) -> tuple[SceneBody, ...]:
+        """The free bodies at this time, in the frame of the manoeuvre."""
+        return tuple(body.later(self.time, _STILL) for body in self.bodies)
+
+    def body(self, name: str, key: str) -> SceneBody:
+        """The free body with a name, at time zero.
+
+        Raises:
+            InputError: Naming ``key``, if it is not in the scene or moves with the end-effector.
+        """
+        free = {body.name: body for body in self.bodies if body.motion != "target"}
+        if name in free:
+            return free[name]
+        problem = f"there is no {name!r}"
+        if name in self.problem.scene.names:
+            problem = f"{name} moves with the end-effector already"
+        raise InputError(key, problem, ", ".join(free) or "none, the scene has no free bodies")
+
+    def resting(self, duration: float) -> TimedPath:
+        """A path with a duration [s], in place of one that is not known yet."""
+        path = self.problem.path
+        return TimedPath(path.path, Timing(duration, TimeLaw.UNIFORM), path.drift)
+
+    def after(
+        self, path: TimedPath, redundancy: Redundancy | None = None,
+        pose: Pose | None = None, twist: Array | None = None,
+    ) -> ExpectedState:  # fmt: skip
+        """The state after a path of the robot, where the end-effector has a pose and a twist.
+
+        Raises:
+            InputError: If the path or the redundancy does not suit the robot, or system or bodies
+                would rotate too often.
+        """
+        time = self.time + path.duration
+        Scene(self.bodies).require_applicable(self.problem.model, time)
+        self.problem.replace(path=path, redundancy=redundancy, scene=Scene(), start_joints=None)
+        return replace(self, time=time, pose=pose, twist=twist)
+
+    def without(self, body: SceneBody) -> ExpectedState:
+        """The state after the capture of a body."""
+        bodies = tuple(entry for entry in self.bodies if entry is not body)
+        problem = self.problem.replace(momentum=_STILL, wheel_momentum=_STILL)
+        return replace(self, problem=problem, bodies=bodies, twist=None)
+
+
+@contextmanager
+def keys_within(key: str) -> Iterator[None]:
+    """Context in which the keys of errors are those below another key."""
+    try:
+        yield
+    except InputError as error:
+        inner = f"{key}.{error.key}"
+        raise type(error)(inner, error.problem, error.accepted, error.source, error.line) from None

@@ -1,0 +1,137 @@
+"""Further paths of a manoeuvre: in its frame or that of a body, from where the end-effector is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Self
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from freefloat.dynamics.momentum import Task
+from freefloat.errors import InputError
+from freefloat.paths.curves import Curve
+from freefloat.paths.orientation import OrientationLaw
+from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.relative_path import RelativePath
+from freefloat.paths.scene_body import SceneBody
+from freefloat.paths.timing import TimedPath
+from freefloat.so3 import Array, Pose, rotation_vector_between
+
+JUMP = 1e-6
+"""Largest jump of the end-effector between phases [m, rad], of its twist [m/s, rad/s] and of joint
+rates [rad/s, m/s]."""
+_AS_BEFORE = "as the phase before ends, or a path to a pose"
+
+
+def prescribed_path(
+    given: TimedPath | RelativePath, bodies: Sequence[SceneBody], centre: Array, drift: Array
+) -> TimedPath:
+    """A path in the frame of a manoeuvre or of a body, from the present centre of mass.
+
+    Args:
+        given: The path.
+        bodies: Bodies of the scene now, from the present centre of mass.
+        centre: That centre in the frame of the manoeuvre [m], shape (3,).
+        drift: Its velocity [m/s], shape (3,).
+    """
+    if isinstance(given, RelativePath):
+        body = next(body for body in bodies if body.name == given.body.name)
+        return replace(given, body=body).timed(drift)
+    moved = EndEffectorPath(_Moved(given.path.curve, -centre), given.path.orientation)
+    return TimedPath(moved, given.timing, drift)
+
+
+def require_continuous(path: TimedPath, pose: Pose, twist: Array | None, task: Task) -> None:
+    """Raise an InputError unless a path begins with a pose and a twist of the end-effector.
+
+    Args:
+        path: The path.
+        pose: Of the end-effector, in the frame of the path.
+        twist: In that frame [m/s; rad/s], shape (6,); None where it is not known.
+        task: Part of both that counts.
+    """
+    jump = float(np.abs(_offset(path, pose, task)).max())
+    if jump > JUMP:
+        raise InputError("path", f"it begins {jump:.3g} m or rad away", _AS_BEFORE)
+    if twist is None:
+        return
+    difference = path.twist(0.0) + path.drift_twist - twist
+    change = float(np.abs(_prescribed(difference, pose, task)).max())
+    if change > JUMP:
+        problem = f"the end-effector's twist would change by {change:.3g} m/s or rad/s"
+        raise InputError("path", problem, _AS_BEFORE)
+
+
+def moved_to_begin_at(path: TimedPath, pose: Pose, task: Task) -> TimedPath:
+    """The path, moved and turned by the little by which it does not begin at a pose.
+
+    Joints need no correction then, and errors of paths before are not those of this one.
+    """
+    offset = -_offset(path, pose, task)
+    curve, orientation = path.path.curve, path.path.orientation
+    moved = _Moved(curve, offset[:3])
+    if task.prescribes_orientation:
+        orientation = _Turned(orientation, Rotation.from_rotvec(offset[3:]).as_matrix())
+    return replace(path, path=EndEffectorPath(moved, orientation))
+
+
+def _offset(path: TimedPath, pose: Pose, task: Task) -> Array:
+    """From a pose to the first one of a path [m; rad], inertial axes; zero what is free, (6,)."""
+    start = path.pose(0.0)
+    turn = rotation_vector_between(pose.rotation, start.rotation)
+    if task is Task.POINTING:
+        turn = _between(pose.rotation[:, 2], start.rotation[:, 2], pose.rotation[:, 0])
+    return _prescribed(np.concatenate([start.position - pose.position, turn]), pose, task)
+
+
+def _between(first: Array, second: Array, across: Array) -> Array:
+    """The shortest rotation vector between unit vectors; ``across`` the axis of opposite ones."""
+    normal = np.cross(first, second)
+    sine = float(np.linalg.norm(normal))
+    axis = normal / sine if sine else across
+    return np.asarray(np.arctan2(sine, first @ second) * axis)
+
+
+def _prescribed(vector: Array, pose: Pose, task: Task) -> Array:
+    """The part of a pair of vectors (6,) in inertial axes that a task prescribes at a pose."""
+    axes = pose.rotation if task is Task.POINTING else np.eye(3)
+    kept = np.zeros(6)
+    kept[task.rows] = (vector.reshape(2, 3) @ axes).ravel()[task.rows]
+    return np.asarray((kept.reshape(2, 3) @ axes.T).ravel())
+
+
+class _Moved(Curve):
+    """A curve moved by an offset [m], (3,)."""
+
+    def __init__(self, curve: Curve, offset: Array) -> None:
+        self._curve, self._offset, self.breaks = curve, offset, curve.breaks
+
+    def __call__(self, s: float, order: int = 0) -> Array:
+        """See :class:`~freefloat.paths.curves.Curve`."""
+        value = self._curve(s, order)
+        return value if order else value + self._offset
+
+    def within(self, low: float, high: float) -> Self:
+        """See :class:`~freefloat.paths.curves.Segmented`."""
+        return type(self)(self._curve.within(low, high), self._offset)
+
+
+class _Turned(OrientationLaw):
+    """An orientation turned by a rotation, shape (3, 3), inertial axes."""
+
+    def __init__(self, law: OrientationLaw, turn: Array) -> None:
+        self._law, self._turn, self.breaks = law, turn, law.breaks
+
+    def rotation(self, s: float) -> Array:
+        """See :class:`~freefloat.paths.orientation.OrientationLaw`."""
+        return np.asarray(self._turn @ self._law.rotation(s))
+
+    def rate(self, s: float) -> Array:
+        """See :class:`~freefloat.paths.orientation.OrientationLaw`."""
+        return np.asarray(self._turn @ self._law.rate(s))
+
+    def within(self, low: float, high: float) -> Self:
+        """See :class:`~freefloat.paths.curves.Segmented`."""
+        return type(self)(self._law.within(low, high), self._turn)
