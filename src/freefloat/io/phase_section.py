@@ -135,10 +135,10 @@ class PhaseSection(Section):
         known = [PathFrame.INERTIAL, *scene.names]
         if kind not in known:
             raise InputError("path.frame", f"{kind!s} was given", ", ".join(known))
+        samples = None
+        if section.samples is not None:
+            samples = samples_text(folder / section.samples)
         with keys_within("path"):
-            samples = None
-            if section.samples is not None:
-                samples = samples_text(folder / section.samples)
             path = path_of(section, task, samples, folder, None)
         if kind is PathFrame.INERTIAL:
             return TimedPath(path, timing.to_timing())

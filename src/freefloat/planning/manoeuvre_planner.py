@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from freefloat.concurrency import Progress, step_of
-from freefloat.errors import InputError
+from freefloat.errors import InputError, require_type
 from freefloat.limits.limits import Limits
 from freefloat.motion.joint_transfer import JointTransfer
 from freefloat.motion.problem import Problem, require_problem
@@ -21,7 +21,7 @@ from freefloat.planning.phases import CapturePhase, JointPhase, Phase, checked_p
 from freefloat.planning.plan import Plan, Search
 from freefloat.planning.planner import plan
 from freefloat.planning.reorientation import reorient
-from freefloat.so3 import angle_between
+from freefloat.so3 import Array, angle_between
 
 _SAME = 1e-9
 """Angle between attitudes, and difference of joints, that are the same [rad, m]."""
@@ -71,12 +71,11 @@ def plan_manoeuvre(
         ['path', 'joints']
     """
     search = Search() if search is None else search
+    require_type("search", search, Search, "a Search, such as Search(samples=1024)")
     limits = Limits() if limits is None else limits
     require_problem(problem)
     following = checked_phases(problem, phases)
-    if reorient and (search.from_attitude is None or search.joints is None):
-        key = "search.from_attitude" if search.from_attitude is None else "search.joints"
-        raise InputError(key, "it is missing, for a reorientation", "the present state")
+    present = _present_joints(problem, search) if reorient else None
     share = 0.5 if reorient else 0.9
     step = step_of(progress, 0.0, share)
     first = plan(problem, search, limits, threads=threads, progress=step)
@@ -84,12 +83,26 @@ def plan_manoeuvre(
         return Manoeuvre((PlannedPhase("path", 0.0, np.zeros(3), first),), first.reason)
     state = Handover.at_start(first.chosen.motion)
     done: list[PlannedPhase] = []
-    if reorient:
-        done += _to_start(state, search, limits, step_of(progress, share, 0.9))
+    if present is not None:
+        done += _to_start(state, search, present, limits, step_of(progress, share, 0.9))
     done.append(PlannedPhase("path", 0.0, np.zeros(3), first))
     if all(phase.feasible for phase in done):
         done += _following(state.after(first.chosen.motion), following, limits)
     return _assembled(done)
+
+
+def _present_joints(problem: Problem, search: Search) -> Array:
+    """The present joints, in their ranges, from which a reorientation begins, shape (n,)."""
+    if search.from_attitude is None or search.joints is None:
+        key = "search.from_attitude" if search.from_attitude is None else "search.joints"
+        raise InputError(key, "it is missing, for a reorientation", "the present state")
+    model = problem.model
+    joints = model.joint_vector(search.joints, "search.joints")
+    for name, value, *ends in zip(model.joint_names, joints, *model.joint_ranges, strict=True):
+        if not ends[0] <= value <= ends[1]:
+            accepted = f"{ends[0]:g} to {ends[1]:g} rad or m"
+            raise InputError("search.joints", f"{name} is {value:g}", accepted)
+    return joints
 
 
 def _assembled(phases: Sequence[PlannedPhase]) -> Manoeuvre:
@@ -102,11 +115,10 @@ def _assembled(phases: Sequence[PlannedPhase]) -> Manoeuvre:
 
 
 def _to_start(
-    state: Handover, search: Search, limits: Limits, progress: Progress | None
+    state: Handover, search: Search, joints: Array, limits: Limits, progress: Progress | None
 ) -> list[PlannedPhase]:
     """Reorientation and settling that end with a state; none that are not needed."""
     problem, done = state.problem, list[PlannedPhase]()
-    joints = problem.model.joint_vector(search.joints, "search.joints")  # type: ignore[arg-type]
     attitude, begin = state.attitude, 0.0
     if max(np.abs(joints - state.joints).max(), np.abs(state.joint_rates).max()) > _SAME:
         settled = settling(problem, joints, attitude, state.joints, state.joint_rates, limits)

@@ -110,7 +110,7 @@ class PathPhase:
                     path = transfer(state.pose, state.twist, end, given.duration, drift)
             return state.after(path, self.redundancy, end, np.zeros(6))
         if isinstance(given, RelativePath):
-            state.body(given.body.name, "path.body")
+            state.body(given.body.name, "path.frame")
         path = prescribed_path(given, state.bodies_now, np.zeros(3), drift)
         if state.pose is not None:
             require_continuous(path, state.pose, state.twist, state.problem.task)
