@@ -16,6 +16,8 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.paths.scene import Scene
 from freefloat.paths.scene_body import SceneBody
 from freefloat.paths.tumbling import Tumbling
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.parts import Payload
 from freefloat.robot.shapes import Box, Cylinder, Sphere
 from tests.prismatic import LENGTH, prismatic_motion, prismatic_robot, shape_text
 
@@ -207,3 +209,18 @@ class OnlyScene:
         self.levers = lambda strokes: pairs.levers(strokes)[chosen]
         self.frame_levers = lambda: pairs.frame_levers()[chosen]
         self.distances = lambda q, k, a, poses: pairs.distances(q, chosen[k], a, poses)
+
+
+def test_a_held_body_is_the_shape_of_its_payload():
+    """Its pairs with links are considered; those with bodies beside the robot are named."""
+    payload = Payload(3.0, [0.1, 0.1, 0.1])
+    robot = prismatic_robot(bus=BALL, hand=BALL)
+    model = FreeFloatingModel.from_urdf(robot, "hand", payload=payload)
+    held = SceneBody("client", Sphere(0.1), motion="target", touch_links=("hand",))
+    wall = SceneBody("wall", Sphere(0.1), [9.0, 0.0, 0.0])
+    unknown = CollisionPairs(model, scene=Scene([held, wall])).left_out
+    known = CollisionPairs(model, scene=Scene([replace(held, payload="payload"), wall]))
+    assert "payload: without shape" in unknown
+    assert not any(note.startswith("payload") for note in known.left_out)
+    assert any(note.startswith("client - wall:") for note in known.left_out)
+    assert {known.name(pair) for pair in range(len(known.pairs))} >= {"bus - client", "hand - wall"}

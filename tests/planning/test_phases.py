@@ -1,0 +1,160 @@
+"""Phases are checked against the problem and one another before anything is planned."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+import freefloat as ff
+from freefloat.errors import InputError
+from freefloat.planning.handover import Handover
+from freefloat.planning.path_continuation import continued
+from freefloat.so3 import Pose
+
+GRAPPLE = np.array([0.5, 1.2, 0.0])
+TUMBLING = ff.Tumbling([0.1, 0.1, 0.2], [0.0, 0.0, 0.02], com=[0.05, 0.0, 0.0])
+BODIES = (
+    ff.SceneBody("client", ff.Sphere(0.1), GRAPPLE, motion=TUMBLING),
+    ff.SceneBody("box", ff.Sphere(0.1), [3.0, 3.0, 0.0]),
+    ff.SceneBody("tool", ff.Sphere(0.1), motion="target"),
+)
+CAPTURE = ff.CapturePhase("client", 3.0)
+REST = ff.JointPhase([0.4, 1.2], 30.0)
+
+
+def line(start: Any, end: Any) -> ff.EndEffectorPath:
+    return ff.EndEffectorPath(ff.paths.PolynomialCurve.line(start, end))
+
+
+def path_in(body: ff.SceneBody) -> ff.PathPhase:
+    start = body.pose.inverse() @ Pose(GRAPPLE, np.eye(3))
+    there = line(start.position, start.position + np.array([0.1, 0.0, 0.0]))
+    return ff.PathPhase(ff.paths.RelativePath(body, there, ff.Timing(9.0)))
+
+
+def goal(x: float, y: float, z: float, duration: float = 20.0) -> ff.PathPhase:
+    return ff.PathPhase(ff.PoseGoal(Pose(np.array([x, y, z]), np.eye(3)), duration))
+
+
+@pytest.fixture(scope="module")
+def problem() -> ff.Problem:
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    return replace(problem, scene=ff.Scene(BODIES))
+
+
+@pytest.fixture
+def no_planning(monkeypatch) -> None:
+    def planned(*_: Any, **__: Any) -> None:
+        raise AssertionError("the path was planned")
+
+    monkeypatch.setattr("freefloat.planning.manoeuvre_planner.plan", planned)
+
+
+AWAY = ff.TimedPath(line([0.0, 0.0, 0.0], [1.0, 0.0, 0.0]), ff.Timing(9.0))
+MOVING = ff.TimedPath(line(GRAPPLE, [1.0, 0.0, 0.0]), ff.Timing(9.0, "uniform"))
+OFF_PLANE = ff.TimedPath(line(GRAPPLE, [1.0, 0.0, 0.5]), ff.Timing(9.0))
+
+
+@pytest.mark.usefixtures("no_planning")
+@pytest.mark.parametrize(("phases", "key"), [
+    ([ff.JointPhase([], 9.0)], "phases.0.joints"),
+    ([ff.JointPhase([1.0, 2.0, 3.0], 9.0)], "phases.0.joints"),
+    ([ff.JointPhase([1.0, np.nan], 9.0)], "phases.0.joints"),
+    ([REST, ff.JointPhase({"q1": 1.0, "q9": 2.0}, 9.0)], "phases.1.joints"),
+    ([ff.JointPhase([1.0, 2.0], 1e9)], "phases.0.scene.bodies.tumbling.rate"),
+    ([ff.CapturePhase("nobody", 3.0)], "phases.0.body"),
+    ([ff.CapturePhase("tool", 3.0)], "phases.0.body"),
+    ([CAPTURE, CAPTURE], "phases.1.body"),
+    ([ff.CapturePhase("box", 3.0)], "phases.0.inertia"),
+    ([CAPTURE, path_in(BODIES[0])], "phases.1.path.frame"),
+    ([ff.PathPhase(AWAY)], "phases.0.path"),
+    ([goal(1.0, 0.5, 0.0), ff.PathPhase(AWAY)], "phases.1.path"),
+    ([ff.PathPhase(MOVING)], "phases.0.path"),
+    ([ff.PathPhase(OFF_PLANE)], "phases.0.path"),
+    ([path_in(BODIES[0])], "phases.0.path"),  # the client tumbles, the end-effector rests
+    ([goal(*GRAPPLE)], "phases.0.path"),
+    ([goal(1.0, 0.5, 0.5)], "phases.0.path"),
+    ([replace(goal(1.0, 0.5, 0.0), redundancy=ff.Redundancy())], "phases.0.redundancy"),
+    ([replace(REST, name="path")], "phases.0.name"),
+    ([replace(REST, name="a"), goal(1.0, 0.5, 0.0), replace(REST, name="a")], "phases.2.name"),
+    ([REST, "berth"], "phases.1"),
+    (REST, "phases"),
+])  # fmt: skip
+def test_a_phase_that_cannot_follow_is_refused_before_planning(problem, phases, key) -> None:
+    with pytest.raises(InputError) as raised:
+        ff.plan_manoeuvre(problem, phases)
+    assert raised.value.key == key
+
+
+@pytest.mark.usefixtures("no_planning")
+@pytest.mark.parametrize(("changes", "key"), [
+    ({"com": [0.35, 0.0, 0.0]}, "phases.0.com"),
+    ({"com": [0.0, 0.0, 0.0]}, "phases.0.com"),
+    ({"inertia": [1.0, 1.0, 1.0]}, "phases.0.inertia"),
+    ({"inertia": [0.2, 0.1, 0.1]}, "phases.0.inertia"),
+])  # fmt: skip
+def test_a_capture_agrees_with_how_its_body_tumbles(problem, changes, key) -> None:
+    """Else a body that nothing touched would change its momentum."""
+    with pytest.raises(InputError) as raised:
+        ff.plan_manoeuvre(problem, [replace(CAPTURE, **changes)])
+    assert raised.value.key == key
+
+
+def test_the_inertia_of_a_tumbling_is_known_up_to_a_factor(problem: ff.Problem) -> None:
+    motion = ff.simulate(problem, heading=0.45).chosen.motion
+    state = Handover.at_start(motion).after_path(motion)
+    given = replace(CAPTURE, inertia=10.0 * TUMBLING.inertia, com=TUMBLING.com)
+    (_, light), (_, heavy) = state.captured(CAPTURE), state.captured(given)
+    np.testing.assert_allclose(heavy.mismatch, light.mismatch, atol=1e-15)
+
+
+@pytest.mark.parametrize("duration", [0.0, 1e-300, 1e-9, np.inf, np.nan, "3"])
+def test_durations_are_seconds_that_can_be_integrated(duration: Any) -> None:
+    for build in (lambda: ff.JointPhase([0.0, 0.0], duration), lambda: goal(0, 0, 0, duration)):
+        with pytest.raises(InputError) as raised:
+            build()
+        assert raised.value.key == "duration"
+
+
+def test_unnamed_phases_have_distinct_names() -> None:
+    text = yaml.safe_load(ff.load_scenario("planar_2dof/line").text)
+    rest, there = {"joints": [0.4, 1.2], "duration": 9.0}, {"position": [1.0, 0.5, 0.0]}
+    given = [rest, {"to": there, "duration": 9.0}, rest, {**rest, "name": "joints"}]
+    names = [phase.name for phase in ff.load_scenario({**text, "phases": given}).phases()]
+    assert names == ["joints 2", "to", "joints 3", "joints"]
+
+
+def test_a_path_that_begins_within_rounding_is_moved_there(problem: ff.Problem) -> None:
+    motion = ff.simulate(problem, heading=0.45).chosen.motion
+    state = Handover.at_start(motion).after_path(motion)
+    rounded = line(GRAPPLE + np.array([4e-7, -3e-7, 0.0]), [0.9, 1.0, 0.0])
+    path = state.path_of(ff.PathPhase(ff.TimedPath(rounded, ff.Timing(10.0))))
+    np.testing.assert_allclose(path.pose(0.0).position, state.pose.position, atol=1e-14)
+    np.testing.assert_allclose(path.pose(10.0).position, [0.9, 1.0, 0.0], atol=1e-6)
+
+
+def test_joint_rates_of_a_redundant_arm_do_not_jump() -> None:
+    """The end-effector may go on as before while the arm would have to change its rates at once."""
+    posed = ff.load_scenario("planar_3dof/parabola").problem()
+    problem, attitude = posed.replace(task="planar-position"), posed.attitude(heading=2.4)
+    motion = ff.integrate_motion(problem, attitude, posed.branches(attitude)[1].joints)
+    state = Handover.at_start(motion).after_path(motion)
+    back = ff.PathPhase(ff.PoseGoal(Pose([-0.05, 0.0, 0.0], np.eye(3)), 20.0, "end_effector"))
+    assert continued(state, back, ff.Limits()).feasible
+    moving = replace(state, joint_rates=state.joint_rates + np.array([0.0, 0.01, -0.01]))
+    found = continued(moving, back, ff.Limits())
+    assert not found.feasible
+    assert "joint rates" in found.reason
+
+
+def test_a_corridor_remains_after_a_capture_unless_it_is_that_of_the_captured_body(problem) -> None:
+    for body, remains in ((None, True), ("box", True), ("client", False)):
+        corridor = ff.Corridor([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], radius=9.0, body=body)
+        scene = ff.Scene(BODIES, corridor)
+        motion = ff.simulate(replace(problem, scene=scene), heading=0.45).chosen.motion
+        state, _ = Handover.at_start(motion).after_path(motion).captured(CAPTURE)
+        assert (state.problem.scene.corridor is not None) is remains
