@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -92,6 +93,18 @@ def test_phases_that_do_not_join_are_a_discrepancy(file: Path) -> None:
     object.__setattr__(motion, "joints", motion.joints + 1e-6)
     names = {entry.name for entry in ff.check(loaded).discrepancies}
     assert "path: begins where settling ends" in names
+
+
+def test_rates_and_places_that_do_not_join_are_discrepancies(file: Path) -> None:
+    loaded = ff.load(file)
+    _, settling, _, _, joints, _ = loaded.phases
+    transfer = joints.result.transfer
+    faster = transfer.coefficients + np.outer([0.0, 1e-3, 0.0, 0.0, 0.0, 0.0], [1.0, 0.0])
+    object.__setattr__(joints.result, "transfer", replace(transfer, coefficients=faster))
+    object.__setattr__(settling, "centre", settling.centre + 1e-6)
+    names = {entry.name for entry in ff.check(loaded).discrepancies}
+    assert {"joints: rates at its start", "path: begins where settling ends"} <= names
+    assert "path: rates at its start" not in names
 
 
 def test_a_page_plays_the_phases(file: Path, tmp_path: Path) -> None:
