@@ -8,13 +8,21 @@ from itertools import pairwise
 
 import numpy as np
 
-from freefloat.errors import InputError, number_array
+from freefloat.errors import InputError, finite_number, number_array
 
+_SHORTEST, _LONGEST = 1e-6, 1e12
+"""Accepted durations [s]: rates and their squares neither overflow nor underflow."""
 _LENGTH = 1e-9
 """Deviation of the last s from 1."""
 
 Speeds = tuple[tuple[float, float], ...]
 """Pairs of times [s] and speeds ds/dt [1/s]."""
+
+
+def positive_duration(key: str, value: float) -> float:
+    """A duration [s]; an InputError that names ``key`` for one that is too short or too long."""
+    accepted = f"a positive number, {_SHORTEST:g} to {_LONGEST:g} s"
+    return finite_number(key, value, accepted, _SHORTEST, _LONGEST)
 
 
 @dataclass(frozen=True)

@@ -15,24 +15,22 @@ from scipy.optimize import brentq
 
 from freefloat.errors import InputError, finite_number, finite_vector, member, require_type
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.time_segments import Speeds, TimeSegment, require_speeds, segments_of
+from freefloat.paths.time_segments import (
+    Speeds,
+    TimeSegment,
+    positive_duration,
+    require_speeds,
+    segments_of,
+)
 from freefloat.so3 import Array, Pose, frozen
 
 _BLEND = 0.25
 """Fraction of a trapezoidal profile spent accelerating, and again decelerating."""
-_SHORTEST, _LONGEST = 1e-6, 1e12
-"""Accepted durations [s]: rates and their squares neither overflow nor underflow."""
 _APART = 1e-6
 """Smallest distance of breaks, as a fraction of the duration."""
 _STOPS = "a list of stops, such as [Stop(s=0.5, t=40)], t in seconds"
 _CLOSEST = 1e-9
 """Smallest distance of stops in s and in t over the duration."""
-
-
-def positive_duration(key: str, value: float) -> float:
-    """A duration [s]; an InputError that names ``key`` for one that is too short or too long."""
-    accepted = f"a positive number, {_SHORTEST:g} to {_LONGEST:g} s"
-    return finite_number(key, value, accepted, _SHORTEST, _LONGEST)
 
 
 class TimeLaw(StrEnum):

@@ -15,7 +15,8 @@ from freefloat.errors import InputError, finite_number, finite_vector, require_t
 from freefloat.motion.problem import Problem
 from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.scene_body import SceneBody
-from freefloat.paths.timing import TimedPath, positive_duration
+from freefloat.paths.time_segments import positive_duration
+from freefloat.paths.timing import TimedPath
 from freefloat.paths.transfer import transfer
 from freefloat.paths.tumbling import Tumbling
 from freefloat.planning.expected_state import ExpectedState, keys_within
