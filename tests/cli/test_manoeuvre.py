@@ -100,7 +100,7 @@ def test_rates_and_places_that_do_not_join_are_discrepancies(file: Path) -> None
     _, settling, _, _, joints, _ = loaded.phases
     transfer = joints.result.transfer
     faster = transfer.coefficients + np.outer([0.0, 1e-3, 0.0, 0.0, 0.0, 0.0], [1.0, 0.0])
-    object.__setattr__(joints.result, "transfer", replace(transfer, coefficients=faster))
+    object.__setattr__(joints.motion, "curve", replace(transfer, coefficients=faster))
     object.__setattr__(settling, "centre", settling.centre + 1e-6)
     names = {entry.name for entry in ff.check(loaded).discrepancies}
     assert {"joints: rates at its start", "path: begins where settling ends"} <= names
