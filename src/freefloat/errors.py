@@ -19,6 +19,8 @@ if TYPE_CHECKING:  # the command line shows its help without NumPy
     import numpy as np
     import numpy.typing as npt
 
+LARGEST_SEED = 2**53
+"""Largest integer that every reader of JSON keeps."""
 _Words = TypeVar("_Words", bound=StrEnum)
 _PACKAGE = Path(__file__).parent
 _LONGEST = 1000
@@ -198,6 +200,11 @@ def whole_number(key: str, value: Any, minimum: int, maximum: float = float("inf
         upper = f"to {maximum:,}" if maximum < float("inf") else "or more"
         raise InputError(key, f"{value!r} was given", f"a whole number, {minimum} {upper}")
     return int(value)
+
+
+def seed_number(key: str, value: Any) -> int:
+    """The value as the seed of random numbers, which scenario and result files can hold."""
+    return whole_number(key, value, 0, LARGEST_SEED)
 
 
 def did_you_mean(word: str, names: Iterable[str]) -> str:

@@ -66,5 +66,9 @@ def test_too_short_a_time_ends_with_exit_code_1(file: Path, tmp_path: Path) -> N
     assert run("check", tmp_path / "late.h5").exit_code == 0
 
 
+def test_a_negative_seed_is_refused() -> None:
+    assert error(*TURN, "--seed", -1)["key"] == "seed"
+
+
 def test_a_rotation_out_of_the_plane_is_refused() -> None:
     assert error(*TURN[:-4], 0.1305262, 0, 0, 0.9914449)["key"] == "to"

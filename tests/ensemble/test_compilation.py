@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +13,7 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.kernels.cache_files import CheckedCacheFile
 from freefloat.ensemble.kernels.compilation import compiled
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.margin import Margin
@@ -60,6 +63,60 @@ def test_cached_kernels_are_compiled_again_when_a_called_kernel_changes(tmp_path
     assert run(tmp_path) == ["6.0", "1", "Scale."]
     (tmp_path / "helper.py").write_text(HELPER.format(value=5.0))
     assert run(tmp_path) == ["15.0", "0", "Scale."]
+
+
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+@pytest.mark.parametrize("damage", ["empty", "truncated", "flipped", "foreign"])
+def test_a_damaged_cache_entry_is_deleted_and_reported_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, suffix: str, damage: str
+) -> None:
+    files = CheckedCacheFile(str(tmp_path), "kernel", "stamp")
+    files.save("signature", b"machine code")
+    assert files.load("signature") == b"machine code"
+    (path,) = tmp_path.glob(f"*{suffix}")
+    content = path.read_bytes()
+    middle = len(content) // 2
+    changed = bytes([content[middle] ^ 1])
+    path.write_bytes({
+        "empty": b"",
+        "truncated": content[:middle],
+        "flipped": content[:middle] + changed + content[middle + 1 :],
+        "foreign": b"not a cache file",
+    }[damage])  # fmt: skip
+    with caplog.at_level(logging.WARNING, "freefloat"):
+        assert files.load("signature") is None
+    assert [str(path) in record.getMessage() for record in caplog.records] == [True]
+    assert not path.exists()
+    files.save("signature", b"new machine code")
+    assert files.load("signature") == b"new machine code"
+    assert CheckedCacheFile(str(tmp_path), "kernel", "other stamp").load("signature") is None
+
+
+@pytest.mark.slow
+def test_kernels_of_a_damaged_cache_are_compiled_again(tmp_path: Path) -> None:
+    (tmp_path / "kernel.py").write_text(KERNEL)
+    (tmp_path / "helper.py").write_text(HELPER.format(value=2.0))
+    assert run(tmp_path) == ["6.0", "0", "Scale."]
+    for path in (tmp_path / "__pycache__").glob("*.nb[ci]"):
+        path.write_bytes(path.read_bytes()[:-1])
+    assert run(tmp_path) == ["6.0", "0", "Scale."]
+    assert run(tmp_path) == ["6.0", "1", "Scale."]
+
+
+def test_a_cache_that_cannot_be_written_is_no_error(tmp_path: Path) -> None:
+    files = CheckedCacheFile(str(tmp_path / "missing"), "kernel", "stamp")
+    files.save("signature", b"machine code")
+    assert files.load("signature") is None
+
+
+@pytest.mark.slow
+def test_kernels_without_the_compiler_are_refused() -> None:
+    command = [sys.executable, "-m", "freefloat", "plan", "planar_2dof/line"]
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "NUMBA_DISABLE_JIT" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
 
 
 def test_kernels_run_without_a_cache_folder() -> None:

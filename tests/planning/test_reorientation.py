@@ -108,6 +108,31 @@ def test_too_short_a_time_is_answered_with_the_time_that_is_enough() -> None:
     assert ff.reorient(problem, IDENTITY, goal, duration=1.01 * enough, **options).reached
 
 
+def test_a_duration_below_the_least_possible_one_is_answered_without_a_search(monkeypatch) -> None:
+    monkeypatch.setattr(LoopCountSearch, "exactly", None)
+    problem, goal = planar(), about([0.0, 0.0, 1.0], 20.0)
+    untimed = ff.reorient(problem, IDENTITY, goal, duration=1e-300)
+    assert not untimed.reached
+    assert untimed.needed == {"duration": problem.path.duration}
+    slow = ff.Limits(base_rate=0.01)
+    assert not ff.reorient(problem, IDENTITY, goal, slow, duration=np.radians(19.9) / 0.01).reached
+
+
+def test_a_hopelessly_short_time_takes_no_further_searches(monkeypatch) -> None:
+    tried = []
+    exactly = LoopCountSearch.exactly
+
+    def counted(search, count):
+        tried.append(count)
+        return exactly(search, count)
+
+    monkeypatch.setattr(LoopCountSearch, "exactly", counted)
+    limits = ff.Limits(joint_rate=np.full(2, 0.1))
+    goal = about([0.0, 0.0, 1.0], 20.0)
+    assert not ff.reorient(planar(), IDENTITY, goal, limits, duration=1e-300).reached
+    assert tried == [1]
+
+
 def test_narrow_joint_ranges_are_answered_with_a_factor() -> None:
     text = ff.FreeFloatingModel.from_urdf("planar_2dof").description.text
     narrow = text.replace('"continuous">', '"revolute"><limit lower="0.73" upper="0.87" ' + EFFORT)
@@ -139,5 +164,8 @@ def test_misuse_names_the_argument() -> None:
     assert error_key(lambda: ff.reorient(problem, IDENTITY, goal, duration=-1.0)) == "duration"
     assert error_key(lambda: ff.reorient(problem, IDENTITY, goal, joints=[0.0])) == "joints"
     servicer = ff.load_scenario("ets_vii/line").problem()
+    for seed in (-1, 2**60, 0.5):
+        assert error_key(lambda s=seed: ff.reorient(problem, IDENTITY, goal, seed=s)) == "seed"
+    assert error_key(lambda: ff.reorient(problem, IDENTITY, goal, joints=[1e9, 0.0])) == "joints"
     beyond = {"joints": [4.0, 0, 0, 0, 0, 0]}
     assert error_key(lambda: ff.reorient(servicer, IDENTITY, goal, **beyond)) == "joints"

@@ -42,7 +42,9 @@ _Duration = Annotated[
 _Loops = Annotated[
     int | None, typer.Option(metavar="N", help="Number of loops; default: the fewest.")
 ]
-_Seed = Annotated[int, typer.Option(metavar="N", help="Of the loops where the search begins.")]
+_Seed = Annotated[
+    int, typer.Option(metavar="N", help="Seed of the random loops that are tried first.")
+]
 
 
 def reorient(

@@ -11,6 +11,8 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
+from freefloat.errors import LARGEST_SEED
+
 _MAX = 1e9
 """No length, time or momentum of a spacecraft comes near; squares beyond it lose all digits."""
 
@@ -19,6 +21,7 @@ Number = Annotated[float, Field(strict=True, ge=-_MAX, le=_MAX)]
 Factor = Annotated[float, Field(strict=True, ge=1e-6, le=1e6)]
 Positive = Annotated[float, Field(strict=True, gt=0.0, le=_MAX)]
 NotNegative = Annotated[float, Field(strict=True, ge=0.0, le=_MAX)]
+Seed = Annotated[int, Field(strict=True, ge=0, le=LARGEST_SEED)]
 Vector = tuple[Number, Number, Number]
 Moments = tuple[Number, Number, Number, Number, Number, Number]
 Inertia = Vector | Moments | tuple[Vector, Vector, Vector]

@@ -17,6 +17,7 @@ from freefloat.io.field_types import (
     Positive,
     Quaternion,
     Section,
+    Seed,
     Vector,
     exactly_one_of,
 )
@@ -87,7 +88,7 @@ class SearchSection(Section):
     samples: Annotated[int, Field(strict=True, ge=FEWEST_SAMPLES)] | None = None
     """Number of attitudes sampled where there is no closed form. Default: in the plane 360
     headings; in space 4,096 attitudes for a plan and 36,864 for a map."""
-    seed: Annotated[int, Field(strict=True, ge=0)] = 0
+    seed: Seed = 0
     """Seed of the grid of attitudes in space."""
     joints: list[Number] | dict[str, Number] | None = None
     """Present joints of the arm [rad, m], in the order of the chain or a map from joint to value:

@@ -18,6 +18,11 @@ _STARTS = 6
 """Random loops from which a search begins."""
 _MORE = 3
 """Further numbers of loops that are tried where the fewest take too long."""
+_WORTH = 0.5
+"""Allowed duration, over that of the fewest loops, from which more loops are tried: their duration
+grows with the root of their number, unless the fewest have little room."""
+_FURTHER = (2, 4, 8)
+"""Factors on a number of loops that is not enough, to find one that is."""
 
 _SIMILAR = 0.2
 """Relative difference of coefficients up to which loops are near the same minimum."""
@@ -62,7 +67,7 @@ class LoopCountSearch:
                 break
             found = other
         for more in range(found.loops.count + 1, found.loops.count + 1 + _MORE):
-            if longest is None or found.duration <= longest:
+            if longest is None or not _WORTH * found.duration <= longest < found.duration:
                 break
             found = min(filter(None, (found, self.exactly(more))), key=lambda m: m.duration)
         return found
@@ -107,8 +112,9 @@ class LoopCountSearch:
     def needed(self, count: int | None) -> dict[str, float]:
         """What would be enough: more loops than ``count``, or wider joint ranges, by a factor."""
         if count is not None:
-            found = self.fewest(None)
-            return {} if found is None else {"loops": found.loops.count}
+            numbers = [factor * count for factor in _FURTHER if factor * count <= MOST_LOOPS]
+            enough = next((more for more in numbers if self.exactly(more) is not None), None)
+            return {} if enough is None else {"loops": enough}
         if self.violation is not None:
             return {}
         rotation = self._motions.rotation ** (1.0 / MOST_LOOPS)

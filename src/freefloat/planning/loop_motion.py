@@ -81,6 +81,14 @@ class LoopMotions:
         return self._limits.timed
 
     @property
+    def least_duration(self) -> float:
+        """A lower bound of the duration, or the duration that nothing else determines [s]."""
+        if not self.timed:
+            return float(self._problem.path.duration)
+        rate = self._limits.base_rate
+        return 0.0 if rate is None else float(self.rotation.magnitude() / rate)
+
+    @property
     def unreachable(self) -> Array:
         """Rotation vector of the part of the rotation that no loops have [rad], shape (3,)."""
         axes, vector = self.search.axes, self.rotation.as_rotvec()

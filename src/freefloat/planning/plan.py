@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.errors import InputError, finite_number, member, whole_number
+from freefloat.errors import InputError, finite_number, member, seed_number, whole_number
 from freefloat.limits.contact import Contact
 from freefloat.limits.limits import LimitResult, Limits, violated
 from freefloat.motion.certificate import Certificate
@@ -79,7 +79,7 @@ class Search:
         if self.samples is not None:
             samples = whole_number("search.samples", self.samples, FEWEST_SAMPLES)
             object.__setattr__(self, "samples", samples)
-        object.__setattr__(self, "seed", whole_number("search.seed", self.seed, 0))
+        object.__setattr__(self, "seed", seed_number("search.seed", self.seed))
         finite_number("search.spare", self.spare, "an angle from 0 to pi / 2", 0.0, np.pi / 2.0)
         reason = "objective nearest" if self.objective is Objective.NEAREST else None
         if self.within is not None:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.concurrency import Progress
-from freefloat.errors import InputError, finite_number
+from freefloat.errors import InputError, finite_number, seed_number, whole_number
 from freefloat.limits.limits import LimitResult, Limits
 from freefloat.motion.joint_loops import JointLoops
 from freefloat.motion.motion import Motion
@@ -23,6 +23,9 @@ _SAME = 1e-9
 """Angle between attitudes that are the same [rad]."""
 _OUTSIDE = 1e-9
 """Component of a rotation about axes about which loops do not turn the spacecraft [rad]."""
+
+_FARTHEST = 1e3
+"""Largest joint value [rad, m]; differences of larger ones have too few digits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +135,7 @@ def reorient(
             the goal and that keeps the limits, or the middles of the joint ranges.
         duration: Longest duration [s].
         loops: Number of loops, by default the fewest.
-        seed: Of the loops from which the search begins.
+        seed: Seed of the random loops that are tried first.
         progress: Called with the fraction done, in [0, 1].
 
     Raises:
@@ -154,12 +157,18 @@ def reorient(
         accepted = "a positive number of seconds"
         duration = finite_number("duration", duration, accepted, np.finfo(float).tiny)
     if loops is not None:
-        finite_number("loops", loops, f"a number from 1 to {MOST_LOOPS}", 1, MOST_LOOPS)
+        whole_number("loops", loops, 1, MOST_LOOPS)
+    seed = seed_number("seed", seed)
     motions = _motions(problem, limits, start, goal, joints)
     rest = motions.search.joints
     outcome = Reorientation(problem, start, goal, rest, limits, duration, False, "")
     if np.linalg.norm(motions.unreachable) > _OUTSIDE:
         return replace(outcome, reason="closed loops of the joints do not turn it about this axis")
+    least = motions.least_duration
+    if duration is not None and duration < least * (1.0 - _SAME):
+        why = "with this limit of the base rate" if motions.timed else "as the path of the problem"
+        reason = f"it takes at least {least:.4g} s, {why}, but {duration:g} s are allowed"
+        return replace(outcome, reason=reason, needed={} if motions.timed else {"duration": least})
     search = LoopCountSearch(motions, seed, progress)
     found = search.fewest(duration) if loops is None else search.exactly(loops)
     if found is None:
@@ -197,6 +206,8 @@ def _motions(
     if joints is not None or problem.start_joints is not None:
         chosen = problem.start_joints if joints is None else joints
         candidates = [model.joint_vector(chosen)]  # type: ignore[arg-type]
+        largest = np.abs(candidates[0]).max()
+        finite_number("joints", largest, f"values of at most {_FARTHEST:g}", 0.0, _FARTHEST)
     else:
         lower, upper = model.joint_ranges
         bounded = np.isfinite(lower) & np.isfinite(upper)

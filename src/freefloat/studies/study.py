@@ -14,7 +14,7 @@ from pydantic import Field
 
 from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError
-from freefloat.io.field_types import Name, Number, Quaternion, Section
+from freefloat.io.field_types import Name, Number, Quaternion, Section, Seed
 from freefloat.io.scenario import Scenario
 from freefloat.io.schema import ScenarioFile
 from freefloat.io.yaml import parse_yaml, read_text, validated
@@ -62,7 +62,7 @@ class StudyFile(Section):
     the second of each, and so on)."""
     cases: Count | None = None
     """Number of random draws; where keys have listed values too, per combination of these."""
-    seed: Annotated[int, Field(strict=True, ge=0)] = 0
+    seed: Seed = 0
     """Seed of all random values."""
     files: Annotated[bool, Field(strict=True)] = True
     """Whether to keep the result file of each run, as the commands write it with -o; track has

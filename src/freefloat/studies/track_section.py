@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 from pydantic import Field
 
 from freefloat.errors import InputError
-from freefloat.io.field_types import NotNegative, Positive, Section
+from freefloat.io.field_types import NotNegative, Positive, Section, Seed
 from freefloat.io.yaml import validated
 
 TRACK = "track."
@@ -29,7 +29,7 @@ class TrackSection(Section):
     """Standard deviation of measured angles [rad], and of positions [m]."""
     friction: NotNegative = 0.0
     """Dry friction in every joint [N m or N]."""
-    seed: Annotated[int, Field(strict=True, ge=0)] = 0
+    seed: Seed = 0
     """Seed of mass errors and noise; vary it to repeat a run with others."""
     gain: NotNegative = 1.0
     """Gain of the controller on the error of the pose [1/s]."""

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
-from freefloat.errors import InputError, finite_number, require_type, whole_number
+from freefloat.errors import InputError, finite_number, require_type, seed_number
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
@@ -169,7 +169,7 @@ def track(
         finite_number(name, value, "a number, 0 or more", 0.0)
     problem = motion.problem
     times = _instants(problem.path.duration, gain, period)
-    rng = np.random.default_rng(whole_number("seed", seed, 0))
+    rng = np.random.default_rng(seed_number("seed", seed))
     model = _deviating(
         problem.model, np.exp(mass_error * rng.standard_normal(1 + problem.model.dof))
     )

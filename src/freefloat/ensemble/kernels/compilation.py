@@ -8,7 +8,10 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from numba import njit
+from numba import config, njit
+
+from freefloat.ensemble.kernels.cache_files import CheckedCacheFile
+from freefloat.errors import InputError
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 _INNER: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
@@ -21,15 +24,19 @@ def compiled(function: _Function) -> _Function:
 
     The compiled function releases the global lock and divides by zero as NumPy does. Without a
     writable cache folder, every process compiles it again.
+
+    Raises:
+        InputError: If Numba's compiler is switched off; kernels compute with its vectors.
     """
+    if config.DISABLE_JIT:
+        raise InputError("NUMBA_DISABLE_JIT", "it is set", "no such variable in the environment")
     try:
         kernel = njit(cache=True, **_OPTIONS)(function)
     except RuntimeError:  # Numba has no folder for its cache
         return cast(_Function, njit(**_OPTIONS)(function))
     # Numba compares the stamp of the kernel's own file only and would keep machine code of kernels
     # that it calls from other files: the stamp is extended by a digest of all kernels
-    file = kernel._cache._cache_file
-    file._source_stamp = (file._source_stamp, _digest(_PACKAGE))
+    kernel._cache._cache_file = CheckedCacheFile.of(kernel._cache, _digest(_PACKAGE))
     return cast(_Function, kernel)
 
 

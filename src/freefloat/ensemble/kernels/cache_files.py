@@ -1,0 +1,65 @@
+"""Numba's cache files with digests: damaged machine code would crash the process."""
+
+from __future__ import annotations
+
+import logging
+import pickle
+from contextlib import suppress
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from numba.core.caching import Cache, IndexDataCacheFile
+from numba.core.serialize import dumps
+
+_DIGEST = 32
+"""Bytes of the digest at the beginning of a file."""
+_logger = logging.getLogger("freefloat")
+
+
+class CheckedCacheFile(IndexDataCacheFile):  # type: ignore[misc]  # Numba has no types
+    """Index and data files of a kernel; a damaged one is deleted, and the kernel compiled again."""
+
+    @classmethod
+    def of(cls, cache: Cache, digest: str) -> CheckedCacheFile:
+        """The files in place of those of a cache, valid for sources with a digest."""
+        stamp = cache._impl.locator.get_source_stamp()
+        return cls(cache.cache_path, f"{cache._impl.filename_base}.checked", (stamp, digest))
+
+    def save(self, key: Any, data: Any) -> None:
+        """Write an entry where the folder permits it."""
+        with suppress(OSError):
+            super().save(key, data)
+
+    def _dump(self, obj: Any) -> bytes:
+        data = dumps(obj)
+        return sha256(data).digest() + data
+
+    def _save_index(self, overloads: dict[Any, str]) -> None:
+        # what another version of Numba has pickled may not be readable: it stays a string of bytes
+        content = self._dump((self._version, self._source_stamp, dumps(overloads)))
+        with self._open_for_write(self._index_path) as file:
+            file.write(content)
+
+    def _load_index(self) -> dict[Any, str]:
+        try:
+            version, stamp, overloads = _checked(self._index_path)
+        except OSError:
+            return {}
+        fresh = (version, stamp) == (self._version, self._source_stamp)
+        return pickle.loads(overloads) if fresh else {}
+
+    def _load_data(self, name: str) -> Any:
+        return _checked(self._data_path(name))
+
+
+def _checked(path: str) -> Any:
+    """The content of a file; a damaged one is deleted and as if it were missing."""
+    content = Path(path).read_bytes()
+    data = content[_DIGEST:]
+    if sha256(data).digest() != content[:_DIGEST]:
+        _logger.warning("%s is damaged: the kernel is compiled again", path)
+        with suppress(OSError):
+            Path(path).unlink()
+        raise FileNotFoundError(path)
+    return pickle.loads(data)
