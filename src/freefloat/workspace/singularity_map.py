@@ -35,8 +35,10 @@ _RESOLUTIONS = (0.1, 0.1, 0.1, 1.0, 5.0, 15.0)
 """Default resolutions [deg] for maps of so many joints; the last one for more joints."""
 _MOST_JOINTS = 5
 """Joints of redundant arms, whose polynomials have twice the degree, that can be mapped."""
-_BOXES, _MOST_BOXES = 2**17, 200_000_000
-"""Boxes that are processed together, and the largest number of all: one byte each."""
+_BOXES, _MOST_BOXES = 2**15, 50_000_000
+"""Boxes that are processed together, and the largest number of all, which takes minutes."""
+_SAMPLE = 2**13
+"""Number of boxes of a coarse map from which that of a finer one is estimated."""
 
 
 class Kind(IntEnum):
@@ -178,7 +180,8 @@ def singularity_map(
 
     Raises:
         InputError: See :meth:`SingularityPolynomial.of`; if the resolution is not within 1e-6 and
-            pi, or more than five joints of a redundant arm are not fixed.
+            pi or would take more than 50 million boxes, or more than five joints of a redundant
+            arm are not fixed.
 
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
@@ -198,8 +201,32 @@ def singularity_map(
         resolution = float(np.radians(_RESOLUTIONS[min(count, len(_RESOLUTIONS) - 1)]))
     accepted = "a width from 1e-6 rad to pi, half a revolution"
     resolution = finite_number("resolution", resolution, accepted, 1e-6, np.pi)
+    _require_affordable(polynomial, resolution)
     nodes = _Subdivision(polynomial, resolution, progress).nodes()
     return SingularityMap(model, task, polynomial, values, resolution, nodes)
+
+
+def _require_affordable(polynomial: JointPolynomial, resolution: float) -> None:
+    """Raise an InputError if a map would take too many boxes.
+
+    They are estimated from a coarse map: those along the surface det A = 0 of c joints become
+    2^(c - 1) times as many where boxes are halved across all joints.
+    """
+    width, count = np.pi, 1
+    while count < _SAMPLE and width > 2.0 * resolution:
+        width /= 2.0
+        count = len(_Subdivision(polynomial, width, None).nodes())
+    dimension = max(len(polynomial.moving) - 1, 1)
+    halvings = np.ceil(np.log2(width / resolution))
+    affordable = np.floor(np.log2(max(_MOST_BOXES / count, 1.0)) / dimension)
+    if halvings > affordable:
+        finest = 1.001 * width / 2.0**affordable
+        raise _too_fine(f"from {finest:.4g} rad, {np.degrees(finest):.4g} deg")
+
+
+def _too_fine(accepted: str) -> InputError:
+    problem = f"it takes more than {_MOST_BOXES:,} boxes"
+    return InputError("resolution", problem, f"a coarser one, {accepted}, or more joints fixed")
 
 
 class _Subdivision:
@@ -233,8 +260,7 @@ class _Subdivision:
                 return
             self._count += len(centres)
             if self._count > _MOST_BOXES:
-                problem = f"it takes more than {_MOST_BOXES:,} boxes"
-                raise InputError("resolution", problem, "a coarser one, or more joints fixed")
+                raise _too_fine("such as twice this")
             values, parts = self._polynomial.variations(centres, halves)
             signed = np.abs(values) > parts.sum(axis=1) + self._polynomial.rounding
             joints = parts.argmax(axis=1)
