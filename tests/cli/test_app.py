@@ -203,21 +203,27 @@ def test_progress_is_shown_on_terminals(tmp_path: Path) -> None:
     assert b"integrating motions" in shown
 
 
-def test_folders_of_outputs_are_made_and_places_checked(tmp_path: Path) -> None:
+def test_places_of_outputs_are_checked(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
     prepare_outputs(output=tmp_path / "a" / "b.h5", folder=tmp_path / "c")
-    assert (tmp_path / "a").is_dir()
     assert (tmp_path / "c").is_dir()
     (tmp_path / "file").write_text("")
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    (tmp_path / "dangling").symlink_to(tmp_path / "elsewhere")
     for options, key in (
         ({"output": tmp_path / "file" / "b.h5"}, "output"),
         ({"html": tmp_path / "a"}, "html"),
         ({"html": tmp_path / "loop"}, "html"),
         ({"output": tmp_path / "x", "html": tmp_path / "x"}, "html"),
         ({"output": tmp_path / ("x" * 300) / "y"}, "output"),
+        ({"output": tmp_path / ("x" * 256)}, "output"),
+        ({"output": tmp_path / "dangling"}, "output"),
+        ({"html": tmp_path / "missing" / "x.html"}, "html"),
+        ({"folder": tmp_path / "missing" / "figures"}, "plots"),
         ({"folder": tmp_path / "file"}, "plots"),
     ):
         assert error_key(prepare_outputs, **options) == key
+    assert {path.name for path in tmp_path.iterdir()} == {"a", "c", "file", "loop", "dangling"}
     with pytest.raises(InputError, match="also the input"):
         prepare_outputs(tmp_path / "file", output=tmp_path / "file")
 

@@ -358,10 +358,17 @@ def test_files_that_are_no_results_are_refused(tmp_path):
 def test_only_plain_files_are_replaced(saved, tmp_path):
     """A device or a folder stays what it is; a link keeps leading to its file."""
     plan = ff.load(saved)
-    for name in ("/dev/full", str(tmp_path), "", str(tmp_path / "no" / "plan.h5")):
+    elsewhere = tmp_path.with_name(f"{tmp_path.name}_elsewhere")
+    (tmp_path / "dangling.h5").symlink_to(elsewhere)
+    places = [tmp_path, tmp_path / "no" / "plan.h5", tmp_path / "dangling.h5"]
+    for name in ("/dev/full", "", *map(str, places)):
         with pytest.raises(InputError, match="output"):
             ff.save(plan, name)
-    assert os.listdir(tmp_path) == []
+    assert os.listdir(tmp_path) == ["dangling.h5"]
+    assert not elsewhere.exists()
+    longest = tmp_path / f"{'x' * 252}.h5"
+    ff.save(plan, longest)
+    assert longest.is_file()
     (tmp_path / "real.h5").touch()
     (tmp_path / "link.h5").symlink_to(tmp_path / "real.h5")
     ff.save(plan, tmp_path / "link.h5")

@@ -109,10 +109,14 @@ def test_where_none_completes_the_longest_motion_is_chosen(planar, heading):
 
 @pytest.mark.parametrize("branch", [0, 7])
 def test_a_branch_can_be_chosen_by_number(spatial, branch):
-    """The requested one is chosen, whatever its margin; all are integrated."""
+    """The requested one is chosen, whatever its margin; the others are integrated if asked for."""
     simulation = simulate(spatial, BAD, branch=branch)
+    assert simulation.branches == (simulation.chosen,)
     assert simulation.chosen.branch.index == branch
-    assert len(simulation.branches) == 8
+    compared = simulate(spatial, BAD, branch=branch, others=True)
+    assert [entry.branch.index for entry in compared.branches] == list(range(8))
+    assert compared.chosen is compared.branches[branch]
+    assert compared.chosen.minimum_margin == simulation.chosen.minimum_margin
 
 
 def test_a_branch_can_be_chosen_by_joints(spatial, good):

@@ -6,6 +6,8 @@ import csv
 import math
 import os
 import sqlite3
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -119,6 +121,24 @@ def test_a_second_connection_is_refused(study: Study, tmp_path: Path) -> None:
     ):
         finished(study, tmp_path / "out")
     assert caught.value.key == "output"
+
+
+def test_rows_can_be_read_while_the_study_runs(study: Study, tmp_path: Path) -> None:
+    query = "import sqlite3; c = sqlite3.connect('study.sqlite', timeout=0)"
+    query += "; print(c.execute('SELECT count(*), max(margin) FROM runs').fetchall())"
+
+    def read() -> str:
+        command = [sys.executable, "-c", query]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+        return done.stdout.strip()
+
+    with open_results(tmp_path, study, ()) as database:
+        database.add(FEASIBLE)
+        assert read() == "[(1, 7.5)]"
+        database.add(INFEASIBLE)
+        assert read() == "[(2, 7.5)]"
+    assert list(tmp_path.glob("study.sqlite*")) == [tmp_path / "study.sqlite"]
+    assert not (tmp_path / "study.lock").exists()
 
 
 def test_a_folder_that_cannot_be_used_is_an_error(study: Study, tmp_path: Path) -> None:

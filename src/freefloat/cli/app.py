@@ -56,7 +56,8 @@ class _Commands(TyperGroup):
         except Exception as error:  # of any kind: none may reach the user as a traceback
             status = _report(error, as_json="--json" in words, debug="--debug" in words)
         if status == INTERRUPTED:
-            say("interrupted")
+            with suppress(OSError):  # of a terminal that hung up
+                say("interrupted")
         sys.exit(status or DONE)
 
 
@@ -133,8 +134,13 @@ def main() -> None:
     sys.stderr = sys.stderr or sys.stdout
     for stream in (sys.stdout, sys.stderr):
         stream.reconfigure(errors="replace")  # type: ignore[union-attr]
-    logging.basicConfig(format="freefloat: %(message)s")
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("freefloat: %(message)s"))
+    logging.getLogger("freefloat").addHandler(handler)
+    for name in ("SIGTERM", "SIGHUP"):  # they end a command as Ctrl-C does; Windows has no SIGHUP
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:  # nohup ignores it
+            signal.signal(number, signal.default_int_handler)
     try:
         app()
     except SystemExit as end:

@@ -11,8 +11,9 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from freefloat.cli.console import DONE, NO, Console, say, table
-from freefloat.cli.options import Json, Quiet, make_folder, study_names
+from freefloat.cli.options import Json, Quiet, study_names
 from freefloat.errors import InputError
+from freefloat.io.files import make_folder
 
 if TYPE_CHECKING:
     from freefloat.studies.results import Combination, StudyResult

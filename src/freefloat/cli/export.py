@@ -73,6 +73,8 @@ def export(
     if output == _STDOUT and as_json:
         raise InputError("output", "both -o - and --json were given", "one of the two")
     kind, target = _format_and_file(file, format_, output)
+    if target is not None:
+        prepare_outputs(file, output=target)
     result, violation = load(file), ""
     if not isinstance(result, Manoeuvre | Reorientation):
         _, violation = chosen_motion(result, file)

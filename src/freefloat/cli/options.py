@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import errno
-import os
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from glob import escape, glob
 from pathlib import Path
 from typing import Annotated
@@ -13,6 +11,7 @@ from typing import Annotated
 import typer
 
 from freefloat.errors import InputError
+from freefloat.io.files import make_folder, require_writable
 
 _YAML, _ROBOT = (".yaml", ".yml"), (".urdf", ".xacro", ".xml")
 
@@ -85,7 +84,7 @@ def comma_separated(key: str, text: str) -> list[float]:
 
 
 def prepare_outputs(*inputs: Path, folder: Path | None = None, **files: Path | None) -> None:
-    """Make the folders of output files before the work whose results they will hold.
+    """Check output files, and make a folder, before the work whose results they will hold.
 
     Args:
         inputs: Files that the command reads.
@@ -99,28 +98,13 @@ def prepare_outputs(*inputs: Path, folder: Path | None = None, **files: Path | N
     for option, file in files.items():
         if file is None:
             continue
-        make_folder(option, file.parent)
-        with _os_errors(option, file):
-            path = file.resolve()
-            if path.exists() and not path.is_file():
-                raise InputError(option, f"{file} is not a regular file", "the name of a file")
+        require_writable(option, file)
+        path = file.resolve()
         if path in names:
             raise InputError(option, f"{file} is also {names[path]}", "a file of its own")
         names[path] = f"--{option}"
     if folder is not None:
         make_folder("plots", folder)
-
-
-def make_folder(option: str, folder: Path) -> None:
-    """Make a folder and those above it.
-
-    Raises:
-        InputError: If it cannot be made or written to.
-    """
-    with _os_errors(option, folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        if not os.access(folder, os.W_OK):
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
 
 def distinct_stems(files: Sequence[Path]) -> list[str]:
@@ -129,13 +113,3 @@ def distinct_stems(files: Sequence[Path]) -> list[str]:
     counts = [stems[: index + 1].count(stem) for index, stem in enumerate(stems)]
     pairs = zip(stems, counts, strict=True)
     return [stem if count == 1 else f"{stem} ({count})" for stem, count in pairs]
-
-
-@contextmanager
-def _os_errors(option: str, path: Path) -> Iterator[None]:
-    """Raise errors of the file system as those of an option."""
-    try:
-        yield
-    except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a null character
-        problem = f"{path}: {getattr(error, 'strerror', None) or error}"
-        raise InputError(option, problem, "a place that can be written to") from None

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from freefloat.cli.console import Console
-from freefloat.cli.options import Json, Quiet, Threads, distinct_stems, make_folder
+from freefloat.cli.options import Json, Quiet, Threads, distinct_stems
 from freefloat.errors import InputError
+from freefloat.io.files import make_folder
 
 if TYPE_CHECKING:
     from freefloat.motion.motion import Motion

@@ -82,6 +82,7 @@ def simulate(
 
     console = Console(as_json, quiet)
     loaded = load_scenario(scenario)
+    prepare_outputs(loaded.source, output=output, html=html)
     problem = loaded.problem()
     limits = loaded.limits()
     if (attitude is None) is (heading is None):
@@ -91,15 +92,15 @@ def simulate(
     start = problem.attitude(attitude, heading=None if heading is None else math.radians(heading))
     near: npt.ArrayLike | None = None if joints is None else comma_separated("joints", joints)
     mark = " (*)"
-    prepare_outputs(loaded.source, output=output, html=html)
     if near is None and branch is None:
         with loaded.error_context():
             near = loaded.search().applied_to(problem).closest_start(start)
         mark = mark if near is None else " (*, closest to search.joints)"
     with loaded.error_context(only="path"), console.progress("integrating motions"):
         simulation = simulate_branches(
-            problem, start, branch=branch, joints=near, limits=limits, stop_at_margin=stop_at_margin
-        )
+            problem, start, branch=branch, joints=near, others=True, limits=limits,
+            stop_at_margin=stop_at_margin,
+        )  # fmt: skip
     console.tables(_tables(scenario, simulation, mark))
     if output is not None:
         from freefloat.io.results import save  # HDF5 is slow to import

@@ -10,7 +10,8 @@ from typing import Annotated
 import typer
 
 from freefloat.cli.console import Console
-from freefloat.cli.options import Json, Quiet, make_folder, scenario_names
+from freefloat.cli.options import Json, Quiet, scenario_names
+from freefloat.io.files import make_folder
 
 _Scenario = Annotated[
     str,

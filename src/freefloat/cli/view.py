@@ -16,10 +16,10 @@ from freefloat.cli.options import (
     Page,
     Quiet,
     distinct_stems,
-    make_folder,
     prepare_outputs,
 )
 from freefloat.errors import InputError
+from freefloat.io.files import make_folder
 
 if TYPE_CHECKING:
     from freefloat.visualization.playback import Playback
@@ -146,6 +146,7 @@ def view(
     )
     options: dict[str, Any] = {"size": _pixels(size), "scene": scene}
     console = Console(as_json, quiet)
+    prepare_outputs(*files, html=html, video=video)
     playback = _playback(files)
     if html is None and snapshots is None and video is None:
         _serve(console, playback, port, open_page=not (no_open or as_json))
@@ -153,7 +154,6 @@ def view(
     if playback.scene_duration(scene) == 0.0 and (video or (snapshots or 1) > 1):
         key = "snapshots" if video is None else "video"
         raise InputError(key, "the scene has no motion", "--snapshots 1 or --html")
-    prepare_outputs(*files, html=html, video=video)
     shown = _Shown(playback)
     if snapshots is not None:
         name = scene if scene and len(files) > 1 else files[0].stem

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import glob
 import os
 import time
@@ -13,8 +14,12 @@ from uuid import uuid4
 from freefloat.errors import InputError
 
 _SUFFIX = ".partial"
+_KEPT = 40
+"""Characters of a name in that of its temporary file; names have at most 255 bytes."""
 _ABANDONED = 3600.0
 """Age of a temporary file whose process was killed [s]; writing takes seconds."""
+_FILE = "a file in an existing, writable folder with enough space"
+_FOLDER = "a writable folder, or a new one in an existing folder"
 
 
 @contextmanager
@@ -24,26 +29,77 @@ def written_beside(path: Path) -> Iterator[Path]:
     Raises:
         InputError: If the folder cannot be written to.
     """
-    accepted = "a file in an existing, writable folder with enough space"
+    require_writable("output", path)
     path = path.resolve()
-    if path.exists() and not path.is_file():
-        raise InputError("output", f"{path} exists and is not a regular file", accepted)
-    temporary = path.with_name(f".{path.name}.{uuid4().hex[:8]}{_SUFFIX}")
+    temporary = _temporary(path)
     try:
         _remove_abandoned(path)
         temporary.touch(exist_ok=False)
         yield temporary
         os.replace(temporary, path)
     except OSError as error:
-        problem = os.strerror(error.errno) if error.errno else str(error).splitlines()[0]
-        raise InputError("output", f"{path}: {problem}", accepted) from None
+        raise _input_error("output", path, error, _FILE) from None
     finally:
         with suppress(OSError):  # it is gone, or was never there
             temporary.unlink()
 
 
+def require_writable(key: str, path: Path) -> None:
+    """Raise an InputError unless a file with this name can be written, before it is there.
+
+    Its folder must exist. A link to a file that is missing is refused: following it would make a
+    file elsewhere.
+    """
+    with _errors_of(key, path, _FILE):
+        if path.is_symlink() and not path.exists():
+            raise InputError(key, f"{path} is a link to a missing file", _FILE)
+        if path.exists() and not path.is_file():
+            raise InputError(key, f"{path} is not a regular file", "the name of a file")
+        path = path.resolve()
+        _require_folder(path.parent)
+        with suppress(FileNotFoundError):  # a name that is too long is another error
+            os.lstat(_temporary(path))
+
+
+def make_folder(key: str, folder: Path) -> None:
+    """Make a folder where there is none, in an existing one.
+
+    Raises:
+        InputError: If it cannot be made or written to.
+    """
+    with _errors_of(key, folder, _FOLDER):
+        folder.mkdir(exist_ok=True)
+        _require_folder(folder)
+
+
+def _require_folder(folder: Path) -> None:
+    if not folder.is_dir():
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+
+@contextmanager
+def _errors_of(key: str, path: Path, accepted: str) -> Iterator[None]:
+    """Raise errors of the file system as those of an argument."""
+    try:
+        yield
+    except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a null character
+        raise _input_error(key, path, error, accepted) from None
+
+
+def _input_error(key: str, path: Path, error: Exception, accepted: str) -> InputError:
+    number = getattr(error, "errno", None)
+    problem = os.strerror(number) if number else str(error).splitlines()[0]
+    return InputError(key, f"{path}: {problem}", accepted)
+
+
+def _temporary(path: Path) -> Path:
+    return path.with_name(f".{path.name[:_KEPT]}.{uuid4().hex[:8]}{_SUFFIX}")
+
+
 def _remove_abandoned(path: Path) -> None:
     """Remove the temporary files of killed processes that wrote the same file."""
-    for file in path.parent.glob(f".{glob.escape(path.name)}.*{_SUFFIX}"):
+    for file in path.parent.glob(f".{glob.escape(path.name[:_KEPT])}.*{_SUFFIX}"):
         if time.time() - file.stat().st_mtime > _ABANDONED:
             file.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""Simulation of one initial attitude: the motion of every arm branch, one of them chosen."""
+"""Simulation of one initial attitude: the motions of arm branches, one of them chosen."""
 
 from __future__ import annotations
 
@@ -91,10 +91,10 @@ class SimulatedBranch:
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """The motions of all arm branches from one attitude.
+    """The motions of arm branches from one attitude.
 
     Attributes:
-        branches: Every arm branch that reaches the start of the path.
+        branches: Every arm branch that reaches the start of the path; or the requested one alone.
         chosen: The requested one; else, of the feasible ones, the one with the largest minimum
             margin that keeps the limits, or, where none does, with the largest minimum margin; or,
             where none is feasible, the one that comes nearest to it.
@@ -123,7 +123,7 @@ class Simulation:
         return self.chosen.feasible
 
     def to_dict(self) -> dict[str, Any]:
-        """The chosen motion, its limits, and every branch in brief, as a JSON document."""
+        """The chosen motion, its limits, and all motions in brief, as a JSON document."""
         return {
             **self.chosen.to_dict(),
             "branches": [branch.summary() for branch in self.branches],
@@ -153,11 +153,12 @@ def simulate(
     heading: float | None = None,
     branch: int | None = None,
     joints: npt.ArrayLike | None = None,
+    others: bool = False,
     limits: Limits | None = None,
     stop_at_margin: bool = False,
     tolerance: float = 1e-10,
 ) -> Simulation:
-    """Integrate the motion of every arm branch from one attitude.
+    """Integrate the motion of every arm branch from one attitude, or of one of them.
 
     Revolute joints are shifted by multiples of 2 pi into their ranges where possible.
 
@@ -165,8 +166,10 @@ def simulate(
         problem: Robot, path and momentum.
         attitude: Of the spacecraft at the start, quaternion x, y, z, w.
         heading: For planar tasks, in place of the attitude: angle from the inertial x axis [rad].
-        branch: Choose the branch with this number; see :class:`Simulation` for the default.
-        joints: Choose the branch near these joint values, shape (n,).
+        branch: Integrate the branch with this number; by default all are integrated, and one is
+            chosen, see :class:`Simulation`.
+        joints: Integrate the branch near these joint values, shape (n,).
+        others: Integrate the other branches, too, for comparison with the requested one.
         limits: Check these limits and the joint ranges.
         stop_at_margin: End motions where they reach the problem's margin.
         tolerance: As for :func:`~freefloat.motion.integration.integrate_motion`.
@@ -188,11 +191,16 @@ def simulate(
     attitude = problem.attitude(attitude, heading=heading)
     checker = None if limits is None else LimitChecker(problem, limits)
     branches, requested = _branches(problem, attitude, branch, joints)
+    if requested is not None and not others:
+        branches = [requested]
     simulated = [
         _simulated(problem, attitude, start, stop_at_margin=stop_at_margin, tolerance=tolerance)
         for start in branches
     ]
-    candidates = _ranked(simulated) if requested is None else [simulated[requested]]
+    if requested is None:
+        candidates = _ranked(simulated)
+    else:
+        candidates = [simulated[branches.index(requested)]]
     checked = [(candidates[0], tuple[LimitResult, ...]())]
     if checker is not None:
         checked = _within_limits(candidates, checker)
@@ -222,8 +230,8 @@ def _simulated(
 
 def _branches(
     problem: Problem, attitude: Array, branch: int | None, joints: npt.ArrayLike | None
-) -> tuple[list[ArmBranch], int | None]:
-    """The arm branches at the start, and the index of the requested one."""
+) -> tuple[list[ArmBranch], ArmBranch | None]:
+    """The arm branches at the start, and the requested one."""
     if branch is not None and joints is not None:
         raise InputError("branch", f"{branch} was given together with joints", "branch or joints")
     branches = list(problem.branches(attitude))
@@ -233,12 +241,14 @@ def _branches(
         near = problem.branch_near(attitude, joints, branches)
         if near not in branches:
             branches.append(near)
-        return branches, branches.index(near)
-    indices = [start.index for start in branches]
-    if branch is not None and branch not in indices:
-        numbers = ", ".join(map(str, indices))
+        return branches, near
+    if branch is None:
+        return branches, None
+    numbered = {start.index: start for start in branches}
+    if branch not in numbered:
+        numbers = ", ".join(map(str, numbered))
         raise InputError("branch", f"there is no branch {branch} here", numbers)
-    return branches, None if branch is None else indices.index(branch)
+    return branches, numbered[branch]
 
 
 def _ranked(branches: list[SimulatedBranch]) -> list[SimulatedBranch]:

@@ -6,7 +6,7 @@ import json
 import os
 import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import fields, replace
 from hashlib import sha256
 from importlib.metadata import version
@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from freefloat.errors import InputError
-from freefloat.io.files import written_beside
+from freefloat.io.files import make_folder, written_beside
 from freefloat.studies.results import VERDICTS, Row
 from freefloat.studies.study import Study
 
-DATABASE, _FILES = "study.sqlite", "cases"
+DATABASE, _LOCK, _FILES = "study.sqlite", "study.lock", "cases"
 """Names in the folder of a study."""
 Files = tuple[tuple[str, bytes], ...]
 """Absolute paths of files and their contents."""
@@ -98,22 +98,25 @@ class StudyDatabase:
 
 @contextmanager
 def open_results(folder: Path, study: Study, files: Files) -> Iterator[StudyDatabase]:
-    """Open the database of a study for this process alone; a new folder gets a new database.
+    """Open the database of a study; a new folder gets a new database.
+
+    This process alone writes to it; others may read it meanwhile.
 
     Raises:
         InputError: If the folder cannot be written to, is in use, or holds another study.
     """
     columns = ", ".join(f"{name} {kind}" for name, kind in COLUMNS.items())
+    make_folder("output", folder)
     with _errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        for path in folder.glob(f"{DATABASE}*"):
+        for path in (*folder.glob(f"{DATABASE}*"), *folder.glob(f"{_LOCK}*")):
             if not path.is_file():  # opening a named pipe would wait for ever
                 raise InputError("output", f"{path} is not a regular file", "another folder")
-        connection = sqlite3.connect(folder / DATABASE, timeout=0.5)
-    with closing(connection):
+    with ExitStack() as stack:
         with _errors(folder):
-            connection.execute("PRAGMA locking_mode = EXCLUSIVE")
-            connection.execute("BEGIN EXCLUSIVE")
+            stack.enter_context(_locked(folder / _LOCK))
+            connection = stack.enter_context(closing(sqlite3.connect(folder / DATABASE)))
+            connection.execute("PRAGMA journal_mode = WAL")  # readers do not block the writer
+            connection.execute("BEGIN IMMEDIATE")
             connection.execute(f"CREATE TABLE IF NOT EXISTS runs ({columns}, PRIMARY KEY (number))")
             connection.execute(
                 "CREATE TABLE IF NOT EXISTS study (digest TEXT, content JSON, software JSON)"
@@ -122,6 +125,18 @@ def open_results(folder: Path, study: Study, files: Files) -> Iterator[StudyData
             connection.commit()
             database = StudyDatabase(folder, connection, study.count)
         yield database
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Keep other processes out; the lock, a transaction, ends with the process, however it ends."""
+    with closing(sqlite3.connect(path, timeout=0.5)) as lock:
+        lock.execute("BEGIN EXCLUSIVE")
+        try:
+            yield
+        finally:
+            with suppress(OSError):  # an open file cannot be removed everywhere
+                path.unlink()
 
 
 def _check_study(connection: sqlite3.Connection, folder: Path, study: Study, files: Files) -> None:

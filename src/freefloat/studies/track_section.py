@@ -6,8 +6,6 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field
-
 from freefloat.errors import InputError
 from freefloat.io.field_types import NotNegative, Positive, Section, Seed
 from freefloat.io.yaml import validated

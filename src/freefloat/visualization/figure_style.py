@@ -17,8 +17,7 @@ import matplotlib
 from cycler import cycler
 from matplotlib.figure import Figure
 
-from freefloat.errors import InputError
-from freefloat.io.files import written_beside
+from freefloat.io.files import make_folder, written_beside
 from freefloat.so3 import Array
 
 COLUMN, PAGE = 3.5, 7.16
@@ -159,10 +158,7 @@ def save_figures(
     Raises:
         InputError: If the folder cannot be created or written to.
     """
-    try:
-        Path(folder).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError("plots", f"{folder}: {error.strerror}", "a writable folder") from None
+    make_folder("plots", Path(folder))
     files = []
     for name, figure in figures.items():
         for kind in kinds:

@@ -20,7 +20,7 @@ from PIL import Image
 
 from freefloat.concurrency import Progress
 from freefloat.errors import InputError
-from freefloat.io.files import written_beside
+from freefloat.io.files import make_folder, written_beside
 from freefloat.visualization.playback import Playback
 
 if TYPE_CHECKING:
@@ -227,7 +227,7 @@ def save_snapshots(
     times = np.linspace(0.0, playback.scene_duration(scene), count).tolist()
     shots = take_pictures(playback.html(), times, size or SIZE, scene=scene, progress=progress)
     plain, digits, files = re.sub(r"[^\w.+-]+", "_", name), len(str(count)), []
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder("output", folder)
     with closing(shots):
         for number, (time, picture) in enumerate(zip(times, shots, strict=True), start=1):
             file = folder / f"{plain}_{number:0{digits}}_{time:.2f}s.png"
