@@ -50,7 +50,10 @@ print(kernel.scaled(3.0), sum(kernel.scaled.stats.cache_hits.values()), kernel.s
 def run(folder: Path) -> list[str]:
     """Result of the kernel in a new process, and the number of cache hits."""
     command = [sys.executable, "-c", RUN]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "cache")}
+    done = subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, check=True
+    )
     return done.stdout.split()
 
 
@@ -97,7 +100,7 @@ def test_kernels_of_a_damaged_cache_are_compiled_again(tmp_path: Path) -> None:
     (tmp_path / "kernel.py").write_text(KERNEL)
     (tmp_path / "helper.py").write_text(HELPER.format(value=2.0))
     assert run(tmp_path) == ["6.0", "0", "Scale."]
-    for path in (tmp_path / "__pycache__").glob("*.nb[ci]"):
+    for path in (tmp_path / "cache").rglob("*.nb[ci]"):
         path.write_bytes(path.read_bytes()[:-1])
     assert run(tmp_path) == ["6.0", "0", "Scale."]
     assert run(tmp_path) == ["6.0", "1", "Scale."]

@@ -11,7 +11,7 @@ import freefloat as ff
 from freefloat.io.hdf5 import AlteredFileError
 from freefloat.io.singularity_file import write_singularity_map
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.workspace.singularity_map import SingularityMap
+from freefloat.workspace.singularity_map import Kind, SingularityMap
 from tests.robots import random_robot
 
 
@@ -32,9 +32,12 @@ def test_a_map_returns_as_it_was_saved(found: SingularityMap, tmp_path: Path) ->
     assert (loaded.kinds(q) == found.kinds(q)).all()
     assert (loaded.polynomial.values(q) == found.polynomial.values(q)).all()
     assert loaded.model.joint_names == found.model.joint_names
+    report = ff.check(loaded)
+    assert report.passed, report.discrepancies
+    assert report.checks[0].name == "polynomial"
 
 
-@pytest.mark.parametrize("change", ["last", "code", "coefficients"])
+@pytest.mark.parametrize("change", ["last", "code", "coefficients", "values", "kinds", "robot"])
 def test_a_tree_that_does_not_fit_is_refused(
     found: SingularityMap, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: str
 ) -> None:
@@ -47,6 +50,15 @@ def test_a_tree_that_does_not_fit_is_refused(
         elif change == "code":
             nodes[0] = 3  # a joint that is fixed
             file["nodes"][...] = nodes
+        elif change == "values":
+            file["coefficients"][...] = 1.001 * coefficients
+        elif change == "kinds":
+            nodes[nodes == Kind.NEGATIVE] = Kind.POSITIVE
+            file["nodes"][...] = nodes
+        elif change == "robot":
+            text = file["robot"][()].decode()
+            del file["robot"]
+            file["robot"] = text.replace('<mass value="', '<mass value="1', 1)
         else:
             del file["coefficients"]
             file["coefficients"] = coefficients[..., :1, :]

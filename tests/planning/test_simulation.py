@@ -184,7 +184,7 @@ def test_a_redundant_arm_starts_from_a_set_of_configurations_and_requested_joint
         path=TimedPath(near, Timing(10.0)),
     )  # fmt: skip
     joints = spatial.branches(spatial.attitude(GOOD))[3].joints
-    simulation = simulate(problem, GOOD, joints=joints)
+    simulation = simulate(problem, GOOD, joints=joints, others=True)
     assert simulation.chosen.branch.label == "given"
     assert len(simulation.branches) == len(problem.branches(spatial.attitude(GOOD))) + 1
     assert len({entry.branch.index for entry in simulation.branches}) == len(simulation.branches)

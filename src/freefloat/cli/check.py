@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from freefloat.verification.gravity import GravityRun
     from freefloat.verification.report import CheckReport
     from freefloat.verification.tolerances import Check
+    from freefloat.workspace.singularity_map import SingularityMap
 
 _Engine = Annotated[
     str | None,
@@ -45,7 +46,7 @@ def check(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Verify a saved plan or motion from its file alone.
+    """Verify a saved plan, motion or singularity map from its file alone.
 
     The recorded motion is compared with the equations, the path and the robot, it is integrated
     again with another method, and every number in the file is computed again. `check` reports
@@ -67,9 +68,10 @@ def check(
     with console.progress("integrating the motion again"):
         try:
             result = load(file)
-            if not isinstance(result, Plan | Manoeuvre | Simulation | Reorientation):
-                accepted = "a plan, motion, manoeuvre or reorientation file"
-                raise InputError("file", "it is a map file", accepted, str(file))
+            kinds = Plan | Manoeuvre | Simulation | Reorientation | SingularityMap
+            if not isinstance(result, kinds):
+                accepted = "a plan, motion, manoeuvre, reorientation or singularity map file"
+                raise InputError("file", "it is a map of attitudes", accepted, str(file))
             radius = None if gravity is None else 1000.0 * gravity
             report = verify(result, engine or PINOCCHIO, gravity=radius)
         except AlteredFileError as error:

@@ -12,6 +12,7 @@ from freefloat.dynamics.momentum import Task
 from freefloat.io.hdf5 import read_numbers
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import frozen
+from freefloat.verification.singularity_map import singularity_map_checks
 from freefloat.workspace.singularity_map import Kind, SingularityMap
 
 _NODES = (
@@ -41,7 +42,7 @@ def write_singularity_map(file: Any, found: SingularityMap, _: object) -> None:
 
 
 def read_singularity_map(file: Any, model: FreeFloatingModel) -> SingularityMap:
-    """Map of a file, of a robot."""
+    """Map of a file, compared with the robot."""
     names = ("nodes", "coefficients", "degree", "prismatic", "lower", "upper")
     nodes, coefficients, *columns = read_numbers(file, *names)
     bases = tuple(
@@ -58,6 +59,9 @@ def read_singularity_map(file: Any, model: FreeFloatingModel) -> SingularityMap:
     )  # fmt: skip
     if found.levels[-1].stop != len(nodes) or not np.isin(nodes, _codes(found)).all():
         raise ValueError("its nodes are no tree of boxes")
+    for check in singularity_map_checks(found):
+        if not check.passed:
+            raise ValueError(f"{check.reason}: it is not a map of its robot")
     return found
 
 

@@ -24,15 +24,16 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.planner import plan_within
 from freefloat.planning.screening import ScreenedCandidate
 from freefloat.planning.simulation import SimulatedBranch, simulate
-from freefloat.planning.speed_profile import fastest_speeds, limit_usage
+from freefloat.planning.speed_profile import INTERVALS, fastest_speeds, limit_usage
 from freefloat.planning.tolerance import tolerance
 from freefloat.planning.trials import OVER
 
-_MOST, _AGREE = 12, 1e-3
+_MOST, _AGREE = 12, 5e-4
 """Plans with momentum or drift at most, and relative difference of durations that agree."""
-_INTERVALS = 64
-"""Intervals of the timing in these plans: every motion of the map passes all of them."""
-_INSIDE = 0.995
+_FEWER = 128
+"""Intervals of the timing in these plans with limits of torques, to which they are adapted: the
+duration is that of 400 to 0.01 %. Every motion of the map passes all of them."""
+_INSIDE = 0.999
 """Fraction of the limits to be used in these plans: the motion depends on the timing."""
 _SLOWER, _SLOWDOWNS = 2.0, 16
 """Factor on the duration up to which a scene that tumbles may slow it down, and how many are tried;
@@ -197,9 +198,10 @@ def _iterated(
 def _held(motion: Motion, limits: Limits) -> Problem:
     """The problem with the fastest timing of the motion from the same state, where one is found."""
     start = motion.initial
+    intervals = INTERVALS if limits.joint_torque is None else _FEWER
     for _ in range(_MOST):
         before = motion.problem
-        problem = _retimed(before, fastest_speeds(motion, limits, _INSIDE, _INTERVALS))
+        problem = _retimed(before, fastest_speeds(motion, limits, _INSIDE, intervals))
         motion = integrate_motion(problem, start.attitude, start.joints)
         if _agree(before, problem) or not motion.completed:
             break

@@ -197,9 +197,8 @@ def simulate(
         _simulated(problem, attitude, start, stop_at_margin=stop_at_margin, tolerance=tolerance)
         for start in branches
     ]
-    if requested is None:
-        candidates = _ranked(simulated)
-    else:
+    candidates = _ranked(simulated)
+    if requested is not None:
         candidates = [simulated[branches.index(requested)]]
     checked = [(candidates[0], tuple[LimitResult, ...]())]
     if checker is not None:

@@ -25,7 +25,7 @@ from freefloat.so3 import Array
 
 _FRACTIONS = (0.0, 0.5, 1.0)
 """Places in each interval at which limits are looked at."""
-_INTERVALS = 400
+INTERVALS = 400
 """Number of intervals: constant u in each costs at most about 0.1 % of the duration."""
 _PASSES = 2
 """Linear programs after the first, which maximizes the sum of x: these the time saved near it.
@@ -53,7 +53,7 @@ class _Rows:
 
 
 def fastest_speeds(
-    motion: Motion, limits: Limits, scale: float = 1.0, intervals: int = _INTERVALS
+    motion: Motion, limits: Limits, scale: float = 1.0, intervals: int = INTERVALS
 ) -> Speeds:
     """Pairs of times [s] and speeds ds/dt of the fastest timing.
 

@@ -13,19 +13,22 @@ from freefloat.verification.manoeuvre import manoeuvre_checks
 from freefloat.verification.motion import completed, verify_motion
 from freefloat.verification.reorientation import reorientation_checks
 from freefloat.verification.report import BASILISK, MUJOCO, PINOCCHIO, CheckReport
+from freefloat.verification.singularity_map import singularity_map_checks
+from freefloat.workspace.singularity_map import SingularityMap
 
 
 def check(
-    result: Plan | Simulation | Reorientation | Manoeuvre,
+    result: Plan | Simulation | Reorientation | Manoeuvre | SingularityMap,
     engine: str = PINOCCHIO,
     *,
     gravity: float | None = None,
 ) -> CheckReport:
-    """Verify a plan, the chosen motion of a simulation, a reorientation or a manoeuvre.
+    """Verify a plan, the chosen motion of a simulation, another motion or a singularity map.
 
     The motion is compared with the equations, the path and the robot, and integrated again by
     another integrator; the closest approach, the limits, the ranges of headings, the robust radius
-    and the tolerances are recomputed.
+    and the tolerances are recomputed. A singularity map is compared with det A of its robot at
+    random configurations.
 
     Args:
         result: The record, computed or loaded from a file.
@@ -37,8 +40,8 @@ def check(
             :class:`~freefloat.verification.gravity.GravityRun`.
 
     Raises:
-        InputError: If the result is a map, the engine is unknown, not installed or has no model of
-            the robot, or gravity does not apply.
+        InputError: If the result is a map of attitudes or headings, the engine is unknown, not
+            installed, has no model of the robot or is given for a map, or gravity does not apply.
 
     Example:
         >>> problem = ff.load_scenario("planar_2dof/line").problem()
@@ -46,9 +49,9 @@ def check(
         >>> report.passed
         True
     """
-    if not isinstance(result, Plan | Simulation | Reorientation | Manoeuvre):
+    if not isinstance(result, Plan | Simulation | Reorientation | Manoeuvre | SingularityMap):
         problem = f"a {type(result).__name__} was given"
-        accepted = "a Plan, a Simulation, a Reorientation or a Manoeuvre"
+        accepted = "a Plan, a Simulation, a Reorientation, a Manoeuvre or a SingularityMap"
         raise InputError("result", problem, accepted)
     require_engine(engine)
     orbit = None if gravity is None else CircularOrbit(gravity)
@@ -59,6 +62,10 @@ def check(
     if orbit is not None:
         problem = f"a {type(result).__name__} was given"
         raise InputError("gravity", problem, "for a Plan or a Simulation")
+    if isinstance(result, SingularityMap):
+        if engine != PINOCCHIO:
+            raise InputError("engine", f"{engine} was given for a singularity map", PINOCCHIO)
+        return CheckReport("singularity map", tuple(singularity_map_checks(result)))
     if isinstance(result, Reorientation):
         checks = completed("motion", reorientation_checks, result, engine)
         return CheckReport("reorientation", tuple(checks))

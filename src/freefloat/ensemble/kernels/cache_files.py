@@ -17,7 +17,7 @@ _DIGEST = 32
 _logger = logging.getLogger("freefloat")
 
 
-class CheckedCacheFile(IndexDataCacheFile):  # type: ignore[misc]  # Numba has no types
+class CheckedCacheFile(IndexDataCacheFile):
     """Index and data files of a kernel; a damaged one is deleted, and the kernel compiled again."""
 
     @classmethod
@@ -32,7 +32,7 @@ class CheckedCacheFile(IndexDataCacheFile):  # type: ignore[misc]  # Numba has n
             super().save(key, data)
 
     def _dump(self, obj: Any) -> bytes:
-        data = dumps(obj)
+        data: bytes = dumps(obj)
         return sha256(data).digest() + data
 
     def _save_index(self, overloads: dict[Any, str]) -> None:

@@ -8,7 +8,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from numba import config, njit
+from numba import njit
 
 from freefloat.ensemble.kernels.cache_files import CheckedCacheFile
 from freefloat.errors import InputError
@@ -28,12 +28,12 @@ def compiled(function: _Function) -> _Function:
     Raises:
         InputError: If Numba's compiler is switched off; kernels compute with its vectors.
     """
-    if config.DISABLE_JIT:
-        raise InputError("NUMBA_DISABLE_JIT", "it is set", "no such variable in the environment")
     try:
         kernel = njit(cache=True, **_OPTIONS)(function)
     except RuntimeError:  # Numba has no folder for its cache
         return cast(_Function, njit(**_OPTIONS)(function))
+    if kernel is function:
+        raise InputError("NUMBA_DISABLE_JIT", "it is set", "no such variable in the environment")
     # Numba compares the stamp of the kernel's own file only and would keep machine code of kernels
     # that it calls from other files: the stamp is extended by a digest of all kernels
     kernel._cache._cache_file = CheckedCacheFile.of(kernel._cache, _digest(_PACKAGE))

@@ -1,0 +1,80 @@
+"""The checks of a map of the joint space: its polynomial and its boxes against the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from freefloat.dynamics.joint_space import joint_box
+from freefloat.dynamics.singularity_polynomial import determinants
+from freefloat.so3 import Array
+from freefloat.verification.tolerances import Check
+from freefloat.workspace.singularity_map import Kind, SingularityMap
+
+_SAMPLES, _BOXES = 4096, 512
+"""Configurations, and boxes with a singular configuration, that are looked at."""
+_DEVIATION = 1e-8
+"""Deviation of the polynomial from det A, and magnitude of det A whose sign may be rounding, over
+the largest det A of the samples."""
+_SEED = 20_260
+
+
+def singularity_map_checks(found: SingularityMap) -> Iterator[Check]:
+    """Det A of the robot at random configurations, compared with the polynomial and the boxes."""
+    rng = np.random.default_rng(_SEED)
+    joints = _random_joints(found, rng)
+    exact = determinants(found.model, joints, found.task)
+    scale = float(np.abs(exact).max())
+    deviation = float(np.abs(found.polynomial.values(joints) - exact).max() / scale)
+    yield Check(
+        "polynomial", deviation <= _DEVIATION, f"det A of the robot at {_SAMPLES:,} configurations",
+        recomputed=deviation, allowed=_DEVIATION, unit="1",
+    )  # fmt: skip
+    kinds = found.kinds(joints)
+    wrong = (kinds == Kind.POSITIVE) & (exact < -_DEVIATION * scale)
+    wrong |= (kinds == Kind.NEGATIVE) & (exact > _DEVIATION * scale)
+    free = np.isin(kinds, (Kind.POSITIVE, Kind.NEGATIVE))
+    yield _count("boxes without singularities", int(wrong.sum()), int(free.sum()))
+    low, high = _ends(found, rng)
+    signs = [np.sign(determinants(found.model, q, found.task)) for q in (low, high)]
+    same = int((signs[0] * signs[1] > 0.0).sum())
+    yield _count("boxes with a singularity", same, len(low))
+
+
+def _random_joints(found: SingularityMap, rng: np.random.Generator) -> Array:
+    names = found.model.joint_names
+    lower, upper = joint_box(found.model, {names.index(k): v for k, v in found.fixed.items()})
+    joints = rng.uniform(lower, upper, (_SAMPLES, len(names)))
+    return _with_fixed(found, joints)
+
+
+def _with_fixed(found: SingularityMap, joints: Array) -> Array:
+    """Joint values (K, n) with those that are fixed."""
+    joints[:, [found.model.joint_names.index(name) for name in found.fixed]] = list(
+        found.fixed.values()
+    )
+    return joints
+
+
+def _ends(found: SingularityMap, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Corners of some boxes with a singularity, between which det A changes most, (K, n) each."""
+    boxes = [
+        (centres[kinds], halves[kinds])
+        for part, centres, halves in found.iterate_boxes()
+        if (kinds := found.nodes[part] == Kind.SINGULAR).any()
+    ]
+    if not boxes:
+        return (np.zeros((0, found.model.dof)),) * 2
+    centres, halves = (np.concatenate(column) for column in zip(*boxes, strict=True))
+    chosen = rng.permutation(len(centres))[:_BOXES]
+    centres, halves = centres[chosen], halves[chosen]
+    steps = np.sign(found.polynomial.gradients(centres)) * halves
+    return _with_fixed(found, centres - steps), _with_fixed(found, centres + steps)
+
+
+def _count(name: str, wrong: int, looked_at: int) -> Check:
+    detail = f"{looked_at:,} looked at"
+    if wrong:
+        detail = f"{wrong:,} of {looked_at:,} are not what the map says"
+    return Check(name, not wrong, detail, recomputed=float(wrong), allowed=0.0, unit="1")
