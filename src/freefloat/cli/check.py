@@ -1,4 +1,4 @@
-"""``freefloat check``: the verification of a saved plan or motion."""
+"""``freefloat check``: the verification of a saved plan, motion or singularity map."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from freefloat.verification.gravity import GravityRun
     from freefloat.verification.report import CheckReport
     from freefloat.verification.tolerances import Check
-    from freefloat.workspace.singularity_map import SingularityMap
 
 _Engine = Annotated[
     str | None,
@@ -63,6 +62,7 @@ def check(
     from freefloat.verification.check import check as verify
     from freefloat.verification.report import PINOCCHIO, CheckReport
     from freefloat.verification.tolerances import Check
+    from freefloat.workspace.singularity_map import SingularityMap
 
     console = Console(as_json, quiet)
     with console.progress("integrating the motion again"):

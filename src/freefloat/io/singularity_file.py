@@ -61,7 +61,7 @@ def read_singularity_map(file: Any, model: FreeFloatingModel) -> SingularityMap:
         raise ValueError("its nodes are no tree of boxes")
     for check in singularity_map_checks(found):
         if not check.passed:
-            raise ValueError(f"{check.reason}: it is not a map of its robot")
+            raise ValueError(f"it is no map of its robot: {check.reason}")
     return found
 
 
