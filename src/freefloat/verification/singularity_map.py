@@ -38,6 +38,8 @@ def singularity_map_checks(found: SingularityMap) -> Iterator[Check]:
     free = np.isin(kinds, (Kind.POSITIVE, Kind.NEGATIVE))
     yield _count("boxes without singularities", int(wrong.sum()), int(free.sum()))
     low, high = _ends(found, rng)
+    if not len(low):
+        return
     signs = [np.sign(determinants(found.model, q, found.task)) for q in (low, high)]
     same = int((signs[0] * signs[1] > 0.0).sum())
     yield _count("boxes with a singularity", same, len(low))
