@@ -219,7 +219,6 @@ def test_places_of_outputs_are_checked(tmp_path: Path) -> None:
         ({"output": tmp_path / ("x" * 256)}, "output"),
         ({"output": tmp_path / "dangling"}, "output"),
         ({"html": tmp_path / "missing" / "x.html"}, "html"),
-        ({"folder": tmp_path / "missing" / "figures"}, "plots"),
         ({"folder": tmp_path / "file"}, "plots"),
     ):
         assert error_key(prepare_outputs, **options) == key

@@ -206,7 +206,7 @@ def _motions(
     if joints is not None or problem.start_joints is not None:
         chosen = problem.start_joints if joints is None else joints
         candidates = [model.joint_vector(chosen)]  # type: ignore[arg-type]
-        largest = np.abs(candidates[0]).max()
+        largest = float(np.abs(candidates[0]).max())
         finite_number("joints", largest, f"values of at most {_FARTHEST:g}", 0.0, _FARTHEST)
     else:
         lower, upper = model.joint_ranges
