@@ -21,6 +21,9 @@ from freefloat.so3 import angle_between, attitude_grid, heading_quaternion
 from tests.errors import error_key
 from tests.lock_step import plain_kernels
 
+REORDERED = 1e-10
+"""Kernels compiled with and without limits round sums in different orders, about 1e-12 in the end;
+other steps of the integration would differ by its tolerance."""
 SCENARIOS = ["spatial_6dof/line", "ets_vii/reach", "planar_3dof/parabola_nonstop"]
 
 
@@ -131,8 +134,8 @@ def test_limits_do_not_change_motions() -> None:
     free = EnsembleIntegrator(problem, 1).integrate(attitudes, joints)
     limits = limits_of(problem.model)
     limited = EnsembleIntegrator(problem, 1, limits=limits).integrate(attitudes, joints)
-    np.testing.assert_array_equal(free.minimum, limited.minimum)
-    np.testing.assert_array_equal(free.joints, limited.joints)
+    np.testing.assert_allclose(free.minimum, limited.minimum, rtol=REORDERED)
+    np.testing.assert_allclose(free.joints, limited.joints, rtol=0.0, atol=REORDERED)
 
 
 def test_an_axis_on_the_wrist_is_followed_along_every_branch() -> None:
