@@ -20,6 +20,7 @@ from pydantic import TypeAdapter
 
 from freefloat.io.schema import ScenarioFile
 from freefloat.studies.study import StudyFile
+from tests.commands import run
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = {
@@ -36,8 +37,17 @@ _FILE = re.compile(r"\A\W+ file: (\S+?)(?: \W+)?\n")
 _NUMBER = re.compile(r"([-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]\d+)?)")
 _ROUNDING = 1e-6
 """Smaller numbers are errors of rounding, different on every computer."""
+PROCESSES = ("README.md", "docs/install.md", "docs/how-to/cluster.md")
+"""Pages on which every command is a process, as for a user; the others save their start."""
 _SHELL = "set -E; trap 'code=$?; ((code < 2)) || exit $code' ERR\n"
 """Exit code 1 is an answer; others end the block, 2 where the message is shown."""
+_FREEFLOAT = """freefloat() {{
+    (IFS=$'\t'; echo "$*" >&{requests})
+    local code; read -r code <&{answers}
+    cat .stderr >&2; cat .stdout; return $code
+}}
+"""
+"""Has this process run a command: words through one pipe, the exit code through another."""
 
 
 @dataclass(frozen=True)
@@ -121,21 +131,38 @@ class Page:
         scripts = str(Path(sys.executable).parent)
         environment = os.environ | {"PATH": f"{scripts}{os.pathsep}{os.environ['PATH']}"}
         output = Path(f".output-{block.line}")  # a pipe would wait for processes left running
+        (asked, requests), (answers, answered) = os.pipe(), os.pipe()
+        function = _FREEFLOAT.format(requests=requests, answers=answers)
+        real = self.name in PROCESSES
         with output.open("w") as file:
             shell = subprocess.Popen(
-                ["bash", "-c", _SHELL + block.text],
+                ["bash", "-c", _SHELL + ("" if real else function) + block.text],
                 stdout=file,
                 stderr=subprocess.STDOUT,
                 stdin=subprocess.DEVNULL,
                 env=environment,
                 start_new_session=True,
+                pass_fds=() if real else (requests, answers),
             )
             self.sessions.append(shell.pid)
+            os.close(requests)
+            os.close(answers)
+            _answer(asked, answered)
             status = shell.wait(timeout=300)
         printed = output.read_text("utf-8")
         output.unlink()
         assert status < 2 or (status == 2 and block.shown), printed
         return printed
+
+
+def _answer(asked: int, answered: int) -> None:
+    """Run the commands that a shell asks for, until it ends."""
+    with os.fdopen(asked) as requests, os.fdopen(answered, "w", buffering=1) as answers:
+        for words in requests:
+            result = run(*words.rstrip("\n").split("\t"))
+            Path(".stdout").write_bytes(result.stdout_bytes)
+            Path(".stderr").write_bytes(result.stderr_bytes)
+            answers.write(f"{result.exit_code}\n")
 
 
 def check_fragment(text: str) -> None:
