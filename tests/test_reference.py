@@ -58,6 +58,7 @@ def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 # --- scenario and study files -------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_every_section_of_a_file_has_its_table(tables: ModuleType) -> None:
     pages = {"scenario": SCENARIO, "study": PAGES["docs/reference/studies.md"]}
     for name, model in {"scenario": ScenarioFile, "study": StudyFile}.items():

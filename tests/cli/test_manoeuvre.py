@@ -70,6 +70,7 @@ def test_a_file_is_verified_with_mujoco(file: Path) -> None:
     assert document("check", file, "--engine", "mujoco")["proved"]
 
 
+@pytest.mark.slow
 def test_a_file_holds_the_record(file: Path) -> None:
     loaded = ff.load(file)
     scenario = ff.load_scenario(file.parent / "scenario.yaml")
@@ -107,6 +108,7 @@ def test_rates_and_places_that_do_not_join_are_discrepancies(file: Path) -> None
     assert "path: rates at its start" not in names
 
 
+@pytest.mark.slow
 def test_a_page_plays_the_phases(file: Path, tmp_path: Path) -> None:
     found = document("view", file, "--html", tmp_path / "page.html")
     titles = ["1 reorientation", "2 settling", "3 path", "5 joints", "6 to"]
@@ -136,6 +138,7 @@ def test_exports_of_the_phases_join(file: Path, tmp_path: Path) -> None:
     assert error("export", file, "--format", "csv", "-o", "-")["key"] == "output"
 
 
+@pytest.mark.slow
 def test_a_phase_that_fails_ends_with_exit_code_1(file: Path, tmp_path: Path) -> None:
     late = changed(file, "q2: 1.2}, duration: 30", "q2: 1.2}, duration: 1")
     found = document("plan", late, "-o", tmp_path / "late.h5", code=1)
@@ -144,6 +147,7 @@ def test_a_phase_that_fails_ends_with_exit_code_1(file: Path, tmp_path: Path) ->
     assert run("check", tmp_path / "late.h5").exit_code == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("old", "new", "key"), [
     ("mass: 3", "mass: 0", "phases.0.capture.mass"),
     ("body: client", "body: other", "phases.0.capture.body"),

@@ -30,6 +30,7 @@ def test_a_file_holds_the_record(file: Path) -> None:
     np.testing.assert_allclose(loaded.motion.final.attitude, loaded.goal, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_file_is_verified_with_mujoco(file: Path) -> None:
     assert document("check", file, "--engine", "mujoco")["proved"]
 
@@ -59,6 +60,7 @@ def test_there_are_no_figures_of_reorientations(file: Path) -> None:
     assert error("plot", file, "-o", file.parent / "figures")["key"] == "file"
 
 
+@pytest.mark.slow
 def test_too_short_a_time_ends_with_exit_code_1(file: Path, tmp_path: Path) -> None:
     found = document(*TURN, "--duration", 5, "--loops", 1, "-o", tmp_path / "late.h5", code=1)
     assert found["needed"]["duration"] > 5.0

@@ -137,6 +137,7 @@ def test_matching_velocities_need_no_impulse() -> None:
     np.testing.assert_allclose(soft.joint_rates, state["joint_rates"], atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ets_vii/line", "ur5_servicer/arc"])
 def test_mujoco_welds_the_client_to_the_end_effector(name: str) -> None:
     model, client, state = case(name, 5)

@@ -40,6 +40,7 @@ def model_of(structure: str, rng: np.random.Generator) -> FreeFloatingModel:
 # -------------------------------------------------------------------------------- definitions
 
 
+@pytest.mark.slow
 @given(data=st.data(), robot=robots(st.text("RCP", min_size=6, max_size=6)))
 def test_gjm_and_system_are_the_determinants_of_6_and_5(data: st.DataObject, robot: object) -> None:
     """det A = det D det S*, signs included; each from its matrix."""

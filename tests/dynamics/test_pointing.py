@@ -173,6 +173,7 @@ def test_torques_leave_the_base_free(structure):
         assert np.abs(effort.base_wrench).max() < 1e-7 * largest
 
 
+@pytest.mark.slow
 def test_the_impossible_motion_at_the_nearest_singularity():
     """Of a five-joint arm, in spacecraft and inertial axes: no joint rates contribute to it."""
     start = redundant("RRRRR", Task.POINTING, None, 1)

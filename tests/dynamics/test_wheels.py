@@ -186,6 +186,7 @@ def test_ensembles_and_precise_motions_agree(problem) -> None:
         assert angle_between(precise.final.attitude, result.attitudes[k]) < 1e-6
 
 
+@pytest.mark.slow
 def test_in_the_plane_wheels_take_their_part_of_the_momentum() -> None:
     problem = ff.load_scenario("planar_3dof/parabola").problem()
     momenta = replace(problem, momentum=np.array([0.0, 0.0, 2.0]))
@@ -199,6 +200,7 @@ def test_in_the_plane_wheels_take_their_part_of_the_momentum() -> None:
     np.testing.assert_allclose(*(motion.final.joints for motion in motions), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_plan_with_wheels_is_verified(problem) -> None:
     search = ff.Search("nearest", [0.0, 0.0, 0.0, 1.0], samples=512)
     plan = ff.plan(problem, search, Limits(base_rate=0.1))

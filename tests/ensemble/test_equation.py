@@ -153,6 +153,7 @@ arms = st.one_of(
 )
 
 
+@pytest.mark.slow
 @given(data=st.data(), robot=robots(arms))
 def test_matrices_of_random_robots_agree_with_pinocchio(data: st.DataObject, robot: Robot) -> None:
     """Revolute and prismatic joints, fixed joints merged; awkward joint values."""

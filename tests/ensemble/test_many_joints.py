@@ -176,6 +176,7 @@ def test_a_workspace_of_too_few_joints_raises():
         begin(start.problem, start)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("structure", "task", "number", "seed"),
     [("2", Task.PLANAR_POSITION, None, 1), ("RPR", Task.POSITION, None, 1),

@@ -57,6 +57,7 @@ def trajectory(motion) -> Trajectory:
     return Trajectory.sampled(motion, 301, epoch=EPOCH)
 
 
+@pytest.mark.slow
 def test_ros_2_reads_a_goal_with_tolerances(trajectory) -> None:
     goal = yaml.safe_load(ros2_goal_text(trajectory))
     store = get_typestore(Stores.ROS2_HUMBLE)
@@ -142,6 +143,7 @@ def test_a_parser_of_ccsds_messages_reads_attitudes_and_dates(trajectory, tmp_pa
     np.testing.assert_allclose(seconds, trajectory.times, atol=1.1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ets_vii/inspect", "planar_3dof/parabola", "ur5_servicer/arc"])
 def test_mujoco_reads_the_robot_and_both_ends(name: str) -> None:
     trajectory = Trajectory.sampled(motion_of(name), 21)
@@ -160,6 +162,7 @@ def test_mujoco_reads_the_robot_and_both_ends(name: str) -> None:
         np.testing.assert_allclose(data.site_xmat[site].reshape(3, 3), pose.rotation, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ets_vii/inspect", "planar_3dof/parabola", "ur5_servicer/arc"])
 def test_basilisk_arrives_at_the_same_attitude(name: str, tmp_path) -> None:
     script = tmp_path / "motion.py"
@@ -180,6 +183,7 @@ def test_what_a_format_cannot_hold_is_refused(motion) -> None:
     assert error_key(lambda: basilisk_text(Trajectory.sampled(motion, 20))) == "times"
 
 
+@pytest.mark.slow
 def test_the_command_writes_each_format(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     run("plan", "planar_2dof/line", "-o", "plan.h5")

@@ -84,6 +84,7 @@ def test_a_problem_describes_its_scene(scenario):
     assert again.scene.corridor.allowed == pytest.approx(problem.scene.corridor.allowed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("given", [True, False])
 def test_a_result_file_needs_no_urdf_of_the_scene(scenario, given):
     problem = scenario.problem()

@@ -88,6 +88,7 @@ def starts(problem, count):
     return attitudes[np.nonzero(branches.exist)[0]], branches.joints[branches.exist]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "drift"), [*((name, 0.0) for name in SCENARIOS), ("spatial_6dof/line", 0.004)]
 )
@@ -118,6 +119,7 @@ def test_compiled_precise_and_sampled_extremes_agree(name: str, drift: float) ->
             assert bool(result.endings[k] == COMPLETED) is kept
 
 
+@pytest.mark.slow
 def test_plain_and_compiled_kernels_agree() -> None:
     problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
     limits, (attitudes, joints) = limits_of(problem.model), starts(problem, 4)
@@ -147,6 +149,7 @@ def test_an_axis_on_the_wrist_is_followed_along_every_branch() -> None:
     assert np.nanmax(np.abs(slacks[:, ::2] - slacks[:, 1::2])) > 0.1
 
 
+@pytest.mark.slow
 def test_a_spatial_plan_keeps_limits_that_the_largest_margin_violates() -> None:
     scenario = ff.load_scenario("spatial_6dof/line")
     problem, search = scenario.problem(), replace(scenario.search(), samples=1024)

@@ -16,6 +16,7 @@ from tests.errors import error_key
 ATTITUDE = np.array([-0.01384, 0.0009, -0.0037, 0.9999])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ets_vii/line", "ets_vii/inspect", "ssrms/transfer"])
 def test_torques_are_those_of_inverse_dynamics(name: str) -> None:
     problem = ff.load_scenario(name).problem()
@@ -48,6 +49,7 @@ def test_torques_are_those_of_inverse_dynamics(name: str) -> None:
         np.testing.assert_allclose(held.momenta[k], stored, atol=1e-5 * held.largest_momentum)
 
 
+@pytest.mark.slow
 def test_the_end_effector_keeps_the_direction_that_a_pointing_task_prescribes() -> None:
     problem = ff.load_scenario("servicing/inspect_client").problem()
     held = ff.hold_attitude(problem, [0.0, 0.0, 0.0, 1.0])

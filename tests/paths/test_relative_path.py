@@ -61,6 +61,7 @@ def test_a_longer_duration_meets_the_body_later():
     assert slower.pose(60.0).position == pytest.approx(expected.position, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_exact_ranges_end_where_motions_along_it_violate_the_margin():
     """Example 1 relative to a body that turns by 115 degrees meanwhile."""
     problem = ff.load_scenario("planar_3dof/parabola").problem()
@@ -84,6 +85,7 @@ def test_exact_ranges_end_where_motions_along_it_violate_the_margin():
                 assert not outside.feasible
 
 
+@pytest.mark.slow
 def test_scenarios_state_it_and_files_keep_it(tmp_path):
     scenario = ff.load_scenario(
         {

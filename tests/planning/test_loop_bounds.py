@@ -30,6 +30,7 @@ def clearances(search: LoopSearch, coefficients: np.ndarray) -> np.ndarray:
     return np.array([search.pairs.distances(q, every) for q in joints]).min(axis=0)
 
 
+@pytest.mark.slow
 def test_a_loop_is_bounded_where_it_collides_and_keeps_the_clearance_then(search) -> None:
     rotation = Rotation.from_rotvec([0.0, 0.25, 0.2])
     free = search.unbounded(rotation, search.random(np.random.default_rng(3)))

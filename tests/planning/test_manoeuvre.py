@@ -119,6 +119,7 @@ def test_the_first_phase_that_fails_ends_the_manoeuvre(problem: ff.Problem) -> N
     assert found.reason.startswith("fast: joint_rate")
 
 
+@pytest.mark.slow
 def test_a_margin_is_required_of_later_paths(manoeuvre, problem: ff.Problem) -> None:
     margin = manoeuvre.phases[-1].result.chosen.minimum_margin
     for factor, feasible in ((0.99, True), (1.01, False)):
@@ -155,6 +156,7 @@ def test_a_reorientation_is_needed_only_where_the_attitude_is_another(problem: f
     assert angle_between(found.path.chosen.motion.initial.attitude, start.attitude) < 1e-9
 
 
+@pytest.mark.slow
 def test_with_momentum_the_manoeuvre_arrives_at_the_attitude(problem: ff.Problem) -> None:
     """The spacecraft drifts during reorientation and settling."""
     drifting = problem.replace(momentum=np.array([0.0, 0.0, 0.02]))

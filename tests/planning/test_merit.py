@@ -21,6 +21,7 @@ def turn(motion) -> float:
     return float(angle_between(attitudes, attitudes[0]).max())
 
 
+@pytest.mark.slow
 def test_still_in_the_plane_is_the_least_turn_of_a_sweep() -> None:
     problem = ff.load_scenario("planar_3dof/parabola").problem()
     least = np.inf
@@ -36,6 +37,7 @@ def test_still_in_the_plane_is_the_least_turn_of_a_sweep() -> None:
     assert turn(chosen.motion) > least - np.radians(5.0)
 
 
+@pytest.mark.slow
 def test_still_in_space_is_less_than_the_turns_of_samples() -> None:
     problem = ff.load_scenario("ets_vii/line").problem()
     plan = ff.plan(problem, Search("still", samples=512))
@@ -47,6 +49,7 @@ def test_still_in_space_is_less_than_the_turns_of_samples() -> None:
         assert turn(other.motion) >= least - 1e-6
 
 
+@pytest.mark.slow
 def test_weights_lead_from_the_margin_to_the_present_attitude() -> None:
     problem = ff.load_scenario("planar_3dof/parabola").problem()
     present = [0.0, 0.0, 0.0, 1.0]

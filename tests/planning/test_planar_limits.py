@@ -29,6 +29,7 @@ def keeps(motion, limits: Limits) -> bool:
     return bool(limits.base_turn is None or turn <= limits.base_turn)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "limits", "cause"),
     [

@@ -33,6 +33,7 @@ def about(axis: list[float], degrees: float) -> np.ndarray:
     return Rotation.from_rotvec(np.radians(degrees) * np.array(axis)).as_quat()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [-LARGEST_SIMPLE - 0.1, 110.0])
 def test_one_simple_loop_does_not_turn_the_planar_arm_further_than_possible(degrees) -> None:
     problem = planar()
@@ -42,6 +43,7 @@ def test_one_simple_loop_does_not_turn_the_planar_arm_further_than_possible(degr
     assert result.needed["loops"] >= 2
 
 
+@pytest.mark.slow
 def test_two_or_more_loops_turn_the_planar_arm_by_170_degrees() -> None:
     problem = planar()
     goal = problem.attitude(heading=np.radians(170.0))
@@ -53,6 +55,7 @@ def test_two_or_more_loops_turn_the_planar_arm_by_170_degrees() -> None:
     assert per_loop < LARGEST_SIMPLE
 
 
+@pytest.mark.slow
 def test_a_spatial_arm_reaches_the_goal_within_its_limits() -> None:
     problem = spatial()
     limits = ff.Limits(joint_rate=np.full(6, 0.1), joint_torque=np.full(6, 5.0), clearance=0.01)
@@ -77,6 +80,7 @@ def test_a_spatial_arm_reaches_the_goal_within_its_limits() -> None:
     assert forward_run(motion, Engine(model), steps=6000).attitude < 1e-4
 
 
+@pytest.mark.slow
 def test_a_known_momentum_is_compensated() -> None:
     problem = spatial().replace(momentum=[0.05, -0.03, 0.04])
     limits = ff.Limits(joint_rate=np.full(6, 0.1), joint_torque=np.full(6, 5.0))
@@ -87,6 +91,7 @@ def test_a_known_momentum_is_compensated() -> None:
     assert forward_run(result.motion, Engine(problem.model)).attitude < 1e-4
 
 
+@pytest.mark.slow
 def test_pointing_limits_are_kept() -> None:
     problem = spatial()
     cone = ff.PointingLimit("spacecraft", [0, 0, 1], np.radians(40.0), direction=[0, 0, 1])
@@ -97,6 +102,7 @@ def test_pointing_limits_are_kept() -> None:
     assert (attitudes.apply([0, 0, 1])[:, 2] >= np.cos(cone.angle) - 1e-9).all()
 
 
+@pytest.mark.slow
 def test_too_short_a_time_is_answered_with_the_time_that_is_enough() -> None:
     problem, goal = planar(), about([0.0, 0.0, 1.0], 20.0)
     limits = ff.Limits(joint_rate=np.full(2, 0.1))
@@ -133,6 +139,7 @@ def test_a_hopelessly_short_time_takes_no_further_searches(monkeypatch) -> None:
     assert tried == [1]
 
 
+@pytest.mark.slow
 def test_narrow_joint_ranges_are_answered_with_a_factor() -> None:
     text = ff.FreeFloatingModel.from_urdf("planar_2dof").description.text
     narrow = text.replace('"continuous">', '"revolute"><limit lower="0.73" upper="0.87" ' + EFFORT)

@@ -47,6 +47,7 @@ def as_plan(problem, attitude, joints, limits: Limits):
     return plan
 
 
+@pytest.mark.slow
 def test_the_published_case() -> None:
     problem, joints = straight([0.0, 0.9, -0.9], [-0.45, 0.55])
     slack = replace(

@@ -54,6 +54,7 @@ def spart_generalized_jacobian(
     return S[[3, 4, 5, 0, 1, 2]][:, [column[name] for name in robot.joints]]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     shutil.which("gcc") is None and "CI" not in os.environ,
     reason="SPART compiles itself when first used and there is no gcc",

@@ -72,6 +72,7 @@ def test_torques_about_the_common_centre_of_mass_are_those_of_the_whole_system()
     assert np.pi / LEO.rate == pytest.approx(5553.6 / 2.0, abs=1.0), "half a period"
 
 
+@pytest.mark.slow
 def test_a_resting_system_turns_as_the_integrated_torque_says(still) -> None:
     effect = engine_runs("mujoco", still, LEO).gravity
     D, _ = inertia_matrices(still.problem.model, still.initial.joints)
@@ -84,6 +85,7 @@ def test_a_resting_system_turns_as_the_integrated_torque_says(still) -> None:
     assert effect.momentum == pytest.approx(abs(momentum), rel=0.02)
 
 
+@pytest.mark.slow
 def test_gravity_gradient_falls_with_the_third_power_of_the_radius(still) -> None:
     near, far = (engine_runs("mujoco", still, CircularOrbit(r)).gravity for r in (5e7, 1e8))
     assert far.attitude == pytest.approx(near.attitude / 8.0, rel=0.01)
@@ -91,6 +93,7 @@ def test_gravity_gradient_falls_with_the_third_power_of_the_radius(still) -> Non
     assert far.margin == pytest.approx(margin, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_no_margin_is_left_where_the_arm_becomes_singular() -> None:
     problem = ff.load_scenario("planar_3dof/parabola").problem()
     singular = ff.simulate(problem, heading=np.radians(140.0), branch=0).chosen.motion
