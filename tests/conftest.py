@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from collections import Counter
 from collections.abc import Generator, Iterator
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does; read with numpy
@@ -11,6 +12,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does; read 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
+from numba.core.event import install_recorder
 from playwright.sync_api import Browser, sync_playwright
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
@@ -23,6 +25,10 @@ from freefloat.visualization.video import find_browser
 from tests.browser import FLAGS
 from tests.motions import bundled
 from tests.robots import ur5_on_spacecraft
+
+LONGEST = 2.0
+"""Processor time of a test that is not marked slow [s]: the second that it may take, and as much
+again for imports and kernels at first use and for a busy machine."""
 
 settings.register_profile(
     "freefloat",
@@ -39,6 +45,28 @@ def pytest_configure() -> None:
     """Commands that tests start hear Ctrl-C, also where tests run in a shell's background."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files with many slow tests begin, so that no worker waits for another in the end."""
+    slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
+    items.sort(key=lambda item: -slow[item.path])
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None]:
+    """A long test must be marked slow, unless it compiled kernels, as one test has to."""
+    begin = _processor_time()
+    with install_recorder("numba:compile") as compilations:
+        yield
+    used = _processor_time() - begin
+    slow = item.get_closest_marker("slow") or compilations.buffer
+    assert slow or used < LONGEST, f"it takes {used:.1f} s: mark it slow"
+
+
+def _processor_time() -> float:
+    """Of this process and of those that it started and waited for [s]."""
+    return sum(os.times()[:4])
 
 
 @pytest.hookimpl(wrapper=True)
