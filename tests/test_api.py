@@ -30,7 +30,16 @@ def test_every_public_name_is_documented_and_typed(name: str) -> None:
         assert all(parameter.annotation is not parameter.empty for parameter in parameters)
 
 
-SLOW = {"Search", "attitude_map", "check", "figures", "plan", "playback", "workspace_regions"}
+SLOW = {
+    "Search",
+    "attitude_map",
+    "check",
+    "figures",
+    "plan",
+    "playback",
+    "retime",
+    "workspace_regions",
+}
 """Names whose examples plan, draw or sample."""
 
 

@@ -12,6 +12,7 @@ import time
 from importlib.metadata import version
 from pathlib import Path
 
+import psutil
 import pytest
 from typer.main import get_command
 
@@ -107,6 +108,10 @@ def test_an_unforeseen_exception_asks_for_a_report(monkeypatch: pytest.MonkeyPat
     assert (result.exit_code, "Traceback" in result.stderr) == (3, True)
 
 
+COMPUTING = 2.5
+"""Processor time [s] after which a command is no longer loading modules."""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
 def test_an_interruption_exits_with_130(stop: signal.Signals, tmp_path: Path) -> None:
@@ -114,7 +119,8 @@ def test_an_interruption_exits_with_130(stop: signal.Signals, tmp_path: Path) ->
     with subprocess.Popen(
         [*PROGRAM, *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as process:
-        time.sleep(6.0)
+        while sum(psutil.Process(process.pid).cpu_times()[:2]) < COMPUTING:
+            time.sleep(0.02)
         process.send_signal(stop)
         stdout, stderr = process.communicate(timeout=60)
     assert (process.returncode, stdout, stderr) == (130, b"", b"freefloat: interrupted\n")

@@ -88,6 +88,7 @@ def test_a_file_holds_the_record(file: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_phases_that_do_not_join_are_a_discrepancy(file: Path) -> None:
     loaded = ff.load(file)
     motion = loaded.phases[1].motion

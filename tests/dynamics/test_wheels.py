@@ -102,6 +102,7 @@ def _product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     return np.append(vector, p[3] * q[3] - p[:3] @ q[:3])
 
 
+@pytest.mark.slow
 def test_mujoco_with_wheels_as_bodies_ends_there(problem, motion, urdf: str) -> None:
     """Servos turn the wheels at constant rates and lead the arm along the recorded joints."""
     spec = mujoco.MjSpec.from_string(urdf)

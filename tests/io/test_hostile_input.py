@@ -1,4 +1,7 @@
-"""Malicious and damaged files are read, or refused in one message, without other effects."""
+"""Malicious and damaged files are read, or refused in one message, without other effects.
+
+``scripts/fuzz.py``, which a test of CONTRIBUTING runs, does so with mutated files of every kind.
+"""
 
 from __future__ import annotations
 
@@ -27,11 +30,8 @@ from freefloat.studies.study import load_study
 from freefloat.visualization.playback import playback
 from tests import hostile_samples as good
 from tests.example_studies import BASE, write_study
-from tests.hostile import KINDS, READ, REFUSED, Watch, outcome
+from tests.hostile import KINDS, READ, Watch, outcome
 from tests.scenarios import PARABOLA
-
-MUTATED = 24
-"""Files of each kind."""
 
 
 @pytest.fixture
@@ -46,18 +46,10 @@ def watch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Watch]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_files_are_read_and_mutated_ones_read_or_refused(kind: str, watch: Watch) -> None:
-    """``scripts/fuzz.py`` does the same with more files."""
+def test_files_that_mutations_begin_with_are_read(kind: str, watch: Watch) -> None:
     for content in KINDS[kind].samples():
         result, message = outcome(KINDS[kind], content, watch)
         assert result == READ, message
-    counts = Counter[str]()
-    for number in range(MUTATED):
-        content = KINDS[kind].input(f"tests/{kind}/{number}")
-        result, message = outcome(KINDS[kind], content, watch)
-        assert result in (READ, REFUSED), f"{kind} {number}: {result}: {message}"
-        counts[result] += 1
-    assert counts[REFUSED] > MUTATED // 4
 
 
 def test_actions_outside_the_folder_are_noticed(watch: Watch, tmp_path: Path) -> None:

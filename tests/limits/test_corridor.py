@@ -58,6 +58,7 @@ def test_a_path_on_the_axis_into_the_apex_is_inside():
     assert result.kept
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("kernels")
 def test_a_plan_whose_path_leaves_the_corridor_is_infeasible_at_once():
     scenario = load_scenario("planar_2dof/line")

@@ -96,7 +96,7 @@ def test_compiled_precise_and_sampled_extremes_agree(name: str, drift: float) ->
     problem = ff.load_scenario(name).problem()
     problem = replace(problem, path=replace(problem.path, drift=drift * np.array([0.3, 0.9, 0.5])))
     limits = limits_of(problem.model)
-    attitudes, joints = starts(problem, 24)
+    attitudes, joints = starts(problem, 12)
     result = EnsembleIntegrator(problem, 1, limits=limits).integrate(attitudes, joints)
     signs = np.array([1.0, -1.0, 1.0, 1.0])
     bounds = np.cos([1.2, 0.8, 2.0, 0.35])

@@ -62,6 +62,7 @@ def test_weights_lead_from_the_margin_to_the_present_attitude() -> None:
     assert costs[0] > costs[1] > costs[2]
 
 
+@pytest.mark.slow
 def test_the_weight_of_the_time_prefers_slow_joints() -> None:
     problem = ff.load_scenario("planar_2dof/line").problem()
     limits = Limits(joint_rate=np.full(2, 0.5))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,14 +13,21 @@ import freefloat as ff
 from freefloat.limits.limits import LimitKind, Limits
 from freefloat.planning.plan import Plan
 from freefloat.so3 import angle_between
+from tests.tutorials import MISSION, completed
 
 SCENARIO = ff.load_scenario("servicing/inspect_client")
 LIMITS = SCENARIO.limits()
 
 
-@cache
-def planned(limits: Limits) -> Plan:
-    return ff.plan(SCENARIO.problem(), SCENARIO.search(), limits)
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("mission")
+
+
+@pytest.fixture(scope="module")
+def script(folder: Path) -> dict[str, Any]:
+    """Names of the tutorial script, which plans with the cones and without, and verifies."""
+    return completed(MISSION, folder)
 
 
 def worst(plan: Plan, limits: Limits) -> list[float]:
@@ -31,36 +38,37 @@ def worst(plan: Plan, limits: Limits) -> list[float]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
-def test_the_plan_of_the_mission_is_verified(engine: str, tmp_path: Path) -> None:
-    plan = planned(LIMITS)
+def test_the_plan_of_the_mission_is_verified(script: dict[str, Any], folder: Path) -> None:
+    """The script verifies it with MuJoCo."""
+    plan = script["plan"]
     assert plan.feasible, plan.reason
     assert {result.limit for result in plan.limit_results} == set(LimitKind)
     assert all(result.kept for result in plan.limit_results)
-    ff.save(plan, tmp_path / "plan.h5")
-    loaded = ff.load(tmp_path / "plan.h5")
-    report = ff.check(loaded, engine)
-    assert report.passed
+    loaded = ff.load(folder / "plan.h5")
+    assert ff.check(loaded).passed
     items = ff.playback(loaded).scene.description.items
     assert {"Scene bodies", "Corridor", "Pointing limits"} <= items.keys()
 
 
 @pytest.mark.slow
-def test_without_the_cones_antenna_and_star_tracker_are_on_the_wrong_side() -> None:
+def test_without_the_cones_antenna_and_star_tracker_are_on_the_wrong_side(
+    script: dict[str, Any],
+) -> None:
     """They exclude the attitude with the largest weighted sum."""
-    free = planned(replace(LIMITS, pointing=()))
+    plan, free = script["plan"], script["free"]
     antenna, tracker = LIMITS.pointing
     (seen,) = worst(free, Limits(pointing=[antenna]))
     (glare,) = worst(free, Limits(pointing=[tracker]))
     assert seen > antenna.angle + np.radians(1.0)
     assert glare < tracker.angle - np.radians(1.0)
-    attitudes = [plan.chosen.motion.initial.attitude for plan in (planned(LIMITS), free)]
+    attitudes = [entry.chosen.motion.initial.attitude for entry in (plan, free)]
     assert angle_between(*attitudes) > np.radians(5.0)
 
 
 @pytest.mark.slow
 def test_without_the_limit_of_the_turn_the_spacecraft_turns_farther() -> None:
-    free = planned(replace(LIMITS, base_turn=None))
+    limits = replace(LIMITS, base_turn=None)
+    free = ff.plan(SCENARIO.problem(), SCENARIO.search(), limits)
     (turn,) = worst(free, Limits(base_turn=LIMITS.base_turn))
     assert turn > LIMITS.base_turn + np.radians(1.0)
 

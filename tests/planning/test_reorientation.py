@@ -34,10 +34,9 @@ def about(axis: list[float], degrees: float) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("degrees", [-LARGEST_SIMPLE - 0.1, 110.0])
-def test_one_simple_loop_does_not_turn_the_planar_arm_further_than_possible(degrees) -> None:
+def test_one_simple_loop_does_not_turn_the_planar_arm_further_than_possible() -> None:
     problem = planar()
-    goal = problem.attitude(heading=np.radians(degrees))
+    goal = problem.attitude(heading=np.radians(-LARGEST_SIMPLE - 0.1))
     result = ff.reorient(problem, IDENTITY, goal, joints=[0.9, 0.7], loops=1)
     assert not result.reached
     assert result.needed["loops"] >= 2

@@ -175,6 +175,7 @@ def test_basilisk_finds_a_motion_that_violates_the_equations() -> None:
     assert not check.passed
 
 
+@pytest.mark.slow
 def test_the_command_reports_gravity(tmp_path: Path) -> None:
     file = tmp_path / "motion.h5"
     run("simulate", "planar_2dof/line", "--heading", 0, "-o", file)
@@ -187,6 +188,7 @@ def test_the_command_reports_gravity(tmp_path: Path) -> None:
     assert error("check", file, "--engine", "mujoco", "--gravity", 6)["key"] == "gravity"
 
 
+@pytest.mark.slow
 def test_what_basilisk_cannot_simulate_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("Basilisk")
     problem = ff.load_scenario("spatial_6dof/line").problem()

@@ -60,6 +60,7 @@ def test_the_margin_is_that_of_a_simulation_of_the_deviating_robot(example_2) ->
     assert tracking.margin_kept == (closest.value > problem.margin.threshold)
 
 
+@pytest.mark.slow
 def test_the_seed_decides_and_masses_deviate_as_stated(short) -> None:
     first, again, other = (ff.track(short, mass_error=0.1, noise=1e-3, seed=k) for k in (1, 1, 2))
     for name in ("times", "attitudes", "joints", "margins", "position_errors"):
@@ -80,6 +81,7 @@ def test_the_seed_decides_and_masses_deviate_as_stated(short) -> None:
     assert np.std(np.log(factors)) == pytest.approx(0.1, rel=0.3)
 
 
+@pytest.mark.slow
 def test_noise_and_friction_lead_off_the_path(short) -> None:
     errors = [ff.track(short, noise=noise).peak_position_error for noise in (0.0, 0.01, 0.02)]
     assert errors[0] < errors[1]
@@ -89,6 +91,7 @@ def test_noise_and_friction_lead_off_the_path(short) -> None:
     assert rough.peak_position_error > 2.0 * errors[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", ["pose", "pointing", "position"])
 def test_drift_wheels_and_redundant_arms_are_followed(task: str) -> None:
     problem = ff.load_scenario({

@@ -78,6 +78,7 @@ def test_the_first_view_contains_arrows_that_reach_beyond_the_spacecraft(motion:
     assert np.linalg.norm(points - shown, axis=1).min() < 1e-3
 
 
+@pytest.mark.slow
 def test_plans_and_simulations_without_limits_have_no_item(spatial: Problem) -> None:
     plain = ff.simulate(spatial, ATTITUDE, branch=0)
     assert "Pointing limits" not in ff.playback(plain).scene.description.items

@@ -27,6 +27,7 @@ def mapped(name: str) -> tuple[Problem, SingularityMap]:
     return problem, singularity_map(problem.model, problem.task, np.radians(RESOLUTIONS[name]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RESOLUTIONS)
 def test_curves_and_colours_agree_with_the_determinant(name: str) -> None:
     problem, found = mapped(name)
@@ -55,6 +56,7 @@ def test_curves_and_colours_agree_with_the_determinant(name: str) -> None:
         assert axes.get_xlabel() == f"{found.model.joint_names[pair[0]]} [deg]"
 
 
+@pytest.mark.slow
 def test_prismatic_joints_are_shown_over_their_range_in_metres() -> None:
     robot = random_robot(np.random.default_rng(9), "RPRRPR")
     model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
@@ -77,6 +79,7 @@ def test_the_most_influential_joints_and_a_regular_configuration() -> None:
     assert np.degrees(at) % 5.0 == pytest.approx(np.round(np.degrees(at)) % 5.0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_values_of_the_other_joints_are_checked_and_named() -> None:
     _, found = mapped("spatial_6dof/line")
     figure = singularity_figures(found, np.radians([0.0, 10.0, -90.0, 0.0, 30.0, 0.0]))["slices"]

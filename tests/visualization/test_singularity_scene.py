@@ -44,6 +44,7 @@ def test_a_sphere_is_closed_and_has_its_radius_and_volume() -> None:
     assert volume == pytest.approx(4.0 / 3.0 * np.pi, rel=0.02)
 
 
+@pytest.mark.slow
 def test_the_determinant_vanishes_on_the_surface_and_is_positive_in_front() -> None:
     problem, found = bundled("spatial_6dof/line"), mapped("spatial_6dof/line")
     measure = singularity_measure(problem.model, problem.task, "system")
