@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from collections import Counter
 from collections.abc import Generator, Iterator
 
@@ -56,17 +57,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None]:
     """A long test must be marked slow, unless it compiled kernels, as one test has to."""
-    begin = _processor_time()
+    begin = time.process_time()
     with install_recorder("numba:compile") as compilations:
         yield
-    used = _processor_time() - begin
+    used = time.process_time() - begin
     slow = item.get_closest_marker("slow") or compilations.buffer
     assert slow or used < LONGEST, f"it takes {used:.1f} s: mark it slow"
-
-
-def _processor_time() -> float:
-    """Of this process and of those that it started and waited for [s]."""
-    return sum(os.times()[:4])
 
 
 @pytest.hookimpl(wrapper=True)

@@ -181,13 +181,15 @@ def test_every_key_of_a_document_is_described(in_folder: Path) -> None:
             document("simulate", "planar_2dof/line", "--heading", 30),
         ],
         "plan": [
-            document("plan", planar, "-o", "plan.h5", "--html", "plan.html", "--plots", "plots"),
-            document("plan", "planar_2dof/line", "-o", "line.h5"),
+            document("plan", planar, "-o", "plan.h5"),
+            document(
+                "plan", "planar_2dof/line", "-o", "line.h5", "--html", "a.html", "--plots", "plots"
+            ),
             document("plan", "small.yaml"),
         ],
         "map": [
-            document("map", planar, "--samples", 24),
-            document("map", line, *spatial, "--plots", "plots"),
+            document("map", planar, "--samples", 24, "--plots", "plots"),
+            document("map", line, *spatial),
         ],
         "check": [document("check", "plan.h5")],
         "info": [
