@@ -150,6 +150,7 @@ def test_certificates_hold(structure, measure):
     assert least.bound <= min(samples)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("structure", ARMS)
 def test_ensembles_agree(structure):
     """Compiled motions end as the precise ones."""

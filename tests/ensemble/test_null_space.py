@@ -79,6 +79,7 @@ def test_motions_agree_with_precise_ones(structure, task, number):
     case.assert_same()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("structure", "task", "redundancy"), LEAST_BASE_RATE[::3])
 def test_motions_of_least_base_rate_agree_with_precise_ones(structure, task, redundancy):
     """Endings, minima of the measure and last states, compiled."""

@@ -22,6 +22,7 @@ def beside(body):
     return free, ff.plan(problem, scenario.search(), LIMITS)
 
 
+@pytest.mark.slow
 def test_another_arm_branch_is_chosen_where_a_body_is_in_the_way():
     free, plan = beside(ff.SceneBody("client", ff.Sphere(0.1), PLACE))
     assert (free.chosen.branch.label, plan.chosen.branch.label) == ("elbow-", "elbow+")
@@ -36,6 +37,7 @@ def test_another_arm_branch_is_chosen_where_a_body_is_in_the_way():
     assert clearance.worst < 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [0.0, 0.05])
 def test_a_longer_motion_is_checked_beside_a_tumbling_body(rate):
     """Far away it changes nothing, but the duration is one with which motions were compared."""
@@ -50,6 +52,7 @@ def test_a_longer_motion_is_checked_beside_a_tumbling_body(rate):
     assert not ff.check(plan).discrepancies
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("in_the_way", [False, True])
 def test_a_tumbling_body_is_an_obstacle_at_its_time_only(in_the_way):
     """The same ball on a wheel above: it is down there with the elbow or half a minute later."""

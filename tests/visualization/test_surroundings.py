@@ -68,6 +68,7 @@ def test_while_the_centre_of_mass_drifts_fixed_bodies_and_the_corridor_move(moti
         assert positions.reshape(-1, 3) == pytest.approx(expected, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_fast_tumbling_has_enough_key_times(motion: Motion) -> None:
     """Between two of them it turns by less than half a revolution, else it seems to turn back."""
     fast = ff.Tumbling([1.0, 1.0, 1.0], [0.0, 0.0, 10.0])
@@ -105,6 +106,7 @@ def test_the_surface_of_the_corridor_is_at_its_limit(
         assert ((points - corridor.point) @ corridor.axis).max() > max(along)
 
 
+@pytest.mark.slow
 def test_items_are_those_of_the_scene(motion: Motion) -> None:
     plain = motion_scene({"good": motion}).description.items
     assert not {"Scene bodies", "Corridor"} & plain.keys()

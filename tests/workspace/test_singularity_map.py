@@ -31,6 +31,7 @@ def contradictions(found: SingularityMap, model: FreeFloatingModel, task: str, c
     return sum(int(np.count_nonzero(signs[kind] != SIGNS[kind])) for kind in SIGNS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "resolution", "decided"), [
     ("planar_2dof/line", 0.1, 0.999), ("planar_3dof/parabola", 0.1, 0.999),
     ("spatial_6dof/line", 2.0, 0.90), ("ur5_servicer/arc", 15.0, 0.35),
