@@ -42,8 +42,12 @@ settings.register_profile(
 settings.load_profile("freefloat")
 
 
-def pytest_configure() -> None:
-    """Commands that tests start hear Ctrl-C, also where tests run in a shell's background."""
+def pytest_configure(config: pytest.Config) -> None:
+    """Commands that tests start hear Ctrl-C, also where tests run in a shell's background.
+
+    Files are distributed in the order of :func:`pytest_collection_modifyitems`.
+    """
+    config.option.loadscopereorder = False
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
