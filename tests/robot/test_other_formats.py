@@ -114,6 +114,7 @@ def xacro(tmp_path: Path):
     return write
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FILES)
 def test_robots_in_xacro_load_and_plan(name: str, xacro) -> None:
     file = xacro(name)
@@ -155,6 +156,7 @@ def test_errors_of_xacro_files(tmp_path: Path) -> None:
         assert error_key(ff.FreeFloatingModel.from_urdf, tmp_path / "a.xacro") == "urdf"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ets_vii/line", "planar_3dof/parabola", "ssrms/transfer"])
 def test_a_model_of_mujoco_has_the_same_dynamics(name: str, tmp_path: Path) -> None:
     problem = bundled(name)

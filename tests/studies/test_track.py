@@ -28,6 +28,7 @@ def result_of(study: Study) -> StudyResult:
     return StudyResult(study, rows, Path())
 
 
+@pytest.mark.slow
 def test_the_table_of_survival_follows_from_the_seeds(tmp_path: Path) -> None:
     study = a_study(tmp_path, VARY, **TRACK)
     first, again = result_of(study), result_of(study)
