@@ -33,7 +33,7 @@ def test_the_largest_angle_is_at_the_end(half_angle):
     """The apex is beside the path, the axis parallel to it."""
     result = corridor_result([0.0, 0.3, 0.0], [1.0, 0.0, 0.0], half_angle)
     assert result.worst == pytest.approx(np.arctan(0.3 / START), abs=1e-9)
-    assert result.time == pytest.approx(0.0, abs=1e-9)
+    assert result.time < 1e-3  # at rest: until then the end-effector moves by rounding errors only
     assert result.kept is (half_angle == 0.4)
     assert result.ratio == pytest.approx(result.worst / half_angle)
     assert result.where == "hand"
