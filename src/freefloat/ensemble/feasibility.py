@@ -14,6 +14,7 @@ from freefloat.ensemble.endings import COMPLETED, UNREACHED
 from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ik.branches import ClosedForm, closed_form
+from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.so3 import Array, IntArray, attitude_grid
@@ -167,7 +168,7 @@ class FeasibilityEvaluator:
 
     def margins(self, attitudes: Array, branch: Branch) -> Array:
         """Minimum margin along a branch, or the largest of all branches, shape (K,)."""
-        motions = self._motions(attitudes, branch, stop_at_margin=False)
+        motions = self.motions(attitudes, branch, stop_at_margin=False)
         margins = np.where(motions.endings == COMPLETED, motions.minimum, 0.0)
         return np.asarray(margins.max(axis=1, initial=0.0))
 
@@ -175,35 +176,27 @@ class FeasibilityEvaluator:
         self, attitudes: Array, branch: Branch, merit: Callable[[Array, EnsembleResult], Array]
     ) -> Array:
         """The merit of the motion along a branch, or the largest of all branches, shape (K,)."""
-        motions = self._motions(attitudes, branch, stop_at_margin=False)
+        motions = self.motions(attitudes, branch, stop_at_margin=False)
         return np.asarray(merit(attitudes, motions).max(axis=1, initial=-np.inf))
 
     def keeps(self, attitudes: Array, branch: Branch, excess: float = 0.0) -> npt.NDArray[np.bool_]:
         """Whether a branch, or any, keeps the problem's margin and a fraction more, shape (K,)."""
-        motions = self._motions(attitudes, branch)
+        motions = self.motions(attitudes, branch)
         return np.asarray(motions.keeps(self.problem.margin.threshold * (1.0 + excess)).any(axis=1))
 
     def regular(self, attitudes: Array, branch: Branch) -> npt.NDArray[np.bool_]:
         """Whether a branch, or any, keeps the margin and avoids all singularities, shape (K,)."""
-        motions = self._motions(attitudes, branch)
-        keeps = motions.keeps(self.problem.margin.threshold)
-        return np.asarray((keeps & is_regular(motions.determinant_ratios)).any(axis=1))
+        return is_kept(self.regularity(attitudes, branch))
 
     def regularity(self, attitudes: Array, branch: Branch) -> Array:
-        """Distance of a branch, or the best of any, to margin and singularities, shape (K,).
+        """The :func:`regularity` of a branch, or of the best of any, shape (K, 2)."""
+        motions = self.motions(attitudes, branch)
+        values = regularity(motions, self.problem.margin.threshold)
+        values = np.pad(values, ((0, 0), (0, 1), (0, 0)))  # there may be no branch
+        best = values.min(axis=2).argmax(axis=1)
+        return np.asarray(values[np.arange(len(values)), best])
 
-        The smaller of minimum margin and determinant ratio, each over the smallest that
-        :meth:`regular` accepts; zero for motions that end early.
-        """
-        motions = self._motions(attitudes, branch)
-        threshold = max(self.problem.margin.threshold, np.finfo(float).tiny)
-        with np.errstate(over="ignore"):
-            margins = motions.minimum / threshold
-        values = np.minimum(margins, motions.determinant_ratios / _REGULAR_RATIO)
-        completed = motions.endings == COMPLETED
-        return np.asarray(np.where(completed, values, 0.0).max(axis=1, initial=0.0))
-
-    def _motions(
+    def motions(
         self, attitudes: Array, branch: Branch, *, stop_at_margin: bool = True
     ) -> EnsembleResult:
         """Results of the motions of all arm branches, shape (K, B), or of a branch each, (K, 1)."""
@@ -219,6 +212,23 @@ class FeasibilityEvaluator:
         table = EnsembleResult.empty((len(attitudes), 1), joints.shape[1], self.limits.number)
         table.assign(exist[:, None], result)
         return table
+
+
+def regularity(motions: EnsembleResult, threshold: float) -> Array:
+    """Minimum margin and determinant ratio, each over the smallest accepted, shape (..., 2).
+
+    Both are zero for motions that end early. Motions with ones or more, see :func:`is_kept`, keep
+    the margin and avoid all singularities: the rule of robust radii and tolerances.
+    """
+    with np.errstate(over="ignore"):
+        margins = motions.minimum / max(threshold, np.finfo(float).tiny)
+    values = np.stack([margins, motions.determinant_ratios / _REGULAR_RATIO], axis=-1)
+    return np.asarray(np.where((motions.endings == COMPLETED)[..., None], values, 0.0))
+
+
+def is_kept(values: Array) -> npt.NDArray[np.bool_]:
+    """Which motions, by their :func:`regularity` (..., 2), keep the rule, shape (...)."""
+    return keeps_threshold(values.min(axis=-1), 1.0)
 
 
 def is_regular(determinant_ratios: Array) -> npt.NDArray[np.bool_]:

@@ -23,7 +23,7 @@ def newton_configuration(
 
     For redundant arms, whose configurations at a pose form a continuum.
     """
-    q = _newton_solutions(model, target.position[None], target.rotation[None], task, joints)[0]
+    q = newton_solutions(model, target.position[None], target.rotation[None], task, joints)[0]
     return ArmBranch(MAX_BRANCHES, "given", frozen(q)) if np.isfinite(q).all() else None
 
 
@@ -60,7 +60,7 @@ def closest_branches(
         return BranchSets(chosen, np.where(closest, sets.names, -1), sets.labels)
     p, R = np.reshape(positions, (-1, 3)), np.reshape(rotations, (-1, 3, 3))
     lower, upper = model.joint_ranges
-    nearby, _ = _distances(model, _newton_solutions(model, p, R, task, joints), joints)
+    nearby, _ = _distances(model, newton_solutions(model, p, R, task, joints), joints)
     (others,) = np.nonzero(~((nearby >= lower) & (nearby <= upper)).all(axis=1))
     spread = many_arm_branches(model, p[others], R[others], task).joints
     candidates = np.concatenate([spread, nearby[others, None]], axis=1)
@@ -72,11 +72,14 @@ def closest_branches(
     return BranchSets(nearby[:, None], names[:, None], ("closest",))
 
 
-def _newton_solutions(
+def newton_solutions(
     model: FreeFloatingModel, positions: Array, rotations: Array, task: Task, joints: Array
 ) -> Array:
-    """The configurations (K, n) to which Newton's method converges from joints (n,), else NaN."""
-    starts = np.tile(np.reshape(joints, (-1, 1, 1)), (1, 1, len(positions)))
+    """The configurations (K, n) to which Newton's method converges, else NaN.
+
+    It starts from joints (n,), or from other ones at each of the K poses, (K, n).
+    """
+    starts = np.broadcast_to(joints, (len(positions), model.dof)).T[:, None]
     target = positions.T, rotations.transpose(1, 2, 0)
     return solutions(Chain.of(model), task, *target, starts)[:, 0].T
 

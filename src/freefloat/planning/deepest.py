@@ -13,11 +13,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.planning.adversary import CAUTION
 from freefloat.planning.attitude_map import AttitudeMap, Ball, BoundaryPoint
 from freefloat.planning.domain import SearchDomain
 from freefloat.planning.pattern_search import Clouds, Searches, pattern_search, spread
 from freefloat.planning.regions import depths, nearest_among
-from freefloat.planning.robustness import CAUTION, Surroundings, confirmed, outside_within
+from freefloat.planning.robustness import Surroundings, confirmed, outside_within
 from freefloat.so3 import (
     Array,
     IntArray,

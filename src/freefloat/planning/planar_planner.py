@@ -1,7 +1,7 @@
 """Planar plans: all feasible headings and one of them.
 
 The ranges are exact where S depends on two joint angles. Otherwise, for redundant arms, prismatic
-joints and measures other than ``system``, headings are sampled and the limits of ranges bisected.
+joints and measures other than ``system``, they are searched for.
 """
 
 from __future__ import annotations
@@ -30,31 +30,23 @@ from freefloat.planning.domain import SearchDomain
 from freefloat.planning.heading_arcs import (
     BranchRanges,
     HeadingRange,
-    RangeLimitCause,
-    arcs_between,
-    branch_ranges,
 )
 from freefloat.planning.heading_map import best_headings
 from freefloat.planning.merit import Merit
 from freefloat.planning.objective import Objective
-from freefloat.planning.pattern_search import Flags
 from freefloat.planning.plan import HEADINGS, Plan, Search
 from freefloat.planning.planar_limits import limited_ranges
-from freefloat.planning.planar_ranges import heading_ranges, limits_of_spans, reach_limits
-from freefloat.planning.search import bisect
+from freefloat.planning.planar_ranges import heading_ranges, limits_of_spans
+from freefloat.planning.planar_search import searched_ranges
 from freefloat.planning.segment import Segment
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch, simulate
-from freefloat.so3 import Array, heading_of, heading_quaternion, wrapped
+from freefloat.so3 import heading_of, heading_quaternion, wrapped
 from freefloat.workspace.planar import has_two_angle_form
 
 _INSIDE = 1e-6
 """Distance from the limit of a range to a heading chosen there [rad]."""
-_NEAR_REACH = 1e-6
-"""Distance from the limits of the reach at which headings are added [rad]."""
-_END = 1e-6
-"""Distance of a heading from the limit of the domain that is its cause [rad]."""
-_ROUNDS = 8
-"""Bisections of the interval of a range limit."""
+_NEARBY = np.geomspace(1e-6, 0.5, 64)
+"""Angles to headings nearby that are tried where a redundant arm has no feasible start [rad]."""
 
 _Pair = tuple[int, HeadingRange]
 """Number of an arm branch and one of its ranges."""
@@ -88,6 +80,8 @@ def plan_in_plane(
             problem, search, False, no_feasible_heading_message(evaluator, search), ranges, segments
         )
     heading, branch, reason = _choose(evaluator, search, limits, pairs)
+    if problem.redundant:
+        heading = _with_start(evaluator, heading, ranges[0])
     chosen = _integrate(problem, heading, branch)
     if not chosen.feasible:
         reason = f"the motion chosen for {reason} does not keep the margin when integrated again"
@@ -176,79 +170,19 @@ def _nearest(present: float, spare: float, pairs: list[_Pair]) -> _Choice:
     return heading, branch, nearest_message(angle, spare)
 
 
+def _with_start(evaluator: FeasibilityEvaluator, heading: float, entry: BranchRanges) -> float:
+    """The nearest heading in ranges at which a configuration of those tried is feasible."""
+    if evaluator.keeps(heading_quaternion([heading]), None)[0]:
+        return heading
+    nearby = heading + np.concatenate([_NEARBY, -_NEARBY])
+    inside = np.array([entry.depth(other) > 0.0 for other in nearby.tolist()])
+    nearby = nearby[inside & evaluator.keeps(heading_quaternion(nearby), None)]
+    if not len(nearby):
+        return heading
+    return float(nearby[np.argmin(np.abs(nearby - heading))]) % tau
+
+
 def _inner_ends(part: HeadingRange, inside: float = 0.0) -> tuple[float, float]:
     """Headings inside both limits of a range by an angle, or by a millionth of a radian."""
     inside = min(max(_INSIDE, inside), part.width / 2.0)
     return part.low + inside, part.high - inside
-
-
-def searched_ranges(
-    evaluator: FeasibilityEvaluator,
-    samples: int,
-    progress: Progress | None = None,
-    domain: SearchDomain | None = None,
-) -> tuple[BranchRanges, ...]:
-    """Feasible ranges of heading; narrower ones than the spacing of the samples may be missed.
-
-    Ranges are those of each arm branch; of a redundant arm a heading is feasible when any of the
-    starting configurations tried keeps the margin.
-    """
-    problem, domain = evaluator.problem, domain or SearchDomain()
-    evaluator.require_memory(samples)
-    attitudes = heading_quaternion(_headings(problem, samples, domain))
-    results = evaluator.evaluate(attitudes, stop_at_margin=True, progress=progress)
-    feasible = problem.margin.keeps(results.margins) & domain.contains(attitudes)[:, None]
-    if problem.redundant:
-        feasible = np.asarray(feasible.any(axis=1, keepdims=True))
-        labels = {0: "any"}
-    elif has_two_angle_form(problem.model, problem.task):
-        labels = {0: "elbow+", 1: "elbow-"}
-    else:
-        existing = np.flatnonzero(results.exist.any(axis=0)).tolist()
-        labels = {index: str(index) for index in existing}
-    indices = np.array(list(labels))
-    opens = np.roll(feasible[:, indices], -1, axis=0)
-    columns, changes = np.nonzero((feasible[:, indices] != opens).T)
-    ends = attitudes[changes], np.roll(attitudes, -1, axis=0)[changes]
-    outward = ~opens[changes, columns, None]
-    within, beyond = np.where(outward, ends, ends[::-1])
-
-    def inside(attitudes: Array) -> Flags:
-        each = np.repeat(indices[columns], len(attitudes) // len(columns))
-        keeps = evaluator.keeps(attitudes, None if problem.redundant else each)
-        return np.asarray(keeps & domain.contains(attitudes))
-
-    limits = bisect(inside, within, beyond, _ROUNDS) if len(columns) else within
-    entries = []
-    for column, (index, label) in enumerate(labels.items()):
-        on_branch = columns == column
-        headings = map(heading_of, limits[on_branch])
-        arcs = [*arcs_between([(heading, _cause(heading, domain)) for heading in headings])]
-        opening = opens[changes[on_branch], column].tolist() or [bool(opens[:, column].all())]
-        entries.append(branch_ranges(index, label, arcs, opening))
-    return tuple(entries)
-
-
-def _cause(heading: float, domain: SearchDomain) -> RangeLimitCause:
-    """Why a searched range ends."""
-    for limit in () if domain.whole else domain.heading_limits:
-        if abs(wrapped(heading - limit)) < _END:
-            return RangeLimitCause.SEARCH
-    return RangeLimitCause.MARGIN
-
-
-def _headings(problem: Problem, samples: int, domain: SearchDomain) -> Array:
-    """Even headings, and some next to the limits of the reach, where narrow ranges may lie.
-
-    Outside a domain that has not all headings there is one next to each of its limits.
-    """
-    headings = domain.headings(samples)
-    if not domain.whole:
-        low, high = domain.heading_limits
-        outside = min(headings[1] - headings[0], np.pi - domain.radius)
-        headings = np.array([low - outside, *headings, high + outside]) % tau
-    if not has_two_angle_form(problem.model, problem.task):
-        return np.sort(headings)
-    limits = np.array([*reach_limits(problem, 0.0)])
-    added = np.concatenate([limits - _NEAR_REACH, limits + _NEAR_REACH]) % tau
-    return np.unique(np.concatenate([headings, added]))
