@@ -12,6 +12,7 @@ import pytest
 from freefloat.io.scenario import load_scenario
 from freefloat.limits.limits import Limits
 from freefloat.planning import deepest, planner, robustness, search, tolerance
+from freefloat.planning.adversary import Effort
 from freefloat.planning.objective import Objective
 from freefloat.planning.plan import Plan, Search
 from freefloat.planning.planner import plan
@@ -26,9 +27,9 @@ def smaller_searches() -> Iterator[None]:
         patch.setattr(planner, "_CANDIDATES", 6)
         patch.setattr(search, "_FINISHED", 2)
         patch.setattr(robustness, "_WIDE", 128)
-        patch.setattr(robustness, "_CONFIRMING", 1024)
+        patch.setattr(robustness, "EFFORT", Effort(768, 16))
         patch.setattr(deepest, "_ROUNDS", 6)
-        patch.setattr(tolerance, "_DIRECTIONS", 16)
+        patch.setattr(tolerance, "EFFORT", Effort(384, 12))
         yield
 
 

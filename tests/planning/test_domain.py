@@ -16,7 +16,7 @@ from freefloat.planning.heading_arcs import RangeLimitCause
 from freefloat.planning.heading_map import evaluator_for, sample_headings
 from freefloat.planning.mapping import attitude_map, sample_attitudes
 from freefloat.planning.plan import Search
-from freefloat.planning.planar_planner import searched_ranges
+from freefloat.planning.planar_search import searched_ranges
 from freefloat.planning.planner import plan_in_space
 from freefloat.so3 import angle_between, attitude_grid, heading_of, heading_quaternion
 from tests.motions import bundled

@@ -15,8 +15,8 @@ from freefloat.planning.domain import SearchDomain
 from freefloat.planning.heading_map import evaluator_for, sample_headings
 from freefloat.planning.objective import Objective
 from freefloat.planning.plan import Plan
-from freefloat.planning.planar_planner import _headings, searched_ranges
 from freefloat.planning.planar_ranges import reach_limits
+from freefloat.planning.planar_search import _headings, searched_ranges
 from freefloat.so3 import heading_of, heading_quaternion
 from tests.motions import bundled
 

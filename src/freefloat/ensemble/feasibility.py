@@ -23,6 +23,8 @@ _REDUCTION = 4
 """Reduction of the number of attitudes in searches whose arm branches have no closed form."""
 _REGULAR_RATIO = 0.01
 """Smallest ratio of the minimum and maximum magnitude of det S* along a regular motion."""
+_AMPLE = 1e9
+"""Largest multiple of a margin, which may be zero."""
 _NEGLIGIBLE = 1e-7
 """Fraction of the system's mass and inertia below which a body counts as massless."""
 _ATTITUDE_SIZE, _MOTION_SIZE, _JOINT_SIZE = 500, 200, 40
@@ -222,6 +224,7 @@ def regularity(motions: EnsembleResult, threshold: float) -> Array:
     """
     with np.errstate(over="ignore"):
         margins = motions.minimum / max(threshold, np.finfo(float).tiny)
+    margins = np.minimum(margins, _AMPLE)
     values = np.stack([margins, motions.determinant_ratios / _REGULAR_RATIO], axis=-1)
     return np.asarray(np.where((motions.endings == COMPLETED)[..., None], values, 0.0))
 

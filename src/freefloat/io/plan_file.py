@@ -94,14 +94,16 @@ def read_plan(
     """
     search = scenario.search() if problem is None else Search()
     problem = search.applied_to(scenario.problem()) if problem is None else problem
-    tolerance = document.get("tolerance")
+    tolerance, effort = document.get("tolerance"), document.get("robust_radius_effort")
     samples = None
     if tolerance is not None or "map" in file:
         from freefloat.io.map_file import read_samples  # compiled kernels are slow to import
+        from freefloat.planning.adversary import Effort
         from freefloat.planning.tolerance import Tolerance
 
         samples = read_samples(file["map"], problem, search) if "map" in file else None
-        tolerance = tolerance and Tolerance(**tolerance)
+        tolerance = tolerance and Tolerance.from_dict(tolerance)
+        effort = effort and Effort(**effort)
     limits, results, contact = read_limits(file, scenario, document)
     stretched = document["stretched_duration"]
     radius = document["robust_radius_deg"]
@@ -118,6 +120,7 @@ def read_plan(
         ),
         chosen=None if motion is None else _read_branch(motion, problem, document["branch"]),
         robust_radius=None if radius is None else float(np.radians(radius)),
+        radius_effort=effort,
         map=samples,
         tolerance=tolerance,
         disagreements=tuple(document["disagreements"]),

@@ -29,7 +29,7 @@ def continued_motions(
 ) -> tuple[Array, EnsembleResult]:
     """Configurations near joints (K, n), and the results of the motions from there, shape (K,)."""
     starts = continued(evaluator.problem, attitudes, joints)
-    exist = np.isfinite(starts).all(axis=1)
+    exist = np.asarray(np.isfinite(starts).all(axis=1))
     table = EnsembleResult.empty(exist.shape, starts.shape[1], evaluator.limits.number)
     threshold = evaluator.problem.margin.threshold
     table.assign(

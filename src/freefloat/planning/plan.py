@@ -24,6 +24,7 @@ from freefloat.planning.simulation import SimulatedBranch
 from freefloat.so3 import Array, angle_between, frozen, heading_of
 
 if TYPE_CHECKING:  # compiled kernels take half a second to import
+    from freefloat.planning.adversary import Effort
     from freefloat.planning.attitude_map import AttitudeMap
     from freefloat.planning.screening import ScreenedCandidate
     from freefloat.planning.tolerance import Tolerance
@@ -161,6 +162,8 @@ class Plan:
         robust_radius: How far the attitude may deviate in any direction before the chosen arm
             branch (of a redundant arm, every starting configuration tried) violates the margin or
             nears another singularity [rad].
+        radius_effort: Spatial tasks: what the robust radius was confirmed against; None in older
+            files.
         map: Spatial tasks: the map of sampled attitudes that the search began with.
         tolerance: Spatial tasks: tolerated deviations of momentum and duration.
         disagreements: Candidates that the precise integration did not confirm, a sentence each.
@@ -183,6 +186,7 @@ class Plan:
     segments: tuple[Segment, ...] = field(default=(), repr=False)
     chosen: SimulatedBranch | None = field(default=None, repr=False)
     robust_radius: float | None = None
+    radius_effort: Effort | None = None
     map: AttitudeMap | None = field(default=None, repr=False)
     tolerance: Tolerance | None = None
     disagreements: tuple[str, ...] = ()
@@ -233,6 +237,7 @@ class Plan:
             "attitude_ranges_deg": [entry.to_dict() for entry in self.ranges],
             "deviation_deg": degrees(self.deviation),
             "robust_radius_deg": degrees(self.robust_radius),
+            "robust_radius_effort": self.radius_effort and self.radius_effort.to_dict(),
             "segments": [segment.to_dict() for segment in self.segments],
             "tolerance": self.tolerance and self.tolerance.to_dict(),
             "disagreements": list(self.disagreements),

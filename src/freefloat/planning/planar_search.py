@@ -85,9 +85,10 @@ def searched_ranges(
     round_circle = np.append(headings, headings[0] + tau)
     contained = domain.contains(heading_quaternion(round_circle))
     closed = np.append(np.arange(len(headings)), 0)
+    every = np.arange(results.exist.shape[1])
     lines = []
     for index in indices:
-        columns = slice(None) if problem.redundant else [index]
+        columns = every if problem.redundant else np.array([index])
         slacks, kept = _slacks(problem, results.motions.columns(columns))
         lines.append(Samples(round_circle, slacks[closed], kept[closed] & contained))
     lines = resolved(within, lines, _WIDEST, _NARROWEST, _EXACT, _LEVELS)

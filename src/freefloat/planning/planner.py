@@ -29,7 +29,7 @@ from freefloat.planning.merit import Merit, best_by_merit
 from freefloat.planning.objective import Objective
 from freefloat.planning.plan import PLAN_ATTITUDES, Plan, Search
 from freefloat.planning.planar_planner import plan_in_plane
-from freefloat.planning.robustness import robust_radius
+from freefloat.planning.robustness import EFFORT, robust_radius
 from freefloat.planning.screening import ScreenedCandidate
 from freefloat.planning.search import (
     best_branch,
@@ -142,7 +142,7 @@ def plan_within(
         index = None if problem.redundant else branch.index
         radius = robust_radius(evaluator, attitude, index, result.map.spacing)
     tolerances = tolerance(evaluator.integrator, attitude, branch.joints)
-    return replace(result, robust_radius=radius, tolerance=tolerances)
+    return replace(result, robust_radius=radius, radius_effort=EFFORT, tolerance=tolerances)
 
 
 def plan_in_space(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -59,6 +60,12 @@ class Tolerance:
     def to_dict(self) -> dict[str, Any]:
         """The JSON document."""
         return asdict(self)
+
+    @classmethod
+    def from_dict(cls, document: Mapping[str, Any]) -> Tolerance:
+        """The tolerance of a JSON document."""
+        effort = document.get("momentum_effort")
+        return cls(**{**document, "momentum_effort": effort and Effort(**effort)})
 
 
 def tolerance(integrator: EnsembleIntegrator, attitude: Array, joints: Array) -> Tolerance:

@@ -8,21 +8,20 @@ from math import tau
 
 import numpy as np
 
-from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.feasibility import FeasibilityEvaluator, regularity
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Problem
+from freefloat.planning.adversary import Effort, violations
+from freefloat.planning.attitude_map import Candidate
+from freefloat.planning.continuation import keeps_from_nearby
 from freefloat.planning.heading_arcs import BranchRanges
 from freefloat.planning.heading_map import evaluator_for
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_planner import heading_depth
+from freefloat.planning.robustness import Surroundings
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.planning.tolerance import Tolerance
-from freefloat.so3 import (
-    Array,
-    attitudes_within,
-    even_directions,
-    heading_quaternion,
-)
+from freefloat.so3 import Array, even_directions, heading_quaternion
 from freefloat.verification.tolerances import Check, comparison_check
 
 _NEAR_END = 5e-4
@@ -31,12 +30,10 @@ _PRECISE = 1e-8
 """Tolerance of the motions from these headings."""
 _CIRCLE = 720
 """Headings on the whole circle."""
-_SAMPLES = 1024
-"""Attitudes tested in the ball of the robust radius."""
-_SEED = 8128
+_EFFORT, _MOMENTUM_EFFORT = Effort(1024, 16), Effort(384, 12)
+"""Of the adversarial searches against robust radius and momentum tolerance."""
+_SEED = 31
 """A seed other than the planner's."""
-_MAY_FAIL = 1e-3
-"""Fraction of these attitudes that may fail: samples confirmed the ball, not all attitudes."""
 _DIRECTIONS = 96
 """Tested directions of momentum."""
 _PRECISE_COUNT = 3
@@ -72,9 +69,11 @@ def _heading_check(plan: Plan, evaluator: FeasibilityEvaluator) -> Check:
     """Headings just inside the ends of ranges keep the margin, those just outside do not."""
     probes = [probe for entry in plan.ranges for probe in _probes(entry)]
     for heading, branch, stated in (*probes, *_contradictions(plan, evaluator)):
+        if plan.problem.redundant and not stated:
+            continue  # other configurations than those tried may be feasible there
         if not plan.search.domain.contains(heading_quaternion(heading)):
             continue
-        if _is_feasible(plan.problem, heading, branch) is not stated:
+        if _is_feasible(evaluator, heading, branch) is not stated:
             degrees = float(np.degrees(heading % tau))
             verb, where = ("violates", "in") if stated else ("keeps", "outside")
             words = (
@@ -118,14 +117,19 @@ def _contradictions(
                 yield heading, branch, depth > 0.0
 
 
-def _is_feasible(problem: Problem, heading: float, branch: int) -> bool:
-    """Whether the precise motion of an arm branch (of any, if redundant) keeps the margin."""
-    attitude = heading_quaternion(heading)
-    return any(
+def _is_feasible(evaluator: FeasibilityEvaluator, heading: float, branch: int) -> bool:
+    """Whether the precise motion of an arm branch keeps the margin.
+
+    Of a redundant arm, whether that of any configuration does, of those tried at the heading or of
+    those near them at headings nearby.
+    """
+    attitude, problem = heading_quaternion(heading), evaluator.problem
+    tried = any(
         _keeps_margin(problem, attitude, start.joints)
         for start in problem.branches(attitude)
         if problem.redundant or start.index == branch
     )
+    return tried or (problem.redundant and bool(keeps_from_nearby(evaluator, attitude).any()))
 
 
 def _keeps_margin(problem: Problem, attitude: Array, joints: Array) -> bool:
@@ -144,21 +148,18 @@ def _depth_check(plan: Plan, chosen: SimulatedBranch) -> Check:
 
 
 def _ball_check(evaluator: FeasibilityEvaluator, plan: Plan, chosen: SimulatedBranch) -> Check:
-    """Attitudes within the robust radius keep the margin."""
-    radius = plan.robust_radius or 0.0
-    branch = None if plan.problem.redundant else chosen.branch.index
-    count = _SAMPLES // evaluator.sample_reduction
-    attitude = chosen.motion.initial.attitude
-    attitudes = attitudes_within(attitude, min(radius, np.pi), count, _SEED)
-    failed = int((~evaluator.regular(attitudes, branch)).sum())
-    allowed = int(_MAY_FAIL * count)
+    """No adversarial search finds an attitude outside within the robust radius."""
+    radius, redundant = plan.robust_radius or 0.0, plan.problem.redundant
+    branch = None if redundant else chosen.branch.index
+    around = Surroundings.of(evaluator, [Candidate(chosen.motion.initial.attitude, branch)])
+    outside = violations(around.regularity, min(radius, np.pi), _EFFORT, _SEED)
+    attitudes, _ = around.rotated(outside, np.zeros(len(outside), np.int64))
+    failed = sum(not (redundant and keeps_from_nearby(evaluator, a).any()) for a in attitudes)
     words = (
-        f"{count - failed} of {count} attitudes within {np.degrees(radius):.4g} deg are feasible"
+        f"{_EFFORT.samples} attitudes within {np.degrees(radius):.4g} deg, and {_EFFORT.descents} "
+        f"descents from the worst of them: {failed} infeasible"
     )
-    return Check(
-        "robust radius", failed <= allowed, words, radius, float(failed), float(allowed),
-        f"of {count} attitudes fail",
-    )  # fmt: skip
+    return Check("robust radius", not failed, words, radius, float(failed), 0.0, "attitudes fail")
 
 
 def _tolerance_check(
@@ -166,11 +167,25 @@ def _tolerance_check(
 ) -> Check:
     """Motions with the tolerated momenta and durations keep the margin, from the same start.
 
-    The ensemble is integrated for many directions; the worst of them and the durations precisely.
+    Momenta are searched for by adversarial searches; the worst of many directions and the durations
+    are integrated precisely.
     """
     problem, start = evaluator.problem, chosen.motion.initial
     directions = even_directions(_DIRECTIONS)
-    momenta = problem.momentum + _INSIDE * tolerance.momentum * directions
+    tolerated = _INSIDE * tolerance.momentum
+
+    def values(deviations: Array) -> Array:
+        K = len(deviations)
+        states = np.tile(start.attitude, (K, 1)), np.tile(start.joints, (K, 1))
+        motions = evaluator.integrator.integrate(*states, momenta=problem.momentum + deviations)
+        return regularity(motions, problem.margin.threshold)
+
+    outside = violations(values, tolerated, _MOMENTUM_EFFORT, _SEED)
+    if len(outside):
+        h = np.round(problem.momentum + outside[0], 6).tolist()
+        words = f"the momentum {h} N m s violates the margin or nears another singularity"
+        return Check("tolerance", False, words, tolerance.momentum, unit="N m s")
+    momenta = problem.momentum + tolerated * directions
     states = np.tile(start.attitude, (_DIRECTIONS, 1)), np.tile(start.joints, (_DIRECTIONS, 1))
     ensemble = evaluator.integrator.integrate(*states, momenta=momenta)
     worst = [*momenta[np.argsort(ensemble.minimum)[:_PRECISE_COUNT]]]
