@@ -47,7 +47,7 @@ class Effort:
 
     Attributes:
         samples: Deviations spread in the ball and on its sphere.
-        descents: Searches for worse ones, from the worst of these.
+        descents: Searches for worse ones, from the worst of these, at most.
     """
 
     samples: int

@@ -1,0 +1,62 @@
+"""Adversarial searches find narrow violations in balls of deviations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from freefloat.planning.adversary import BEYOND, Effort, confirmed_radius, violations
+
+EFFORT = Effort(samples=512, descents=12)
+
+
+def hidden(direction: np.ndarray, width: float, *, column: int = 0) -> object:
+    """Regularity with a valley along a direction, too narrow for samples, beyond length 1."""
+
+    def regularity(vectors: np.ndarray) -> np.ndarray:
+        lengths = np.linalg.norm(vectors, axis=1)
+        across = np.linalg.norm(np.cross(vectors, direction), axis=1)
+        behind = vectors @ direction < 0.0
+        valley = np.hypot(across, 0.02) / width + 1.0 - lengths + 3.0 * behind
+        values = np.full((len(vectors), 2), 2.0)
+        values[:, column] = 1.0 + valley
+        return values
+
+    return regularity
+
+
+@pytest.mark.parametrize("column", [0, 1])
+@pytest.mark.parametrize("number", range(4))
+def test_a_violation_between_the_samples_is_found(number: int, column: int) -> None:
+    """The violating cap is a thousandth of the sphere; the other requirement hides nothing."""
+    direction = np.random.default_rng(number).normal(size=3)
+    direction /= np.linalg.norm(direction)
+    regularity = hidden(direction, 0.5, column=column)
+    found = violations(regularity, 1.08, EFFORT)
+    assert len(found)
+    assert (regularity(found).min(axis=1) < 1.0).all()
+    assert np.linalg.norm(found, axis=1).max() <= 1.08 * (1.0 + 1e-12)
+
+
+def test_the_confirmed_radius_is_just_below_the_closest_violation() -> None:
+    direction = np.array([0.6, 0.0, 0.8])
+    radius = confirmed_radius(hidden(direction, 0.5), 2.0, EFFORT, 1e-5)
+    assert 0.97 * 1.04 < radius < 1.04
+
+
+def test_where_nothing_is_violated_the_radius_stays_and_nothing_beyond_the_most_is_tried() -> None:
+    lengths = []
+
+    def regularity(vectors: np.ndarray) -> np.ndarray:
+        lengths.append(np.linalg.norm(vectors, axis=1).max())
+        return np.full((len(vectors), 2), 3.0)
+
+    assert confirmed_radius(regularity, 1.0, EFFORT, 1e-5, most=1.0) == 1.0
+    assert max(lengths) <= 1.0 + 1e-12
+    confirmed_radius(regularity, 1.0, EFFORT, 1e-5)
+    assert max(lengths) == pytest.approx(BEYOND)
+
+
+def test_a_violation_at_the_centre_leaves_no_radius() -> None:
+    radius = confirmed_radius(lambda v: np.zeros((len(v), 2)), 1.0, EFFORT, 1e-5)
+    assert radius == 0.0
