@@ -64,7 +64,7 @@ class Landscape:
     regular = keeps
 
     def regularity(self, attitudes: np.ndarray, branch: int | np.ndarray) -> np.ndarray:
-        return self.margins(attitudes, branch) / MARGIN
+        return np.repeat(self.margins(attitudes, branch)[:, None] / MARGIN, 2, axis=1)
 
     def map(self, samples: int, seed: int = 0) -> AttitudeMap:
         attitudes, minimum = attitude_grid(samples, seed), np.zeros((samples, 8))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from freefloat.ensemble.ensemble import EnsembleResult
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.result import EnsembleResult
 from freefloat.ik.nearest import newton_solutions
 from freefloat.motion.problem import Problem
 from freefloat.planning.pattern_search import Flags

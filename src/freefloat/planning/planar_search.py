@@ -13,8 +13,8 @@ from math import tau
 import numpy as np
 
 from freefloat.concurrency import Progress
-from freefloat.ensemble.ensemble import EnsembleResult
 from freefloat.ensemble.feasibility import BranchResults, FeasibilityEvaluator
+from freefloat.ensemble.result import EnsembleResult
 from freefloat.motion.problem import Problem
 from freefloat.planning.continuation import continued_motions
 from freefloat.planning.domain import SearchDomain

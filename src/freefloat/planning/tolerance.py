@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from freefloat.dynamics.momentum import inertia_matrices
-from freefloat.ensemble.ensemble import EnsembleIntegrator, EnsembleResult
+from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import is_kept, regularity
+from freefloat.ensemble.result import EnsembleResult
 from freefloat.planning.adversary import CAUTION, Effort, Regularity, closest, confirmed_radius
 from freefloat.planning.line_search import Function, Samples, resolved
 from freefloat.planning.pattern_search import Flags
