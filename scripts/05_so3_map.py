@@ -13,10 +13,10 @@ import numpy as np
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.planning.mapping import sample_attitudes
-from freefloat.planning.regions import find_regions
+from freefloat.planning.space.mapping import sample_attitudes
+from freefloat.planning.space.regions import find_regions
 from freefloat.visualization.figure_style import save_figures
-from freefloat.visualization.map_figures import histogram_figure
+from freefloat.visualization.figures.map_figures import histogram_figure
 
 SAMPLES = 512  # attitudes, evenly spread; 36,864 make a fine map
 

@@ -9,7 +9,7 @@ The page contains robot, path and motions. It can be mailed, or embedded as belo
 import numpy as np
 
 import freefloat as ff
-from freefloat.io.trajectory import Trajectory
+from freefloat.io.formats.trajectory import Trajectory
 from freefloat.motion.motion import Motion
 from freefloat.so3 import angle_between
 

@@ -33,7 +33,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Problem
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
-from freefloat.planning.heading_arcs import HeadingRange
+from freefloat.planning.plane.arcs import HeadingRange
 from freefloat.so3 import heading_quaternion
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))

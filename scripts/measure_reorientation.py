@@ -24,8 +24,8 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.dynamics.base_rates import base_rates
 from freefloat.so3 import Array
-from freefloat.verification.mujoco import forward_run
-from freefloat.verification.mujoco_model import Engine
+from freefloat.verification.engines.mujoco import forward_run
+from freefloat.verification.engines.mujoco_model import Engine
 
 JOINTS = {
     "spatial_6dof/line": [0.0, 0.8, -1.2, 0.0, 0.6, 0.0],

@@ -23,8 +23,8 @@ from freefloat.dynamics.joint_space import joint_space_extremes
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
-from freefloat.planning.margin_lines import StatesOnPath
-from freefloat.planning.tangency import TangencyPoint, boundary_attitude, tangency_points
+from freefloat.planning.space.margin_lines import StatesOnPath
+from freefloat.planning.space.tangency import TangencyPoint, boundary_attitude, tangency_points
 from freefloat.so3 import axes_rotation, unit_quaternion
 from freefloat.workspace.regions import merged, workspace_regions
 

@@ -23,15 +23,15 @@ from rich.table import Table
 from scipy.spatial.transform import Rotation
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.io.scenario import load_scenario
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
-from freefloat.planning.attitude_map import AttitudeMap
-from freefloat.planning.mapping import sample_attitudes, tangent_boundary
 from freefloat.planning.objective import Objective
-from freefloat.planning.plan import Search
 from freefloat.planning.planner import plan
-from freefloat.planning.search import nearest_feasible
+from freefloat.planning.settings import Search
+from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.planning.space.climbing import nearest_feasible
+from freefloat.planning.space.mapping import sample_attitudes, tangent_boundary
 from freefloat.so3 import angle_between, frozen, rotated
 
 SCENARIO = "spatial_6dof/line"

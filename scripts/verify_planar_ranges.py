@@ -28,8 +28,8 @@ from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import DirectedOrientation, FixedOrientation
-from freefloat.planning.heading_arcs import BranchRanges
-from freefloat.planning.planar_ranges import find_range_limits, heading_ranges
+from freefloat.planning.plane.arcs import BranchRanges
+from freefloat.planning.plane.ranges import find_range_limits, heading_ranges
 from freefloat.so3 import heading_quaternion
 from freefloat.workspace.planar import PlanarArm, point_3_on_path
 from freefloat.workspace.regions import workspace_regions

@@ -22,7 +22,7 @@ from verify_planar_ranges import random_problem
 
 import freefloat as ff
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.planning.heading_arcs import BranchRanges
+from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.so3 import Array, heading_quaternion
 
 HEADINGS = np.radians(np.arange(0.0, 360.0, 0.05))

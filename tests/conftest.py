@@ -16,13 +16,14 @@ from hypothesis import HealthCheck, settings
 from numba.core.event import install_recorder
 from playwright.sync_api import Browser, sync_playwright
 
+from freefloat.attitude_grids import attitude_grid
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.io.scenario import load_scenario
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
-from freefloat.so3 import attitude_grid, heading_quaternion
-from freefloat.visualization.video import find_browser
+from freefloat.so3 import heading_quaternion
+from freefloat.visualization.page.video import find_browser
 from tests.browser import FLAGS
 from tests.motions import bundled
 from tests.robots import ur5_on_spacecraft

@@ -18,7 +18,7 @@ from typing import Any
 import yaml
 from pydantic import TypeAdapter
 
-from freefloat.io.schema import ScenarioFile
+from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.studies.study import StudyFile
 from tests.commands import run
 

@@ -23,10 +23,10 @@ import yaml
 from freefloat.dynamics.summary import natural_task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import FreeFloatError
-from freefloat.io.results import load
-from freefloat.io.scenario import load_scenario
-from freefloat.io.schema import ScenarioFile
-from freefloat.io.yaml import validated
+from freefloat.io.records.results import load
+from freefloat.io.scenario.scenario import load_scenario
+from freefloat.io.scenario.schema import ScenarioFile
+from freefloat.io.scenario.yaml import validated
 from freefloat.limits.collision import collision_shapes
 from freefloat.paths.path import parse_samples, samples_text
 from freefloat.planning.simulation import Simulation
@@ -37,7 +37,7 @@ from freefloat.robot.validation import examine
 from freefloat.studies.run import study_files
 from freefloat.studies.study import load_study
 from freefloat.verification.check import check
-from freefloat.visualization.visuals import robot_visuals
+from freefloat.visualization.scenes.visuals import robot_visuals
 from tests import hostile_samples as good
 from tests.mutations import CSV, LINES, XML, YAML, Mutator, mutated
 from tests.result_mutations import HDF5, mutated_result

@@ -12,11 +12,12 @@ import numpy as np
 import trimesh
 import yaml
 
-from freefloat.io.results import save
-from freefloat.io.scenario import load_scenario
+from freefloat.io.records.results import save
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.motion.certificate import certify
-from freefloat.planning.heading_arcs import BranchRanges, HeadingRange, RangeLimitCause
-from freefloat.planning.plan import Plan, Search
+from freefloat.planning.plan import Plan
+from freefloat.planning.plane.arcs import BranchRanges, HeadingRange, RangeLimitCause
+from freefloat.planning.settings import Search
 from freefloat.planning.simulation import simulate
 from freefloat.robot.names import models_folder
 from freefloat.so3 import heading_quaternion
@@ -123,8 +124,8 @@ def content(result: Any) -> bytes:
 @cache
 def maps() -> tuple[bytes, bytes]:
     """A map over headings and one over attitudes."""
-    from freefloat.planning.attitude_map import AttitudeMap
-    from freefloat.planning.heading_map import HeadingMap
+    from freefloat.planning.plane.heading_map import HeadingMap
+    from freefloat.planning.space.attitude_map import AttitudeMap
     from tests.maps import branch_results
 
     problem = load_scenario("planar_3dof/parabola").problem()

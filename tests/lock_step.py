@@ -25,7 +25,7 @@ from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.kernels import equation, measures, records
-from freefloat.ensemble.kernels.lanes import WIDTH
+from freefloat.lockstep.lanes import WIDTH
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
 from freefloat.paths.curves import PolynomialCurve

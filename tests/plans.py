@@ -9,13 +9,18 @@ from functools import cache
 import numpy as np
 import pytest
 
-from freefloat.io.scenario import load_scenario
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.limits.limits import Limits
-from freefloat.planning import deepest, planner, robustness, search, tolerance
-from freefloat.planning.adversary import Effort
+from freefloat.planning import planner
 from freefloat.planning.objective import Objective
-from freefloat.planning.plan import Plan, Search
+from freefloat.planning.plan import Plan
 from freefloat.planning.planner import plan
+from freefloat.planning.searches.adversary import Effort
+from freefloat.planning.settings import Search
+from freefloat.planning.space import climbing as search
+from freefloat.planning.space import deepest_ball as deepest
+from freefloat.planning.space import disturbances as tolerance
+from freefloat.planning.space import robust_radius as robustness
 
 IDENTITY = [0.0, 0.0, 0.0, 1.0]
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import umsgpack
 
-from freefloat.visualization.scene_builder import Scene
+from freefloat.visualization.scenes.scene_builder import Scene
 
 
 def commands(scene: Scene, kind: str) -> dict[str, Any]:

@@ -7,14 +7,8 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from freefloat.so3 import (
-    angle_between,
-    attitude_grid,
-    attitudes_within,
-    grid_spacing,
-    rotated,
-    rotation_vector_to,
-)
+from freefloat.attitude_grids import attitude_grid, attitudes_within, grid_spacing
+from freefloat.so3 import angle_between, rotated, rotation_vector_to
 
 
 def random_attitudes(count: int, seed: int) -> np.ndarray:

@@ -19,7 +19,7 @@ USES = {
     "path kind": """
 import freefloat as ff
 import numpy as np
-from freefloat.io.path_section import section_of
+from freefloat.io.scenario.path_section import section_of
 
 helix = {"center": [0, 0, 2], "normal": [0, 0, 1], "from": [0.7, 0, 2], "angle_deg": 180, "rise": 1}
 scenario = {

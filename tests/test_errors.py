@@ -19,7 +19,7 @@ from freefloat.errors import (
     ModelError,
     UnreachableError,
 )
-from freefloat.io.scenario import load_scenario
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.planning.simulation import simulate
 
 INPUT = ("path.line.from", "[1, nan, 0] was given", "3 finite numbers", "scenario.yaml")

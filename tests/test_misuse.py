@@ -12,11 +12,13 @@ import pytest
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ik import configurations
-from freefloat.planning import diagnostics, search
-from freefloat.planning.attitude_map import AttitudeMap, Peak
+from freefloat.planning import diagnostics
+from freefloat.planning.candidates import Peak
 from freefloat.planning.objective import Objective
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
+from freefloat.planning.space import climbing as search
+from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.robot.parts import Attachment
 from tests.errors import error_key
 from tests.redundant import redundant

@@ -13,8 +13,8 @@ import pytest
 import yaml
 
 from freefloat.cli.models import bundled_file
-from freefloat.io.scenario import load_scenario
-from freefloat.io.schema import ScenarioFile
+from freefloat.io.scenario.scenario import load_scenario
+from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.motion.problem import Problem
 from freefloat.studies.study import StudyFile
 from tests.commands import document, run

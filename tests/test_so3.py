@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from scipy.stats import qmc
 
+from freefloat.attitude_grids import low_discrepancy
 from freefloat.errors import InputError, finite_vector
 from freefloat.so3 import (
     Pose,
@@ -16,7 +17,6 @@ from freefloat.so3 import (
     cross,
     heading_of,
     heading_quaternion,
-    low_discrepancy,
     rotation_matrix,
     rotation_vector_between,
     unit_quaternion,

@@ -13,12 +13,12 @@ import numpy as np
 
 import freefloat as ff
 from benchmarks.result import Result, race
+from freefloat.attitude_grids import attitude_grid
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.kernels import flow
-from freefloat.ensemble.kernels.compilation import compiled
-from freefloat.ensemble.kernels.lanes import WIDTH
-from freefloat.ensemble.kernels.tables import lanes
-from freefloat.so3 import attitude_grid
+from freefloat.lockstep.compilation import compiled
+from freefloat.lockstep.lanes import WIDTH
+from freefloat.lockstep.tables import lanes
 
 sys.path.append(str(Path(__file__).resolve().parents[2]))
 from tests import lock_step

@@ -9,13 +9,14 @@ import numpy as np
 import freefloat as ff
 from benchmarks.plain import PlainMotion
 from benchmarks.result import Result, race
+from freefloat.attitude_grids import attitude_grid
 from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.motion import Motion
-from freefloat.planning.heading_arcs import BranchRanges
 from freefloat.planning.objective import Objective
-from freefloat.planning.planar_ranges import find_range_limits, heading_ranges
-from freefloat.so3 import attitude_grid, heading_quaternion, unit_quaternion
+from freefloat.planning.plane.arcs import BranchRanges
+from freefloat.planning.plane.ranges import find_range_limits, heading_ranges
+from freefloat.so3 import heading_quaternion, unit_quaternion
 
 ATTITUDE = unit_quaternion("attitude", (0.46008, 0.09337, 0.73519, -0.48898))
 TOLERANCE = 1e-8

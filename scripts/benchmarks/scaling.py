@@ -9,13 +9,13 @@ import numpy as np
 import freefloat as ff
 from benchmarks.arm import arm_urdf
 from benchmarks.result import Result, race
+from freefloat.attitude_grids import attitude_grid
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
-from freefloat.planning.mapping import sample_attitudes
-from freefloat.so3 import attitude_grid
+from freefloat.planning.space.mapping import sample_attitudes
 
 SAMPLES = (1024, 4096, 16_384)
 JOINTS = range(3, 9)

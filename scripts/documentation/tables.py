@@ -16,7 +16,7 @@ import typer
 
 from freefloat.cli.app import app
 from freefloat.cli.models import catalogue
-from freefloat.io.schema import ScenarioFile
+from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.studies.study import StudyFile
 
 SCHEMAS = {"scenario": ScenarioFile, "study": StudyFile}

@@ -26,7 +26,7 @@ from .paths.scene_body import SceneBody as SceneBody
 from .paths.tumbling import Tumbling as Tumbling
 from .motion.margin import Margin as Margin
 from .motion.problem import Problem as Problem
-from .io.scenario import load_scenario as load_scenario
+from .io.scenario.scenario import load_scenario as load_scenario
 
 # One motion
 from .motion.integration import integrate_motion as integrate_motion
@@ -44,27 +44,27 @@ from .workspace.regions import workspace_regions as workspace_regions
 from .workspace.singularity_map import singularity_map as singularity_map
 from .workspace.singularity_components import singularity_components as singularity_components
 from .workspace.singularity_distance import distance_to_singularity as distance_to_singularity
-from .planning.mapping import attitude_map as attitude_map
-from .planning.plan import Search as Search
+from .planning.space.mapping import attitude_map as attitude_map
+from .planning.settings import Search as Search
 from .planning.objective import Weights as Weights
 from .planning.planner import plan as plan
-from .planning.retiming import retime as retime
-from .planning.reorientation import reorient as reorient
-from .planning.phases import CapturePhase as CapturePhase
-from .planning.phases import JointPhase as JointPhase
-from .planning.phases import PathPhase as PathPhase
-from .planning.phases import PoseGoal as PoseGoal
-from .planning.manoeuvre_planner import plan_manoeuvre as plan_manoeuvre
+from .planning.timing.retiming import retime as retime
+from .planning.joints.reorientation import reorient as reorient
+from .planning.phases.phases import CapturePhase as CapturePhase
+from .planning.phases.phases import JointPhase as JointPhase
+from .planning.phases.phases import PathPhase as PathPhase
+from .planning.phases.phases import PoseGoal as PoseGoal
+from .planning.phases.manoeuvre_planner import plan_manoeuvre as plan_manoeuvre
 
 # Files and pictures
-from .io.results import load as load
-from .io.results import save as save
-from .io.export import export as export
+from .io.records.results import load as load
+from .io.records.results import save as save
+from .io.formats.export import export as export
 from .verification.check import check as check
 from .verification.tracking import track as track
-from .visualization.figures import figures as figures
-from .visualization.playback import playback as playback
-from .visualization.playback import show as show
+from .visualization.figures.figures import figures as figures
+from .visualization.page.playback import playback as playback
+from .visualization.page.playback import show as show
 
 # Many runs
 from .studies.study import load_study as load_study

@@ -16,7 +16,7 @@ from jsonschema import Draft202012Validator
 from scipy.spatial.transform import Rotation
 
 from freefloat.cli.models import catalogue
-from freefloat.io.scenario import load_scenario
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.robot.names import bundled_robots, bundled_scenarios, bundled_studies, models_folder
 from freefloat.so3 import Pose, rotation_matrix, unit_quaternion
 from freefloat.studies.study import load_study

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.io.results import load
+from freefloat.io.records.results import load
 from freefloat.robot import validation
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder

@@ -21,11 +21,11 @@ from PIL import Image, ImageSequence
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
-from freefloat.planning.mapping import sample_attitudes
 from freefloat.planning.plan import Plan
-from freefloat.visualization import figures
+from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.visualization.figure_style import new_figure
-from freefloat.visualization.video import find_browser
+from freefloat.visualization.figures.figures import figures
+from freefloat.visualization.page.video import find_browser
 from tests.commands import document, error, run
 
 browser_only = pytest.mark.skipif(find_browser() is None, reason="no Chromium or Chrome here")

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
-from freefloat.io.mjcf_file import mjcf_text
-from freefloat.io.trajectory import Trajectory
+from freefloat.io.formats.mjcf_file import mjcf_text
+from freefloat.io.formats.trajectory import Trajectory
 from freefloat.robot.parts import Mount
 from freefloat.so3 import rotation_matrix
 from tests.errors import error_key

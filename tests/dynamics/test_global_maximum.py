@@ -13,7 +13,7 @@ from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.singularity_polynomial import SingularityPolynomial
-from freefloat.io.scenario import load_scenario
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.robot.model import FreeFloatingModel
 from tests.motions import bundled
 from tests.robots import random_robot

@@ -16,14 +16,14 @@ from freefloat.dynamics.momentum import (
 from freefloat.dynamics.redundancy import Metric, Redundancy, Toward, range_centres
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.errors import InputError
-from freefloat.io.scenario import load_scenario
-from freefloat.io.trajectory import Trajectory
+from freefloat.io.formats.trajectory import Trajectory
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.paths.timing import TimeLaw, Timing
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import angle_between
-from freefloat.verification.mujoco_model import Engine
+from freefloat.verification.engines.mujoco_model import Engine
 from tests.motions import differentiated
 from tests.redundant import ARMS, choices, redundant
 from tests.robots import planar_robot

@@ -8,7 +8,7 @@ import pytest
 
 from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
 from freefloat.errors import InputError
-from freefloat.io.scenario import parse_scenario
+from freefloat.io.scenario.scenario import parse_scenario
 from freefloat.robot.names import models_folder
 from tests.errors import error_key
 

@@ -14,11 +14,12 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import freefloat as ff
+from freefloat.attitude_grids import attitude_grid
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.limits.limits import Limits
 from freefloat.motion.integration import integrate_motion
 from freefloat.robot.names import find_robot
-from freefloat.so3 import angle_between, attitude_grid
+from freefloat.so3 import angle_between
 from tests.errors import error_key
 
 WHEELS = np.array([3.0, -4.0, 2.5])

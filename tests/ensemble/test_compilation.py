@@ -13,9 +13,9 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.kernels.cache_files import CheckedCacheFile
-from freefloat.ensemble.kernels.compilation import compiled
-from freefloat.io.scenario import load_scenario
+from freefloat.io.scenario.scenario import load_scenario
+from freefloat.lockstep.cache_files import CheckedCacheFile
+from freefloat.lockstep.compilation import compiled
 from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
@@ -23,14 +23,14 @@ from freefloat.paths.timing import TimedPath, Timing
 from freefloat.planning.simulation import simulate
 
 HELPER = """
-from freefloat.ensemble.kernels.compilation import compiled
+from freefloat.lockstep.compilation import compiled
 
 @compiled
 def factor() -> float:
     return {value}
 """
 KERNEL = """
-from freefloat.ensemble.kernels.compilation import compiled
+from freefloat.lockstep.compilation import compiled
 from helper import factor
 
 @compiled
@@ -40,7 +40,7 @@ def scaled(x):
 """
 RUN = """
 from pathlib import Path
-from freefloat.ensemble.kernels import compilation
+from freefloat.lockstep import compilation
 compilation._PACKAGE = Path.cwd()
 import kernel
 print(kernel.scaled(3.0), sum(kernel.scaled.stats.cache_hits.values()), kernel.scaled.__doc__)

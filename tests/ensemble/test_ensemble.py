@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from freefloat.attitude_grids import attitude_grid
 from freefloat.concurrency import run_chunks
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task, generalized_determinant
@@ -31,7 +32,7 @@ from freefloat.paths.orientation import (
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import angle_between, attitude_grid, heading_quaternion
+from freefloat.so3 import angle_between, heading_quaternion
 from tests.ensembles import CODES, FINE, both, dense, headings, random_attitudes, states
 from tests.errors import error_key
 from tests.motions import BAD, GOOD, PitchOrientation, bundled, from_here, problem_with, simulated

@@ -20,10 +20,10 @@ from freefloat.dynamics.momentum import (
 )
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ensemble.kernels import lanes, reflections
 from freefloat.ensemble.kernels.equation import ANGULAR, AXIS, LINEAR
-from freefloat.ensemble.kernels.lanes import WIDTH
 from freefloat.ensemble.kernels.records import JOINT_COLUMNS
+from freefloat.lockstep import lanes, reflections
+from freefloat.lockstep.lanes import WIDTH
 from freefloat.robot.model import FreeFloatingModel
 from tests.lock_step import Kernels, Table, as_lanes, measured_problem, plain_kernels
 from tests.motions import bundled

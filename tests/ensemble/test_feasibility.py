@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from freefloat.attitude_grids import attitude_grid
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.ensemble.endings import COMPLETED, SINGULAR, UNREACHED
 from freefloat.ensemble.feasibility import (
@@ -22,7 +23,7 @@ from freefloat.motion.problem import Problem
 from freefloat.planning.simulation import simulate
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
-from freefloat.so3 import angle_between, attitude_grid, heading_quaternion
+from freefloat.so3 import angle_between, heading_quaternion
 from tests.ensembles import CODES
 from tests.motions import BAD, bundled
 

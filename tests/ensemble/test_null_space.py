@@ -10,8 +10,8 @@ from freefloat.dynamics.redundancy import Redundancy
 from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.kernels import flow as flow_kernels
-from freefloat.ensemble.kernels.lanes import WIDTH
 from freefloat.ensemble.kernels.records import BY_TIME, FORWARD, SEGMENT
+from freefloat.lockstep.lanes import WIDTH
 from freefloat.so3 import angle_between
 from tests.ensembles import both
 from tests.lock_step import Kernels, plain_kernels

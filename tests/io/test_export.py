@@ -14,10 +14,10 @@ import yaml
 from scipy.io import loadmat
 
 from freefloat.errors import InputError
-from freefloat.io.export import csv_text, export, json_text, ros2_text, write_mat
-from freefloat.io.results import load, save
-from freefloat.io.scenario import load_scenario
-from freefloat.io.trajectory import Trajectory, even_times
+from freefloat.io.formats.export import csv_text, export, json_text, ros2_text, write_mat
+from freefloat.io.formats.trajectory import Trajectory, even_times
+from freefloat.io.records.results import load, save
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.planning.simulation import SimulatedBranch, Simulation

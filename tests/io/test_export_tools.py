@@ -18,10 +18,10 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.io.basilisk_script import basilisk_text
-from freefloat.io.mjcf_file import mjcf_text
-from freefloat.io.ros2 import ros2_goal_text
-from freefloat.io.trajectory import Trajectory
+from freefloat.io.formats.basilisk_script import basilisk_text
+from freefloat.io.formats.mjcf_file import mjcf_text
+from freefloat.io.formats.ros2 import ros2_goal_text
+from freefloat.io.formats.trajectory import Trajectory
 from freefloat.motion.motion import Motion
 from freefloat.so3 import angle_between
 from tests.commands import document, error, run

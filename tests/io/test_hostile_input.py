@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from freefloat.errors import InputError
-from freefloat.io.scenario import load_scenario
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.paths.path import parse_samples, samples_text
 from freefloat.planning.simulation import simulate
 from freefloat.robot.meshes import read_mesh
@@ -27,7 +27,7 @@ from freefloat.robot.names import MeshFileError, find_mesh
 from freefloat.robot.validation import examine
 from freefloat.so3 import heading_quaternion
 from freefloat.studies.study import load_study
-from freefloat.visualization.playback import playback
+from freefloat.visualization.page.playback import playback
 from tests import hostile_samples as good
 from tests.example_studies import BASE, write_study
 from tests.hostile import KINDS, READ, Watch, outcome

@@ -13,18 +13,19 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.attitude_grids import attitude_grid
 from freefloat.errors import InputError
-from freefloat.io.differences import differences
 from freefloat.io.files import written_beside
-from freefloat.io.hdf5 import AlteredFileError
-from freefloat.planning.attitude_map import AttitudeMap, Ball, BoundaryPoint, NearAttitude, Peak
-from freefloat.planning.heading_arcs import RangeLimitCause
-from freefloat.planning.heading_map import HeadingMap
+from freefloat.io.records.differences import differences
+from freefloat.io.records.hdf5 import AlteredFileError
+from freefloat.planning.candidates import Ball, BoundaryPoint, NearAttitude, Peak, Region
 from freefloat.planning.plan import Plan
-from freefloat.planning.regions import Region
+from freefloat.planning.plane.arcs import RangeLimitCause
+from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.simulation import Simulation
+from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.robot.names import find_robot
-from freefloat.so3 import attitude_grid, heading_quaternion
+from freefloat.so3 import heading_quaternion
 from tests.errors import error_key
 from tests.hostile_samples import plans
 from tests.maps import branch_results

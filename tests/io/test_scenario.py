@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError
-from freefloat.io.scenario import Scenario, load_scenario, scenario_of
+from freefloat.io.scenario.scenario import Scenario, load_scenario, scenario_of
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.paths.curves import Curve

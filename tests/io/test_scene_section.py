@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.errors import InputError
-from freefloat.io.scenario import load_scenario, scenario_of
+from freefloat.io.scenario.scenario import load_scenario, scenario_of
 from freefloat.limits.limits import LimitKind
 from freefloat.robot.description import RobotDescription
 from freefloat.robot.names import find_scenario

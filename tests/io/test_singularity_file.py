@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.io.hdf5 import AlteredFileError
-from freefloat.io.singularity_file import write_singularity_map
+from freefloat.io.records.hdf5 import AlteredFileError
+from freefloat.io.records.singularity_file import write_singularity_map
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.workspace.singularity_map import Kind, SingularityMap
 from tests.robots import random_robot
@@ -63,7 +63,7 @@ def test_a_tree_that_does_not_fit_is_refused(
             del file["coefficients"]
             file["coefficients"] = coefficients[..., :1, :]
 
-    monkeypatch.setattr("freefloat.io.results.write_singularity_map", altered)
+    monkeypatch.setattr("freefloat.io.records.results.write_singularity_map", altered)
     ff.save(found, tmp_path / "map.h5")
     with pytest.raises(AlteredFileError):
         ff.load(tmp_path / "map.h5")

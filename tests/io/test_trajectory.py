@@ -8,8 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError
-from freefloat.io.scenario import load_scenario
-from freefloat.io.trajectory import MAX_SAMPLES, Trajectory, even_times, times_at_rate
+from freefloat.io.formats.trajectory import MAX_SAMPLES, Trajectory, even_times, times_at_rate
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.so3 import heading_quaternion

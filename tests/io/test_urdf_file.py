@@ -16,8 +16,8 @@ import yaml
 import yourdfpy
 from scipy.spatial.transform import Rotation
 
-from freefloat.io.scenario import load_robot, load_scenario
-from freefloat.io.urdf_file import write_urdf
+from freefloat.io.formats.urdf_file import write_urdf
+from freefloat.io.scenario.scenario import load_robot, load_scenario
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_robot
 from freefloat.robot.robot_packages import EXAMPLE

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from freefloat.errors import InputError
-from freefloat.io.yaml import parse_yaml, read_text
+from freefloat.io.scenario.yaml import parse_yaml, read_text
 
 LIMIT = 1_000_000
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from freefloat.errors import InputError
-from freefloat.io.scenario import load_scenario
-from freefloat.io.trajectory import Trajectory
+from freefloat.io.formats.trajectory import Trajectory
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.limits.check import LimitChecker, check_limits
 from freefloat.limits.limits import LimitKind, LimitResult, Limits, needed_stretch
 from freefloat.motion.integration import integrate_motion

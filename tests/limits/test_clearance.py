@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from freefloat.errors import ModelError
-from freefloat.io.scenario import load_scenario
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.limits.clearance import TOLERANCE, clearance
 from freefloat.limits.collision import collision_shapes
 from freefloat.limits.pairs import CollisionPairs

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.attitude_grids import attitude_grid
 from freefloat.ensemble.endings import COMPLETED, LIMITED
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
@@ -17,7 +18,7 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import AttitudeLimits, PointingLimit
-from freefloat.so3 import angle_between, attitude_grid, heading_quaternion
+from freefloat.so3 import angle_between, heading_quaternion
 from tests.errors import error_key
 from tests.lock_step import plain_kernels
 

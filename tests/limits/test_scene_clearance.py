@@ -8,7 +8,7 @@ import trimesh
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
-from freefloat.io.scenario import load_scenario
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.limits.clearance import _frame_path_lengths, clearance
 from freefloat.limits.contact import self_contact
 from freefloat.limits.pairs import CollisionPairs

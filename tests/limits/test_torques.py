@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from freefloat.io.scenario import load_scenario
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.motion.integration import integrate_motion
 from freefloat.paths.timing import TimeLaw
 from freefloat.so3 import heading_quaternion

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.attitude_grids import attitude_grid
 from freefloat.motion.arc_flow import ArcFlow
 from freefloat.motion.problem import Problem
-from freefloat.so3 import attitude_grid, heading_quaternion
+from freefloat.so3 import heading_quaternion
 
 SCENARIOS = ("spatial_6dof/line", "planar_3dof/parabola", "ets_vii/inspect", "ur5_servicer/arc")
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from freefloat.dynamics.redundancy import Redundancy
-from freefloat.io.scenario import load_scenario, parse_scenario
+from freefloat.io.scenario.scenario import load_scenario, parse_scenario
 from freefloat.motion.certificate import certify, integrate_again
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import DEGREE, Ending
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.verification.mujoco import forward_run, inverse_run
-from freefloat.verification.mujoco_model import Engine
+from freefloat.verification.engines.mujoco import forward_run, inverse_run
+from freefloat.verification.engines.mujoco_model import Engine
 from tests.motions import GOOD, bundled, heading, simulated
 from tests.prismatic import prismatic_motion, prismatic_robot
 from tests.robots import random_robot

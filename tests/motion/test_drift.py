@@ -10,15 +10,16 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import freefloat as ff
+from freefloat.attitude_grids import attitude_grid
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.law import PathLaw
 from freefloat.motion.problem import Problem
-from freefloat.so3 import angle_between, attitude_grid, heading_quaternion
-from freefloat.verification.mujoco import forward_run, inverse_run
-from freefloat.verification.mujoco_model import Engine
+from freefloat.so3 import angle_between, heading_quaternion
+from freefloat.verification.engines.mujoco import forward_run, inverse_run
+from freefloat.verification.engines.mujoco_model import Engine
 from tests.errors import error_key
 from tests.motions import GOOD, bundled
 from tests.redundant import redundant

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.motion.joint_loops import JointLoops, integrate_loops, loop_rotations
-from freefloat.verification.mujoco import forward_run
-from freefloat.verification.mujoco_model import Engine
+from freefloat.verification.engines.mujoco import forward_run
+from freefloat.verification.engines.mujoco_model import Engine
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 PUBLISHED = JointLoops([0.9, 0.7], [[-0.6, 0.0]], [[0.0, 0.6]], 1)

@@ -8,7 +8,7 @@ import pytest
 import freefloat as ff
 from freefloat.motion.joint_transfer import JointTransfer, attitude_before, integrate_transfer
 from freefloat.so3 import angle_between
-from freefloat.visualization.drawn_path import with_drawn_path
+from freefloat.visualization.scenes.drawn_path import with_drawn_path
 
 START, END = np.array([0.3, -0.5, 1.1, 0.4, 0.9, -0.2]), np.array([0.8, 0.1, 0.6, -0.3, 1.2, 0.5])
 RATES = np.array([0.01, -0.02, 0.03, 0.0, -0.01, 0.02])
@@ -34,8 +34,8 @@ def test_a_transfer_has_the_given_ends() -> None:
 
 def test_mujoco_ends_in_the_same_attitude(problem: ff.Problem) -> None:
     pytest.importorskip("mujoco")
-    from freefloat.verification.mujoco import forward_run
-    from freefloat.verification.mujoco_model import Engine
+    from freefloat.verification.engines.mujoco import forward_run
+    from freefloat.verification.engines.mujoco_model import Engine
 
     transfer = JointTransfer.between(START, np.zeros(6), END, np.zeros(6), 20.0)
     motion = integrate_transfer(problem, transfer, ATTITUDE, 20.0)

@@ -18,12 +18,12 @@ from typer.testing import CliRunner
 
 from freefloat.cli.app import app
 from freefloat.errors import InputError
-from freefloat.io.results import load
-from freefloat.io.scenario import load_scenario
+from freefloat.io.records.results import load
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.visualization.visuals import robot_visuals
+from freefloat.visualization.scenes.visuals import robot_visuals
 from tests.robots import inertial_text, joint_text, link_text
 
 pytestmark = pytest.mark.usefixtures("kernels")

@@ -11,7 +11,7 @@ import pytest
 import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import UnreachableError
-from freefloat.io.scenario import parse_scenario
+from freefloat.io.scenario.scenario import parse_scenario
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import light_spacecraft_hint, out_of_reach, reach_message
 from freefloat.paths.curves import PolynomialCurve

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.attitude_grids import attitude_grid
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.motion.singularity import SingularityKind, singular_event, singularity_kind
-from freefloat.so3 import attitude_grid, heading_quaternion
+from freefloat.so3 import heading_quaternion
 from tests.motions import bundled
 
 

@@ -14,13 +14,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.io.scenario import Scenario, parse_scenario
+from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.motion.certificate import certify
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import DEGREE, Motion
 from freefloat.motion.problem import Problem
 from freefloat.paths.timing import Stop, TimeLaw, Timing
-from freefloat.verification.tolerances import certificate_checks
+from freefloat.verification.comparisons import certificate_checks
 from tests.motions import compiled_motion
 
 FIXED = "attitude: {fixed: {axes: {x: [0.4683, 1.1683, -0.7], z: [1.5, -0.8, -0.33]}}}"

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError
-from freefloat.io.scenario import load_scenario
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.paths.scene import Corridor, Scene
 from freefloat.paths.scene_body import SceneBody
 from freefloat.paths.tumbling import Tumbling

@@ -10,8 +10,8 @@ import pytest
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
-from freefloat.planning.attitude_map import AttitudeMap
-from freefloat.planning.mapping import sample_attitudes
+from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.planning.space.mapping import sample_attitudes
 from tests.motions import bundled
 from tests.plans import smaller_searches
 

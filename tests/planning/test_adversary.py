@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from freefloat.planning.adversary import BEYOND, Effort, confirmed_radius, violations
+from freefloat.planning.searches.adversary import BEYOND, Effort, confirmed_radius, violations
 
 EFFORT = Effort(samples=512, descents=12)
 

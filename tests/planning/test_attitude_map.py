@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from freefloat.attitude_grids import attitude_grid, attitudes_within, grid_spacing
 from freefloat.ensemble.endings import SINGULAR, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
-from freefloat.planning.attitude_map import AttitudeMap
-from freefloat.planning.mapping import sample_attitudes
-from freefloat.planning.regions import depths, find_regions
-from freefloat.so3 import angle_between, attitude_grid, attitudes_within, grid_spacing
+from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.planning.space.mapping import sample_attitudes
+from freefloat.planning.space.nearest_neighbours import depths
+from freefloat.planning.space.regions import find_regions
+from freefloat.so3 import angle_between
 from tests.maps import branch_results
 from tests.motions import bundled
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import yaml
 
-from freefloat.io.scenario import Scenario, parse_scenario
+from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.limits.check import check_limits
-from freefloat.planning import search
-from freefloat.planning.heading_map import evaluator_for
-from freefloat.planning.limit_keeping import keep_limits
+from freefloat.planning.evaluator import evaluator_for
+from freefloat.planning.limits.keeping import keep_limits
 from freefloat.planning.plan import Plan
-from freefloat.planning.planner import plan_in_space
+from freefloat.planning.space import climbing as search
+from freefloat.planning.spatial_planner import plan_in_space
 from freefloat.robot.names import models_folder
 
 pytestmark = [pytest.mark.usefixtures("kernels"), pytest.mark.slow]

@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.errors import UnreachableError
-from freefloat.io.scenario import Scenario, parse_scenario
+from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.motion.certificate import certify
-from freefloat.planning.manoeuvre import Manoeuvre
+from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
 from freefloat.robot.names import bundled_scenarios
 from freefloat.so3 import Array, Pose, angle_between
@@ -153,7 +153,7 @@ def first_reached(problem: ff.Problem, search: ff.Search, limits: ff.Limits, **_
 @pytest.mark.parametrize("seed", range(len(ARMS)))
 def test_phases_of_random_manoeuvres_join(seed: int, tmp_path: Path, monkeypatch) -> None:
     """With momentum, wheels and drift, joints beyond pi, captures, redundant and prismatic arms."""
-    monkeypatch.setattr("freefloat.planning.manoeuvre_planner.plan", first_reached)
+    monkeypatch.setattr("freefloat.planning.phases.manoeuvre_planner.plan", first_reached)
     scenario = random_scenario(seed, tmp_path)
     found = ff.plan_manoeuvre(
         scenario.problem(), scenario.phases(), scenario.search(), scenario.limits(),

@@ -9,16 +9,18 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.attitude_grids import attitude_grid
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
-from freefloat.planning.heading_arcs import RangeLimitCause
-from freefloat.planning.heading_map import evaluator_for, sample_headings
-from freefloat.planning.mapping import attitude_map, sample_attitudes
-from freefloat.planning.plan import Search
-from freefloat.planning.planar_search import searched_ranges
-from freefloat.planning.planner import plan_in_space
-from freefloat.so3 import angle_between, attitude_grid, heading_of, heading_quaternion
+from freefloat.planning.evaluator import evaluator_for
+from freefloat.planning.plane.arcs import RangeLimitCause
+from freefloat.planning.plane.heading_map import sample_headings
+from freefloat.planning.plane.search import searched_ranges
+from freefloat.planning.settings import Search
+from freefloat.planning.space.mapping import attitude_map, sample_attitudes
+from freefloat.planning.spatial_planner import plan_in_space
+from freefloat.so3 import angle_between, heading_of, heading_quaternion
 from tests.motions import bundled
 
 PRESENT = np.array([0.1, 0.5, 0.2, -0.8367]) / np.linalg.norm([0.1, 0.5, 0.2, -0.8367])

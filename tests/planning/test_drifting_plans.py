@@ -13,13 +13,13 @@ import yaml
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.io.trajectory import Trajectory
+from freefloat.io.formats.trajectory import Trajectory
 from freefloat.limits.clearance import clearance
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.paths.timing import Stop
-from freefloat.planning.tangency import boundary_attitude, sample_tangency_points
+from freefloat.planning.space.tangency import boundary_attitude, sample_tangency_points
 from freefloat.robot.shapes import Sphere
 from freefloat.so3 import heading_quaternion
 from tests.commands import document, error, run

@@ -8,19 +8,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from freefloat.io.scenario import load_scenario, parse_scenario
+from freefloat.io.scenario.scenario import load_scenario, parse_scenario
 from freefloat.limits.check import check_limits
 from freefloat.limits.limits import LimitKind, Limits
 from freefloat.motion.problem import Problem
-from freefloat.planning import limit_keeping
 from freefloat.planning.diagnostics import rounded_up
-from freefloat.planning.heading_map import evaluator_for
-from freefloat.planning.limit_keeping import keep_limits
-from freefloat.planning.mapping import sample_attitudes
+from freefloat.planning.evaluator import evaluator_for
+from freefloat.planning.limits import keeping as limit_keeping
+from freefloat.planning.limits.keeping import keep_limits
 from freefloat.planning.objective import Objective
-from freefloat.planning.plan import Plan, Search
+from freefloat.planning.plan import Plan
 from freefloat.planning.planner import plan
+from freefloat.planning.settings import Search
 from freefloat.planning.simulation import integrate_branch
+from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.so3 import heading_quaternion
 from tests.motions import bundled
 

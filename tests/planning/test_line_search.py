@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from freefloat.planning.line_search import Samples, resolved
+from freefloat.planning.searches.line_search import Samples, resolved
 
 SPACING = 0.1
 

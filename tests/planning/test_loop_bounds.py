@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.limits.pairs import CollisionPairs
-from freefloat.planning.loop_bounds import LoopBounds, Places
-from freefloat.planning.loop_search import LoopSearch
+from freefloat.planning.joints.loop_bounds import LoopBounds, Places
+from freefloat.planning.joints.loop_search import LoopSearch
 
 BENT = np.array([0.0, 0.8, -1.2, 0.0, 0.6, 0.0])
 CLEARANCE = 0.05

@@ -10,8 +10,8 @@ import pytest
 import freefloat as ff
 from freefloat.dynamics.momentum import momentum_map
 from freefloat.errors import InputError
-from freefloat.planning.handover import Handover
-from freefloat.planning.manoeuvre import Manoeuvre
+from freefloat.planning.phases.manoeuvre import Manoeuvre
+from freefloat.planning.phases.state import Handover
 from freefloat.so3 import Pose, angle_between, heading_quaternion, rotation_matrix
 
 GRAPPLE = np.array([0.5, 1.2, 0.0])

@@ -8,18 +8,19 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from freefloat.attitude_grids import attitude_grid, grid_spacing
 from freefloat.ensemble.endings import COMPLETED, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import InputError
 from freefloat.motion.margin import Margin, keeps_threshold
 from freefloat.motion.problem import Problem
-from freefloat.planning import mapping
-from freefloat.planning.attitude_map import AttitudeMap
-from freefloat.planning.mapping import boundary_points, sample_attitudes, tangent_boundary
-from freefloat.planning.plan import Search
-from freefloat.planning.search import EXACT, bisect, edge
+from freefloat.planning.settings import Search
 from freefloat.planning.simulation import simulate
-from freefloat.so3 import angle_between, attitude_grid, grid_spacing, rotated
+from freefloat.planning.space import mapping
+from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.planning.space.climbing import EXACT, bisect, edge
+from freefloat.planning.space.mapping import boundary_points, sample_attitudes, tangent_boundary
+from freefloat.so3 import angle_between, rotated
 from tests.motions import bundled
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])

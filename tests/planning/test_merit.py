@@ -9,7 +9,7 @@ import freefloat as ff
 from freefloat.errors import InputError
 from freefloat.limits.limits import Limits
 from freefloat.planning.objective import Weights
-from freefloat.planning.plan import Search
+from freefloat.planning.settings import Search
 from freefloat.planning.simulation import integrate_branch
 from freefloat.so3 import angle_between, heading_quaternion
 from tests.errors import error_key

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from freefloat.planning.pattern_search import (
+from freefloat.planning.searches.pattern_search import (
     Clouds,
     Searches,
     pattern_search,

@@ -9,7 +9,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.limits.limits import LimitKind
-from freefloat.planning.manoeuvre import Manoeuvre
+from freefloat.planning.phases.manoeuvre import Manoeuvre
 
 BODY = ff.SceneBody("client", ff.Sphere(0.1), position=[2.5, 1.2, 0.0])
 AROUND = ff.Corridor([0.0, 0.0, 0.0], [0.0, 0.0, 1.0], radius=5.0)

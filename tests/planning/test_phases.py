@@ -11,8 +11,8 @@ import yaml
 
 import freefloat as ff
 from freefloat.errors import InputError
-from freefloat.planning.handover import Handover
-from freefloat.planning.path_continuation import continued
+from freefloat.planning.phases.path_continuation import continued
+from freefloat.planning.phases.state import Handover
 from freefloat.so3 import Pose
 
 GRAPPLE = np.array([0.5, 1.2, 0.0])
@@ -51,7 +51,7 @@ def no_planning(monkeypatch) -> None:
     def planned(*_: Any, **__: Any) -> None:
         raise AssertionError("the path was planned")
 
-    monkeypatch.setattr("freefloat.planning.manoeuvre_planner.plan", planned)
+    monkeypatch.setattr("freefloat.planning.phases.manoeuvre_planner.plan", planned)
 
 
 AWAY = ff.TimedPath(line([0.0, 0.0, 0.0], [1.0, 0.0, 0.0]), ff.Timing(9.0))

@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 import freefloat as ff
 from freefloat.dynamics.joint_space import largest_magnitude
 from freefloat.dynamics.momentum import Task
-from freefloat.planning.heading_arcs import (
+from freefloat.planning.plane.arcs import (
     BranchRanges,
     HeadingRange,
     RangeLimitCause,
     arcs_between,
     branch_ranges,
 )
-from freefloat.planning.planar_ranges import (
+from freefloat.planning.plane.ranges import (
     _branch_of,
     find_range_limits,
     heading_ranges,

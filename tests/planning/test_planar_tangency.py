@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.planning import planar_candidates
-from freefloat.planning.planar_tangency import TangencyKind, planar_tangency_points
+from freefloat.planning.plane import candidates as planar_candidates
+from freefloat.planning.plane.tangency import TangencyKind, planar_tangency_points
 from freefloat.so3 import heading_quaternion
 from tests.motions import bundled
 

@@ -12,11 +12,12 @@ from freefloat.errors import InputError
 from freefloat.motion.margin import keeps_threshold
 from freefloat.planning import planar_planner
 from freefloat.planning.domain import SearchDomain
-from freefloat.planning.heading_map import evaluator_for, sample_headings
+from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.objective import Objective
 from freefloat.planning.plan import Plan
-from freefloat.planning.planar_ranges import reach_limits
-from freefloat.planning.planar_search import _headings, searched_ranges
+from freefloat.planning.plane.heading_map import sample_headings
+from freefloat.planning.plane.ranges import reach_limits
+from freefloat.planning.plane.search import _headings, searched_ranges
 from freefloat.so3 import heading_of, heading_quaternion
 from tests.motions import bundled
 

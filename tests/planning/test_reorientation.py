@@ -8,10 +8,10 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.limits.pairs import CollisionPairs
-from freefloat.planning.loop_count import MOST_LOOPS, LoopCountSearch
-from freefloat.planning.loop_motion import LoopMotions
-from freefloat.verification.mujoco import forward_run
-from freefloat.verification.mujoco_model import Engine
+from freefloat.planning.joints.loop_count import MOST_LOOPS, LoopCountSearch
+from freefloat.planning.joints.loop_motion import LoopMotions
+from freefloat.verification.engines.mujoco import forward_run
+from freefloat.verification.engines.mujoco_model import Engine
 from tests.errors import error_key
 
 IDENTITY = [0.0, 0.0, 0.0, 1.0]

@@ -14,7 +14,7 @@ from toppra import algorithm, constraint
 import freefloat as ff
 from freefloat.limits.check import check_limits
 from freefloat.limits.limits import Limits
-from freefloat.planning.speed_profile import fastest_speeds
+from freefloat.planning.timing.speed_profile import fastest_speeds
 from freefloat.so3 import heading_quaternion
 from tests.commands import document, error, run
 from tests.errors import error_key

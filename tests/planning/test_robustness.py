@@ -18,7 +18,7 @@ from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import TimedPath, Timing
-from freefloat.planning.robustness import robust_radius
+from freefloat.planning.space.robust_radius import robust_radius
 from freefloat.robot.model import FreeFloatingModel
 from tests.robots import random_robot
 

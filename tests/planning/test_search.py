@@ -8,27 +8,22 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from freefloat.attitude_grids import attitude_grid, attitudes_within, grid_spacing
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
-from freefloat.planning import search as attitude_search
-from freefloat.planning.attitude_map import AttitudeMap, Peak
-from freefloat.planning.deepest import deepest
-from freefloat.planning.robustness import robust_radius
-from freefloat.planning.search import (
+from freefloat.planning.candidates import Peak
+from freefloat.planning.space import climbing as attitude_search
+from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.planning.space.climbing import (
     is_unique,
     largest_margins,
     most_robust_first,
     nearest_feasible,
 )
-from freefloat.planning.spare import nearest_with_spare
-from freefloat.so3 import (
-    angle_between,
-    attitude_grid,
-    attitudes_within,
-    grid_spacing,
-    rotated,
-    rotation_vector_to,
-)
+from freefloat.planning.space.deepest_ball import deepest
+from freefloat.planning.space.nearest import nearest_with_spare
+from freefloat.planning.space.robust_radius import robust_radius
+from freefloat.so3 import angle_between, rotated, rotation_vector_to
 from tests.maps import branch_results
 
 MARGIN = 30.0

@@ -10,19 +10,21 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.attitude_grids import attitudes_within, grid_spacing
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import InputError
 from freefloat.motion.margin import Margin, keeps_threshold
 from freefloat.motion.problem import Problem
 from freefloat.planning.diagnostics import NOT_UNIQUE
-from freefloat.planning.heading_map import evaluator_for
-from freefloat.planning.mapping import sample_attitudes
+from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.objective import Objective
-from freefloat.planning.plan import Plan, Search
-from freefloat.planning.planner import plan_in_space
+from freefloat.planning.plan import Plan
+from freefloat.planning.settings import Search
 from freefloat.planning.simulation import SimulatedBranch, simulate
-from freefloat.so3 import angle_between, attitudes_within, frozen, grid_spacing
+from freefloat.planning.space.mapping import sample_attitudes
+from freefloat.planning.spatial_planner import plan_in_space
+from freefloat.so3 import angle_between, frozen
 from tests.motions import bundled
 
 MARGIN = 50.0

@@ -14,8 +14,8 @@ from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
-from freefloat.planning import tangency
-from freefloat.planning.tangency import (
+from freefloat.planning.space import tangency
+from freefloat.planning.space.tangency import (
     boundary_attitude,
     require_tangency_points,
     sample_tangency_points,

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from freefloat.attitude_grids import attitude_grid
 from freefloat.dynamics.momentum import generalized_determinant, inertia_matrices
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
@@ -16,8 +17,7 @@ from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
 from freefloat.paths.timing import TimedPath
 from freefloat.planning.simulation import simulate
-from freefloat.planning.tolerance import Tolerance, tolerance
-from freefloat.so3 import attitude_grid
+from freefloat.planning.space.disturbances import Tolerance, tolerance
 from tests.motions import GOOD, bundled
 
 

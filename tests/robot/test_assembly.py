@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from freefloat.cli.app import app
 from freefloat.dynamics.momentum import momentum_map
 from freefloat.errors import InputError, ModelError
-from freefloat.io.scenario import load_scenario
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.robot.assembly import assemble

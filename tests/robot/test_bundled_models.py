@@ -12,13 +12,13 @@ import pytest
 import trimesh
 import yourdfpy
 
-from freefloat.io.scenario import load_scenario
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
-from freefloat.planning.heading_map import evaluator_for
-from freefloat.planning.limit_keeping import keep_limits
+from freefloat.planning.evaluator import evaluator_for
+from freefloat.planning.limits.keeping import keep_limits
 from freefloat.planning.planar_planner import plan_in_plane
-from freefloat.planning.planner import plan_in_space
+from freefloat.planning.spatial_planner import plan_in_space
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import bundled_robots, bundled_scenarios, find_robot
 

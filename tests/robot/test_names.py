@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from freefloat.errors import InputError, ModelError
-from freefloat.io.scenario import load_scenario
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.robot import robot_packages
 from freefloat.robot.assembly import assemble
 from freefloat.robot.model import FreeFloatingModel

@@ -10,8 +10,8 @@ import pytest
 
 import freefloat as ff
 from freefloat.dynamics.momentum import mass_matrix
-from freefloat.io.mjcf_file import mjcf_text
-from freefloat.io.trajectory import Trajectory
+from freefloat.io.formats.mjcf_file import mjcf_text
+from freefloat.io.formats.trajectory import Trajectory
 from freefloat.robot.names import models_folder
 from tests.errors import error_key
 from tests.motions import bundled

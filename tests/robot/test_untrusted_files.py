@@ -13,8 +13,8 @@ import pytest
 
 import freefloat as ff
 from freefloat.errors import ModelError
-from freefloat.robot import reader_process
-from freefloat.robot.xacro import read
+from freefloat.robot.formats import reader_process
+from freefloat.robot.formats.xacro import read
 from tests.errors import error_key
 
 XACRO = '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'

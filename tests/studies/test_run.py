@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from freefloat.io.results import load
-from freefloat.io.scenario import load_scenario
+from freefloat.io.records.results import load
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
 from freefloat.studies.results import Row

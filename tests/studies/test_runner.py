@@ -21,7 +21,7 @@ import pyarrow.parquet
 import pytest
 
 from freefloat.errors import InputError
-from freefloat.io.results import load
+from freefloat.io.records.results import load
 from freefloat.robot.names import bundled_studies, models_folder
 from freefloat.studies.clients import _CONFIG
 from freefloat.studies.database import open_results

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from freefloat.errors import InputError
-from freefloat.io.schema import ScenarioFile
+from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.robot.names import bundled_scenarios, bundled_studies
 from freefloat.studies.study import load_study
 from tests.errors import error_key

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.planning.heading_arcs import BranchRanges, HeadingRange
+from freefloat.planning.plane.arcs import BranchRanges, HeadingRange
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "attack_claims.py"
 

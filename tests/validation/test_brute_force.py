@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from freefloat.attitude_grids import attitude_grid
 from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
-from freefloat.so3 import attitude_grid
 from tests.motions import bundled
 from tests.validation.comparisons import assert_agrees
 

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 import freefloat as ff
+from freefloat.attitude_grids import attitude_grid
 from freefloat.cli.app import app
 from freefloat.dynamics.momentum import Task
 from freefloat.ensemble.endings import COMPLETED, SINGULAR
@@ -23,13 +24,13 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import Margin, keeps_threshold
 from freefloat.motion.motion import Ending
 from freefloat.paths.curves import PolynomialCurve
-from freefloat.planning.planar_ranges import find_range_limits, heading_ranges
-from freefloat.planning.robustness import robust_radius
+from freefloat.planning.plane.ranges import find_range_limits, heading_ranges
+from freefloat.planning.space.robust_radius import robust_radius
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
-from freefloat.so3 import angle_between, attitude_grid, heading_of
-from freefloat.verification.mujoco import forward_run, inverse_run
-from freefloat.verification.mujoco_model import Engine
+from freefloat.so3 import angle_between, heading_of
+from freefloat.verification.engines.mujoco import forward_run, inverse_run
+from freefloat.verification.engines.mujoco_model import Engine
 from tests.motions import GOOD, along, bundled, compiled_motion, heading, lasting, simulated
 from tests.result_files import altered, replaced
 from tests.robots import in_units, planar_robot

@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import generalized_jacobian
-from freefloat.io.scenario import load_scenario
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import heading_quaternion
-from freefloat.verification.mujoco import forward_run
-from freefloat.verification.mujoco_model import Engine, wxyz
+from freefloat.verification.engines.mujoco import forward_run
+from freefloat.verification.engines.mujoco_model import Engine, wxyz
 from tests.motions import (
     GOOD,
     differentiated,

@@ -9,7 +9,7 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
-from freefloat.planning.planar_ranges import find_range_limits, heading_ranges
+from freefloat.planning.plane.ranges import find_range_limits, heading_ranges
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import heading_of, heading_quaternion
 from tests.motions import (

@@ -10,7 +10,7 @@ from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipj
 
-from freefloat.io.scenario import load_scenario
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.limits.collision import collision_shapes, scene_shapes
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.paths.scene import Scene

@@ -10,13 +10,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.io.scenario import parse_scenario
+from freefloat.io.scenario.scenario import parse_scenario
 from freefloat.motion.certificate import Worst, certify
 from freefloat.motion.motion import Ending
 from freefloat.planning.simulation import Simulation
 from freefloat.so3 import angle_between
-from freefloat.verification import robustness
-from freefloat.verification.tolerances import Check
+from freefloat.verification import range_checks as robustness
+from freefloat.verification.comparisons import Check
 from tests.commands import document, error, run
 from tests.errors import error_key
 from tests.hostile_samples import plans

@@ -15,11 +15,11 @@ from freefloat.cli.models import bundled_file
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.motion.motion import Motion
 from freefloat.so3 import rotation_matrix, rotation_vector_between
-from freefloat.verification.engines import engine_checks, engine_runs
+from freefloat.verification.engine_runs import engine_checks, engine_runs
+from freefloat.verification.engines.mujoco import start
+from freefloat.verification.engines.mujoco_model import Engine
+from freefloat.verification.engines.plant import Plant
 from freefloat.verification.gravity import CircularOrbit
-from freefloat.verification.mujoco import start
-from freefloat.verification.mujoco_model import Engine
-from freefloat.verification.plant import Plant
 from tests.commands import document, error, run
 from tests.errors import error_key
 
@@ -206,5 +206,5 @@ def test_what_basilisk_cannot_simulate_is_refused(monkeypatch: pytest.MonkeyPatc
     named = ff.load_scenario("planar_2dof/line").problem().replace(model=earth)
     simulation = ff.simulate(named, heading=0.0)
     assert error_key(ff.check, simulation, "basilisk") == "engine"
-    monkeypatch.setattr("freefloat.verification.basilisk.find_spec", lambda name: None)
+    monkeypatch.setattr("freefloat.verification.engines.basilisk.find_spec", lambda name: None)
     assert error_key(ff.check, turning, "basilisk") == "engine"

@@ -12,14 +12,16 @@ import pytest
 from IPython.core.formatters import DisplayFormatter
 from IPython.display import HTML
 
-from freefloat.io.scenario import load_scenario
-from freefloat.planning.heading_map import evaluator_for, sample_headings
-from freefloat.planning.plan import Plan, Search
+from freefloat.io.scenario.scenario import load_scenario
+from freefloat.planning.evaluator import evaluator_for
+from freefloat.planning.plan import Plan
+from freefloat.planning.plane.heading_map import sample_headings
 from freefloat.planning.planner import plan
+from freefloat.planning.settings import Search
 from freefloat.planning.simulation import simulate
-from freefloat.visualization import figures as figures_module
-from freefloat.visualization.figures import figures
-from freefloat.visualization.playback import playback
+from freefloat.visualization.figures.figures import figures
+from freefloat.visualization.figures.figures import figures as figures_module
+from freefloat.visualization.page.playback import playback
 from tests.commands import document, error
 from tests.figures import labels, line
 from tests.scenarios import PARABOLA

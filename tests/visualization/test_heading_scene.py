@@ -10,9 +10,9 @@ import umsgpack
 
 import freefloat as ff
 from freefloat.planning.domain import SearchDomain
-from freefloat.planning.heading_map import HeadingMap
+from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.so3 import heading_quaternion
-from freefloat.visualization.heading_scene import NODE, heading_scene
+from freefloat.visualization.scenes.heading_scene import NODE, heading_scene
 from tests.maps import branch_results
 
 MARGINS = np.array([[9.0, 6.0, 4.0, 0.0], [np.nan, 20.0, np.nan, 7.0]])

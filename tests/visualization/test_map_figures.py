@@ -11,12 +11,12 @@ from matplotlib.colors import to_rgba
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.planning.mapping import sample_attitudes
 from freefloat.planning.objective import Objective
 from freefloat.planning.plan import Plan
-from freefloat.visualization import figures as figures_module
+from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.visualization.figure_style import BLUE, GREY
-from freefloat.visualization.map_figures import histogram_figure, slices_figure
+from freefloat.visualization.figures.figures import figures as figures_module
+from freefloat.visualization.figures.map_figures import histogram_figure, slices_figure
 from freefloat.visualization.slices import Mark, map_slices
 
 BRANCHES = 4  # the others are wrist-flipped

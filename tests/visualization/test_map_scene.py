@@ -13,10 +13,11 @@ from scipy.spatial.transform import Rotation
 from freefloat.ensemble.endings import UNREACHED as UNREACHED_CODE
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
-from freefloat.planning.attitude_map import AttitudeMap, Ball, BoundaryPoint, Peak
-from freefloat.planning.mapping import sample_attitudes
-from freefloat.visualization.description import MarginColours
-from freefloat.visualization.map_scene import (
+from freefloat.planning.candidates import Ball, BoundaryPoint, Peak
+from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.planning.space.mapping import sample_attitudes
+from freefloat.visualization.scenes.description import MarginColours
+from freefloat.visualization.scenes.map_scene import (
     BACK,
     BEST_BRANCH,
     BOUNDARY,
@@ -26,7 +27,7 @@ from freefloat.visualization.map_scene import (
     UNREACHED,
     map_scene,
 )
-from freefloat.visualization.scene_builder import Scene
+from freefloat.visualization.scenes.scene_builder import Scene
 from tests.maps import branch_results, with_motions
 
 SECOND = "shoulder+ elbow- wrist±"

@@ -8,12 +8,12 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
-from freefloat.io.scenario import load_scenario
-from freefloat.io.trajectory import Trajectory
+from freefloat.io.formats.trajectory import Trajectory
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.planning.simulation import SimulatedBranch, simulate
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figure_style import PALE, VERMILION, axis_label
-from freefloat.visualization.motion_figures import (
+from freefloat.visualization.figures.motion_figures import (
     euler_angles,
     headings,
     motion_figures,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from freefloat.visualization.overlays import SIDES, arrow, rod, tube
+from freefloat.visualization.scenes.overlays import SIDES, arrow, rod, tube
 
 
 def volume(vertices: np.ndarray, faces: np.ndarray) -> float:

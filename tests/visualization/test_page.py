@@ -13,10 +13,10 @@ import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
-from freefloat.planning.heading_map import HeadingMap
-from freefloat.planning.mapping import sample_attitudes
 from freefloat.planning.plan import Plan
-from freefloat.visualization.map_scene import BACK, BALL, BEST_BRANCH, FRONT
+from freefloat.planning.plane.heading_map import HeadingMap
+from freefloat.planning.space.mapping import sample_attitudes
+from freefloat.visualization.scenes.map_scene import BACK, BALL, BEST_BRANCH, FRONT
 from tests.browser import differing, opened
 
 GOOD, BAD = [0.46008, 0.09337, 0.73519, -0.48898], [0.1, 0.5, 0.2, -0.8367]

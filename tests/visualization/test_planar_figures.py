@@ -10,15 +10,19 @@ from matplotlib.colors import to_hex
 
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
-from freefloat.io.scenario import load_scenario
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.planning.heading_arcs import BranchRanges, HeadingRange, RangeLimitCause
-from freefloat.planning.heading_map import HeadingMap
+from freefloat.planning.plane.arcs import BranchRanges, HeadingRange, RangeLimitCause
+from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
-from freefloat.visualization.planar_figures import headings_figure, joint_space_figure, wrapped
+from freefloat.visualization.figures.planar_figures import (
+    headings_figure,
+    joint_space_figure,
+    wrapped,
+)
 from freefloat.workspace.planar import PlanarArm, point_3, two_angles
 from tests.figures import labels, line
 from tests.maps import branch_results

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.visualization.scene import motion_scene
+from freefloat.visualization.scenes.scene import motion_scene
 from tests.browser import differing, opened
 from tests.scene_commands import tracks, vertices
 

@@ -22,12 +22,12 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
-from freefloat.visualization.description import MarginColours
-from freefloat.visualization.playback import Playback, playback
-from freefloat.visualization.sampled_motion import key_times
-from freefloat.visualization.scene import motion_scene
-from freefloat.visualization.scene_builder import Scene
-from freefloat.visualization.visuals import body_poses, robot_visuals
+from freefloat.visualization.page.playback import Playback, playback
+from freefloat.visualization.scenes.description import MarginColours
+from freefloat.visualization.scenes.sampled_motion import key_times
+from freefloat.visualization.scenes.scene import motion_scene
+from freefloat.visualization.scenes.scene_builder import Scene
+from freefloat.visualization.scenes.visuals import body_poses, robot_visuals
 
 GOOD, BAD = [0.46008, 0.09337, 0.73519, -0.48898], [0.1, 0.5, 0.2, -0.8367]
 

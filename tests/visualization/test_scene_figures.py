@@ -10,14 +10,18 @@ import pytest
 from matplotlib.patches import Circle, Polygon, Wedge
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from freefloat.io.scenario import load_scenario
+from freefloat.io.scenario.scenario import load_scenario
 from freefloat.motion.motion import Ending, Motion
 from freefloat.planning.simulation import simulate
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
 from freefloat.so3 import heading_quaternion, rotation_matrix
-from freefloat.visualization.scene_figures import outlines, snapshots_figure, workspace_figure
-from freefloat.visualization.visuals import largest_box, robot_visuals
+from freefloat.visualization.figures.scene_figures import (
+    outlines,
+    snapshots_figure,
+    workspace_figure,
+)
+from freefloat.visualization.scenes.visuals import largest_box, robot_visuals
 from freefloat.workspace.planar import point_3_on_path
 from freefloat.workspace.regions import exact_workspace, workspace_regions
 from tests.figures import labels, line

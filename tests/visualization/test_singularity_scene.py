@@ -12,10 +12,10 @@ from playwright.sync_api import Browser
 import freefloat as ff
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.errors import InputError
-from freefloat.visualization.implicit_surface import zero_surface
-from freefloat.visualization.joint_sections import influential_joints, section
-from freefloat.visualization.playback import Playback, playback
-from freefloat.visualization.singularity_scene import (
+from freefloat.visualization.page.playback import Playback, playback
+from freefloat.visualization.scenes.implicit_surface import zero_surface
+from freefloat.visualization.scenes.joint_sections import influential_joints, section
+from freefloat.visualization.scenes.singularity_scene import (
     BOX,
     HEIGHT,
     ZEROS,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from freefloat.visualization.study_figure import study_figure
+from freefloat.visualization.figures.study_figure import study_figure
 
 TABLE = {
     "case": [0, 1, 2], "timing.duration": [50.0, 60.0, 70.0], "fixed": [1.0, 1.0, 1.0],

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.visualization.scene import motion_scene
-from freefloat.visualization.scene_builder import Scene
+from freefloat.visualization.scenes.scene import motion_scene
+from freefloat.visualization.scenes.scene_builder import Scene
 from tests.scene_commands import commands, tracks, vertices
 
 ROOT = "/meshcat/good"

@@ -19,7 +19,7 @@ from freefloat.robot.parts import Spacecraft
 from freefloat.robot.robot_packages import examples_folder
 from freefloat.robot.shapes import Box, Cylinder, Sphere
 from freefloat.so3 import Pose
-from freefloat.visualization.visuals import RobotVisuals, Visual, robot_visuals
+from freefloat.visualization.scenes.visuals import RobotVisuals, Visual, robot_visuals
 from tests.robots import (
     Robot,
     inertial_text,

@@ -16,7 +16,7 @@ from freefloat.cli.robots import Packages, Root, robot_source
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
-    from freefloat.io.urdf_file import UrdfFile
+    from freefloat.io.formats.urdf_file import UrdfFile
     from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.parts import Mount
     from freefloat.robot.source import RobotSource
@@ -125,8 +125,8 @@ def assemble(
 
     Example: freefloat assemble ur5_servicer/arc -o servicer.urdf
     """
-    from freefloat.io.scenario import load_robot
-    from freefloat.io.urdf_file import write_urdf
+    from freefloat.io.formats.urdf_file import write_urdf
+    from freefloat.io.scenario.scenario import load_robot
     from freefloat.robot.names import is_scenario
 
     parts = _given(

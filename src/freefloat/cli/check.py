@@ -16,9 +16,9 @@ from freefloat.cli.options import Json, MotionFile, Quiet
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
+    from freefloat.verification.comparisons import Check
     from freefloat.verification.gravity import GravityRun
     from freefloat.verification.report import CheckReport
-    from freefloat.verification.tolerances import Check
 
 _Engine = Annotated[
     str | None,
@@ -53,15 +53,15 @@ def check(
 
     Example: freefloat check plan.h5 --engine mujoco --gravity 6778
     """
-    from freefloat.io.hdf5 import AlteredFileError
-    from freefloat.io.results import load
-    from freefloat.planning.manoeuvre import Manoeuvre
+    from freefloat.io.records.hdf5 import AlteredFileError
+    from freefloat.io.records.results import load
+    from freefloat.planning.joints.reorientation import Reorientation
+    from freefloat.planning.phases.manoeuvre import Manoeuvre
     from freefloat.planning.plan import Plan
-    from freefloat.planning.reorientation import Reorientation
     from freefloat.planning.simulation import Simulation
     from freefloat.verification.check import check as verify
+    from freefloat.verification.comparisons import Check
     from freefloat.verification.report import PINOCCHIO, CheckReport
-    from freefloat.verification.tolerances import Check
     from freefloat.workspace.singularity_map import SingularityMap
 
     console = Console(as_json, quiet)

@@ -24,11 +24,12 @@ from freefloat.errors import FreeFloatError
 
 if TYPE_CHECKING:  # the command line shows its help without NumPy
     from freefloat.limits.limits import LimitResult
-    from freefloat.planning.attitude_map import AttitudeMap
-    from freefloat.planning.heading_map import HeadingMap
-    from freefloat.planning.manoeuvre import Manoeuvre
-    from freefloat.planning.plan import Plan, Search
+    from freefloat.planning.phases.manoeuvre import Manoeuvre
+    from freefloat.planning.plan import Plan
+    from freefloat.planning.plane.heading_map import HeadingMap
+    from freefloat.planning.settings import Search
     from freefloat.planning.simulation import SimulatedBranch, Simulation
+    from freefloat.planning.space.attitude_map import AttitudeMap
     from freefloat.workspace.singularity_map import SingularityMap
 
 DONE, NO, BAD_INPUT, INTERNAL_ERROR, INTERRUPTED = 0, 1, 2, 3, 130
@@ -179,7 +180,7 @@ def draw(
 ) -> list[str]:
     """Draw the figures of a result into a folder; print and return their files."""
     from freefloat.visualization.figure_style import save_figures
-    from freefloat.visualization.figures import figures
+    from freefloat.visualization.figures.figures import figures
 
     with console.progress("drawing") as progress:
         files = save_figures(folder, figures(result, threads=threads, progress=progress))

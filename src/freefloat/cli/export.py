@@ -13,8 +13,8 @@ from freefloat.cli.options import Json, MotionFile, Quiet, prepare_outputs
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
-    from freefloat.io.export import Format
-    from freefloat.io.trajectory import Trajectory
+    from freefloat.io.formats.export import Format
+    from freefloat.io.formats.trajectory import Trajectory
 
 _STDOUT = "-"
 
@@ -64,11 +64,11 @@ def export(
 
     Example: freefloat export plan.h5 --format ros2 --rate 20 -o trajectory.yaml
     """
-    from freefloat.io.export import TEXTS, save_trajectory, trajectories
-    from freefloat.io.results import chosen_motion, load
-    from freefloat.io.trajectory import J2000
-    from freefloat.planning.manoeuvre import Manoeuvre
-    from freefloat.planning.reorientation import Reorientation
+    from freefloat.io.formats.export import TEXTS, save_trajectory, trajectories
+    from freefloat.io.formats.trajectory import J2000
+    from freefloat.io.records.results import chosen_motion, load
+    from freefloat.planning.joints.reorientation import Reorientation
+    from freefloat.planning.phases.manoeuvre import Manoeuvre
 
     if output == _STDOUT and as_json:
         raise InputError("output", "both -o - and --json were given", "one of the two")
@@ -117,7 +117,7 @@ def _format_and_file(
 ) -> tuple[Format, Path | None]:
     """The format, and the file; None for stdout."""
     from freefloat.errors import member
-    from freefloat.io.export import TEXTS, Format
+    from freefloat.io.formats.export import TEXTS, Format
 
     file = None if output in (None, _STDOUT) else Path(str(output))
     kind = Format.of(file) if name is None else member("format", Format, name)

@@ -25,7 +25,7 @@ from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.dynamics.summary import Configuration, RobotSummary
-    from freefloat.io.scenario import Scenario
+    from freefloat.io.scenario.scenario import Scenario
     from freefloat.motion.attitude_hold import HeldAttitude
     from freefloat.robot.rigid_bodies import Body
 

@@ -13,7 +13,7 @@ from freefloat.cli.console import decimals, limit_tables, table
 
 if TYPE_CHECKING:
     from freefloat.dynamics.capture import Capture
-    from freefloat.planning.manoeuvre import Manoeuvre, PlannedPhase
+    from freefloat.planning.phases.manoeuvre import Manoeuvre, PlannedPhase
 
 
 def manoeuvre_tables(name: str, manoeuvre: Manoeuvre) -> Iterator[RenderableType]:

@@ -33,8 +33,9 @@ from freefloat.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from freefloat.planning.attitude_map import AttitudeMap, Candidate
-    from freefloat.planning.heading_map import HeadingMap
+    from freefloat.planning.candidates import Candidate
+    from freefloat.planning.plane.heading_map import HeadingMap
+    from freefloat.planning.space.attitude_map import AttitudeMap
 
 _MAX_REGIONS = 12
 """Regions listed in the table; --json lists all."""
@@ -94,9 +95,9 @@ def map_(
 
     Example: freefloat map spatial_6dof/line --samples 4096 --nearest 0 0 0 1 -o map.h5
     """
-    from freefloat.io.scenario import load_scenario
-    from freefloat.planning.heading_map import HeadingMap
-    from freefloat.planning.mapping import attitude_map
+    from freefloat.io.scenario.scenario import load_scenario
+    from freefloat.planning.plane.heading_map import HeadingMap
+    from freefloat.planning.space.mapping import attitude_map
 
     console = Console(as_json, quiet)
     loaded = load_scenario(scenario)
@@ -113,7 +114,7 @@ def map_(
     tables: Any = _heading_tables if isinstance(result, HeadingMap) else _attitude_tables
     console.tables(tables(scenario, result))
     if output is not None:
-        from freefloat.io.results import save  # HDF5 is slow to import
+        from freefloat.io.records.results import save  # HDF5 is slow to import
 
         save(result, output, loaded)
     if plots is not None:

@@ -11,7 +11,7 @@ from rich.console import RenderableType
 from freefloat.cli.console import decimals, table
 
 if TYPE_CHECKING:
-    from freefloat.io.scenario import Scenario
+    from freefloat.io.scenario.scenario import Scenario
     from freefloat.motion.pointing import PointingLimit
     from freefloat.paths.scene import Corridor
     from freefloat.paths.scene_body import SceneBody
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 def mission_document(scenario: Scenario) -> dict[str, Any]:
     """Scene, limits of pointing and turn, wheels and drift with the keys of a scenario."""
-    from freefloat.io.limits_section import limits_content
-    from freefloat.io.scene_section import scene_content
+    from freefloat.io.scenario.limits_section import limits_content
+    from freefloat.io.scenario.scene_section import scene_content
 
     problem = scenario.problem()
     limits = limits_content(scenario.limits(), problem.model.joint_names)

@@ -53,7 +53,7 @@ def schema(as_json: Json = False, quiet: Quiet = False) -> None:
 
     Example: freefloat schema > freefloat.schema.json
     """
-    from freefloat.io.schema import ScenarioFile
+    from freefloat.io.scenario.schema import ScenarioFile
     from freefloat.studies.study import StudyFile
 
     schemas = {
@@ -138,7 +138,7 @@ def _study(name: str, file: Path) -> BundledFile:
 
 def _read(file: Path) -> tuple[str, dict[str, Any]]:
     """A YAML file's first comment and its content."""
-    from freefloat.io.yaml import parse_yaml
+    from freefloat.io.scenario.yaml import parse_yaml
 
     text = file.read_text(encoding="utf-8")
     comment = takewhile(lambda line: line.startswith("#"), text.splitlines())

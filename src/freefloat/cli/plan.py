@@ -40,9 +40,9 @@ from freefloat.errors import InputError
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from freefloat.io.scenario import Scenario
-    from freefloat.planning.heading_arcs import BranchRanges
+    from freefloat.io.scenario.scenario import Scenario
     from freefloat.planning.plan import Plan
+    from freefloat.planning.plane.arcs import BranchRanges
 
 _Stretch = Annotated[
     bool, typer.Option("--stretch", help="Increase the duration until rates and torques fit.")
@@ -71,7 +71,7 @@ def plan(
 
     Example: freefloat plan spatial_6dof/line --json
     """
-    from freefloat.io.scenario import load_scenario
+    from freefloat.io.scenario.scenario import load_scenario
     from freefloat.planning.planner import plan as find_plan
 
     console = Console(as_json, quiet)
@@ -91,7 +91,7 @@ def plan(
     document = result.to_dict()
     console.tables(_tables(scenario, result))
     if output is not None:
-        from freefloat.io.results import save  # HDF5 is slow to import
+        from freefloat.io.records.results import save  # HDF5 is slow to import
 
         save(result, output, loaded)
         if result.contact is not None and not (quiet or as_json):
@@ -99,7 +99,7 @@ def plan(
     if html is not None:
         document["html"] = None
         if result.chosen is not None:
-            from freefloat.visualization.playback import playback
+            from freefloat.visualization.page.playback import playback
 
             document["html"] = str(playback(result, output.stem if output else scenario).save(html))
         console.tables([f"Page: {document['html'] or 'none, there is no motion to show'}"])
@@ -119,7 +119,7 @@ def _plan_phases(
     threads: int | None,
 ) -> None:
     """Plan a manoeuvre."""
-    from freefloat.planning.manoeuvre_planner import plan_manoeuvre
+    from freefloat.planning.phases.manoeuvre_planner import plan_manoeuvre
 
     phases, limits = loaded.phases(), loaded.limits()
     prepare_outputs(loaded.source, output=output, html=html, folder=plots)
@@ -131,11 +131,11 @@ def _plan_phases(
     document = result.to_dict()
     console.tables(manoeuvre_tables(name, result))
     if output is not None:
-        from freefloat.io.results import save  # HDF5 is slow to import
+        from freefloat.io.records.results import save  # HDF5 is slow to import
 
         save(result, output, loaded)
     if html is not None:
-        from freefloat.visualization.playback import playback
+        from freefloat.visualization.page.playback import playback
 
         document["html"] = str(playback(result, output.stem if output else name).save(html))
         console.tables([f"Page: {document['html']}"])

@@ -43,13 +43,13 @@ def plot(
 
     Example: freefloat plot feasible.h5 singular.h5 -o figures
     """
-    from freefloat.io.results import load
+    from freefloat.io.records.results import load
+    from freefloat.planning.joints.reorientation import Reorientation
     from freefloat.planning.plan import Plan
-    from freefloat.planning.reorientation import Reorientation
     from freefloat.planning.simulation import Simulation
-    from freefloat.visualization.comparison_figure import comparison_figure
     from freefloat.visualization.figure_style import save_figures
-    from freefloat.visualization.figures import figures
+    from freefloat.visualization.figures.comparison_figure import comparison_figure
+    from freefloat.visualization.figures.figures import figures
 
     results = {name: load(file) for name, file in zip(distinct_stems(files), files, strict=True)}
     console = Console(as_json, quiet)

@@ -22,7 +22,7 @@ from freefloat.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from freefloat.planning.reorientation import Reorientation
+    from freefloat.planning.joints.reorientation import Reorientation
 
 _From = Annotated[
     Quaternion, typer.Option("--from", metavar="X Y Z W", help="Attitude at the start.")
@@ -69,8 +69,8 @@ def reorient(
 
     Example: freefloat reorient planar_2dof/line --from 0 0 0 1 --to 0 0 0.1305 0.9914
     """
-    from freefloat.io.scenario import load_scenario
-    from freefloat.planning.reorientation import reorient as find_motion
+    from freefloat.io.scenario.scenario import load_scenario
+    from freefloat.planning.joints.reorientation import reorient as find_motion
 
     console = Console(as_json, quiet)
     loaded = load_scenario(scenario)
@@ -84,11 +84,11 @@ def reorient(
         )  # fmt: skip
     console.tables(_tables(scenario, result))
     if output is not None:
-        from freefloat.io.results import save  # HDF5 is slow to import
+        from freefloat.io.records.results import save  # HDF5 is slow to import
 
         save(result, output, loaded)
     if html is not None and result.motion is not None:
-        from freefloat.visualization.playback import playback
+        from freefloat.visualization.page.playback import playback
 
         playback(result.motion, output.stem if output else scenario).save(html)
     console.json(result.to_dict())

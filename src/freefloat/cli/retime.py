@@ -17,7 +17,7 @@ from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.planning.plan import Plan
-    from freefloat.planning.retiming import Retiming
+    from freefloat.planning.timing.retiming import Retiming
 
 _SAME_DEG = 1e-3
 """Angle up to which the initial attitude is that of the plan [degrees]."""
@@ -41,9 +41,9 @@ def retime(
 
     Example: freefloat retime plan.h5 -o fast.h5
     """
-    from freefloat.io.results import load, save
+    from freefloat.io.records.results import load, save
     from freefloat.planning.plan import Plan
-    from freefloat.planning.retiming import retime as find_timing
+    from freefloat.planning.timing.retiming import retime as find_timing
 
     console = Console(as_json, quiet)
     prepare_outputs(plan, output=output, folder=plots)

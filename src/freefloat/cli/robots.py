@@ -20,7 +20,7 @@ from freefloat.errors import InputError
 if TYPE_CHECKING:
     from freefloat.dynamics.measures import SingularityMeasure
     from freefloat.dynamics.momentum import Task
-    from freefloat.io.scenario import Scenario
+    from freefloat.io.scenario.scenario import Scenario
     from freefloat.robot.description import UrdfDiagnostic
     from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.source import RobotSource
@@ -79,7 +79,7 @@ def load_robot(
     """The robot of a scenario or a URDF; exits with its errors if it has some."""
     from freefloat.dynamics.measures import singularity_measure
     from freefloat.dynamics.summary import natural_task
-    from freefloat.io.scenario import load_scenario
+    from freefloat.io.scenario.scenario import load_scenario
     from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.names import (
         bundled_robots,

@@ -76,7 +76,7 @@ def simulate(
 
     Example: freefloat simulate spatial_6dof/line --attitude 0.46008 0.09337 0.73519 -0.48898
     """
-    from freefloat.io.scenario import load_scenario
+    from freefloat.io.scenario.scenario import load_scenario
     from freefloat.limits.limits import violated
     from freefloat.planning.simulation import simulate as simulate_branches
 
@@ -103,11 +103,11 @@ def simulate(
         )  # fmt: skip
     console.tables(_tables(scenario, simulation, mark))
     if output is not None:
-        from freefloat.io.results import save  # HDF5 is slow to import
+        from freefloat.io.records.results import save  # HDF5 is slow to import
 
         save(simulation, output, loaded)
     if html is not None:
-        from freefloat.visualization.playback import playback
+        from freefloat.visualization.page.playback import playback
 
         playback(simulation, output.stem if output else scenario).save(html)
     console.json(simulation.to_dict())

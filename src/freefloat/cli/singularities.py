@@ -103,11 +103,11 @@ def singularities(
     }
     console.tables(_tables(robot, found, components, largest, seconds))
     if output is not None:
-        from freefloat.io.results import save  # HDF5 is slow to import
+        from freefloat.io.records.results import save  # HDF5 is slow to import
 
         save(found, output)
     if html is not None:
-        from freefloat.visualization.playback import playback  # figures are slow to import
+        from freefloat.visualization.page.playback import playback  # figures are slow to import
 
         playback(found, robot).save(html)
         document["html"] = str(html)

@@ -22,8 +22,8 @@ from freefloat.errors import InputError
 from freefloat.io.files import make_folder
 
 if TYPE_CHECKING:
-    from freefloat.visualization.playback import Playback
-    from freefloat.visualization.video import FrameTimes
+    from freefloat.visualization.page.playback import Playback
+    from freefloat.visualization.page.video import FrameTimes
 
 _Files = Annotated[
     list[Path],
@@ -135,7 +135,7 @@ def view(
 
     Example: freefloat view feasible.h5 singular.h5 --html both.html --scene singular
     """
-    from freefloat.visualization.video import save_snapshots, save_video
+    from freefloat.visualization.page.video import save_snapshots, save_video
 
     _require_outputs(
         fps=(fps, {"--video": video}),
@@ -173,7 +173,7 @@ def view(
 
 def _serve(console: Console, playback: Playback, port: int, open_page: bool) -> None:
     """Serve the page until Ctrl-C; print its address and open it in a browser."""
-    from freefloat.visualization.server import open_browser, serve
+    from freefloat.visualization.page.server import open_browser, serve
 
     def ready(address: str) -> None:
         _Shown(playback, address).print(console)
@@ -203,10 +203,10 @@ def _pixels(text: str | None) -> tuple[int, int] | None:
 
 def _playback(files: Sequence[Path]) -> Playback:
     """The playback of motions, which are shown together, or of one map."""
-    from freefloat.io.results import chosen_motion, load
+    from freefloat.io.records.results import chosen_motion, load
     from freefloat.planning.plan import Plan
     from freefloat.planning.simulation import Simulation
-    from freefloat.visualization.playback import playback
+    from freefloat.visualization.page.playback import playback
 
     results = [load(file) for file in files]
     if len(files) == 1:

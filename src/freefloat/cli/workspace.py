@@ -21,7 +21,7 @@ def workspace(scenario: ScenarioName, as_json: Json = False, quiet: Quiet = Fals
 
     Example: freefloat workspace planar_3dof/parabola
     """
-    from freefloat.io.scenario import load_scenario
+    from freefloat.io.scenario.scenario import load_scenario
     from freefloat.workspace.regions import workspace_regions
 
     console = Console(as_json, quiet)

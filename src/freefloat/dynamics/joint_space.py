@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.measures import SingularityMeasure
 from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, frozen, low_discrepancy
+from freefloat.so3 import Array, frozen
 
 _REFINED = 8
 """Samples from which each extremum is refined."""

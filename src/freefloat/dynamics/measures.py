@@ -13,6 +13,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.momentum import (
     Task,
     determinant,
@@ -25,7 +26,7 @@ from freefloat.dynamics.momentum import (
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator, meeting_point
 from freefloat.errors import InputError, require_type
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, low_discrepancy
+from freefloat.so3 import Array
 
 MeasureName = Literal["gjm", "system", "arm", "sigma"]
 NAMES: tuple[str, ...] = get_args(MeasureName)

@@ -12,10 +12,10 @@ from freefloat.concurrency import Progress, available_cores, run_chunks
 from freefloat.ensemble.arrays import kernel_problem, spare_slacks
 from freefloat.ensemble.endings import COMPLETED, LIMITED
 from freefloat.ensemble.kernels.integration import integrate_many
-from freefloat.ensemble.kernels.lanes import WIDTH
 from freefloat.ensemble.kernels.records import Motions, make_workspace
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.errors import InputError, finite_number, whole_number
+from freefloat.lockstep.lanes import WIDTH
 from freefloat.motion.margin import ROUNDING
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.attitude_grids import attitude_grid
 from freefloat.concurrency import Progress, require_memory
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.endings import COMPLETED, UNREACHED
@@ -17,7 +18,7 @@ from freefloat.ik.branches import ClosedForm, closed_form
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem, require_problem
-from freefloat.so3 import Array, IntArray, attitude_grid
+from freefloat.so3 import Array, IntArray
 
 _REDUCTION = 4
 """Reduction of the number of attitudes in searches whose arm branches have no closed form."""

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.momentum import Task
 from freefloat.ik.chain import SAME, Chain
@@ -21,7 +22,7 @@ from freefloat.ik.numeric import APPROACH, approached, many_solutions, newton, r
 from freefloat.ik.pose_table import PoseTable, sampled_box
 from freefloat.ik.vectors import wrapped
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, IntArray, low_discrepancy
+from freefloat.so3 import Array, IntArray
 
 _TRIALS = (slice(2), slice(2, 8))
 """Starts, the closest first, one of which comes near to a pose that is within reach."""

@@ -15,13 +15,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.chain import Chain, axis_frame
 from freefloat.ik.vectors import cross, dot, product, times, wrapped
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, low_discrepancy
+from freefloat.so3 import Array
 
 _SAMPLES = 32768
 _PROBES = 512

@@ -10,11 +10,12 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from freefloat.attitude_grids import low_discrepancy
 from freefloat.errors import ModelError
 from freefloat.limits.collision import CollisionShape, collision_shapes, scene_shapes
 from freefloat.paths.scene import Scene
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, IntArray, Pose, low_discrepancy
+from freefloat.so3 import Array, IntArray, Pose
 
 _CONFIGURATIONS = 1024
 """Sampled configurations; pairs that are too near in all of them are left out."""

@@ -20,7 +20,8 @@ from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.motion.bounds import METHOD, Bounds, lower_bounds
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Ending, Motion
-from freefloat.motion.panels import DEGREE, NODES, path_errors, with_slopes
+from freefloat.motion.panels import DEGREE, NODES, with_slopes
+from freefloat.motion.residuals import path_errors
 from freefloat.so3 import Array, IntArray, angle_between, cross
 
 _INTEGRATOR = "Munthe-Kaas Runge-Kutta of fourth order on SO(3), fixed steps in time"

@@ -20,8 +20,9 @@ from freefloat.errors import InputError, IntegrationError, finite_number
 from freefloat.motion.arc_flow import ArcFlow
 from freefloat.motion.extrema import first_crossing
 from freefloat.motion.motion import Ending, Motion
-from freefloat.motion.panels import NODES, path_errors
+from freefloat.motion.panels import NODES
 from freefloat.motion.problem import Problem, require_problem
+from freefloat.motion.residuals import path_errors
 from freefloat.paths.timing import Leg
 from freefloat.so3 import Array
 

@@ -18,14 +18,9 @@ from numpy.polynomial import chebyshev
 
 from freefloat.errors import InputError
 from freefloat.motion.law import JointCurve, JointLaw, Law, PathLaw
-from freefloat.motion.panels import (
-    DEGREE,
-    NODES,
-    TO_COEFFICIENTS,
-    momentum_errors,
-    path_errors,
-)
+from freefloat.motion.panels import DEGREE, NODES, TO_COEFFICIENTS
 from freefloat.motion.problem import Problem
+from freefloat.motion.residuals import momentum_errors, path_errors
 from freefloat.so3 import Array, IntArray, frozen
 
 _BISECTIONS = 60
@@ -262,7 +257,9 @@ class Motion:
         """Largest distance from the path and deviation of the momentum."""
         position, orientation = np.max(self.end_effector_errors, axis=0)
         panel = np.repeat(np.arange(self.panels), DEGREE + 1)
-        momentum = momentum_errors(self, panel, np.tile(NODES, self.panels))
+        momentum = momentum_errors(
+            self.problem, self._panel_states, panel, np.tile(NODES, self.panels)
+        )
         return Residuals(
             float(position),
             float(orientation) if self.problem.task.prescribes_orientation else None,
@@ -273,6 +270,12 @@ class Motion:
     def end_effector_errors(self) -> Array:
         """Errors of the end-effector at the nodes, see :func:`path_errors`, shape (N, 2)."""
         return frozen(path_errors(self.problem, self.times, self.attitudes, self.joints))
+
+    @cached_property
+    def _panel_states(self) -> Array:
+        """Time, attitude, joints and base position at the nodes, shape (panels, 9, 8 + n)."""
+        states = [self.times, self.attitudes, self.joints, self.base_positions]
+        return frozen(np.column_stack(states)[self.panel_nodes])
 
     def momentum_errors(self, u: npt.ArrayLike) -> Array:
         """Deviation of the angular momentum from the prescribed one.
@@ -289,4 +292,4 @@ class Motion:
         """
         if not self.panels:
             return np.full(np.size(u), np.nan)
-        return momentum_errors(self, *self._located(u))
+        return momentum_errors(self.problem, self._panel_states, *self._located(u))

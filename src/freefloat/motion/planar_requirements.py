@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.momentum import Task, momentum_map
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.paths.timing import TimedPath
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, low_discrepancy
+from freefloat.so3 import Array
 
 
 def require_in_plane(key: str, momentum: Array) -> None:

@@ -20,11 +20,12 @@ from freefloat.motion.reach import (
     unreached_start_message,
 )
 from freefloat.motion.singularity import singular_event
-from freefloat.planning.attitude_map import AttitudeMap, Ball, Candidate, NearAttitude
+from freefloat.planning.candidates import Ball, Candidate, NearAttitude
 from freefloat.planning.objective import Objective, Weights
-from freefloat.planning.plan import Search
-from freefloat.planning.search import best_branch, largest_margins
+from freefloat.planning.settings import Search
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch
+from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.planning.space.climbing import best_branch, largest_margins
 from freefloat.so3 import angle_between, heading_quaternion
 from freefloat.workspace.planar import PlanarArm, most_singular_place, point_3_of_pose
 

@@ -7,21 +7,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.attitude_grids import attitude_grid, attitudes_within, ball_fraction, grid_spacing
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import (
-    Array,
-    IntArray,
-    angle_between,
-    attitude_grid,
-    attitudes_within,
-    ball_fraction,
-    frozen,
-    grid_spacing,
-    heading_of,
-    heading_quaternion,
-)
+from freefloat.so3 import Array, IntArray, angle_between, frozen, heading_of, heading_quaternion
 
 _LARGEST_ANGLE = 4.0 * np.pi
 """Largest present joint angle [rad]: larger ones are degrees."""

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from freefloat.ensemble.feasibility import BranchResults
 from freefloat.motion.problem import Problem
-from freefloat.planning.plan import Search
+from freefloat.planning.settings import Search
 from freefloat.so3 import Array
 
 

@@ -3,147 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-import numpy.typing as npt
-
-from freefloat.errors import InputError, finite_number, member, seed_number, whole_number
 from freefloat.limits.contact import Contact
 from freefloat.limits.limits import LimitResult, Limits, violated
 from freefloat.motion.certificate import Certificate
 from freefloat.motion.problem import Problem
-from freefloat.planning.domain import SearchDomain, require_radians
-from freefloat.planning.heading_arcs import BranchRanges, covered_angle
-from freefloat.planning.objective import Objective, Weights
-from freefloat.planning.segment import Segment
+from freefloat.planning.plane.arcs import BranchRanges, covered_angle
+from freefloat.planning.plane.segment import Segment
+from freefloat.planning.settings import Search
 from freefloat.planning.simulation import SimulatedBranch
-from freefloat.so3 import Array, angle_between, frozen, heading_of
+from freefloat.so3 import angle_between, degrees, heading_of
 
 if TYPE_CHECKING:  # compiled kernels take half a second to import
-    from freefloat.planning.adversary import Effort
-    from freefloat.planning.attitude_map import AttitudeMap
-    from freefloat.planning.screening import ScreenedCandidate
-    from freefloat.planning.tolerance import Tolerance
+    from freefloat.planning.candidates import ScreenedCandidate
+    from freefloat.planning.searches.adversary import Effort
+    from freefloat.planning.space.attitude_map import AttitudeMap
+    from freefloat.planning.space.disturbances import Tolerance
 
-HEADINGS, PLAN_ATTITUDES = 360, 4096
-"""Default numbers of samples of planar and of spatial tasks."""
-FEWEST_SAMPLES = 8
-"""Smallest accepted number of samples."""
 _MOTION_KEYS = (
     "singular", "min_margin", "branch", "initial", "final", "residuals", "redundancy",
     "certificate", "heading_deg", "ended_at", "ending", "joint_names",
 )  # fmt: skip
 """Keys of the chosen motion in documents; null where there is none."""
 _MAP_KEYS = ("samples", "seed", "feasible_fraction", "feasible_fraction_error")
-
-
-@dataclass(frozen=True, eq=False)
-class Search:
-    """Objective and domain of a search for initial attitudes.
-
-    Attributes:
-        objective: The largest minimum margin, the feasible attitude nearest to ``from_attitude``,
-            the one deepest inside the feasible set, the one with the least turn of the spacecraft
-            along the motion, or a sum with :class:`Weights`.
-        from_attitude: Present attitude of the spacecraft, x, y, z, w.
-        joints: Present joints of the arm, in chain order or by name [rad or m]: of the arm
-            configurations at every attitude only the closest is considered; all when left out.
-        within: Only attitudes within this angle of ``from_attitude`` are searched [rad]; all when
-            left out.
-        samples: Number of attitudes; when left out 360 headings for planar tasks (where no closed
-            form is known), 4,096 attitudes for spatial ones.
-        seed: Rotates the grid of attitudes of spatial tasks.
-        spare: Objective nearest: the margin is kept within this angle around the attitude [rad].
-
-    Example:
-        >>> problem = ff.load_scenario("planar_2dof/line").problem()
-        >>> ff.plan(problem, ff.Search("robust")).reason
-        'the middle of the widest range, 151.3 degrees wide'
-    """
-
-    objective: Objective | Weights = Objective.MARGIN
-    from_attitude: Array | None = None
-    samples: int | None = None
-    seed: int = 0
-    joints: Mapping[str, float] | npt.ArrayLike | None = None
-    within: float | None = None
-    spare: float = np.radians(2.0)
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.objective, Weights):
-            objective = member("search.objective", Objective, self.objective)
-            object.__setattr__(self, "objective", objective)
-        if self.samples is not None:
-            samples = whole_number("search.samples", self.samples, FEWEST_SAMPLES)
-            object.__setattr__(self, "samples", samples)
-        object.__setattr__(self, "seed", seed_number("search.seed", self.seed))
-        finite_number("search.spare", self.spare, "an angle from 0 to pi / 2", 0.0, np.pi / 2.0)
-        reason = "objective nearest" if self.objective is Objective.NEAREST else None
-        if self.within is not None:
-            accepted = "an angle above 0, up to pi"
-            finite_number("search.within", self.within, accepted, np.finfo(float).tiny, np.pi)
-            reason = "a search within an angle"
-        if reason is not None and self.from_attitude is None:
-            raise InputError("search.from_attitude", f"it is missing, for {reason}", "x, y, z, w")
-
-    @cached_property
-    def domain(self) -> SearchDomain:
-        """The attitudes that are searched."""
-        if self.from_attitude is None or self.within is None:
-            return SearchDomain()
-        return SearchDomain(frozen(self.from_attitude), self.within)
-
-    @property
-    def weights(self) -> Weights:
-        """The weights of the objective, of ``still`` as well; those of others are zero."""
-        if isinstance(self.objective, Weights):
-            return self.objective
-        return Weights(turn=1.0) if self.objective is Objective.STILL else Weights(margin=1.0)
-
-    @property
-    def by_merit(self) -> bool:
-        """Whether motions are compared by the sum of weighted terms."""
-        return self.objective is Objective.STILL or isinstance(self.objective, Weights)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The keys of a scenario's search, as a JSON document."""
-        attitude, joints = self.from_attitude, self.joints
-        if isinstance(joints, Mapping):
-            joints = dict(joints)
-        elif joints is not None:
-            joints = np.asarray(joints, dtype=float).tolist()
-        return {
-            "objective": self._objective_document,
-            "seed": self.seed,
-            "from_attitude": None if attitude is None else np.asarray(attitude).tolist(),
-            "samples": self.samples,
-            "joints": joints,
-            "within_deg": degrees(self.within),
-            "spare_deg": degrees(self.spare),
-        }
-
-    @property
-    def _objective_document(self) -> str | dict[str, float]:
-        weighted = isinstance(self.objective, Weights)
-        return vars(self.objective).copy() if weighted else str(self.objective)
-
-    def applied_to(self, problem: Problem) -> Problem:
-        """The problem, with :attr:`joints` as those that the arm starts near.
-
-        Raises:
-            InputError: If attitude or joints do not suit it.
-        """
-        if self.from_attitude is not None:
-            problem.attitude(self.from_attitude, key="search.from_attitude")
-        if self.joints is None:
-            return problem
-        joints = problem.model.joint_vector(self.joints, "search.joints")
-        require_radians(problem.model, joints)
-        return replace(problem, start_joints=joints)
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,8 +164,3 @@ class Plan:
             rows["warning"] = str(self.contact)
         cells = (f"<tr><th>{escape(k)}</th><td>{escape(v)}</td></tr>" for k, v in rows.items())
         return f"<table>{''.join(cells)}</table>"
-
-
-def degrees(angle: float | None) -> float | None:
-    """An angle [rad] in degrees; None for None."""
-    return None if angle is None else float(np.degrees(angle))

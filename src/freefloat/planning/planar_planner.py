@@ -27,19 +27,20 @@ from freefloat.planning.diagnostics import (
     spare_message,
 )
 from freefloat.planning.domain import SearchDomain
-from freefloat.planning.heading_arcs import (
+from freefloat.planning.objective import Objective
+from freefloat.planning.plan import Plan
+from freefloat.planning.plane.arcs import (
     BranchRanges,
     HeadingRange,
 )
-from freefloat.planning.heading_map import best_headings
-from freefloat.planning.merit import Merit
-from freefloat.planning.objective import Objective
-from freefloat.planning.plan import HEADINGS, Plan, Search
-from freefloat.planning.planar_limits import limited_ranges
-from freefloat.planning.planar_ranges import heading_ranges, limits_of_spans
-from freefloat.planning.planar_search import searched_ranges
-from freefloat.planning.segment import Segment
+from freefloat.planning.plane.heading_map import best_headings
+from freefloat.planning.plane.limits import limited_ranges
+from freefloat.planning.plane.ranges import heading_ranges, limits_of_spans
+from freefloat.planning.plane.search import searched_ranges
+from freefloat.planning.plane.segment import Segment
+from freefloat.planning.settings import HEADINGS, Search
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch, simulate
+from freefloat.planning.space.merit import Merit
 from freefloat.so3 import heading_of, heading_quaternion, wrapped
 from freefloat.workspace.planar import has_two_angle_form
 

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from freefloat.attitude_grids import low_discrepancy
 from freefloat.errors import InputError, ModelError, finite_vector, require_type
 from freefloat.robot.assembly import assemble, end_effector_link, scaled
 from freefloat.robot.description import Joint, RobotDescription, UrdfDiagnostic
@@ -19,7 +20,7 @@ from freefloat.robot.names import find_robot
 from freefloat.robot.parts import Attachment, Payload, Spacecraft
 from freefloat.robot.rigid_bodies import Body, body_of, build_model, moving_joints, pose_of
 from freefloat.robot.source import RobotSource
-from freefloat.so3 import Array, Pose, frozen, low_discrepancy, wrapped
+from freefloat.so3 import Array, Pose, frozen, wrapped
 
 _CONFIGURATIONS = 8
 """Configurations in one of which the inertia must be regular."""

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from freefloat.errors import InputError, ModelError, require_type
+from freefloat.robot.formats.reader_process import UrdfText, run_reader
 from freefloat.robot.names import is_file, read_text
-from freefloat.robot.reader_process import UrdfText, run_reader
 
 _URDF = "a file, XML text, or a name such as spatial_6dof"
 _MJCF = re.compile(r"\s*+(?>(?:<\?.*?\?>|<!--.*?-->)\s*+)*+<mujoco\b", re.DOTALL)
@@ -87,9 +87,9 @@ class RobotSource:
             raise ModelError("root", problem, accepted, str(file))
         if file.suffix == ".xacro":
             folders = {name: os.path.abspath(folder) for name, folder in self.packages.items()}
-            return run_reader("freefloat.robot.xacro", file, packages=folders)
+            return run_reader("freefloat.robot.formats.xacro", file, packages=folders)
         if _MJCF.match(text):
-            return run_reader("freefloat.robot.mjcf", file, root=self.root)
+            return run_reader("freefloat.robot.formats.mjcf", file, root=self.root)
         return UrdfText(text)
 
     def mesh_name(self, name: str) -> str:

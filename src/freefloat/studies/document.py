@@ -10,9 +10,9 @@ from typing import Any
 import yaml
 
 from freefloat.errors import InputError
-from freefloat.io.scenario import Scenario
-from freefloat.io.schema import ScenarioFile
-from freefloat.io.yaml import section_at, validated
+from freefloat.io.scenario.scenario import Scenario
+from freefloat.io.scenario.schema import ScenarioFile
+from freefloat.io.scenario.yaml import section_at, validated
 from freefloat.paths.path import samples_text
 
 

@@ -38,7 +38,9 @@ def computed_record(
     scenario = scenario_from(document, source)
     problem = scenario.problem()
     if command is Command.MAP:
-        from freefloat.planning.mapping import attitude_map  # compiled kernels are slow to import
+        from freefloat.planning.space.mapping import (
+            attitude_map,  # compiled kernels are slow to import
+        )
 
         search, limits = scenario.search(), scenario.limits()
         with scenario.error_context():

@@ -18,8 +18,8 @@ from jinja2 import Environment, PackageLoader
 from markupsafe import Markup
 
 from freefloat.io.files import written_beside
-from freefloat.io.schema import ScenarioFile
-from freefloat.io.yaml import section_at
+from freefloat.io.scenario.schema import ScenarioFile
+from freefloat.io.scenario.yaml import section_at
 from freefloat.studies.database import COLUMNS
 from freefloat.studies.results import Row, StudyResult
 from freefloat.studies.study import StudyFile
@@ -96,7 +96,7 @@ def save_summary(result: StudyResult, report: bool = True) -> dict[str, Path | N
         InputError: If they cannot be written.
     """
     from freefloat.visualization.figure_style import save_figures
-    from freefloat.visualization.study_figure import study_figure
+    from freefloat.visualization.figures.study_figure import study_figure
 
     table = study_table(result.rows)
     tables = save_tables(result.folder, table)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from freefloat.errors import FreeFloatError, InputError, ModelError
-from freefloat.io.results import save
+from freefloat.io.records.results import save
 from freefloat.robot.names import MeshFileError, find_mesh, is_file
 from freefloat.robot.shapes import MeshFile
 from freefloat.robot.urdf import parse_urdf

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 from scipy.spatial.transform import Rotation
 
-from freefloat.io.field_types import NotNegative, Number, Quaternion, Section
+from freefloat.io.scenario.field_types import NotNegative, Number, Quaternion, Section
 from freefloat.so3 import Array
 
 MAX_RUNS = 1_000_000

@@ -14,10 +14,10 @@ from pydantic import Field
 
 from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError
-from freefloat.io.field_types import Name, Number, Quaternion, Section, Seed
-from freefloat.io.scenario import Scenario
-from freefloat.io.schema import ScenarioFile
-from freefloat.io.yaml import parse_yaml, read_text, validated
+from freefloat.io.scenario.field_types import Name, Number, Quaternion, Section, Seed
+from freefloat.io.scenario.scenario import Scenario
+from freefloat.io.scenario.schema import ScenarioFile
+from freefloat.io.scenario.yaml import parse_yaml, read_text, validated
 from freefloat.robot.names import find_scenario, find_study, is_file
 from freefloat.so3 import unit_quaternion
 from freefloat.studies.document import error_of_study, scenario_from, with_values

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from freefloat.errors import InputError
-from freefloat.io.field_types import NotNegative, Positive, Section, Seed
-from freefloat.io.yaml import validated
+from freefloat.io.scenario.field_types import NotNegative, Positive, Section, Seed
+from freefloat.io.scenario.yaml import validated
 
 TRACK = "track."
 """What the names of its keys begin with in ``vary``."""

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 from freefloat.limits.limits import LimitResult, violated
 from freefloat.motion.motion import Ending
-from freefloat.planning.plan import Plan, degrees
+from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import SimulatedBranch, Simulation
-from freefloat.so3 import heading_of, heading_quaternion
+from freefloat.so3 import degrees, heading_of, heading_quaternion
 from freefloat.studies.results import FEASIBLE, INFEASIBLE
 from freefloat.verification.tracking import track
 
 if TYPE_CHECKING:  # compiled kernels are slow to import
-    from freefloat.planning.attitude_map import AttitudeMap
-    from freefloat.planning.heading_map import HeadingMap
+    from freefloat.planning.plane.heading_map import HeadingMap
+    from freefloat.planning.space.attitude_map import AttitudeMap
 
 
 def record_values(record: Any) -> dict[str, Any]:
@@ -94,7 +94,9 @@ def _plan_values(plan: Plan) -> dict[str, Any]:
 
 def _map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
     """Return the values of a map."""
-    from freefloat.planning.heading_map import HeadingMap  # compiled kernels are slow to import
+    from freefloat.planning.plane.heading_map import (
+        HeadingMap,  # compiled kernels are slow to import
+    )
 
     feasible, margin = result.feasible_found, result.problem.margin
     values: dict[str, Any] = {

@@ -9,18 +9,19 @@ import numpy as np
 
 from freefloat.concurrency import Progress
 from freefloat.dynamics.joint_space import largest_magnitude
-from freefloat.io.results import save
-from freefloat.io.scenario import Scenario, parse_scenario
+from freefloat.io.records.results import save
+from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.limits.check import check_limits
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import reach_message
-from freefloat.planning.attitude_map import AttitudeMap
-from freefloat.planning.heading_map import HeadingMap, evaluator_for, sample_headings
-from freefloat.planning.mapping import sample_attitudes
+from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.objective import Objective
 from freefloat.planning.planar_planner import plan_in_plane
+from freefloat.planning.plane.heading_map import HeadingMap, sample_headings
 from freefloat.planning.planner import plan
 from freefloat.planning.simulation import SimulatedBranch
+from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.studio.attitudes import ball, best_sample, dial
 from freefloat.studio.messages import Answer, State
@@ -33,7 +34,7 @@ from freefloat.studio.motions import (
     playback_of,
 )
 from freefloat.studio.outline import outline
-from freefloat.visualization.playback import Playback
+from freefloat.visualization.page.playback import Playback
 
 _ATTITUDES, _HEADINGS = (128, 1024, 8192), (120, 360)
 """Sizes of the maps of a scenario, one after another."""

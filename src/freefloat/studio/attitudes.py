@@ -12,11 +12,11 @@ import numpy.typing as npt
 from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
 from freefloat.ensemble.feasibility import BranchResults
 from freefloat.motion.problem import Problem
-from freefloat.planning.attitude_map import AttitudeMap
-from freefloat.planning.heading_arcs import BranchRanges
-from freefloat.planning.heading_map import HeadingMap
+from freefloat.planning.plane.arcs import BranchRanges
+from freefloat.planning.plane.heading_map import HeadingMap
+from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import Array, IntArray
-from freefloat.visualization.description import MarginColours
+from freefloat.visualization.scenes.description import MarginColours
 from freefloat.visualization.slices import rotation_vectors
 
 _GREY = (0.45, 0.50, 0.60)

@@ -8,8 +8,8 @@ from typing import Any
 
 import yaml
 
-from freefloat.io.scenario import Scenario, load_scenario
-from freefloat.io.yaml import parse_yaml
+from freefloat.io.scenario.scenario import Scenario, load_scenario
+from freefloat.io.scenario.yaml import parse_yaml
 
 
 @dataclass(frozen=True, eq=False)

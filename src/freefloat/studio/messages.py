@@ -10,7 +10,14 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from freefloat.errors import FreeFloatError, InputError
-from freefloat.io.field_types import NotNegative, Number, Positive, RollPitchYaw, Section, Vector
+from freefloat.io.scenario.field_types import (
+    NotNegative,
+    Number,
+    Positive,
+    RollPitchYaw,
+    Section,
+    Vector,
+)
 
 
 class _Message(Section):

@@ -10,16 +10,16 @@ from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.limits import LimitResult, Limits
 from freefloat.motion.problem import Problem
-from freefloat.planning.attitude_map import AttitudeMap
-from freefloat.planning.heading_map import HeadingMap
-from freefloat.planning.plan import Search
-from freefloat.planning.screening import screen
+from freefloat.planning.limits.screening import screen
+from freefloat.planning.limits.trials import Trials
+from freefloat.planning.plane.heading_map import HeadingMap
+from freefloat.planning.settings import Search
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch
-from freefloat.planning.trials import Trials
+from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import Array, heading_of
 from freefloat.studio.attitudes import best_columns
-from freefloat.visualization.playback import Playback
-from freefloat.visualization.scene import motion_scene
+from freefloat.visualization.page.playback import Playback
+from freefloat.visualization.scenes.scene import motion_scene
 from freefloat.visualization.slices import rotation_vectors
 
 _TITLE = "motion"

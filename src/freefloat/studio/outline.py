@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from freefloat.io.path_section import frame_of
-from freefloat.io.scenario import Scenario
+from freefloat.io.scenario.path_section import frame_of
+from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.problem import Problem
 from freefloat.paths.curves import SplineCurve
 from freefloat.paths.scene_body import SceneBody
 from freefloat.so3 import Array, Pose
-from freefloat.visualization.overlays import thickness
+from freefloat.visualization.scenes.overlays import thickness
 
 _DRAWN = 121
 """Points of the path that are drawn."""

@@ -19,8 +19,8 @@ from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from freefloat.studio.session import Session
-from freefloat.visualization.playback import PLAYER, VIEWER, licences
-from freefloat.visualization.server import HOST, first_free, local_hosts
+from freefloat.visualization.page.playback import PLAYER, VIEWER, licences
+from freefloat.visualization.page.server import HOST, first_free, local_hosts
 
 _HERE = Path(__file__).parent
 _FILES = {

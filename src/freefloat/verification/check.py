@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from freefloat.errors import InputError
-from freefloat.planning.manoeuvre import Manoeuvre
+from freefloat.planning.joints.reorientation import Reorientation
+from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
-from freefloat.planning.reorientation import Reorientation
 from freefloat.planning.simulation import Simulation
-from freefloat.verification.engines import require_engine
+from freefloat.verification.engine_runs import require_engine
 from freefloat.verification.gravity import CircularOrbit
 from freefloat.verification.manoeuvre import manoeuvre_checks
 from freefloat.verification.motion import completed, verify_motion

@@ -12,16 +12,16 @@ from freefloat.dynamics.momentum import momentum_map
 from freefloat.limits.check import check_limits
 from freefloat.motion.joint_transfer import integrate_transfer
 from freefloat.motion.motion import Motion, State
-from freefloat.planning.joint_motion import JointMotion
-from freefloat.planning.manoeuvre import Manoeuvre, PlannedPhase
+from freefloat.planning.joints.joint_motion import JointMotion
+from freefloat.planning.joints.reorientation import Reorientation
+from freefloat.planning.phases.manoeuvre import Manoeuvre, PlannedPhase
+from freefloat.planning.phases.prescribed_path import JUMP
 from freefloat.planning.plan import Plan
-from freefloat.planning.prescribed_path import JUMP
-from freefloat.planning.reorientation import Reorientation
 from freefloat.so3 import Array, angle_between, rotation_matrix
-from freefloat.verification.engines import forward_checks
+from freefloat.verification.comparisons import Check, error_check
+from freefloat.verification.engine_runs import forward_checks
 from freefloat.verification.motion import completed, verify_motion
 from freefloat.verification.reorientation import limit_checks, reorientation_checks
-from freefloat.verification.tolerances import Check, error_check
 
 _SAME, _ENGINE = 1e-8, 1e-4
 """Errors of states handed on and integrated again [rad, m], and of an engine's."""

@@ -13,19 +13,19 @@ from freefloat.limits.check import check_limits
 from freefloat.limits.limits import LimitKind, LimitResult, Limits
 from freefloat.motion.certificate import Certificate, certify
 from freefloat.motion.extrema import closest_approach
-from freefloat.planning.path_continuation import branch_at
+from freefloat.planning.phases.path_continuation import branch_at
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import SimulatedBranch, Simulation
-from freefloat.verification.engines import EngineRuns, engine_checks, engine_runs
-from freefloat.verification.gravity import CircularOrbit
-from freefloat.verification.report import PINOCCHIO, CheckReport
-from freefloat.verification.tolerances import (
+from freefloat.verification.comparisons import (
     Check,
     certificate_checks,
     comparison_check,
     magnitude_range,
     span_check,
 )
+from freefloat.verification.engine_runs import EngineRuns, engine_checks, engine_runs
+from freefloat.verification.gravity import CircularOrbit
+from freefloat.verification.report import PINOCCHIO, CheckReport
 
 _CLEARANCE = 2e-4
 """Accuracy of distances [m]."""
@@ -87,7 +87,7 @@ def _verified(
     if isinstance(result, Plan):
         checks += completed("certificate", _same_certificate, result, certificate)
         if robust:
-            from freefloat.verification.robustness import robustness_checks  # compiled kernels
+            from freefloat.verification.range_checks import robustness_checks  # compiled kernels
 
             checks += completed("robustness", robustness_checks, result, chosen)
         if not result.feasible:

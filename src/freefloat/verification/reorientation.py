@@ -9,10 +9,10 @@ import numpy as np
 from freefloat.limits.check import check_limits
 from freefloat.limits.limits import LimitResult
 from freefloat.motion.joint_loops import integrate_loops
-from freefloat.planning.reorientation import Reorientation
+from freefloat.planning.joints.reorientation import Reorientation
 from freefloat.so3 import angle_between
-from freefloat.verification.engines import forward_checks
-from freefloat.verification.tolerances import Check, comparison_check, error_check
+from freefloat.verification.comparisons import Check, comparison_check, error_check
+from freefloat.verification.engine_runs import forward_checks
 
 _SAME, _GOAL, _ENGINE = 1e-8, 1e-6, 1e-4
 """Errors of integrating again [rad], of the attitude at the end, and of an engine's."""

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 from freefloat.limits.limits import LimitResult
 from freefloat.motion.certificate import Certificate
-from freefloat.verification.tolerances import Check
+from freefloat.verification.comparisons import Check
 
 if TYPE_CHECKING:
-    from freefloat.verification.forward import ForwardRun
+    from freefloat.verification.engines.forward import ForwardRun
+    from freefloat.verification.engines.mujoco import InverseRun
     from freefloat.verification.gravity import GravityRun
-    from freefloat.verification.mujoco import InverseRun
 
 PINOCCHIO = "pinocchio"
 MUJOCO = "mujoco"

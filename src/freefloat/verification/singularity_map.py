@@ -9,7 +9,7 @@ import numpy as np
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.singularity_polynomial import determinants
 from freefloat.so3 import Array
-from freefloat.verification.tolerances import Check
+from freefloat.verification.comparisons import Check
 from freefloat.workspace.singularity_map import Kind, SingularityMap
 
 _SAMPLES, _BOXES = 4096, 512

@@ -28,9 +28,9 @@ from freefloat.planning.simulation import Simulation
 from freefloat.robot.assembly import scaled
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, Pose, cross, frozen, rotation_vector_between
-from freefloat.verification.mujoco import start
-from freefloat.verification.mujoco_model import Engine
-from freefloat.verification.plant import Plant
+from freefloat.verification.engines.mujoco import start
+from freefloat.verification.engines.mujoco_model import Engine
+from freefloat.verification.engines.plant import Plant
 
 _LARGEST_STEP = 0.5
 """Largest product of gain and period; the loop becomes unstable at 2."""

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.planning.attitude_map import AttitudeMap
+from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import Array, frozen
 
 _ACROSS = ((1, 2), (0, 2), (0, 1))

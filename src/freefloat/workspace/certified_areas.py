@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.global_maximum import halved, whole_joint_space
 from freefloat.dynamics.singularity_polynomial import SingularityPolynomial, fitted
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array, IntArray, low_discrepancy
+from freefloat.so3 import Array, IntArray
 from freefloat.workspace.planar import Interval
 
 _SHELLS = 200

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.ik.branches import arm_branches
-from freefloat.so3 import Array, IntArray, low_discrepancy
+from freefloat.so3 import Array, IntArray
 from freefloat.workspace.singularity_map import Kind, SingularityMap
 
 _Labels = npt.NDArray[np.int32]

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.global_maximum import halved
 from freefloat.dynamics.joint_polynomial import JointPolynomial
 from freefloat.dynamics.joint_space import joint_box
@@ -22,7 +23,7 @@ from freefloat.dynamics.momentum import Task, generalized_jacobian
 from freefloat.dynamics.singularity_polynomial import SingularityPolynomial
 from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, frozen, low_discrepancy, rotation_matrix, unit_quaternion
+from freefloat.so3 import Array, frozen, rotation_matrix, unit_quaternion
 
 _TOLERANCE = 1e-3
 """Relative difference of the bounds at which the search ends."""

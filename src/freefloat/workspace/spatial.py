@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_space_extremes
 from freefloat.dynamics.measures import plane_axes, singularity_measure
 from freefloat.dynamics.momentum import Task
@@ -11,7 +12,7 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, low_discrepancy
+from freefloat.so3 import Array
 from freefloat.workspace.planar import Complex, Interval, PlanarArm, point_3, two_angles
 
 _GRID = 8

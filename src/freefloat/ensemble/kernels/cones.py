@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from freefloat.ensemble.kernels.compilation import inlined, inner
 from freefloat.ensemble.kernels.equation import (
     ALONG_X,
     ALONG_Z,
@@ -21,7 +20,9 @@ from freefloat.ensemble.kernels.equation import (
     SINE,
 )
 from freefloat.ensemble.kernels.flow import to_spacecraft
-from freefloat.ensemble.kernels.lanes import (
+from freefloat.ensemble.kernels.records import Cones, Problem, Robot, Workspace
+from freefloat.lockstep.compilation import inlined, inner
+from freefloat.lockstep.lanes import (
     Float,
     Mask,
     any_of,
@@ -31,9 +32,8 @@ from freefloat.ensemble.kernels.lanes import (
     sine_cosine,
     sqrt,
 )
-from freefloat.ensemble.kernels.records import Cones, Problem, Robot, Workspace
-from freefloat.ensemble.kernels.tables import Table, get_lane, get_vector
-from freefloat.ensemble.kernels.vectors import Vector, components, dot, vector
+from freefloat.lockstep.tables import Table, get_lane, get_vector
+from freefloat.lockstep.vectors import Vector, components, dot, vector
 
 if TYPE_CHECKING:
     from freefloat.ensemble.result import EnsembleResult

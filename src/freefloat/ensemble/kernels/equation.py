@@ -22,12 +22,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from freefloat.ensemble.kernels.compilation import inlined, inner
-from freefloat.ensemble.kernels.lanes import Float, sine_cosine
 from freefloat.ensemble.kernels.records import Robot, Workspace
-from freefloat.ensemble.kernels.reflections import factorize, solve_least_norm
-from freefloat.ensemble.kernels.tables import Table, get_vector, set_vector
-from freefloat.ensemble.kernels.vectors import (
+from freefloat.lockstep.compilation import inlined, inner
+from freefloat.lockstep.lanes import Float, sine_cosine
+from freefloat.lockstep.reflections import factorize, solve_least_norm
+from freefloat.lockstep.tables import Table, get_vector, set_vector
+from freefloat.lockstep.vectors import (
     Vector,
     components,
     cross,

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from freefloat.ensemble.kernels.compilation import inlined
 from freefloat.ensemble.kernels.equation import solve_rates, spacecraft_rate
-from freefloat.ensemble.kernels.lanes import Float, floor, maximum, minimum, select, sqrt
 from freefloat.ensemble.kernels.null_space import add_null_space_motion, gradient
 from freefloat.ensemble.kernels.records import (
     BY_TIME,
@@ -15,8 +13,10 @@ from freefloat.ensemble.kernels.records import (
     Robot,
     Workspace,
 )
-from freefloat.ensemble.kernels.tables import Table, below, pick
-from freefloat.ensemble.kernels.vectors import Vector, components, cross, dot, vector
+from freefloat.lockstep.compilation import inlined
+from freefloat.lockstep.lanes import Float, floor, maximum, minimum, select, sqrt
+from freefloat.lockstep.tables import Table, below, pick
+from freefloat.lockstep.vectors import Vector, components, cross, dot, vector
 
 END, ORIGIN, FREQUENCY, FIRST_S, DENSITY, FIRST_CELL, CELLS, LAW = 0, 1, 2, 3, 4, 5, 6, 7
 """Columns of a segment; its law are the coefficients of s, then those of its derivative."""

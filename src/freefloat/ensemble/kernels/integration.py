@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from freefloat.ensemble.endings import COMPLETED, FAILED, MARGIN, SINGULAR
-from freefloat.ensemble.kernels.compilation import compiled, inner
 from freefloat.ensemble.kernels.cones import store_slacks
 from freefloat.ensemble.kernels.flow import END, LAW, TIME_WEIGHT
-from freefloat.ensemble.kernels.lanes import WIDTH, bits
 from freefloat.ensemble.kernels.records import (
     BY_TIME,
     FORWARD,
@@ -33,7 +31,9 @@ from freefloat.ensemble.kernels.records import (
     workspace_in_tables,
 )
 from freefloat.ensemble.kernels.steps import attempt
-from freefloat.ensemble.kernels.tables import get_lane, set_lane
+from freefloat.lockstep.compilation import compiled, inner
+from freefloat.lockstep.lanes import WIDTH, bits
+from freefloat.lockstep.tables import get_lane, set_lane
 
 if TYPE_CHECKING:
     from freefloat.ensemble.result import EnsembleResult

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from freefloat.ensemble.kernels.compilation import inlined, inner
 from freefloat.ensemble.kernels.equation import PRISMATIC, form_jacobian
-from freefloat.ensemble.kernels.lanes import (
+from freefloat.ensemble.kernels.records import Measure, Robot, Workspace
+from freefloat.lockstep.compilation import inlined, inner
+from freefloat.lockstep.lanes import (
     Float,
     any_of,
     magnitude,
@@ -13,9 +14,8 @@ from freefloat.ensemble.kernels.lanes import (
     sine_cosine,
     sqrt,
 )
-from freefloat.ensemble.kernels.records import Measure, Robot, Workspace
-from freefloat.ensemble.kernels.reflections import factorize
-from freefloat.ensemble.kernels.tables import Table
+from freefloat.lockstep.reflections import factorize
+from freefloat.lockstep.tables import Table
 
 GJM, SYSTEM, ARM, SIGMA = 0, 1, 2, 3
 """Codes of the measures, in the order of ``freefloat.dynamics.measures.NAMES``."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from freefloat.ensemble.kernels.compilation import inlined
-from freefloat.ensemble.kernels.lanes import (
+from freefloat.ensemble.kernels.measures import measure_at
+from freefloat.ensemble.kernels.records import LOWEST, LOWEST_AT, SIGN, VALUE, Problem, Workspace
+from freefloat.lockstep.compilation import inlined
+from freefloat.lockstep.lanes import (
     Float,
     Mask,
     any_of,
@@ -12,8 +14,6 @@ from freefloat.ensemble.kernels.lanes import (
     minimum,
     select,
 )
-from freefloat.ensemble.kernels.measures import measure_at
-from freefloat.ensemble.kernels.records import LOWEST, LOWEST_AT, SIGN, VALUE, Problem, Workspace
 
 _DEPTH_FACTOR = 3.0
 """Assumed ratio of the depth of a minimum inside a step to that of a parabola."""

@@ -16,7 +16,6 @@ where the pseudoinverse is that of :func:`freefloat.dynamics.resolved_rates.damp
 from __future__ import annotations
 
 from freefloat.dynamics.redundancy import NEARLY_DEPENDENT
-from freefloat.ensemble.kernels.compilation import inlined, inner
 from freefloat.ensemble.kernels.equation import (
     ANGULAR,
     AXIS,
@@ -27,11 +26,12 @@ from freefloat.ensemble.kernels.equation import (
     determinants,
     spacecraft_rate,
 )
-from freefloat.ensemble.kernels.lanes import Float, maximum, select, sqrt
 from freefloat.ensemble.kernels.records import NullSpace, Robot, Workspace
-from freefloat.ensemble.kernels.reflections import reflect
-from freefloat.ensemble.kernels.tables import Table, below, get_vector
-from freefloat.ensemble.kernels.vectors import Vector, components, cross, dot
+from freefloat.lockstep.compilation import inlined, inner
+from freefloat.lockstep.lanes import Float, maximum, select, sqrt
+from freefloat.lockstep.reflections import reflect
+from freefloat.lockstep.tables import Table, below, get_vector
+from freefloat.lockstep.vectors import Vector, components, cross, dot
 
 WEIGHTED, ENERGY = 1, 2
 """Codes of the metrics but ``base``, which has a limit of its own; others do not compile it."""

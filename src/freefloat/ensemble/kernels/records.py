@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from freefloat.ensemble.kernels.compilation import inner
-from freefloat.ensemble.kernels.lanes import WIDTH
-from freefloat.ensemble.kernels.tables import Table, floats, lanes
+from freefloat.lockstep.compilation import inner
+from freefloat.lockstep.lanes import WIDTH
+from freefloat.lockstep.tables import Table, floats, lanes
 from freefloat.so3 import Array
 
 BODY_COLUMNS, JOINT_COLUMNS, CONE_COLUMNS = 16, 15, 13

@@ -13,20 +13,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.integrate import RK45
 
-from freefloat.ensemble.kernels.compilation import inlined, inner
 from freefloat.ensemble.kernels.cones import note_slacks
 from freefloat.ensemble.kernels.flow import TIME_WEIGHT, flow
-from freefloat.ensemble.kernels.lanes import (
-    Float,
-    Mask,
-    any_of,
-    bits,
-    magnitude,
-    maximum,
-    minimum,
-    select,
-    sqrt,
-)
 from freefloat.ensemble.kernels.measures import ARM, measure_at, of_determinants
 from freefloat.ensemble.kernels.minima import note_minimum
 from freefloat.ensemble.kernels.records import (
@@ -48,8 +36,20 @@ from freefloat.ensemble.kernels.records import (
     Problem,
     Workspace,
 )
-from freefloat.ensemble.kernels.reflections import is_singular
-from freefloat.ensemble.kernels.tables import Table, below
+from freefloat.lockstep.compilation import inlined, inner
+from freefloat.lockstep.lanes import (
+    Float,
+    Mask,
+    any_of,
+    bits,
+    magnitude,
+    maximum,
+    minimum,
+    select,
+    sqrt,
+)
+from freefloat.lockstep.reflections import is_singular
+from freefloat.lockstep.tables import Table, below
 
 TABLEAU = np.zeros((12, 7))
 """Rows 0 to 5: stages; 6: the step; 7: its error; 8 to 11: the interpolant's coefficients by power

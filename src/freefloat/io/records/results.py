@@ -1,0 +1,274 @@
+"""Records of results saved to HDF5 files, and loaded as the class that was saved.
+
+A file holds the scenario of the problem, the URDF of its robot, arrays with units, and the JSON
+document of the record; Python, MATLAB and other readers of HDF5 can open it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Callable
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from freefloat.errors import InputError
+from freefloat.io.records import plan_file
+from freefloat.io.records.differences import differences
+from freefloat.io.records.hdf5 import (
+    TEXT,
+    AlteredFileError,
+    Document,
+    open_hdf5,
+    read_text,
+    write_hdf5,
+)
+from freefloat.io.records.singularity_file import read_singularity_map, write_singularity_map
+from freefloat.io.scenario.scenario import Scenario, parse_scenario, scenario_of
+from freefloat.io.scenario.scene_section import file_shapes, parse_shapes, shapes_text
+from freefloat.motion.motion import Motion
+from freefloat.planning.plan import Plan
+from freefloat.planning.simulation import Simulation
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.validation import read_urdf
+from freefloat.workspace.singularity_map import SingularityMap
+
+if TYPE_CHECKING:  # compiled kernels are slow to import
+    from freefloat.planning.joints.reorientation import Reorientation
+    from freefloat.planning.phases.manoeuvre import Manoeuvre
+    from freefloat.planning.plane.heading_map import HeadingMap
+    from freefloat.planning.space.attitude_map import AttitudeMap
+
+    Result = (
+        Plan | Simulation | Reorientation | Manoeuvre | AttitudeMap | HeadingMap | SingularityMap
+    )
+
+FORMAT_VERSION = 2
+_SINGULARITIES = "singularity map"
+_KINDS = {
+    "Plan": "plan", "Simulation": "motion", "HeadingMap": "map", "AttitudeMap": "attitude map",
+    "SingularityMap": _SINGULARITIES, "Reorientation": "reorientation", "Manoeuvre": "manoeuvre",
+}  # fmt: skip
+"""Kinds of files by the class of the record."""
+_PREFIX = "freefloat "
+_SOFTWARE = ("freefloat", "pin", "numpy", "scipy")
+_ACCEPTED = f"a plan, motion or map file of freefloat (-o), format {FORMAT_VERSION}"
+_INVALID = (InputError, KeyError, ValueError, IndexError, TypeError, OSError)
+"""Errors of reading a file whose content does not fit together; HDF5 raises OSError."""
+
+
+def _functions(kind: str) -> tuple[Callable[..., None], Callable[..., Result]]:
+    """Writer and reader of a kind of file."""
+    if kind == "plan":
+        return plan_file.write_plan, plan_file.read_plan
+    if kind == "motion":
+        return plan_file.write_simulation, plan_file.read_simulation
+    if kind == _SINGULARITIES:
+        return write_singularity_map, read_singularity_map
+    if kind == "reorientation":
+        from freefloat.io.records.reorientation_file import read_reorientation, write_reorientation
+
+        return write_reorientation, read_reorientation
+    if kind == "manoeuvre":
+        from freefloat.io.records.manoeuvre_file import read_manoeuvre, write_manoeuvre
+
+        return write_manoeuvre, read_manoeuvre
+    from freefloat.io.records import map_file  # compiled kernels are slow to import
+
+    if kind == "map":
+        return map_file.write_heading_map, map_file.read_heading_map
+    return map_file.write_attitude_map, map_file.read_attitude_map
+
+
+def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> None:
+    """Write a result to a file: whole, or not at all.
+
+    Args:
+        result: A plan, a simulation or a map.
+        path: The file; replaced if it exists.
+        scenario: The scenario that the result was computed from. If it poses the problem of the
+            result, its text is written, with comments; else the problem is described. A
+            manoeuvre is always written with it.
+
+    Raises:
+        InputError: If the file cannot be written, or scenario files cannot describe the path of
+            the problem.
+
+    Example:
+        >>> problem = ff.load_scenario("planar_2dof/line").problem()
+        >>> ff.save(ff.simulate(problem, [0.0, 0.0, 0.0, 1.0]), "motion.h5")
+    """
+    if not str(path):
+        raise InputError("output", "an empty name was given", "the name of a file")
+    if type(result).__name__ not in _KINDS:
+        problem = f"a {type(result).__name__} was given"
+        accepted = (
+            "a Plan, Manoeuvre, Simulation, Reorientation, AttitudeMap, HeadingMap or "
+            "SingularityMap"
+        )
+        raise InputError("result", problem, accepted)
+    kind = _KINDS[type(result).__name__]
+    described = None if isinstance(result, SingularityMap) else _describe(result, scenario)
+    model = result.model if isinstance(result, SingularityMap) else result.problem.model
+    document = result.to_dict()
+
+    def build(file: Any) -> None:
+        file.attrs["format"], file.attrs["version"] = _PREFIX + kind, FORMAT_VERSION
+        _write_origin(file, model, described)
+        text = json.dumps(document, allow_nan=False)
+        file.create_dataset("document", data=text, dtype=TEXT)
+        _functions(kind)[0](file, result, document)
+
+    write_hdf5(Path(path), build)
+
+
+def _describe(result: Any, scenario: Scenario | None) -> Scenario:
+    """The given scenario if it poses the problem of a result, else a description of the problem."""
+    problem = result.problem
+    if _KINDS[type(result).__name__] == "manoeuvre":
+        if scenario is None:
+            raise InputError("scenario", "it is missing, for a manoeuvre", "that of its phases")
+        return replace(scenario, shapes=file_shapes(problem.scene))
+    search = getattr(result, "search", None)
+    limits = getattr(result, "limits", None)
+    described = scenario_of(problem, search, limits)
+    if scenario is None or scenario.model() is not problem.model:
+        return described
+    posed = scenario_of(
+        scenario.problem(),
+        None if search is None else scenario.search(),
+        None if limits is None else scenario.limits(),
+    )
+    if posed.text != described.text:
+        return described
+    return replace(scenario, shapes=described.shapes)
+
+
+def _write_origin(file: Any, model: FreeFloatingModel, scenario: Scenario | None) -> None:
+    """Write software, scenario and robot."""
+    for package in _SOFTWARE:
+        file.attrs[f"software_{package}"] = version(package)
+    file.attrs["software_python"] = platform.python_version()
+    file.attrs["end_effector"] = model.end_effector
+    texts = {
+        "scenario": scenario and scenario.text,
+        "scenario_file": scenario and str(scenario.source),
+        "samples": scenario and scenario.samples,
+        "scene": shapes_text(scenario.shapes) if scenario and scenario.shapes else None,
+        "robot": model.description.text,
+        "robot_file": os.path.abspath(model.description.source),
+        "held": json.dumps(dict(model.fixed_joints)),
+    }
+    for name, text in texts.items():
+        if text is not None:
+            file.create_dataset(name, data=text, dtype=TEXT)
+
+
+def load(path: str | Path) -> Result:
+    """Result of a file: a record of the class that was saved.
+
+    Raises:
+        InputError: If it is not a result file, or one of another format.
+        AlteredFileError: If it is not as it was saved: its digest is not that of its content, or
+            its parts contradict each other.
+
+    Example:
+        >>> problem = ff.load_scenario("planar_2dof/line").problem()
+        >>> ff.save(ff.simulate(problem, [0.0, 0.0, 0.0, 1.0]), "motion.h5")
+        >>> ff.load("motion.h5").feasible
+        True
+    """
+    path = Path(path)
+    with open_hdf5(path, _ACCEPTED) as file:
+        kind = _kind_of(file, path)
+        try:
+            return _load_record(file, kind)
+        except _INVALID as error:
+            key = "file"
+            problem = str(error).splitlines()[0] or type(error).__name__
+            if isinstance(error, InputError):
+                key, problem = error.key, error.problem
+            raise AlteredFileError(key, problem, _ACCEPTED, str(path)) from error
+
+
+def chosen_motion(result: Result, file: Path) -> tuple[Motion, str]:
+    """Chosen motion of a plan or simulation, and what the motion of an infeasible plan violates.
+
+    Args:
+        result: The record.
+        file: The file that it was loaded from.
+
+    Raises:
+        InputError: If it has none.
+    """
+    if not isinstance(result, Plan | Simulation):
+        accepted = "plans and motions, several together, or one map"
+        problem = f"it is a {_KINDS[type(result).__name__]} file"
+        raise InputError("file", problem, accepted, str(file))
+    violation = result.violation if isinstance(result, Plan) else ""
+    if result.chosen is None:
+        problem = f"it has no motion, the plan is not feasible: {result.reason}"
+        raise InputError("file", problem, "a plan or simulation with a motion", str(file))
+    return result.chosen.motion, violation
+
+
+def _kind_of(file: Any, path: Path) -> str:
+    """The kind of a file."""
+    name, number = file.attrs.get("format"), file.attrs.get("version")
+    problem = "it is an HDF5 file of another kind"
+    if isinstance(name, str) and name.startswith(_PREFIX):
+        kind = name.removeprefix(_PREFIX)
+        if kind in _KINDS.values() and number == FORMAT_VERSION:
+            return kind
+        problem = f"it is a {name} file, format {number}"
+    raise InputError("file", problem, _ACCEPTED, str(path))
+
+
+def _load_record(file: Any, kind: str) -> Result:
+    document: Document = json.loads(read_text(file, "document"))
+    if kind == "motion":
+        document = _upgraded(file, document)
+    read = _functions(kind)[1]
+    result: Result
+    if kind == _SINGULARITIES:
+        result = read(file, _read_robot(file))
+    else:
+        result = read(file, _read_scenario(file), document)
+    for key, stated, recomputed in differences(document, json.loads(json.dumps(result.to_dict()))):
+        problem = f"its document states {stated}, but it is {recomputed}"
+        raise InputError(key, problem, _ACCEPTED)
+    return result
+
+
+def _upgraded(file: Any, document: Document) -> Document:
+    """Document of a simulation as it is written today.
+
+    Files of version 0.1.0 list all arm branches, but hold the chosen motion alone.
+    """
+    if "chosen" in file.attrs:
+        return document
+    branches = [entry for entry in document["branches"] if entry["branch"] == document["branch"]]
+    return {**document, "branches": branches}
+
+
+def _read_robot(file: Any) -> FreeFloatingModel:
+    """The robot of a file."""
+    description = replace(read_urdf(read_text(file, "robot")), source=read_text(file, "robot_file"))
+    held = {str(name): float(value) for name, value in json.loads(read_text(file, "held")).items()}
+    return FreeFloatingModel(description, str(file.attrs["end_effector"]), held)
+
+
+def _read_scenario(file: Any) -> Scenario:
+    """The scenario of a file, with the robot of the file."""
+    model = _read_robot(file)
+    samples = read_text(file, "samples") if "samples" in file else ""
+    shapes = parse_shapes(read_text(file, "scene")) if "scene" in file else {}
+    source = Path(read_text(file, "scenario_file"))
+    scenario = parse_scenario(read_text(file, "scenario"), source, samples, model, shapes)
+    robot = scenario.content.robot
+    if (robot.end_effector, robot.held) != (model.end_effector, dict(model.fixed_joints)):
+        raise ValueError("its robot is not that of its scenario")
+    return scenario

@@ -1,0 +1,235 @@
+"""The ``path`` section of a scenario as a path, and a path as such a section."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.summary import frames_at
+from freefloat.errors import InputError
+from freefloat.io.scenario.orientation_section import quaternion_of, rotation_of
+from freefloat.io.scenario.path_schema import (
+    AttitudeSection,
+    FollowSection,
+    PathFrame,
+    PathSection,
+)
+from freefloat.io.scenario.yaml import file_keys
+from freefloat.paths.curves import ArcCurve, Curve, PolynomialCurve, SplineCurve
+from freefloat.paths.orientation import (
+    DirectedOrientation,
+    FixedOrientation,
+    FreeOrientation,
+    OrientationLaw,
+    OrientationSpline,
+    SlerpOrientation,
+)
+from freefloat.paths.path import EndEffectorPath, parse_samples
+from freefloat.paths.scene import Scene
+from freefloat.paths.scene_body import SceneBody
+from freefloat.planning.settings import Search
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Pose
+
+_CURVES = ("line", "polynomial", "arc", "waypoints", "samples")
+"""Keys of curves."""
+SAMPLES = "samples.csv"
+"""Name of the CSV file in a scenario that was made from a path of samples."""
+_INERTIAL = Pose(np.zeros(3), np.eye(3))
+
+
+def frame_of(
+    kind: PathFrame | str, model: FreeFloatingModel, search: Search, scene: Scene
+) -> Pose | SceneBody | None:
+    """The frame of a path relative to the inertial one, at the present attitude and joints.
+
+    Returns:
+        None for the inertial frame; a tumbling body of the scene for its frame.
+
+    Raises:
+        InputError: If there is no such body, the search has no joints, or they do not suit the
+            robot.
+    """
+    if kind is PathFrame.INERTIAL:
+        return None
+    if not isinstance(kind, PathFrame):
+        if kind not in scene.names:
+            accepted = ", ".join([*PathFrame, *scene.names])
+            raise InputError("path.frame", f"there is no {kind!r}", accepted)
+        body = scene.bodies[scene.names.index(kind)]
+        return body.pose if body.motion == "fixed" else body
+    if search.joints is None:
+        problem = f"{kind} needs search.joints, which is missing"
+        raise InputError("path.frame", problem, "inertial, or the present joints in search.joints")
+    joints = model.joint_vector(search.joints, "search.joints")
+    attitude = search.from_attitude
+    attitude = np.array([0.0, 0.0, 0.0, 1.0]) if attitude is None else attitude
+    return frames_at(model, attitude, joints)[kind]
+
+
+def path_of(
+    section: PathSection,
+    task: Task,
+    samples: str | None,
+    folder: Path,
+    frame: Pose | None,
+) -> EndEffectorPath:
+    """Path that a section describes.
+
+    Args:
+        section: The section.
+        task: Part of the pose that it prescribes.
+        samples: Text of its CSV file.
+        folder: Folder of that file.
+        frame: Of the section's coordinates, relative to the inertial frame; None for that frame.
+
+    Raises:
+        InputError: If the path is invalid, or lacks an orientation that the task needs.
+    """
+    curve: Curve
+    sampled: OrientationLaw | None = None
+    if section.samples is not None:
+        curve, sampled = parse_samples(samples or "", folder / section.samples)
+    else:
+        curve = _curve(section)
+    if frame is not None:
+        curve, sampled = _moved_curve(curve, frame), sampled and _rotated(sampled, curve, frame)
+    frame = frame or _INERTIAL
+    law: OrientationLaw = sampled or FreeOrientation()
+    if section.attitude is not None:
+        if sampled is not None:
+            raise InputError("attitude", "the samples have quaternions, too", "one of the two")
+        point_at = section.attitude.point_at
+        if task is Task.POINTING and point_at is not None and not point_at.axis.endswith("z"):
+            problem = f"{point_at.axis!r} was given, but task pointing prescribes the z axis"
+            raise InputError("attitude.point_at.axis", problem, "z or -z")
+        law = _law(section.attitude, curve, frame)
+    elif sampled is None and task.prescribes_orientation:
+        problem = f"it is missing, task {task} needs it"
+        raise InputError("attitude", problem, "fixed, slerp, follow or point_at")
+    with file_keys(curve=next(key for key in _CURVES if getattr(section, key) is not None)):
+        return EndEffectorPath(curve, law)
+
+
+def _curve(section: PathSection) -> Curve:
+    if section.line is not None:
+        return PolynomialCurve.line(section.line.start, section.line.end)
+    if section.polynomial is not None:
+        columns = (section.polynomial.x, section.polynomial.y, section.polynomial.z)
+        coefficients = np.zeros((max(map(len, columns)), 3))
+        for axis, column in enumerate(columns):
+            coefficients[: len(column), axis] = column
+        return PolynomialCurve(coefficients)
+    if section.arc is not None:
+        arc = section.arc
+        angle = float(np.deg2rad(arc.angle_deg))
+        with file_keys(start="arc.from", normal="arc.normal"):
+            return ArcCurve(np.array(arc.center), np.array(arc.start), np.array(arc.normal), angle)
+    with file_keys(points="waypoints"):
+        return SplineCurve(section.waypoints or ())
+
+
+def _moved_curve(curve: Curve, frame: Pose) -> Curve:
+    """The curve in the inertial frame, given in another one."""
+    p, R = frame.position, frame.rotation
+    if isinstance(curve, PolynomialCurve):
+        coefficients = curve.coefficients @ R.T
+        coefficients[0] += p
+        return PolynomialCurve(coefficients)
+    if isinstance(curve, ArcCurve):
+        return ArcCurve(p + R @ curve.centre, p + R @ curve.start, R @ curve.normal, curve.angle)
+    spline = cast(SplineCurve, curve)
+    return SplineCurve(p + spline.points @ R.T, spline.knots)
+
+
+def _rotated(law: OrientationLaw, curve: Curve, frame: Pose) -> OrientationSpline:
+    """The orientations of samples in the inertial frame, given in another one."""
+    knots = cast(SplineCurve, curve).knots
+    axes = np.array([frame.rotation @ law.rotation(float(s)) for s in knots])
+    return OrientationSpline(Rotation.from_matrix(axes).as_quat(), knots)
+
+
+def _law(section: AttitudeSection, curve: Curve, frame: Pose) -> OrientationLaw:
+    R = frame.rotation
+    if section.fixed is not None:
+        return FixedOrientation(R @ rotation_of(section.fixed, "attitude.fixed"))
+    if section.slerp is not None:
+        start = R @ rotation_of(section.slerp.start, "attitude.slerp.from")
+        return SlerpOrientation(start, R @ rotation_of(section.slerp.end, "attitude.slerp.to"))
+    if section.point_at is not None:
+        point_at = section.point_at
+        with file_keys(curve="attitude.point_at"):
+            target = frame.position + R @ np.array(point_at.target)
+            return DirectedOrientation.point_at(curve, point_at.axis, target)
+    follow = cast(FollowSection, section.follow)  # exactly one of the four is given
+    with file_keys(curve="attitude.follow", normal="attitude.follow.normal"):
+        return DirectedOrientation.follow(curve, follow.axis, R @ np.array(follow.normal))
+
+
+def section_of(path: EndEffectorPath) -> tuple[dict[str, Any], str | None]:
+    """Content of the ``path`` section that describes a path, and the text of its CSV file.
+
+    Raises:
+        InputError: If scenario files cannot describe the path: its curve or orientation is of a
+            class of the user's.
+    """
+    curve, law = path.curve, path.orientation
+    if isinstance(curve, SplineCurve):
+        sampled = isinstance(law, OrientationSpline)
+        chords = np.array_equal(curve.knots, SplineCurve(curve.points).knots)
+        if sampled or not chords:
+            attitude = {} if sampled else _attitude_section(law)
+            return {"samples": SAMPLES, **attitude}, _csv_text(curve, law)
+    return _curve_section(curve) | _attitude_section(law), None
+
+
+def _csv_text(curve: SplineCurve, law: OrientationLaw) -> str:
+    columns = [curve.knots[:, None], curve.points]
+    names = ["s", "x", "y", "z"]
+    if isinstance(law, OrientationSpline):
+        attitudes = [law.rotation(float(s)) for s in curve.knots]
+        columns.append(Rotation.from_matrix(np.array(attitudes)).as_quat())
+        names += ["qx", "qy", "qz", "qw"]
+    stream = io.StringIO(newline="")
+    csv.writer(stream, lineterminator="\n").writerows([names, *np.hstack(columns).tolist()])
+    return stream.getvalue()
+
+
+def _curve_section(curve: Curve) -> dict[str, Any]:
+    if isinstance(curve, PolynomialCurve):
+        return {"polynomial": dict(zip("xyz", curve.coefficients.T.tolist(), strict=True))}
+    if isinstance(curve, ArcCurve):
+        vectors = {"center": curve.centre, "normal": curve.normal, "from": curve.start}
+        arc: dict[str, Any] = {name: value.tolist() for name, value in vectors.items()}
+        return {"arc": arc | {"angle_deg": float(np.degrees(curve.angle))}}
+    if isinstance(curve, SplineCurve):
+        return {"waypoints": curve.points.tolist()}
+    raise _inexpressible("path.curve", curve)
+
+
+def _attitude_section(law: OrientationLaw) -> dict[str, Any]:
+    content: dict[str, Any]
+    if isinstance(law, FreeOrientation):
+        return {}
+    if isinstance(law, FixedOrientation):
+        content = {"fixed": quaternion_of(law.axes)}
+    elif isinstance(law, SlerpOrientation):
+        content = {"slerp": {"from": quaternion_of(law.start), "to": quaternion_of(law.end)}}
+    elif isinstance(law, DirectedOrientation) and law.target is not None:
+        content = {"point_at": {"target": law.target.tolist(), "axis": law.axis}}
+    elif isinstance(law, DirectedOrientation):
+        content = {"follow": {"axis": law.axis, "normal": law.reference.tolist()}}
+    else:
+        raise _inexpressible("path.attitude", law)
+    return {"attitude": content}
+
+
+def _inexpressible(key: str, value: object) -> InputError:
+    problem = f"scenario files cannot describe a {type(value).__name__}"
+    return InputError(key, problem, "a curve and an orientation law of freefloat.paths")

@@ -1,0 +1,166 @@
+"""The ``phases`` of scenario files: what follows the path."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal, cast
+
+import numpy as np
+from pydantic import model_validator
+
+from freefloat.dynamics.momentum import Task
+from freefloat.errors import InputError
+from freefloat.io.scenario.field_types import (
+    Inertia,
+    Name,
+    NotNegative,
+    Number,
+    Positive,
+    Section,
+    Vector,
+    exactly_one_of,
+)
+from freefloat.io.scenario.orientation_section import Orientation, rotation_of
+from freefloat.io.scenario.path_schema import PathFrame, PathSection
+from freefloat.io.scenario.path_section import path_of
+from freefloat.io.scenario.timing_section import TimingSection
+from freefloat.motion.problem import Problem
+from freefloat.paths.path import samples_text
+from freefloat.paths.relative_path import RelativePath
+from freefloat.paths.scene import Scene
+from freefloat.paths.timing import TimedPath
+from freefloat.planning.phases.expected_state import keys_within
+from freefloat.planning.phases.phases import (
+    CapturePhase,
+    JointPhase,
+    PathPhase,
+    Phase,
+    PoseGoal,
+    checked_phases,
+)
+from freefloat.so3 import Pose
+
+
+class GoalSection(Section):
+    """A pose to which the end-effector moves from where it is, on the shortest way."""
+
+    position: Vector
+    """Position [m]."""
+    orientation: Orientation | None = None
+    """Default: along the axes of the frame."""
+    frame: Literal["inertial", "spacecraft", "base", "end_effector"] = "inertial"
+    """Frame of both: that of the scenario's path; or, where the phase begins, that of the root
+    link, of the link that carries the first joint, or of the end-effector."""
+
+
+class CaptureSection(Section):
+    """A body of the scene that is grasped: it becomes a payload."""
+
+    body: Name
+    """Its name."""
+    mass: Positive
+    """Mass [kg]."""
+    inertia: Inertia | None = None
+    """Inertia about its centre of mass, axes of its frame [kg m²]; default: that of its
+    tumbling."""
+    com: Vector | None = None
+    """Centre of mass in its frame [m]; default: that of its tumbling, or zero."""
+
+
+class PhaseSection(Section):
+    """A phase after the path, from the state at which the one before ends: exactly one kind."""
+
+    name: Name | None = None
+    """Its name, unlike those of the others; default: its kind, with a number where another phase
+    has that name: ``joints``, ``joints 2``."""
+    path: PathSection | None = None
+    """A path that begins with the end-effector's pose and velocity; its frame is ``inertial`` or a
+    body of the scene."""
+    to: GoalSection | None = None
+    """A pose at which the end-effector comes to rest."""
+    joints: list[Number] | dict[str, Number] | None = None
+    """Joints at which the arm comes to rest [rad, m]: in the order of the chain, or by name."""
+    capture: CaptureSection | None = None
+    timing: TimingSection | None = None
+    """Time law of a path."""
+    duration: Positive | None = None
+    """Duration of the motion to a pose or to joints [s]."""
+    margin: NotNegative = 0.0
+    """Smallest allowed magnitude of ``margin.measure`` on a path or to a pose."""
+
+    _exactly_one = exactly_one_of("path", "to", "joints", "capture")
+
+    @model_validator(mode="after")
+    def _has_its_time(self) -> PhaseSection:
+        if (self.path is not None) != (self.timing is not None):
+            raise ValueError("timing together with path")
+        moves = self.to is not None or self.joints is not None
+        if moves != (self.duration is not None):
+            raise ValueError("duration together with to or joints")
+        return self
+
+    def to_phase(self, task: Task, scene: Scene, folder: Path) -> Phase:
+        """The phase.
+
+        Args:
+            task: Of the scenario.
+            scene: Of the scenario.
+            folder: Folder of the files that it names.
+
+        Raises:
+            InputError: If a value is invalid; keys are those below that of its kind.
+        """
+        name, duration = self.name or "", self.duration or 0.0
+        if self.capture is not None:
+            inertia, com = self.capture.inertia, self.capture.com
+            return CapturePhase(
+                self.capture.body, self.capture.mass,
+                None if inertia is None else np.array(inertia),
+                None if com is None else np.array(com), name,
+            )  # fmt: skip
+        if self.joints is not None:
+            return JointPhase(self.joints, duration, name)
+        if self.to is not None:
+            rotation = np.eye(3)
+            if self.to.orientation is not None:
+                rotation = rotation_of(self.to.orientation, "to.orientation")
+            pose = Pose(np.array(self.to.position), rotation)
+            return PathPhase(PoseGoal(pose, duration, self.to.frame), name, self.margin)
+        return PathPhase(self._path(task, scene, folder), name, self.margin)
+
+    def _path(self, task: Task, scene: Scene, folder: Path) -> TimedPath | RelativePath:
+        section, timing = cast(PathSection, self.path), cast(TimingSection, self.timing)
+        kind = section.frame
+        known = [PathFrame.INERTIAL, *scene.names]
+        if kind not in known:
+            raise InputError("path.frame", f"{kind!s} was given", ", ".join(known))
+        samples = None
+        if section.samples is not None:
+            samples = samples_text(folder / section.samples)
+        with keys_within("path"):
+            path = path_of(section, task, samples, folder, None)
+        if kind is PathFrame.INERTIAL:
+            return TimedPath(path, timing.to_timing())
+        return RelativePath(scene.bodies[scene.names.index(kind)], path, timing.to_timing())
+
+
+def phases_of(
+    sections: Sequence[PhaseSection], problem: Problem, folder: Path
+) -> tuple[Phase, ...]:
+    """The phases of a file, checked against the problem of its path.
+
+    Args:
+        sections: Of the phases.
+        problem: Of the first path.
+        folder: Folder of the files that they name.
+
+    Raises:
+        InputError: If a value is invalid, or a phase cannot follow those before.
+    """
+    keys, phases = list[str](), list[Phase]()
+    for number, section in enumerate(sections):
+        keys.append(f"phases.{number}.capture" if section.capture else f"phases.{number}")
+        with keys_within(keys[-1]):
+            phases.append(section.to_phase(problem.task, problem.scene, folder))
+    return checked_phases(problem, phases, keys)

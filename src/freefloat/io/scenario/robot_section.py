@@ -1,0 +1,170 @@
+"""The ``robot`` section of scenario files: its keys, and the model that they describe."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from freefloat.io.scenario.field_types import (
+    Factor,
+    Inertia,
+    Name,
+    Number,
+    Positive,
+    RollPitchYaw,
+    Section,
+    Size,
+    Vector,
+)
+from freefloat.io.scenario.yaml import error_context, file_keys
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.names import find_robot
+from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
+from freefloat.robot.source import RobotSource
+
+
+class MountSection(Section):
+    """Pose of a root link in the frame of the link that carries it."""
+
+    xyz: Vector = (0.0, 0.0, 0.0)
+    """Origin [m]."""
+    rpy: RollPitchYaw = (0.0, 0.0, 0.0)
+    """Roll, pitch, yaw about the carrier's x, y, z axes, in this order [rad]."""
+
+    def to_mount(self) -> Mount:
+        """The mount."""
+        return Mount(np.array(self.xyz), np.array(self.rpy))
+
+
+class BodySection(Section):
+    """A rigid body."""
+
+    mass: Positive
+    """Mass [kg]."""
+    inertia: Inertia
+    """Inertia about the centre of mass, axes of the body's frame [kg m²]: three principal moments,
+    the six moments xx, xy, xz, yy, yz, zz, or the rows of a matrix."""
+    com: Vector = (0.0, 0.0, 0.0)
+    """Centre of mass in its frame, of a payload in the end-effector's frame [m]."""
+    size: Size | None = None
+    """Edges of its box [m], centred on the origin of its frame, of a payload on its centre of
+    mass."""
+    mesh: Name | None = None
+    """Mesh file instead of a box, relative to the scenario file."""
+
+    def values(self, folder: Path) -> dict[str, Any]:
+        """Arguments of the body; its mesh file is relative to a folder."""
+        return self.model_dump() | {"mesh": None if self.mesh is None else folder / self.mesh}
+
+
+class PayloadSection(BodySection):
+    """A rigid body fixed to the end-effector."""
+
+
+class SpacecraftSection(BodySection):
+    """A spacecraft that carries a bare arm."""
+
+    mount: MountSection = MountSection()
+    """Pose of the arm's root link in the spacecraft's frame."""
+
+    def values(self, folder: Path) -> dict[str, Any]:
+        """Arguments of the spacecraft: those of a body, and the mount."""
+        return super().values(folder) | {"mount": self.mount.to_mount()}
+
+
+class AttachedSection(Section):
+    """Another URDF, fixed to a link: a tool, a second arm, an antenna."""
+
+    urdf: Name
+    """Written as the robot's."""
+    link: Name | None = None
+    """Link that carries it; default: the spacecraft."""
+    mount: MountSection = MountSection()
+    """Pose of its root link in the frame of that link."""
+    prefix: str = ""
+    """Prefix of the names of its links and joints."""
+
+    def to_attachment(
+        self, scenario: Path, key: str, packages: Mapping[str, str | Path]
+    ) -> Attachment:
+        """The attachment; errors name the scenario file and begin with a key."""
+        with error_context(scenario, key):
+            source = RobotSource(find_robot(self.urdf, scenario.parent), packages=packages)
+        return Attachment(source, self.link, self.mount.to_mount(), self.prefix)
+
+
+class RobotSection(Section):
+    """The robot."""
+
+    urdf: Name
+    """A URDF, xacro or MJCF file, relative to the scenario file, the name of a bundled robot,
+    ``example-robot-data:NAME`` or ``robot_descriptions:NAME``."""
+    end_effector: Name
+    """The link that follows the path."""
+    root: Name | None = None
+    """Of a model of MuJoCo, the body that is the spacecraft; default: the only body in the world,
+    else the only one with a free joint and bodies that move on it."""
+    packages: dict[Name, Name] = Field(default={}, max_length=100)
+    """Folders of packages of ROS, by name, relative to the scenario file; others are looked for
+    above the file that needs them."""
+    scale_mass: Factor | dict[str, Factor] = 1.0
+    """Factor on mass and inertia of every link, or a map from link to factor."""
+    spacecraft: SpacecraftSection | None = None
+    """Carries the arm, if the URDF describes a bare arm."""
+    payload: PayloadSection | None = None
+    """Fixed to the end-effector."""
+    attached: list[AttachedSection] = Field(default=[], max_length=100)
+    """Further URDFs, fixed to links one after the other."""
+    held: dict[Name, Number] = Field(default={})
+    """Values [rad, m] of fixed joints; joints off the chain to the end-effector never move."""
+
+    def source(self, scenario: Path) -> RobotSource:
+        """The file of the robot, before anything is assembled with it.
+
+        Raises:
+            InputError: If there is no such file, or no folder of a package; it names the scenario.
+        """
+        folder = scenario.parent
+        with error_context(scenario, "robot."):
+            return RobotSource(find_robot(self.urdf, folder), self.root, self._packages(folder))
+
+    def _packages(self, folder: Path) -> dict[str, Path]:
+        return {name: folder / place for name, place in self.packages.items()}
+
+    def to_model(self, scenario: Path) -> FreeFloatingModel:
+        """Model of the robot, assembled of its parts.
+
+        Args:
+            scenario: The scenario file: file names are relative to its folder, and errors name it.
+
+        Raises:
+            InputError: If a part is invalid.
+            ModelError: If a URDF has errors, or the parts do not fit together.
+        """
+        folder = scenario.parent
+        craft = self.spacecraft
+        payload = self.payload
+        source = self.source(scenario)
+        with error_context(scenario, "robot."), file_keys(fixed_joints="held"):
+            return FreeFloatingModel.from_urdf(
+                source,
+                self.end_effector,
+                scale_mass=self.scale_mass,
+                fixed_joints=self.held,
+                spacecraft=None if craft is None else Spacecraft(**craft.values(folder)),
+                payload=None if payload is None else Payload(**payload.values(folder)),
+                attached=[
+                    part.to_attachment(scenario, f"robot.attached.{index}.", source.packages)
+                    for index, part in enumerate(self.attached)
+                ],
+            )
+
+
+class RobotFile(Section):
+    """A file with nothing but a robot."""
+
+    robot: RobotSection

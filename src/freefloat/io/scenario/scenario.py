@@ -1,0 +1,298 @@
+"""Scenario files: a problem, its search and its limits as YAML, and back."""
+
+from __future__ import annotations
+
+import json
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from freefloat.dynamics.global_maximum import guaranteed_magnitude
+from freefloat.dynamics.joint_space import largest_magnitude
+from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
+from freefloat.dynamics.redundancy import Redundancy, Toward
+from freefloat.io.scenario.limits_section import limits_content, limits_of
+from freefloat.io.scenario.path_section import frame_of, path_of, section_of
+from freefloat.io.scenario.phase_section import phases_of
+from freefloat.io.scenario.robot_section import RobotFile
+from freefloat.io.scenario.scene_section import FileShapes, file_shapes, scene_content
+from freefloat.io.scenario.schema import ScenarioFile, WeightsSection
+from freefloat.io.scenario.yaml import error_context, file_keys, parse_yaml, read_text, validated
+from freefloat.limits.limits import Limits
+from freefloat.motion.margin import Margin
+from freefloat.motion.problem import Problem
+from freefloat.paths.path import samples_text
+from freefloat.paths.relative_path import RelativePath
+from freefloat.paths.scene_body import SceneBody
+from freefloat.paths.timing import TimedPath
+from freefloat.planning.objective import Objective, Weights
+from freefloat.planning.phases.phases import Phase
+from freefloat.planning.settings import Search
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.names import find_scenario
+from freefloat.robot.source import RobotSource
+from freefloat.so3 import Pose, frozen, unit_quaternion
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """A scenario file that passed the schema; robot and problem are built once, when needed.
+
+    Attributes:
+        source: The file.
+        text: Its text.
+        content: Its data.
+        samples: Text of the CSV file of its path, if it has one.
+        robot: The robot, if it does not come from the files that the scenario names.
+        shapes: Shapes of bodies of the scene, by name, likewise.
+    """
+
+    source: Path
+    text: str = field(repr=False)
+    content: ScenarioFile = field(repr=False)
+    samples: str | None = field(default=None, repr=False)
+    robot: FreeFloatingModel | None = field(default=None, repr=False)
+    shapes: FileShapes = field(default_factory=dict, repr=False)
+
+    def robot_source(self) -> RobotSource:
+        """The file of the robot, before anything is assembled with it."""
+        return self.content.robot.source(self.source)
+
+    def model(self) -> FreeFloatingModel:
+        """The robot."""
+        return self._model
+
+    @cached_property
+    def _model(self) -> FreeFloatingModel:
+        return self.robot or self.content.robot.to_model(self.source)
+
+    def problem(self) -> Problem:
+        """The problem that the scenario poses.
+
+        Raises:
+            InputError: If it is invalid; it names the file and the key.
+        """
+        return self._problem
+
+    @cached_property
+    def _problem(self) -> Problem:
+        content = self.content
+        model = self.model()
+        folder = self.source.parent
+        with self.error_context():
+            scene = content.scene.to_scene(folder, self.shapes)
+            frame = frame_of(content.path.frame, model, self.search(), scene)
+        with self.error_context("path."):
+            known = frame if isinstance(frame, Pose) else None
+            path = path_of(content.path, content.task, self.samples, folder, known)
+        with self.error_context():
+            timing = content.timing.to_timing()
+            value = content.margin.value or 0.0
+            with file_keys(measure="margin.measure"):
+                measure = singularity_measure(model, content.task, content.margin.measure)
+            if content.margin.fraction is not None:
+                value = content.margin.fraction * self._largest_magnitude(measure)
+            redundancy = None
+            if content.redundancy is not None:
+                redundancy = Redundancy(**content.redundancy.model_dump(exclude_none=True))
+            drift = np.array(content.drift)
+            timed = TimedPath(path, timing, drift)
+            if isinstance(frame, SceneBody):
+                timed = RelativePath(frame, path, timing).timed(drift)
+            momentum, margin = np.array(content.momentum), Margin(measure, value)
+            return Problem(
+                model, timed, content.task, momentum, margin, redundancy, scene=scene,
+                wheel_momentum=np.array(content.wheels.momentum),
+            )  # fmt: skip
+
+    def _largest_magnitude(self, measure: SingularityMeasure) -> float:
+        """Largest magnitude of a measure, guaranteed for det A unless the arm is redundant."""
+        model, task = self.model(), self.content.task
+        if measure.name == "system" and model.dof == len(task.rows):
+            return guaranteed_magnitude(model, task, measure.name).value
+        return largest_magnitude(model, measure)
+
+    def search(self) -> Search:
+        """The search for a plan.
+
+        Raises:
+            InputError: If it is invalid; it names the file and the key.
+        """
+        section = self.content.search
+        with self.error_context():
+            attitude = None
+            if section.from_attitude is not None:
+                attitude = frozen(unit_quaternion("search.from_attitude", section.from_attitude))
+            within = None if section.within_deg is None else float(np.radians(section.within_deg))
+            return Search(
+                _objective(section.objective),
+                attitude,
+                section.samples,
+                section.seed,
+                section.joints,
+                within,
+                float(np.radians(section.spare_deg)),
+            )
+
+    def phases(self) -> tuple[Phase, ...]:
+        """What follows the path.
+
+        See :func:`~freefloat.planning.phases.manoeuvre_planner.plan_manoeuvre`.
+
+        Raises:
+            InputError: If a value is invalid; it names the file and the key.
+        """
+        problem = self.problem()
+        with self.error_context():
+            return phases_of(self.content.phases, problem, self.source.parent)
+
+    @property
+    def has_phases(self) -> bool:
+        """Whether ``plan`` finds a manoeuvre: phases follow the path, or a reorientation leads."""
+        return bool(self.content.phases) or self.content.search.reorient
+
+    def limits(self) -> Limits:
+        """The limits of motions.
+
+        Raises:
+            InputError: If a joint is unknown, or the URDF lacks a limit that is taken from it.
+        """
+        with self.error_context("limits."):
+            return limits_of(self.content.limits, self.model())
+
+    def error_context(
+        self, prefix: str = "", only: str | None = None
+    ) -> AbstractContextManager[None]:
+        """Context in which errors name this file, see :func:`.yaml.error_context`."""
+        return error_context(self.source, prefix, only)
+
+
+def _objective(section: Objective | WeightsSection) -> Objective | Weights:
+    return Weights(**section.model_dump()) if isinstance(section, WeightsSection) else section
+
+
+def load_scenario(name: str | Path | dict[str, Any]) -> Scenario:
+    """Scenario of a file, or of a dictionary with the keys of one.
+
+    Args:
+        name: A file, the name of a bundled scenario such as ``spatial_6dof/line``, or a dictionary,
+            whose numbers may be those of NumPy and whose paths are relative to the working folder.
+
+    Raises:
+        InputError: If it is invalid: file, line, key, value given and values accepted.
+
+    Example:
+        >>> scenario = ff.load_scenario("spatial_6dof/line")
+        >>> scenario.problem().path.duration
+        100.0
+    """
+    if isinstance(name, dict):
+        plain = json.loads(json.dumps(name, default=_plain))
+        return parse_scenario(yaml.safe_dump(plain, sort_keys=False), Path("scenario"))
+    source = find_scenario(str(name))
+    return parse_scenario(read_text(source), source)
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)
+
+
+def load_robot(name: str | Path) -> FreeFloatingModel:
+    """Model of the robot of a scenario, or of a file with nothing but ``robot``.
+
+    Raises:
+        InputError: As for :func:`load_scenario`.
+    """
+    source = find_scenario(str(name))
+    text = read_text(source)
+    data = parse_yaml(text, source)
+    schema: type[RobotFile | ScenarioFile] = RobotFile if list(data) == ["robot"] else ScenarioFile
+    return validated(schema, data, source, text).robot.to_model(source)
+
+
+def parse_scenario(
+    text: str,
+    source: Path,
+    samples: str | None = None,
+    robot: FreeFloatingModel | None = None,
+    shapes: FileShapes | None = None,
+) -> Scenario:
+    """Scenario of a text.
+
+    Args:
+        text: Content of the file.
+        source: The file: named in errors, and the folder of the files that the text names.
+        samples: Text of the CSV file of its path; default: read from the file.
+        robot: The robot; default: that of the files that the scenario names.
+        shapes: Shapes of bodies of the scene, likewise.
+
+    Raises:
+        InputError: As for :func:`load_scenario`.
+    """
+    content = validated(ScenarioFile, parse_yaml(text, source), source, text)
+    if content.path.samples is not None and samples is None:
+        samples = samples_text(source.parent / content.path.samples)
+    return Scenario(source, text, content, samples, robot, shapes or {})
+
+
+def scenario_of(
+    problem: Problem, search: Search | None = None, limits: Limits | None = None
+) -> Scenario:
+    """Scenario that poses a problem: the inverse of :meth:`Scenario.problem`.
+
+    Its robot is that of the problem; the text names the URDF that it came from.
+
+    Raises:
+        InputError: If scenario files cannot describe the path of the problem.
+    """
+    model = problem.model
+    stated, timing = problem.path.stated
+    margin = problem.margin
+    search = search or Search(joints=problem.start_joints)
+    limits = limits or Limits()
+    shapes = file_shapes(problem.scene)
+    path, samples = section_of(stated)
+    if problem.path.frame is not None:
+        path["frame"] = problem.path.frame
+    sections: dict[str, dict[str, Any]] = {
+        "robot": {
+            "urdf": model.description.source,
+            "end_effector": model.end_effector,
+            "held": {name: float(value) for name, value in model.fixed_joints.items()},
+        },
+        "path": path,
+        "timing": {
+            "duration": float(timing.duration),
+            "law": str(timing.law),
+            "stops": [{"s": float(stop.s), "t": float(stop.t)} for stop in timing.stops],
+            "speeds": [list(pair) for pair in timing.speeds],
+        },
+        "margin": {"measure": margin.measure.name, "value": float(margin.threshold)},
+        "search": search.to_dict(),
+        "limits": limits_content(limits, model.joint_names),
+        "scene": scene_content(problem.scene),
+    }
+    if problem.redundancy is not None:
+        sections["redundancy"] = _redundancy_section(problem.redundancy)
+    content = {"task": str(problem.task), "momentum": problem.momentum.tolist()}
+    if problem.wheel_momentum.any():
+        sections["wheels"] = {"momentum": problem.wheel_momentum.tolist()}
+    if problem.path.drifts:
+        content["drift"] = problem.path.drift.tolist()
+    for name, section in sections.items():
+        content[name] = {key: value for key, value in section.items() if value is not None}
+    text = yaml.safe_dump(content, sort_keys=False)
+    return parse_scenario(text, Path("scenario.yaml"), samples, model, shapes)
+
+
+def _redundancy_section(redundancy: Redundancy) -> dict[str, Any]:
+    section = {"metric": dict(redundancy.weights) or str(redundancy.metric)}
+    if redundancy.toward is Toward.NONE:
+        return section
+    gains = {"gain": float(redundancy.gain), "bound": float(redundancy.bound)}
+    return {**section, "toward": str(redundancy.toward), **gains}

@@ -1,0 +1,184 @@
+"""Keys of scenario files."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from freefloat.dynamics.measures import MeasureName
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.redundancy import LARGEST_GAIN, Metric, Toward
+from freefloat.io.scenario.field_types import (
+    Factor,
+    Name,
+    NotNegative,
+    Number,
+    Positive,
+    Quaternion,
+    Section,
+    Seed,
+    Vector,
+    exactly_one_of,
+)
+from freefloat.io.scenario.path_schema import PathSection
+from freefloat.io.scenario.phase_section import PhaseSection
+from freefloat.io.scenario.robot_section import RobotSection
+from freefloat.io.scenario.scene_section import SceneSection
+from freefloat.io.scenario.timing_section import TimingSection
+from freefloat.motion.pointing import Keep
+from freefloat.planning.objective import Objective
+from freefloat.planning.settings import FEWEST_SAMPLES
+
+
+class MarginSection(Section):
+    """Required distance from dynamic singularities."""
+
+    measure: MeasureName = "gjm"
+    """det S*, det A, the arm's in-plane factor, or the smallest singular value of S*."""
+    value: Annotated[float, Field(strict=True, ge=0.0)] | None = None
+    """Smallest allowed magnitude of the measure."""
+    fraction: Annotated[float, Field(strict=True, ge=0.0, lt=1.0)] | None = None
+    """The same as a fraction of the largest magnitude of the measure over the joint space."""
+
+    _exactly_one = exactly_one_of("value", "fraction")
+
+
+class RedundancySection(Section):
+    """Null-space motion of a redundant arm."""
+
+    metric: Metric | dict[str, Factor] = Metric.JOINTS
+    """Minimized by the joint rates: ``joints``, their norm; ``energy``, the kinetic energy;
+    ``base``, the spacecraft's angular velocity; or a map from joint to weight, the weighted norm,
+    with weight 1 for joints not named."""
+    toward: Toward = Toward.NONE
+    """Null-space motion toward a larger manipulability, or toward the middle of joint ranges."""
+    gain: Annotated[float, Field(strict=True, ge=0.0, le=LARGEST_GAIN)] | None = None
+    """Gain of the null-space motion, per path; default 1."""
+    bound: Annotated[float, Field(strict=True, gt=0.0, le=LARGEST_GAIN)] | None = None
+    """Largest null-space displacement per path [rad, m]; default 3."""
+
+    @model_validator(mode="after")
+    def _gain_has_a_goal(self) -> RedundancySection:
+        if self.toward is Toward.NONE and (self.gain, self.bound) != (None, None):
+            raise ValueError("toward: sigma or middle, where gain or bound is given")
+        return self
+
+
+class WeightsSection(Section):
+    """Weights of the terms of an objective, whose sum is as large as possible."""
+
+    margin: NotNegative = 0.0
+    """Minimum margin, as a fraction of the largest one among the samples."""
+    turn: NotNegative = 0.0
+    """Minus the angle from from_attitude, where that is given, and the spacecraft's largest turn
+    along the motion, as a fraction of 180 degrees."""
+    time: NotNegative = 0.0
+    """Minus the duration that limits.joint_rate requires, as a fraction of the duration."""
+
+
+class SearchSection(Section):
+    """Choice among the feasible attitudes."""
+
+    objective: Objective | WeightsSection = Objective.MARGIN
+    """``margin``: the largest; ``nearest``: to from_attitude; ``robust``: the deepest inside;
+    ``still``: the least turn of the spacecraft along the motion; or a map of weights."""
+    from_attitude: Quaternion | None = None
+    """Present attitude of the spacecraft: x, y, z, w."""
+    samples: Annotated[int, Field(strict=True, ge=FEWEST_SAMPLES)] | None = None
+    """Number of attitudes sampled where there is no closed form. Default: in the plane 360
+    headings; in space 4,096 attitudes for a plan and 36,864 for a map."""
+    seed: Seed = 0
+    """Seed of the grid of attitudes in space."""
+    joints: list[Number] | dict[str, Number] | None = None
+    """Present joints of the arm [rad, m], in the order of the chain or a map from joint to value:
+    of the arm configurations at every attitude only the closest to them is considered."""
+    within_deg: Annotated[float, Field(strict=True, gt=0.0, le=180.0)] | None = None
+    """Largest angle from from_attitude of the attitudes that are searched [degrees]."""
+    spare_deg: Annotated[float, Field(strict=True, ge=0.0, le=90.0)] = 2.0
+    """Objective ``nearest``: the margin is kept within this angle around the attitude [degrees]."""
+    reorient: bool = False
+    """Whether ``plan`` turns the spacecraft by the arm from from_attitude, where the arm is at
+    joints, to the initial attitude of the path."""
+
+
+class TargetSection(Section):
+    """What an axis is compared with; exactly one key."""
+
+    direction: Vector | None = None
+    """Direction of a target far away, inertial axes."""
+    point: Vector | None = None
+    """A point [m], inertial axes, about the centre of mass at time zero."""
+
+    _exactly_one = exactly_one_of("direction", "point")
+
+
+class PointingSection(Section):
+    """An axis that stays inside or outside a cone about the direction of a target."""
+
+    body: Name
+    """A link, which may be the root link of the spacecraft."""
+    axis: Vector
+    """Axis in the frame of the link; toward a point, it begins at the origin of that frame."""
+    target: TargetSection
+    """What it is compared with."""
+    keep: Keep = Keep.INSIDE
+    """``inside``: the target is seen; ``outside``: it is avoided."""
+    angle_deg: Annotated[float, Field(strict=True, gt=0.0, lt=180.0)]
+    """Half the opening angle of the cone [degrees]."""
+
+
+JointLimits = Positive | dict[str, Positive] | Literal["urdf"]
+
+
+class LimitsSection(Section):
+    """Limits of a motion, besides the joint ranges of the URDF."""
+
+    joint_rate: JointLimits | None = None
+    """Magnitudes of joint rates [rad/s, m/s]: a number for all joints, a map from joint to number,
+    or ``urdf``."""
+    joint_torque: JointLimits | None = None
+    """Magnitudes of joint torques and forces [N m, N]: a number for all joints, a map from joint to
+    number, or ``urdf``."""
+    base_rate: Positive | None = None
+    """Magnitude of the spacecraft's angular velocity [rad/s]."""
+    clearance: NotNegative | None = None
+    """Smallest distance [m] between bodies that are not neighbours, and between the robot and the
+    bodies of the scene; 0: no contact."""
+    pointing: list[PointingSection] = Field(default=[])
+    """Axes of links that stay inside or outside cones."""
+    base_turn_deg: Annotated[float, Field(strict=True, gt=0.0, le=180.0)] | None = None
+    """Largest angle between the attitudes of the spacecraft at the start and at any time
+    [degrees]."""
+
+
+class WheelsSection(Section):
+    """Wheels of the spacecraft that turn with constant rates."""
+
+    momentum: Vector
+    """Angular momentum stored in them x, y, z, axes of the spacecraft [N m s]."""
+
+
+class ScenarioFile(Section):
+    """A scenario: robot, task, momentum, path, timing, margin, search, limits and scene."""
+
+    robot: RobotSection
+    task: Task
+    """What the path prescribes: ``pose``; ``pointing``, the position and the direction of the
+    end-effector's z axis; ``position``; ``planar-pose`` or ``planar-position``."""
+    momentum: Vector = (0.0, 0.0, 0.0)
+    """Angular momentum x, y, z about the centre of mass, inertial axes [N m s]."""
+    wheels: WheelsSection = WheelsSection(momentum=(0.0, 0.0, 0.0))
+    drift: Vector = (0.0, 0.0, 0.0)
+    """Velocity of the centre of mass x, y, z [m/s]. Path, scene and points that are pointed at are
+    given in a frame that does not move, whose origin is the centre of mass at time zero."""
+    path: PathSection
+    timing: TimingSection
+    margin: MarginSection = MarginSection(measure="gjm", value=0.0)
+    redundancy: RedundancySection | None = None
+    """For redundant arms only; default: joint rates of minimum norm."""
+    search: SearchSection = SearchSection()
+    limits: LimitsSection = LimitsSection()
+    scene: SceneSection = SceneSection()
+    phases: list[PhaseSection] = Field(default=[], max_length=100)
+    """What follows the path; each begins with the state at which the one before ends."""

@@ -1,0 +1,36 @@
+"""The ``timing`` section of scenario files: its keys, and the time law that they describe."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from freefloat.io.scenario.field_types import Number, Section
+from freefloat.paths.timing import Stop, TimeLaw, Timing
+
+
+class StopSection(Section):
+    """An instant at which the end-effector rests."""
+
+    s: Number
+    """Path parameter, in (0, 1)."""
+    t: Number
+    """Time [s]."""
+
+
+class TimingSection(Section):
+    """Time law of the path."""
+
+    duration: Number
+    """Duration of the whole motion [s]."""
+    law: TimeLaw = TimeLaw.QUINTIC
+    """Time law between rests."""
+    stops: list[StopSection] = Field(default=[])
+    """Rests between start and end."""
+    speeds: list[tuple[Number, Number]] = Field(default=[])
+    """Times [s] and speeds ds/dt [1/s] of the law ``optimal``, linear in between, from rest to
+    rest. Without them ``plan`` finds the fastest timing; until then the law is quintic."""
+
+    def to_timing(self) -> Timing:
+        """The time law; raises an InputError if it is invalid."""
+        stops = tuple(Stop(stop.s, stop.t) for stop in self.stops)
+        return Timing(self.duration, self.law, stops, tuple(self.speeds))

@@ -1,0 +1,1 @@
+"""Numbers of eight motions in lanes of a processor; knows no robot."""

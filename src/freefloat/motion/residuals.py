@@ -1,0 +1,85 @@
+"""Errors of configurations: distances from the path, and deviations of the momentum."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from freefloat.dynamics.momentum import Task, momentum_map
+from freefloat.motion.panels import TO_COEFFICIENTS, with_slopes
+from freefloat.motion.problem import Problem
+from freefloat.so3 import (
+    Array,
+    IntArray,
+    rotation_matrix,
+    rotation_vector_between,
+)
+
+_UNRESOLVED = 1e-7
+"""Changes in a panel [rad, m, fraction of duration] below which derivatives are not resolved."""
+
+
+def path_errors(problem: Problem, times: Array, attitudes: Array, joints: Array) -> Array:
+    """Distances from the path [m] and angles from its orientation [rad], shape (K, 2).
+
+    Only components prescribed by the task count; of ``pointing`` the angle between the z axes.
+
+    Args:
+        problem: Robot, path and task.
+        times: [s], shape (K,).
+        attitudes: Of the spacecraft, unit quaternions x, y, z, w, shape (K, 4).
+        joints: Joint values, shape (K, n).
+    """
+    rows = problem.task.rows
+    states = zip(attitudes, joints, strict=True)
+    poses = [problem.model.end_effector_pose(attitude, q) for attitude, q in states]
+    path = [problem.path.pose(float(t)) for t in times]
+    offsets = np.array([a.position - b.position for a, b in zip(poses, path, strict=True)])
+    turned = [pose.rotation for pose in poses], [pose.rotation for pose in path]
+    if problem.task is Task.POINTING:
+        axes, wanted = (np.array(rotations)[:, :, 2] for rotations in turned)
+        sines = np.linalg.norm(np.cross(axes, wanted), axis=1)
+        angles = np.arctan2(sines, np.einsum("ki,ki->k", axes, wanted))
+        return np.column_stack([np.linalg.norm(offsets, axis=1), angles])
+    angles = rotation_vector_between(*turned)
+    errors = np.hstack([offsets, angles])
+    linear, angular = [row for row in rows if row < 3], [row for row in rows if row > 2]
+    return np.column_stack([np.linalg.norm(errors[:, part], axis=1) for part in (linear, angular)])
+
+
+def momentum_errors(problem: Problem, states: Array, panel: IntArray, x: Array) -> Array:
+    """Deviations of the angular momentum from the prescribed one.
+
+    Args:
+        problem: Robot and momentum.
+        states: Time, attitude, joints and base position at the nodes of panels, shape
+            (panels, 9, 8 + n).
+        panel: Panels of K points.
+        x: Their parameters, shape (K,).
+    """
+    scale = np.ones(states.shape[2] - 3)
+    scale[0] = problem.path.duration
+    resolved = (np.ptp(states[:, :, :-3], axis=1) / scale).max(axis=1) >= _UNRESOLVED
+    errors = np.full(len(x), np.nan)
+    points = np.flatnonzero(resolved[panel])
+    moving, values, rates = with_slopes(TO_COEFFICIENTS @ states, panel[points], x[points])
+    errors[points[moving]] = _momentum_errors(problem, values, rates)
+    return errors
+
+
+def _momentum_errors(problem: Problem, values: Array, rates: Array) -> Array:
+    """Deviations (K,) from (time, attitude, joints, base position) and their derivatives by time.
+
+    Both have the shape (K, 8 + n).
+    """
+    sizes = np.linalg.norm(values[:, 1:5], axis=1, keepdims=True)
+    attitudes, changes = values[:, 1:5] / sizes, rates[:, 1:5] / sizes
+    x, w = attitudes[:, :3], attitudes[:, 3:]
+    # (8c) inverted
+    omega = 2.0 * (w * changes[:, :3] - changes[:, 3:] * x - np.cross(x, changes[:, :3]))
+    base = np.einsum("kij,ki->kj", rotation_matrix(attitudes), rates[:, -3:])
+    v = np.column_stack([base, omega, rates[:, 5:-3]])
+    states = zip(values[:, 5:-3], attitudes, strict=True)
+    maps = [momentum_map(problem.model, joints, attitude)[3:] for joints, attitude in states]
+    momentum = np.einsum("kij,kj->ki", np.reshape(maps, (len(v), 3, v.shape[1])), v)
+    momentum += rotation_matrix(attitudes) @ problem.wheel_momentum
+    return np.asarray(np.linalg.norm(momentum - problem.momentum, axis=1))

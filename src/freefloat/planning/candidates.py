@@ -1,0 +1,140 @@
+"""Attitudes that searches find, and connected regions of the feasible set."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from freefloat.limits.limits import LimitKind
+from freefloat.so3 import Array, angle_between
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """An attitude that was found between the samples.
+
+    Attributes:
+        attitude: Quaternion x, y, z, w.
+        branch: Number of the arm branch; None for the best of a redundant arm.
+    """
+
+    attitude: Array
+    branch: int | None
+
+    def is_near(self, others: Sequence[Candidate], angle: float) -> bool:
+        """Whether it is within an angle [rad] of any other candidate of the same arm branch."""
+        attitudes = [other.attitude for other in others if other.branch == self.branch]
+        distances = angle_between(np.reshape(attitudes, (-1, 4)), self.attitude)
+        return bool((distances < angle).any())
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document, angles in degrees."""
+        return {"attitude": self.attitude.tolist(), "branch": self.branch}
+
+
+@dataclass(frozen=True, eq=False)
+class Peak(Candidate):
+    """An attitude with a locally largest minimum margin."""
+
+    minimum_margin: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document."""
+        return {**super().to_dict(), "value": self.minimum_margin}
+
+
+@dataclass(frozen=True, eq=False)
+class Ball(Candidate):
+    """The centre of a ball of feasible attitudes, and its radius [rad]."""
+
+    radius: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document."""
+        return {**super().to_dict(), "radius_deg": float(np.degrees(self.radius))}
+
+
+@dataclass(frozen=True, eq=False)
+class NearAttitude(Candidate):
+    """A feasible attitude near a requested one, and the angle between them [rad].
+
+    Where it was searched for, it has the robust radius [rad], too.
+    """
+
+    deviation: float
+    radius: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document."""
+        return {**super().to_dict(), "deviation_deg": float(np.degrees(self.deviation))}
+
+
+@dataclass(frozen=True, eq=False)
+class BoundaryPoint(Candidate):
+    """An attitude on the boundary of the feasible set.
+
+    One that comes from a tangency point has its gap, the angle to the boundary that bisection finds
+    [rad].
+    """
+
+    gap: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document."""
+        gap = {} if self.gap is None else {"gap_deg": float(np.degrees(self.gap))}
+        return {**super().to_dict(), **gap}
+
+
+@dataclass(frozen=True, eq=False)
+class ScreenedCandidate(Candidate):
+    """An attitude and an arm branch that keep the margin.
+
+    Attributes:
+        violation: The limit that it violates, as far as compiled motions show.
+        rate_ratio: Largest ratio of a joint rate to its limit; zero without limits.
+        clearance_deficit: Required less actual clearance [m]; zero where it is kept.
+    """
+
+    branch: int
+    violation: LimitKind | None = None
+    rate_ratio: float = 0.0
+    clearance_deficit: float = 0.0
+
+
+_ALL_ATTITUDES = 8.0 * np.pi**2
+"""Volume of SO(3) [rad^3]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """A connected part of the feasible set of one arm branch.
+
+    Attributes:
+        branch: Number of the branch; None for the best of a redundant arm.
+        fraction: Of all attitudes searched.
+        error: Its standard error.
+        centre: The sample farthest from infeasible ones, x, y, z, w.
+        depth: Its distance from them [rad].
+        searched: Fraction of all attitudes that were searched.
+    """
+
+    branch: int | None
+    fraction: float
+    error: float
+    centre: Array
+    depth: float
+    searched: float = 1.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document."""
+        return {
+            "branch": self.branch,
+            "fraction": self.fraction,
+            "error": self.error,
+            "volume_rad3": float(self.fraction * self.searched * _ALL_ATTITUDES),
+            "centre": self.centre.tolist(),
+            "depth_deg": float(np.degrees(self.depth)),
+        }

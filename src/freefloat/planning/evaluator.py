@@ -1,0 +1,34 @@
+"""The evaluator of motions for planning."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from freefloat.ensemble.ensemble import STEP_TOLERANCE
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.limits.limits import Limits
+from freefloat.motion.pointing import AttitudeLimits
+from freefloat.motion.problem import Problem
+from freefloat.planning.settings import Search
+
+_TOLERANCE = 1e-9
+"""Tolerance of motions of planar tasks: limits of ranges are then exact to 1e-7 rad."""
+
+
+def evaluator_for(
+    problem: Problem,
+    threads: int | None = None,
+    limits: Limits | None = None,
+    search: Search | None = None,
+) -> FeasibilityEvaluator:
+    """The evaluator of a problem, for planar tasks precise enough for the limits of ranges.
+
+    It measures the spacecraft's turn where the objective of the search depends on that.
+    """
+    tolerance = _TOLERANCE if problem.task.planar else STEP_TOLERANCE
+    attitude = AttitudeLimits() if limits is None else limits.attitude
+    if search is not None and search.by_merit and attitude.base_turn is None:
+        attitude = replace(attitude, base_turn=np.pi)
+    return FeasibilityEvaluator(problem, threads, tolerance=tolerance, limits=attitude)

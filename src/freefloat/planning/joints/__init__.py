@@ -1,0 +1,1 @@
+"""Motions whose joints are prescribed."""

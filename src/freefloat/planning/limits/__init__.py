@@ -1,0 +1,1 @@
+"""Limits in planning: screening, trials, keeping."""

@@ -1,0 +1,240 @@
+"""Choice of an attitude whose motion keeps limits in addition to the margin."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from freefloat.concurrency import Progress
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.limits.limits import LimitKind, Limits
+from freefloat.motion.problem import Problem
+from freefloat.planning.candidates import ScreenedCandidate
+from freefloat.planning.diagnostics import (
+    HELD,
+    limited_reason,
+    margin_text,
+    violated_limits_message,
+)
+from freefloat.planning.limits.screening import screen
+from freefloat.planning.limits.trials import OVER, PassedTrial, Trials
+from freefloat.planning.objective import Objective
+from freefloat.planning.plan import Plan
+from freefloat.planning.planar_planner import heading_depth
+from freefloat.planning.simulation import SimulatedBranch
+from freefloat.planning.space.merit import Merit
+from freefloat.so3 import (
+    Array,
+    heading_quaternion,
+    rotated,
+    rotation_vector_to,
+)
+
+_HEADINGS = 720
+"""Candidates of planar tasks."""
+_MOST = 120
+"""Candidates integrated precisely before giving up."""
+_SPACING = np.radians(5.0)
+"""Planar candidates nearer than this to one that violates a limit are skipped; in space those
+nearer than the spacing of the grid."""
+_NEAREST = 16
+"""Screened-out or skipped candidates that are integrated precisely after all."""
+_STRETCHED = 256
+"""Attitudes from which longer motions are tried where no candidate is known to keep the limits."""
+_BISECTIONS = 10
+
+
+def stretched_plan(
+    plan: Callable[[Problem, ScreenedCandidate | None], Plan], problem: Problem
+) -> Plan:
+    """The plan of a problem, with a longer duration where rates or torques require one.
+
+    Args:
+        plan: Plans a problem, given a candidate that is known to keep the margin and the limits.
+        problem: The problem.
+    """
+    result = plan(problem, None)
+    if result.needed_stretch is None:
+        return result
+    factor = result.needed_stretch
+    if not problem.depends_on_timing and not problem.scene.tumbles:
+        factor *= OVER  # it just keeps the limits; else it is one that was integrated
+    return replace(plan(problem.stretched(factor), result.stretch_candidate), stretch=factor)
+
+
+def keep_limits(
+    evaluator: FeasibilityEvaluator,
+    plan: Plan,
+    limits: Limits,
+    progress: Progress | None = None,
+    known: ScreenedCandidate | None = None,
+    known_first: bool = False,
+) -> Plan:
+    """The plan if its motion keeps the limits, else the best other candidate that does.
+
+    Candidates are the samples that keep the margin (for planar tasks 720 headings), in the order of
+    the search's objective; those next to one that violates a limit are skipped, and the slowest of
+    them tried in the end. For the objective nearest the attitude is then moved toward
+    ``from_attitude`` as far as everything is kept. The ``known`` candidate is tried in the end, or
+    ``known_first``.
+    """
+    plan = replace(plan, limits=limits)
+    if plan.chosen is None:
+        return plan
+    trials = Trials(evaluator, limits)
+    if known is not None and known_first and (passed := trials.check_candidate(known)) is not None:
+        held, results = passed
+        return replace(
+            plan, chosen=held, limit_results=results, reason=f"{HELD}, {margin_text(held)}",
+            robust_radius=_heading_depth(plan, held),
+        )  # fmt: skip
+    if (passed := trials.check(plan.chosen)) is not None:
+        return replace(plan, limit_results=passed[1])
+    if LimitKind.CORRIDOR in trials.violations:  # the path itself leaves it
+        return _without_candidate(plan, trials)
+    passed = _first_passing(evaluator, plan, limits, trials, progress)
+    if passed is None and known is not None:
+        passed = trials.check_candidate(known)
+    if passed is not None:
+        return _with_candidate(plan, trials, passed)
+    return _without_candidate(plan, trials)
+
+
+def _first_passing(
+    evaluator: FeasibilityEvaluator,
+    plan: Plan,
+    limits: Limits,
+    trials: Trials,
+    progress: Progress | None,
+) -> PassedTrial | None:
+    """The best candidate that keeps margin and limits; None where none of those tried does."""
+    if plan.map is not None:
+        attitudes, margins = plan.map.attitudes, plan.map.margins
+        spacing, motions = plan.map.spacing, plan.map.results.motions
+    else:
+        attitudes = heading_quaternion(plan.search.domain.headings(_HEADINGS))
+        spacing = _SPACING
+        results = evaluator.evaluate(attitudes)
+        margins, motions = results.margins, results.motions
+    merits = None
+    if plan.search.by_merit:
+        merits = Merit.of(plan.search, limits, evaluator, margins)(attitudes, motions)
+    total = int(plan.problem.margin.keeps(margins).sum())
+    refused: list[ScreenedCandidate] = []
+    skipped: list[ScreenedCandidate] = []
+    pairs = trials.checker.pairs
+    candidates = screen(evaluator, attitudes, margins, merits, plan.search, limits, pairs)
+    for number, candidate in enumerate(candidates, 1):
+        if progress is not None:
+            progress(max(trials.count / _MOST, number / total))
+        if candidate.violation is not None:
+            trials.violations[candidate.violation] += 1
+            trials.screened_out.append(candidate)
+        elif candidate.is_near(refused, spacing):
+            skipped.append(candidate)
+        else:
+            passed = trials.check_candidate(candidate)
+            if passed is not None:
+                return passed
+            refused.append(candidate)
+            if trials.count >= _MOST:
+                break
+    again = () if limits.joint_rate is None else _slowest(skipped)
+    checked = (trials.check_candidate(candidate) for candidate in again)
+    return next((passed for passed in checked if passed is not None), None)
+
+
+def _nearest_to_passing(screened_out: list[ScreenedCandidate]) -> list[ScreenedCandidate]:
+    """The candidates that exceed joint rates, and lack clearance, by the smallest amounts."""
+    fast = [entry for entry in screened_out if entry.violation is LimitKind.JOINT_RATE]
+    near = [entry for entry in screened_out if entry.violation is LimitKind.CLEARANCE]
+    return _slowest(fast) + sorted(near, key=lambda entry: entry.clearance_deficit)[:_NEAREST]
+
+
+def _slowest(candidates: Iterable[ScreenedCandidate]) -> list[ScreenedCandidate]:
+    return sorted(candidates, key=lambda entry: entry.rate_ratio)[:_NEAREST]
+
+
+def _with_candidate(plan: Plan, trials: Trials, passed: PassedTrial) -> Plan:
+    """The plan with another candidate that keeps the limits."""
+    search = plan.search
+    if search.objective is Objective.NEAREST and search.from_attitude is not None:
+        passed = _moved_nearer(trials, search.from_attitude, search.spare, passed)
+    chosen, results = passed
+    return replace(
+        plan,
+        chosen=chosen,
+        limit_results=results,
+        excluded=dict(trials.violations),
+        robust_radius=_heading_depth(plan, chosen),
+        reason=limited_reason(search, chosen),
+    )
+
+
+def _without_candidate(plan: Plan, trials: Trials) -> Plan:
+    """The infeasible plan with its reason and the candidate nearest to keeping the limits.
+
+    Where one is known, it has a sufficient duration.
+    """
+    excluded = trials.violations.copy()
+    for candidate in _nearest_to_passing(trials.screened_out):
+        trials.check_candidate(candidate)
+    count = trials.count
+    nearest, results = trials.nearest()
+    if plan.map is None:
+        attitudes = heading_quaternion(plan.search.domain.headings(_STRETCHED))
+    else:
+        attitudes = plan.map.attitudes[:: max(1, plan.map.samples // _STRETCHED)]
+    stretch, start = trials.sufficient_stretch(attitudes)
+    longer_tried = bool(trials.too_fast)
+    return replace(
+        plan,
+        feasible=False,
+        reason=violated_limits_message(excluded, results, count, stretch, longer_tried),
+        chosen=nearest,
+        robust_radius=_heading_depth(plan, nearest),
+        limit_results=results,
+        excluded=dict(excluded),
+        needed_stretch=stretch,
+        stretch_candidate=start,
+    )
+
+
+def _heading_depth(plan: Plan, chosen: SimulatedBranch | None) -> float | None:
+    """Distance of a heading from the limits of its range [rad]; None for spatial tasks."""
+    if plan.map is not None or chosen is None:
+        return None
+    return heading_depth(plan.ranges, chosen)
+
+
+def _moved_nearer(trials: Trials, present: Array, spare: float, passed: PassedTrial) -> PassedTrial:
+    """The motion from nearer to the present attitude that keeps everything.
+
+    The margin and the limits are also kept up to an angle ``spare`` [rad] nearer.
+    """
+    chosen, problem = passed[0], trials.problem
+    branch, start = chosen.branch.index, chosen.motion.initial.attitude
+    between = Slerp([0.0, 1.0], Rotation.from_quat([start, present]))
+    low, high = 0.0, 1.0
+
+    def trial(attitude: Array) -> PassedTrial | None:
+        if all(entry.index != branch for entry in problem.branches(attitude)):
+            return None
+        return trials.check_candidate(ScreenedCandidate(attitude, branch))
+
+    nearest = passed
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2.0
+        nearer = trial(between(middle).as_quat())
+        if nearer is None:
+            high = middle
+        else:
+            low, nearest = middle, nearer
+    reached = nearest[0].motion.initial.attitude
+    away = rotation_vector_to(present, reached)[0]
+    if not spare or not away.any():
+        return nearest
+    return trial(rotated(reached, spare * away / np.linalg.norm(away))[0]) or passed

@@ -1,0 +1,155 @@
+"""Candidates that compiled motions show to violate limits.
+
+Joint ranges and rates are compared at the integrator's steps, clearances at some instants. A
+compiled motion passes through these states, so a candidate that is screened out violates the limit;
+one that passes may still violate it in between.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from math import tau
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.ensemble.feasibility import BranchResults, FeasibilityEvaluator
+from freefloat.limits.limits import LimitKind, Limits
+from freefloat.limits.pairs import CollisionPairs
+from freefloat.motion.problem import Problem
+from freefloat.planning.candidates import ScreenedCandidate
+from freefloat.planning.objective import Objective
+from freefloat.planning.settings import Search
+from freefloat.planning.space.nearest_neighbours import depths
+from freefloat.so3 import Array, IntArray, angle_between
+
+_FIRST_BATCH, _BATCH = 16, 256
+"""Candidates screened together: few at first, for the best may pass."""
+_SLACK = 1e-4
+"""Error of compiled motions [rad, m; fraction of a rate]."""
+_INSTANTS = 16
+"""Instants between start and end at which clearances are computed."""
+
+_Entries = tuple[IntArray, IntArray]
+"""Rows and arm branches of candidates in results of motions."""
+
+
+def screen(
+    evaluator: FeasibilityEvaluator,
+    attitudes: Array,
+    margins: Array,
+    merits: Array | None,
+    search: Search,
+    limits: Limits,
+    pairs: CollisionPairs | None,
+) -> Iterator[ScreenedCandidate]:
+    """Candidates that keep the margin, the best by the search's objective first.
+
+    Margins are those of every arm branch from attitudes (N, 4), zero for motions that do not
+    complete, shape (N, B); merits are those of the same motions, for searches that compare them.
+    The clearance of ``pairs`` is limited where they are given.
+    """
+    feasible = evaluator.problem.margin.keeps(margins)
+    samples, branches = np.nonzero(feasible)
+    ranks = [-margins[samples, branches]]
+    if search.objective is Objective.NEAREST and search.from_attitude is not None:
+        ranks.append(angle_between(attitudes, search.from_attitude)[samples])
+    elif search.objective is Objective.ROBUST:
+        table = np.column_stack([depths(attitudes, column) for column in feasible.T])
+        ranks = [-table[samples, branches]]
+    elif merits is not None:
+        ranks = [-merits[samples, branches]]
+    order = np.lexsort(ranks)
+    samples, branches = samples[order], branches[order]
+    first = 0
+    size = _FIRST_BATCH
+    while first < len(samples):
+        batch = slice(first, first + size)
+        first += size
+        size = min(2 * size, _BATCH)
+        yield from _screened(evaluator, attitudes[samples[batch]], branches[batch], limits, pairs)
+
+
+def _screened(
+    evaluator: FeasibilityEvaluator,
+    attitudes: Array,
+    branches: IntArray,
+    limits: Limits,
+    pairs: CollisionPairs | None,
+) -> Iterator[ScreenedCandidate]:
+    """A batch of candidates with what their compiled motions violate."""
+    distinct, rows = np.unique(attitudes, axis=0, return_inverse=True)
+    results = evaluator.evaluate(distinct)
+    entries = rows.ravel(), branches
+    violations = {LimitKind.JOINT_RANGE: _out_of_range(evaluator.problem, results, entries)}
+    rate_ratios, deficits = np.zeros((2, len(attitudes)))
+    if limits.joint_rate is not None:
+        rate_ratios = (results.motions.rates[entries] / limits.joint_rate).max(axis=1)
+    violations[LimitKind.JOINT_RATE] = rate_ratios > 1.0 + _SLACK
+    if limits.clearance is not None and pairs is not None:
+        left = ~np.any([*violations.values()], axis=0)
+        remaining = entries[0][left], entries[1][left]
+        deficits[left] = clearance_deficits(evaluator, pairs, limits.clearance, results, remaining)
+    violations[LimitKind.CLEARANCE] = deficits > 0.0
+    for k, attitude in enumerate(attitudes):
+        violation = next((kind for kind, violated in violations.items() if violated[k]), None)
+        yield ScreenedCandidate(
+            attitude, int(branches[k]), violation, float(rate_ratios[k]), float(deficits[k])
+        )
+
+
+def _out_of_range(
+    problem: Problem, results: BranchResults, entries: _Entries
+) -> npt.NDArray[np.bool_]:
+    """Where no multiple of a full rotation puts a joint's values inside its range, shape (K,)."""
+    low, high = results.motions.lower[entries], results.motions.upper[entries]
+    lower, upper = problem.model.joint_ranges
+    lower, upper = lower - _SLACK, upper + _SLACK
+    with np.errstate(invalid="ignore"):
+        fewest, most = np.ceil((lower - low) / tau), np.floor((upper - high) / tau)
+    inside = (low >= lower) & (high <= upper)
+    fits = np.where(problem.model.prismatic, inside, fewest <= most)
+    return np.asarray(~fits.all(axis=1))
+
+
+def clearance_deficits(
+    evaluator: FeasibilityEvaluator,
+    pairs: CollisionPairs,
+    clearance: float,
+    results: BranchResults,
+    entries: _Entries,
+) -> Array:
+    """Required less actual clearance of motions at the first instant where it is too small.
+
+    Start and end are examined first: many motions need not be integrated at all.
+
+    Returns:
+        [m], one for each entry of the results; zero where the clearance is kept at every instant.
+    """
+    attitudes, joints = results.attitudes[entries[0]], results.joints[entries]
+    path, every = evaluator.problem.path, np.arange(len(pairs.pairs))
+    deficits = np.zeros(len(joints))
+
+    def deficits_at(t: float, attitudes: Array, joints: Array) -> list[float]:
+        """Those of states (K, 4), (K, n) at a time."""
+        poses = pairs.scene.poses(t, path)
+        states = zip(attitudes, joints, strict=True)
+        distances = [pairs.distances(q, every, a, poses).min() for a, q in states]
+        return [max(0.0, clearance - float(distance) - _SLACK) for distance in distances]
+
+    deficits[:] = deficits_at(0.0, attitudes, joints)
+    (left,) = np.nonzero(deficits == 0.0)
+    last = entries[0][left], entries[1][left]
+    motions = results.motions
+    deficits[left] = deficits_at(path.duration, motions.attitudes[last], motions.joints[last])
+    times = np.linspace(0.0, path.duration, _INSTANTS + 2)
+    for start, end in pairwise(times[:-1]):
+        (left,) = np.nonzero(deficits == 0.0)
+        ensemble = evaluator.integrator.integrate(
+            attitudes[left], joints[left],
+            starts=np.full(len(left), start), ends=np.full(len(left), end),
+        )  # fmt: skip
+        attitudes[left], joints[left] = ensemble.attitudes, ensemble.joints
+        deficits[left] = deficits_at(end, ensemble.attitudes, ensemble.joints)
+    return deficits

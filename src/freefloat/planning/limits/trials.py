@@ -1,0 +1,176 @@
+"""Precise motions of candidates: what limits they violate, and which duration would be enough."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.errors import InputError
+from freefloat.limits.check import LimitChecker
+from freefloat.limits.limits import LimitKind, LimitResult, Limits, needed_stretch
+from freefloat.planning.candidates import ScreenedCandidate
+from freefloat.planning.diagnostics import rounded_up
+from freefloat.planning.evaluator import evaluator_for
+from freefloat.planning.simulation import SimulatedBranch, integrate_branch
+from freefloat.so3 import Array
+
+_STRETCHED = 8
+"""Candidates that are integrated with longer durations."""
+_STRETCHES = 6
+"""Durations that are tried for each of them."""
+_STEP = 1.25
+"""Smallest ratio of these durations where attitudes are searched."""
+OVER = 1.0 + 1e-5
+"""Slightly more than what just keeps a limit."""
+
+PassedTrial = tuple[SimulatedBranch, tuple[LimitResult, ...]]
+"""A motion that keeps margin and limits, and the results of these."""
+
+
+class Trials:
+    """Precise motions of candidates: what they violate, and which comes nearest to passing.
+
+    Attributes:
+        problem: The problem.
+        checker: The limits, prepared for its robot.
+        violations: How many candidates violate which limit first.
+        count: Number of precise motions.
+        too_fast: Motions that violate limits of rates and torques alone, with the factor on the
+            duration that they would need without momentum.
+        screened_out: Candidates that violate a limit without a precise motion.
+    """
+
+    def __init__(self, evaluator: FeasibilityEvaluator, limits: Limits) -> None:
+        problem = evaluator.problem
+        self.problem = problem
+        self._threads = evaluator.integrator.threads
+        self._limits = limits
+        self.checker = LimitChecker(problem, limits)
+        self.violations: Counter[str] = Counter()
+        self.count = 0
+        self.too_fast: list[tuple[float, SimulatedBranch]] = []
+        self.screened_out: list[ScreenedCandidate] = []
+        self._nearest: tuple[tuple[float, float], SimulatedBranch] | None = None
+
+    def check_candidate(self, candidate: ScreenedCandidate) -> PassedTrial | None:
+        """The same as :meth:`check` for a candidate's precise motion."""
+        return self.check(integrate_branch(self.problem, candidate.attitude, candidate.branch))
+
+    def check(self, simulated: SimulatedBranch) -> PassedTrial | None:
+        """The motion and every limit result; None if it violates the margin or a limit."""
+        self.count += 1
+        if not simulated.feasible:
+            self.violations["margin"] += 1
+            return None
+        motion = simulated.motion
+        results, first = self.checker.results_unless_violated(motion)
+        if first is None:
+            return simulated, results
+        self.violations[first.limit] += 1
+        violated = self.checker.violations(motion) if first.limit.timed else (first,)
+        excess = _excess(violated)
+        if self._nearest is None or excess < self._nearest[0]:
+            self._nearest = excess, simulated
+        if _is_too_fast(violated):
+            self.too_fast.append((needed_stretch(violated), simulated))
+        return None
+
+    def nearest(self) -> tuple[SimulatedBranch | None, tuple[LimitResult, ...]]:
+        """The motion that keeps the margin and comes nearest to keeping the limits, and these."""
+        if self._nearest is None:
+            return None, ()
+        simulated = self._nearest[1]
+        return simulated, self.checker.results(simulated.motion)
+
+    def sufficient_stretch(
+        self, attitudes: Array
+    ) -> tuple[float, ScreenedCandidate] | tuple[None, None]:
+        """Factor on the duration with which a candidate keeps everything, and that candidate.
+
+        Without momentum its motion is the same, only slower. With momentum the system rotates
+        farther during a longer motion, and so does a tumbling body of the scene; the factor is then
+        one with which it was integrated.
+
+        Args:
+            attitudes: Others to try with momentum where joint rates are limited, shape (K, 4).
+        """
+        ranked = sorted(self.too_fast, key=lambda entry: entry[0])
+        for needed, simulated in ranked[:_STRETCHED]:
+            attitude, branch = simulated.motion.initial.attitude, simulated.branch.index
+            candidate = ScreenedCandidate(attitude, branch)
+            enough: float | None = needed
+            if self.problem.depends_on_timing or self.problem.scene.tumbles:
+                enough = self._integrated_stretch(candidate, needed)
+            if enough is not None:
+                return enough, candidate
+        joint_rate = self._limits.joint_rate
+        if not ranked or joint_rate is None or not self.problem.depends_on_timing:
+            return None, None
+        try:
+            return self._searched_stretch(attitudes, joint_rate, ranked[0][0])
+        except InputError:  # the system would rotate too often
+            return None, None
+
+    def _integrated_stretch(self, candidate: ScreenedCandidate, needed: float) -> float | None:
+        """Factor with which a candidate's motion, integrated again, keeps everything.
+
+        Returns:
+            None where none was found; the search ends at a longer duration that does not bring the
+            motion nearer to keeping its limits.
+        """
+        factor = 1.0
+        for _ in range(_STRETCHES):
+            factor = rounded_up(OVER * needed * factor)
+            try:
+                violated = self._violations(candidate, factor)
+            except InputError:  # the system would rotate too often
+                return None
+            if violated == ():
+                return factor
+            if not violated or not _is_too_fast(violated) or needed_stretch(violated) >= needed:
+                return None
+            needed = needed_stretch(violated)
+        return None
+
+    def _searched_stretch(
+        self, attitudes: Array, joint_rate: Array, factor: float
+    ) -> tuple[float, ScreenedCandidate] | tuple[None, None]:
+        """Factor and candidate from the slowest compiled motions of many attitudes."""
+        for _ in range(_STRETCHES):
+            factor = rounded_up(factor)
+            stretched = self.problem.stretched(factor)
+            evaluator = evaluator_for(stretched, self._threads, self._limits)
+            results = evaluator.evaluate(attitudes)
+            ratios = (results.motions.rates / joint_rate).max(axis=2)
+            ratios[~self.problem.margin.keeps(results.margins)] = np.inf
+            for index in np.argsort(ratios, axis=None)[:_STRETCHED]:
+                row, branch = np.unravel_index(int(index), ratios.shape)
+                candidate = ScreenedCandidate(attitudes[row], int(branch))
+                if ratios[row, branch] <= 1.0 and self._violations(candidate, factor) == ():
+                    return factor, candidate
+            smallest = float(ratios.min())
+            if not np.isfinite(smallest):
+                break
+            factor *= max(_STEP, smallest)
+        return None, None
+
+    def _violations(
+        self, candidate: ScreenedCandidate, factor: float
+    ) -> tuple[LimitResult, ...] | None:
+        """Limits that a candidate violates with a longer duration; None for the margin."""
+        stretched = self.problem.stretched(factor)
+        simulated = integrate_branch(stretched, candidate.attitude, candidate.branch)
+        return self.checker.violations(simulated.motion) if simulated.feasible else None
+
+
+def _is_too_fast(violated: tuple[LimitResult, ...]) -> bool:
+    """Whether only rates and torques are violated, none of them without bound."""
+    return all(result.limit.timed and np.isfinite(result.ratio) for result in violated)
+
+
+def _excess(violated: tuple[LimitResult, ...]) -> tuple[float, float]:
+    """How far limits are violated: the largest ratio, and the deepest penetration [m]."""
+    depths = (-result.worst for result in violated if result.limit is LimitKind.CLEARANCE)
+    return max(result.ratio for result in violated), max(depths, default=0.0)

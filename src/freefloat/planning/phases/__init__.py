@@ -1,0 +1,1 @@
+"""Manoeuvres: phases after one another."""

@@ -1,0 +1,1 @@
+"""Planar arms: exact ranges of headings."""

@@ -1,0 +1,225 @@
+"""Exact feasible ranges of initial heading for planar arms, from tangency points.
+
+Every limit of a range is the heading of a motion that is tangent to the margin surface (29), or one
+at which the arm just reaches the path. Between neighbouring limits one motion decides for all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from itertools import compress
+from math import tau
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from freefloat.dynamics.joint_space import largest_magnitude
+from freefloat.motion.problem import Problem
+from freefloat.planning.domain import SearchDomain, branch_changes
+from freefloat.planning.plane.arcs import (
+    BranchRanges,
+    HeadingRange,
+    RangeLimitCause,
+    arcs_between,
+    branch_ranges,
+)
+from freefloat.planning.plane.tangency import PlanarTangencyPoint, planar_tangency_points
+from freefloat.so3 import Array, heading_of, heading_quaternion
+from freefloat.workspace.planar import PlanarArm, point_3_on_path
+
+if TYPE_CHECKING:
+    from freefloat.ensemble.ensemble import EnsembleIntegrator
+    from freefloat.ensemble.result import EnsembleResult
+
+_SMALLEST_LEVEL = 1e-4
+"""Fraction of S_max used for a margin of zero, at which no motion can be started."""
+_TOLERANCE = 1e-11
+"""Relative and absolute tolerance of the motions to the limits."""
+_NEAR = 1e-4
+"""Largest distance of joint values from those of their arm branch [rad]."""
+_LABELS = "elbow+", "elbow-"
+
+Span = tuple[float, float]
+_Planned = tuple[float, Array, float, float]
+"""Heading [rad] and joints (n,) from which a motion is integrated, its first and last time [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class RangeLimit:
+    """A motion that is tangent to its margin and keeps it everywhere else.
+
+    Attributes:
+        tangency: Where its |S| is smallest.
+        start_heading: Its heading at the start of the span [rad], in [0, 2 pi).
+        end_heading: The same at the end of the span.
+    """
+
+    tangency: PlanarTangencyPoint
+    start_heading: float
+    end_heading: float
+
+    def to_dict(self, span: Span) -> dict[str, Any]:
+        """The JSON document of the tangency point, with the headings at both ends of a span."""
+        point, (start, end) = self.tangency, span
+        return {
+            **asdict(point),
+            "kind": str(point.kind),
+            "joints": point.joints.tolist(),
+            "tau": (point.time - start) / (end - start),
+            "heading_at_start_deg": float(np.degrees(self.start_heading)),
+            "heading_at_end_deg": float(np.degrees(self.end_heading)),
+        }
+
+
+def find_range_limits(problem: Problem, span: Span) -> tuple[RangeLimit, ...]:
+    """All motions over a span whose smallest |S| is S0, of either sign.
+
+    S of the planar problem is ``system`` and depends on two joint angles.
+    """
+    return limits_of_spans(problem, (span,))[span]
+
+
+def limits_of_spans(
+    problem: Problem, spans: tuple[Span, ...]
+) -> dict[Span, tuple[RangeLimit, ...]]:
+    """The limits of :func:`find_range_limits` for several spans, which share their motions."""
+    level = _level(problem)
+    points = {span: planar_tangency_points(problem, level, span) for span in spans}
+    pairs = list(dict.fromkeys(
+        (point, end) for span, on_span in points.items() for point in on_span for end in span
+    ))  # fmt: skip
+    results = _integrated(problem, [_from_tangency(point, end) for point, end in pairs])
+    headings = {
+        pair: heading_of(attitude)
+        for pair, attitude, keeps in zip(
+            pairs, results.attitudes, results.keeps(level), strict=True
+        )
+        if keeps
+    }
+    return {
+        (start, end): tuple(
+            RangeLimit(point, headings[point, start], headings[point, end])
+            for point in on_span
+            if (point, start) in headings and (point, end) in headings
+        )
+        for (start, end), on_span in points.items()
+    }
+
+
+def states_at(
+    problem: Problem, limits: tuple[RangeLimit, ...], at: float
+) -> list[tuple[float, Array]]:
+    """Heading [rad] in [0, 2 pi) and joints (n,) of the motions of limits at a time [s]."""
+    motions = _integrated(problem, [_from_tangency(limit.tangency, at) for limit in limits])
+    headings = [heading_of(attitude) for attitude in motions.attitudes]
+    return list(zip(headings, motions.joints, strict=True))
+
+
+def _from_tangency(point: PlanarTangencyPoint, end: float) -> _Planned:
+    return point.heading, point.joints, point.time, end
+
+
+def _level(problem: Problem) -> float:
+    """S0 > 0 for which limits are computed: the margin, or nearly zero where that is zero."""
+    margin = problem.margin
+    return margin.threshold or _SMALLEST_LEVEL * largest_magnitude(problem.model, margin.measure)
+
+
+@lru_cache(maxsize=2)
+def _integrator(problem: Problem) -> EnsembleIntegrator:
+    """The integrator of a problem, which all its spans have in common."""
+    from freefloat.ensemble.ensemble import EnsembleIntegrator  # compiled kernels import slowly
+
+    return EnsembleIntegrator(problem, tolerance=_TOLERANCE)
+
+
+def _integrated(problem: Problem, motions: list[_Planned]) -> EnsembleResult:
+    """Results of some motions."""
+    columns = list(zip(*motions, strict=True)) or [()] * 4
+    headings, joints, starts, ends = (np.array(column, dtype=float) for column in columns)
+    return _integrator(problem).integrate(
+        heading_quaternion(headings), joints.reshape(-1, problem.model.dof),
+        starts=starts, ends=ends,
+    )  # fmt: skip
+
+
+def heading_ranges(
+    problem: Problem,
+    limits: tuple[RangeLimit, ...],
+    span: Span,
+    at: float,
+    domain: SearchDomain | None = None,
+) -> tuple[BranchRanges, ...]:
+    """Ranges of the heading at one time of a span from which the whole span keeps the margin.
+
+    Args:
+        problem: As for :func:`find_range_limits`.
+        limits: Found for the same span.
+        span: First and last time [s].
+        at: Time of the headings [s], in the span.
+        domain: Only its headings count; all when left out.
+
+    Returns:
+        One entry for each arm branch.
+    """
+    domain = domain or SearchDomain()
+    edges: list[tuple[float, int | None, RangeLimitCause]]
+    edges = [(heading, None, RangeLimitCause.REACH) for heading in reach_limits(problem, at)]
+    if not domain.whole:
+        edges += [(end % tau, None, RangeLimitCause.SEARCH) for end in domain.heading_limits]
+    if problem.start_joints is not None and at == 0.0:
+        edges += [(heading, None, RangeLimitCause.SEARCH) for heading in branch_changes(problem)]
+    for heading, joints in states_at(problem, limits, at):
+        edges.append((heading, _branch_of(problem, heading, joints, at), RangeLimitCause.MARGIN))
+
+    arcs = [
+        list(arcs_between(sorted(
+            (heading, cause) for heading, branch, cause in edges if branch in (index, None)
+        ))) for index in range(len(_LABELS))
+    ]  # fmt: skip
+    feasible = _feasible_arcs(problem, arcs, span, at, domain)
+    return tuple(
+        branch_ranges(index, label, arcs[index], feasible[index])
+        for index, label in enumerate(_LABELS)
+    )
+
+
+def _feasible_arcs(
+    problem: Problem, arcs: list[list[HeadingRange]], span: Span, at: float, domain: SearchDomain
+) -> list[list[bool]]:
+    """Whether the motions from the middles of arcs are feasible, by arm branch."""
+    places, motions = [], []
+    for index, row in enumerate(arcs):
+        for number, arc in enumerate(row):
+            attitude = heading_quaternion(arc.middle)
+            if not domain.contains(attitude):
+                continue
+            for branch in problem.branches(attitude, at):
+                if branch.index == index:
+                    places.append((index, number))
+                    motions += [(arc.middle, branch.joints, at, end) for end in span]
+    kept = _integrated(problem, motions).keeps(_level(problem)).tolist()
+    both = map(all, zip(kept[::2], kept[1::2], strict=True))
+    feasible = set(compress(places, both))
+    return [[(index, k) in feasible for k in range(len(row))] for index, row in enumerate(arcs)]
+
+
+def _branch_of(problem: Problem, heading: float, joints: Array, at: float) -> int | None:
+    """The number of the branch with these joints; None where branches meet."""
+    branches = problem.branches(heading_quaternion(heading), at)
+    near = [b.index for b in branches if problem.model.joint_distance(b.joints, joints) < _NEAR]
+    return near[0] if len(near) == 1 else None
+
+
+def reach_limits(problem: Problem, at: float) -> Iterator[float]:
+    """Headings at which the arm is stretched or folded onto the path: |b| + |c| or |b| - |c|."""
+    a, b, c = PlanarArm.of(problem.model).links[:3]
+    point = point_3_on_path(problem, at)
+    product = 2.0 * abs(point) * abs(a)
+    for length in (abs(b) + abs(c), abs(abs(b) - abs(c))):
+        cosine = (abs(point) ** 2 + abs(a) ** 2 - length**2) / product if product else np.inf
+        if abs(cosine) < 1.0:
+            middle, half = np.angle(point) - np.angle(a), np.arccos(cosine)
+            yield from (float((middle - half) % tau), float((middle + half) % tau))

@@ -1,0 +1,157 @@
+"""Adversarial searches: deviations in a ball that break a claim about all of them.
+
+Of deviations spread in the ball and on its sphere the worst, far from each other, are moved to
+worse ones by pattern searches. Some of these lower the margin, the others the ratio of
+determinants: a narrow valley of one may lie where the other is smaller all around.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from freefloat.attitude_grids import low_discrepancy, sphere_directions
+from freefloat.ensemble.feasibility import is_kept
+from freefloat.planning.searches import pattern_search
+from freefloat.planning.searches.pattern_search import Searches, spread
+from freefloat.so3 import Array, IntArray
+
+_ON_SPHERE = 0.5
+"""Fraction of the sampled deviations that lie on the sphere."""
+_SWEEP, _FINEST, _SWEEPS = 0.12, 2e-3, 8
+"""Sizes of the first and the smallest patterns of a descent, as fractions of the ball's radius, and
+their number."""
+_POINTS, _SPIRAL = 12, 0.75
+"""Points of a pattern, and the ratio of the distances of successive ones from its middle."""
+_AHEAD = 2.5
+"""How far a pattern reaches along the last step."""
+_APART = 0.2
+"""Distance of deviations from which descents begin, as a fraction of the radius."""
+_SAME = 0.5
+"""Points nearer than this fraction of a pattern's size are the same."""
+CAUTION = 0.99
+"""Fraction of the distance of the closest violation that is stated."""
+BEYOND = 1.003
+"""Radius of the ball that is searched, relative to the one that is stated."""
+_SEARCHES, _CONE = 4, 0.25
+"""Searches for the closest violation, and the angle of their first directions [rad]."""
+
+Regularity = Callable[[Array], Array]
+"""Margin and ratio of determinants of deviations (K, 3), over the required ones, shape (K, 2)."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How hard a claim about all deviations in a ball was tried to be broken.
+
+    Attributes:
+        samples: Deviations spread in the ball and on its sphere.
+        descents: Searches for worse ones, from the worst of these, at most.
+    """
+
+    samples: int
+    descents: int
+
+    def to_dict(self) -> dict[str, int]:
+        """The JSON document."""
+        return asdict(self)
+
+
+def confirmed_radius(
+    regularity: Regularity, radius: float, effort: Effort, smallest: float, most: float = np.inf
+) -> float:
+    """The largest radius, up to a given one, whose ball no adversarial search breaks.
+
+    Args:
+        regularity: Of deviations.
+        radius: To begin with.
+        effort: Of each search.
+        smallest: Radius below which zero is returned.
+        most: No deviation is larger.
+    """
+    seed = 0
+    while radius > smallest:
+        outside = violations(regularity, min(BEYOND * radius, most), effort, seed)
+        if not len(outside):
+            return radius
+        radius = CAUTION * closest(regularity, outside, smallest)
+        seed += 1
+    return 0.0
+
+
+def violations(regularity: Regularity, radius: float, effort: Effort, seed: int = 0) -> Array:
+    """Deviations in a ball that violate the rule, shape (K, 3); empty where none was found."""
+    vectors = radius * _in_unit_ball(effort.samples, seed)
+    values = regularity(vectors)
+    kept = is_kept(values)
+    if not kept.all():
+        return vectors[~kept]
+    first = [_lowest(vectors, column, radius, effort.descents // 2) for column in values.T]
+    groups = np.repeat(np.arange(len(first)), [len(index) for index in first])
+    start = np.concatenate(first)
+
+    def merit(tried: Array, searched: IntArray) -> Array:
+        return -np.take_along_axis(regularity(tried), groups[searched, None], axis=1)[:, 0]
+
+    searches = Searches(vectors[start], -values[start, groups], groups)
+    last = pattern_search.pattern_search(
+        _Balls(radius), merit, searches, _SWEEP * radius, _FINEST * radius, _SWEEPS
+    )
+    return np.asarray(last.points[~is_kept(regularity(last.points))])
+
+
+def closest(regularity: Regularity, outside: Array, smallest: float, angle: float = _CONE) -> float:
+    """Length of the shortest violation found near some (K, 3); zero below the smallest."""
+    if np.linalg.norm(outside, axis=1).min() < smallest:
+        return 0.0
+    found = pattern_search.shortest(
+        lambda vectors, _: ~is_kept(regularity(vectors)), spread(outside, _SEARCHES), angle
+    )
+    return float(np.linalg.norm(found, axis=1).min())
+
+
+def _in_unit_ball(count: int, seed: int) -> Array:
+    """Vectors spread on the unit sphere and in its ball, shape (count, 3)."""
+    sequence = low_discrepancy(count * (seed + 1), 3)[-count:]
+    lengths = np.cbrt(sequence[:, 2])
+    lengths[: int(_ON_SPHERE * count)] = 1.0
+    return sphere_directions(sequence[:, :2]) * lengths[:, None]
+
+
+def _lowest(vectors: Array, values: Array, radius: float, count: int) -> IntArray:
+    """Indices of vectors of the lowest values, none near another."""
+    chosen: list[int] = []
+    for index in np.argsort(values)[: 32 * count].tolist():
+        distances = np.linalg.norm(vectors[chosen] - vectors[index], axis=1)
+        if len(chosen) < count and (distances > _APART * radius).all():
+            chosen.append(index)
+    return np.array(chosen, dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class _Balls:
+    """Vectors around others, as long as the radius of a ball or shorter."""
+
+    radius: float
+
+    def around(
+        self, points: Array, previous: Array, sizes: Array, number: int
+    ) -> tuple[Array, Array]:
+        """See :class:`~freefloat.planning.searches.pattern_search.Pattern`."""
+        sequence = low_discrepancy(_POINTS * (number + 1), 3)[-_POINTS:]
+        offsets = sphere_directions(sequence[:, :2]) * _SPIRAL ** np.arange(_POINTS)[:, None]
+        steps = points - previous
+        lengths = np.linalg.norm(steps, axis=1)
+        steps *= (np.minimum(lengths, sizes) / np.maximum(lengths, np.finfo(float).tiny))[:, None]
+        along = _AHEAD * sequence[:, 2] * (np.arange(_POINTS) % 3 > 0)
+        vectors = points[:, None] + offsets * sizes[:, None, None] + along[:, None] * steps[:, None]
+        sizes_of = np.linalg.norm(vectors, axis=2, keepdims=True)
+        vectors *= np.minimum(1.0, self.radius / np.maximum(sizes_of, np.finfo(float).tiny))
+        return vectors, np.linalg.norm(vectors - points[:, None], axis=2)
+
+    def superseded(self, searches: Searches, sizes: Array) -> pattern_search.Flags:
+        """See :class:`.pattern_search.Pattern`: those near a better one."""
+        distances = np.linalg.norm(searches.points[:, None] - searches.points, axis=2)
+        return np.asarray((searches.better & (distances < _SAME * sizes[:, None])).any(axis=1))

@@ -1,0 +1,146 @@
+"""Functions of one variable that decide whether motions are kept, sampled until no gap can hide.
+
+Between neighbouring samples that are kept a function may fall below what is required. It may where
+a sample is a local minimum, or where the steepest slope nearby leads from a sample to the required
+value within the interval. Such intervals are divided again and again, the ends of runs of kept
+samples are bisected, and what is found there begins new rounds, until nothing changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from freefloat.planning.searches.pattern_search import Flags
+from freefloat.so3 import Array, IntArray
+
+_PARTS = 4
+"""Parts of an interval that is divided."""
+_STEEPER = 2.0, 8.0
+"""How much steeper a function may be than between samples, and the same next to a local minimum."""
+_SECTIONS = 8
+"""Parts of an interval that is bisected."""
+_ROUNDS = 6
+"""Rounds of divisions and bisections, at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Samples along a line.
+
+    Attributes:
+        points: In increasing order, shape (K,).
+        slacks: What motions have beyond what is required, zero or less where it is violated, for
+            each requirement, shape (K, R).
+        kept: Which motions keep all requirements, shape (K,).
+    """
+
+    points: Array
+    slacks: Array
+    kept: Flags
+
+    def and_others(self, points: Array, slacks: Array, kept: Flags) -> Samples:
+        """These and other samples."""
+        together = np.concatenate([self.points, points])
+        order = np.argsort(together, kind="stable")
+        both = (
+            np.concatenate([self.slacks, slacks])[order],
+            np.concatenate([self.kept, kept])[order],
+        )
+        return Samples(together[order], *both)
+
+    def doubtful(self, widest: float, finest: float) -> Array:
+        """Points that divide intervals in which a requirement may be violated, shape (M,)."""
+        widths = np.diff(self.points)
+        slopes = np.abs(np.diff(self.slacks, axis=0)) / np.maximum(widths, finest / 2.0)[:, None]
+        steepest = slopes.copy()
+        steepest[1:] = np.maximum(steepest[1:], slopes[:-1])
+        steepest[:-1] = np.maximum(steepest[:-1], slopes[1:])
+        low = np.minimum(self.slacks[:-1], self.slacks[1:])
+        steeper = np.where(self._next_to_minimum(), *_STEEPER[::-1])
+        near = (low < steeper * steepest * widths[:, None] / 2.0).any(axis=1) | (widths > widest)
+        chosen = near & self.kept[:-1] & self.kept[1:] & (widths > finest)
+        steps = np.arange(1, _PARTS) / _PARTS
+        return (self.points[:-1][chosen, None] + widths[chosen, None] * steps).ravel()
+
+    def _next_to_minimum(self) -> Flags:
+        """Whether an end of an interval is a local minimum of a requirement, (K - 1, R)."""
+        inner = self.slacks[1:-1]
+        lowest = np.zeros(self.slacks.shape, bool)
+        lowest[1:-1] = (inner <= self.slacks[:-2]) & (inner <= self.slacks[2:])
+        return lowest[:-1] | lowest[1:]
+
+    def ends(self, exact: float) -> tuple[Array, Array]:
+        """Points inside and outside, where neither are closer than ``exact``, (M,) each."""
+        (index,) = np.nonzero((self.kept[:-1] != self.kept[1:]) & (np.diff(self.points) > exact))
+        inner = np.where(self.kept[index], index, index + 1)
+        return self.points[inner], self.points[2 * index + 1 - inner]
+
+
+Function = Callable[[Array, IntArray], tuple[Array, Flags]]
+"""Slacks (M, R) at points (M,) of the lines of these numbers (M,), and which are kept, (M,)."""
+
+
+def resolved(
+    function: Function,
+    lines: list[Samples],
+    widest: float,
+    finest: float,
+    exact: float,
+    levels: int,
+) -> list[Samples]:
+    """Samples among which nothing but what they show violates a requirement.
+
+    Args:
+        function: What is sampled.
+        lines: First samples of each line.
+        widest: Largest distance of neighbours that are kept.
+        finest: Intervals narrower than this are not divided.
+        exact: Distance of the samples at both sides of an end.
+        levels: How often an interval may be divided in a round.
+    """
+    for _ in range(_ROUNDS):
+        for _ in range(levels):
+            added = [line.doubtful(widest, finest) for line in lines]
+            if not any(map(len, added)):
+                break
+            lines = _with(function, lines, added)
+        ends = [line.ends(exact) for line in lines]
+        if not any(len(inside) for inside, _ in ends):
+            break
+        inside, outside = (np.concatenate(points) for points in zip(*ends, strict=True))
+        numbers = np.repeat(np.arange(len(lines)), [len(points) for points, _ in ends])
+        both = np.concatenate(_bisected(function, inside, outside, numbers, exact))
+        numbers = np.tile(numbers, 2)
+        lines = _with(function, lines, [both[numbers == k] for k in range(len(lines))])
+    return lines
+
+
+def _with(function: Function, lines: list[Samples], added: list[Array]) -> list[Samples]:
+    """The lines with further samples."""
+    counts = [len(points) for points in added]
+    slacks, kept = function(np.concatenate(added), np.repeat(np.arange(len(lines)), counts))
+    ends = np.cumsum([0, *counts]).tolist()
+    return [
+        line.and_others(points, slacks[low:high], kept[low:high])
+        for line, points, (low, high) in zip(lines, added, pairwise(ends), strict=True)
+    ]
+
+
+def _bisected(
+    function: Function, inside: Array, outside: Array, numbers: IntArray, exact: float
+) -> tuple[Array, Array]:
+    """Points inside and outside, closer together than ``exact``."""
+    steps = np.arange(1, _SECTIONS) / _SECTIONS
+    while np.abs(outside - inside).max() > exact:
+        tried = inside[:, None] + (outside - inside)[:, None] * steps
+        _, kept = function(tried.ravel(), np.repeat(numbers, len(steps)))
+        kept = kept.reshape(tried.shape)
+        every = np.column_stack([inside, tried, outside])
+        last = np.where(kept.all(axis=1), len(steps), np.argmin(kept, axis=1))
+        rows = np.arange(len(inside))
+        inside, outside = every[rows, last], every[rows, last + 1]
+    return inside, outside

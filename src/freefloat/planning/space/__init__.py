@@ -1,0 +1,1 @@
+"""Spatial arms: maps of SO(3) and searches in it."""

@@ -1,0 +1,204 @@
+"""The attitude deepest inside the feasible set of a branch: the centre of the largest ball.
+
+Attitudes known outside, at first those of a map, limit every ball. The largest balls that they
+leave are probed, several at once; what is found outside limits the next ones. For a ball that is
+nearly as large as any could be the closest attitude outside is searched for, and many attitudes
+confirm it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from freefloat.attitude_grids import even_directions
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.planning.candidates import Ball, BoundaryPoint
+from freefloat.planning.domain import SearchDomain
+from freefloat.planning.searches.adversary import CAUTION
+from freefloat.planning.searches.pattern_search import Clouds, Searches, pattern_search, spread
+from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.planning.space.nearest_neighbours import depths, nearest_among
+from freefloat.planning.space.robust_radius import Surroundings, confirmed, outside_within
+from freefloat.so3 import Array, IntArray, angle_between, rotation_vector_to
+
+_ROUNDS = 16
+"""Rounds of probes, at most."""
+_BALLS = 4
+"""Balls that are probed or measured together."""
+_DIRECTIONS = 32
+"""Directions in which a ball is probed."""
+_SIZES = 0.99, 0.95, 0.9, 0.82, 0.7, 0.5, 0.25, 0.1
+"""Distances from the centre at which it is, in units of the radius."""
+_SEARCHES, _NEARBY = 3, 1.3
+"""Searches for the attitude outside closest to a centre, and the distance of the attitudes that
+they begin from, in units of the radius."""
+_CONE, _QUICK = 0.3, 4
+"""Angle of the first directions of these searches [rad], and their rounds."""
+_SETTLED = 0.98
+"""Fraction of the largest possible radius that is enough."""
+_CENTRES = 8000
+"""Centres considered."""
+_FINEST = 2e-3
+"""Accuracy of centres [rad]."""
+
+
+class _Limits:
+    """Attitudes known to be outside the feasible set of a branch, which limit balls inside.
+
+    Attributes:
+        branch: Number of the arm branch; None for the best of a redundant arm.
+    """
+
+    def __init__(self, domain: SearchDomain, branch: int | None, outside: Array) -> None:
+        self.branch, self._outside = branch, np.empty((0, 4))
+        self._domain, self._centres = domain, domain.attitudes(_CENTRES)
+        self._distances = np.full(_CENTRES, np.pi)
+        self.add(outside)
+
+    def add(self, outside: Array) -> None:
+        """Add attitudes outside, shape (K, 4)."""
+        if len(outside):
+            self._outside = np.vstack([self._outside, outside])
+            nearest, _ = nearest_among(outside)(self._centres)
+            self._distances = np.minimum(self._distances, nearest)
+
+    def radius(self, centre: Array) -> float:
+        """Distance of a centre from the closest attitude outside [rad]."""
+        return float(angle_between(self._outside, centre).min(initial=np.pi))
+
+    def directions(self, ball: Ball) -> Array:
+        """Rotation vectors from a ball's centre to some attitudes outside close to it, (K, 3)."""
+        angles = angle_between(self._outside, ball.attitude)
+        close = self._outside[angles < _NEARBY * ball.radius]
+        if not len(close) or ball.radius < _FINEST:
+            return np.empty((0, 3))
+        return spread(rotation_vector_to(ball.attitude, close), _SEARCHES)
+
+    def balls(self, count: int) -> list[Ball]:
+        """The largest balls with centres in the domain, none within half of another's radius."""
+        distances = self._distances.copy()
+        chosen: list[int] = []
+        for _ in range(count):
+            chosen.append(int(np.argmax(distances)))
+            angles = angle_between(self._centres, self._centres[chosen[-1]])
+            distances[angles < distances[chosen[-1]] / 2.0] = 0.0
+
+        if not len(self._outside):
+            return [Ball(self._centres[0], self.branch, np.pi)]
+        nearest = nearest_among(self._outside)
+
+        def merit(attitudes: Array, _: IntArray) -> Array:
+            return np.where(self._domain.contains(attitudes), nearest(attitudes)[0], 0.0)
+
+        first = Searches(self._centres[chosen], self._distances[chosen], np.arange(count))
+        last = pattern_search(Clouds(), merit, first, self._domain.spacing(_CENTRES), _FINEST)
+        balls = zip(last.points, last.merits.tolist(), strict=True)
+        return [Ball(centre, self.branch, radius) for centre, radius in balls]
+
+
+class _Search:
+    """What limits balls of each branch, and evaluations that find it."""
+
+    def __init__(self, evaluator: FeasibilityEvaluator, limits: dict[int | None, _Limits]) -> None:
+        self._evaluator, self._limits = evaluator, limits
+        self._probes = 0
+
+    def candidates(self) -> list[Ball]:
+        """The largest balls that the attitudes known outside leave."""
+        count = max(1, _BALLS // len(self._limits))
+        return _largest([ball for limits in self._limits.values() for ball in limits.balls(count)])
+
+    def updated(self, balls: list[Ball]) -> list[Ball]:
+        """The largest of balls with the radii that the attitudes known outside leave them."""
+        return _largest([
+            Ball(ball.attitude, ball.branch, self._limits[ball.branch].radius(ball.attitude))
+            for ball in balls
+        ])  # fmt: skip
+
+    def probed(self, balls: list[Ball]) -> list[Ball]:
+        """Balls with the radii that their centres and attitudes near their spheres leave them."""
+        around = Surroundings.of(self._evaluator, balls)
+        self._probes += 1  # always in other directions
+        directions = even_directions(_DIRECTIONS * self._probes)[-_DIRECTIONS:]
+        radii = np.array([ball.radius for ball in balls])
+        sizes = np.multiply.outer(radii, _SIZES)
+        shells = (sizes[:, :, None, None] * directions).reshape(len(balls), -1, 3)
+        vectors = np.pad(shells, ((0, 0), (1, 0), (0, 0))).reshape(-1, 3)
+        numbers = np.repeat(np.arange(len(balls)), 1 + shells.shape[1])
+        outside = around.outside(vectors, numbers)
+        self._add(around, balls, vectors[outside], numbers[outside])
+        return self.updated(balls)
+
+    def measured(self, balls: list[Ball]) -> list[Ball]:
+        """Balls with the distances to the closest attitudes outside as radii."""
+        balls = self.probed(balls)
+        known = [self._limits[ball.branch].directions(ball) for ball in balls]
+        numbers = np.repeat(np.arange(len(balls)), [len(vectors) for vectors in known])
+        if len(numbers):
+            around = Surroundings.of(self._evaluator, balls)
+            closest = around.closest(np.vstack(known), numbers, _CONE, _QUICK)
+            self._add(around, balls, closest, numbers)
+        return self.updated(balls)
+
+    def confirmed(self, ball: Ball) -> Ball | None:
+        """The ball, slightly smaller, if nothing in it is outside; else that limits the next."""
+        radius = CAUTION * ball.radius
+        around = Surroundings.of(self._evaluator, [ball])
+        outside = outside_within(around, radius, self._probes)
+        if not len(outside):
+            return Ball(ball.attitude, ball.branch, radius)
+        self._add(around, [ball], outside, np.zeros(len(outside), np.int64))
+        self.measured(self.updated([ball]))
+        return None
+
+    def _add(
+        self, around: Surroundings, balls: list[Ball], vectors: Array, numbers: IntArray
+    ) -> None:
+        """Remember that rotations (M, 3) of the centres of balls (M,) lead outside."""
+        attitudes, _ = around.rotated(vectors, numbers)
+        for number, ball in enumerate(balls):
+            self._limits[ball.branch].add(attitudes[numbers == number])
+
+
+def deepest(
+    evaluator: FeasibilityEvaluator, samples: AttitudeMap, known: Sequence[BoundaryPoint] = ()
+) -> Ball | None:
+    """The centre of the largest ball of attitudes inside the feasible set of one branch.
+
+    Known points of the boundary and samples outside limit every ball.
+
+    Returns:
+        None where no sample is feasible and avoids all singularities.
+    """
+    limits: dict[int | None, _Limits] = {}
+    probed: list[Ball] = []
+    for branch, _ in samples.branch_margins():
+        regular = samples.regular(branch)
+        if regular.any():
+            tangent = [point.attitude for point in known if point.branch == branch]
+            outside = np.vstack([samples.attitudes[~regular], *tangent])
+            limits[branch] = _Limits(samples.search.domain, branch, outside)
+            start = int(np.argmax(depths(samples.attitudes, regular, evaluator.threads)))
+            probed.append(Ball(samples.attitudes[start], branch, np.pi))
+    if not probed:
+        return None
+    search = _Search(evaluator, limits)
+    probed += search.probed(search.updated(probed))
+    for _ in range(_ROUNDS // evaluator.sample_reduction):
+        candidates, best = search.candidates(), search.updated(probed)[0]
+        enough = _SETTLED * candidates[0].radius
+        if best.radius < enough:
+            probed += search.probed(candidates)
+            continue
+        (best,) = search.measured([best])
+        if best.radius > enough and (ball := search.confirmed(best)) is not None:
+            return ball
+    best = search.measured(search.updated(probed))[0]
+    return confirmed(evaluator, best) if best.radius > 0.0 else None
+
+
+def _largest(balls: list[Ball]) -> list[Ball]:
+    """The largest balls, the largest first."""
+    return sorted(balls, key=lambda ball: -ball.radius)[:_BALLS]

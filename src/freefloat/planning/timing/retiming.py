@@ -1,0 +1,219 @@
+"""The fastest timing of a plan's path."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from freefloat.concurrency import Progress, step_of
+from freefloat.errors import InputError, require_type
+from freefloat.limits.check import LimitChecker
+from freefloat.limits.contact import self_contact
+from freefloat.limits.limits import Limits, needed_stretch, violated
+from freefloat.motion.certificate import certify
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Motion
+from freefloat.motion.problem import Problem
+from freefloat.paths.time_segments import Speeds
+from freefloat.paths.timing import TimeLaw, Timing
+from freefloat.planning.candidates import ScreenedCandidate
+from freefloat.planning.evaluator import evaluator_for
+from freefloat.planning.limits.trials import OVER
+from freefloat.planning.path_planner import plan_within
+from freefloat.planning.plan import Plan
+from freefloat.planning.simulation import SimulatedBranch, simulate
+from freefloat.planning.space.disturbances import tolerance
+from freefloat.planning.timing.speed_profile import INTERVALS, fastest_speeds, limit_usage
+
+_MOST, _AGREE = 12, 5e-4
+"""Plans with momentum or drift at most, and relative difference of durations that agree."""
+_FEWER = 128
+"""Intervals of the timing in these plans with limits of torques, to which they are adapted: the
+duration is that of 400 to 0.01 %. Every motion of the map passes all of them."""
+_INSIDE = 0.999
+"""Fraction of the limits to be used in these plans: the motion depends on the timing."""
+_SLOWER, _SLOWDOWNS = 2.0, 16
+"""Factor on the duration up to which a scene that tumbles may slow it down, and how many are tried;
+the duration of the plan is among them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Retiming:
+    """A plan with the fastest timing of its path.
+
+    Attributes:
+        plan: With that timing; infeasible where it does not keep its limits or its margin.
+        before: Duration that the plan had [s].
+        agrees: Whether the timing is the fastest of the plan's own motion. With momentum or drift
+            the motion depends on the timing; it is False where no timing was found that does.
+        usage: Fraction of the duration during which a limit is used up to one percent, by limit.
+    """
+
+    plan: Plan
+    before: float
+    agrees: bool
+    usage: Mapping[str, float] = field(repr=False)
+
+    @property
+    def duration(self) -> float:
+        """Duration of the fastest timing [s]."""
+        return self.plan.problem.path.duration
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document of ``freefloat retime``."""
+        return {
+            "before": self.before,
+            "agrees": self.agrees,
+            "usage": dict(self.usage),
+            **self.plan.to_dict(),
+        }
+
+
+def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None = None) -> Retiming:
+    """Find the fastest timing of a plan's path under its limits of rates and torques.
+
+    Without momentum and drift spacecraft and arm follow the same configurations, at other times:
+    margin, ranges and attitude tolerance remain. Otherwise the motion is another one: the attitude
+    remains where the motion from it keeps margin and limits at its own fastest timing, and the
+    path is planned again where it does not, until timing and motion agree. Where the arm would be
+    too near to a tumbling body, the timing is slowed down until it is not. Without limits of joint
+    torques accelerations are not limited: the speed changes as fast as the intervals of the timing
+    permit.
+
+    Args:
+        plan: A feasible plan with limits of joint rates, joint torques or the spacecraft's rate.
+        threads: As for :func:`~freefloat.planning.planner.plan`.
+        progress: Called with the fraction done, in [0, 1], where the path is planned again.
+
+    Raises:
+        InputError: If the plan is not feasible, has none of these limits, or its path has stops or
+            moves with a body.
+
+    Example:
+        >>> scenario = ff.load_scenario("planar_2dof/line")
+        >>> plan = ff.plan(scenario.problem(), limits=scenario.limits())
+        >>> fastest = ff.retime(plan)
+        >>> fastest.plan.feasible, round(fastest.duration / fastest.before, 1)
+        (True, 0.5)
+    """
+    require_type("plan", plan, Plan, "a Plan, such as plan(...) or load(...)")
+    limits, chosen = plan.limits or Limits(), plan.chosen
+    if chosen is None or not plan.feasible:
+        raise InputError("plan", "it is not feasible", "a feasible plan")
+    if (body := plan.problem.path.frame) is not None:
+        accepted = "a path that does not depend on time"
+        raise InputError("path.frame", f"it moves with {body}", accepted)
+    if plan.problem.path.timing.stops:
+        raise InputError("timing.stops", "the path has stops", "a path without stops")
+    if not limits.timed:
+        accepted = "joint_rate, joint_torque or base_rate"
+        raise InputError("limits", "none of them depends on the timing", accepted)
+    if plan.problem.depends_on_timing:
+        return _iterated(plan, chosen, limits, threads, progress)
+    problem = _retimed(plan.problem, fastest_speeds(chosen.motion, limits))
+    result = _moved(plan, chosen, problem, limits)
+    stretch = needed_stretch(result.limit_results)
+    if stretch > 1.0:
+        result = _moved(plan, chosen, problem.stretched(stretch * OVER), limits)
+    if not result.feasible and problem.scene.tumbles:
+        result = _slowed(plan, chosen, result, limits)
+    return _retiming(_completed(result, limits, threads), plan, agrees=True)
+
+
+def _slowed(plan: Plan, before: SimulatedBranch, fastest: Plan, limits: Limits) -> Plan:
+    """The plan with the first of some slower timings that keeps its limits, or the fastest one."""
+    problem = fastest.problem
+    slowest = max(_SLOWER, plan.problem.path.duration / problem.path.duration)
+    for factor in np.geomspace(1.0, slowest, _SLOWDOWNS + 1)[1:]:
+        result = _moved(plan, before, problem.stretched(float(factor)), limits)
+        if result.feasible:
+            return result
+    return fastest
+
+
+def _retimed(problem: Problem, speeds: Speeds) -> Problem:
+    timing = Timing(speeds[-1][0], TimeLaw.OPTIMAL, speeds=speeds)
+    return replace(problem, path=replace(problem.path, timing=timing))
+
+
+def _moved(plan: Plan, before: SimulatedBranch, problem: Problem, limits: Limits) -> Plan:
+    """The plan with the motion from the same state at another timing; its states are the same."""
+    start = before.motion.initial
+    chosen = simulate(problem, start.attitude, joints=start.joints).chosen
+    chosen = replace(chosen, branch=before.branch)
+    results = LimitChecker(problem, limits).results(chosen.motion)
+    broken = ", ".join(str(result.limit) for result in violated(results))
+    reason = f"its fastest timing violates {broken}" if broken else plan.reason
+    samples = None if plan.map is None else replace(plan.map, problem=problem)
+    return replace(
+        plan, problem=problem, chosen=chosen, limit_results=results, map=samples, stretch=1.0,
+        feasible=chosen.feasible and not violated(results), reason=reason,
+    )  # fmt: skip
+
+
+def _completed(plan: Plan, limits: Limits, threads: int | None) -> Plan:
+    """The plan with the certificate, contact and tolerances of its motion."""
+    if plan.chosen is None:
+        return plan
+    motion, tolerances = plan.chosen.motion, plan.tolerance
+    if tolerances is not None:
+        integrator = evaluator_for(plan.problem, threads, limits, plan.search).integrator
+        tolerances = tolerance(integrator, motion.initial.attitude, motion.initial.joints)
+    contact = self_contact(motion, plan.limit_results)
+    return replace(plan, certificate=certify(motion), contact=contact, tolerance=tolerances)
+
+
+def _iterated(
+    plan: Plan,
+    held: SimulatedBranch,
+    limits: Limits,
+    threads: int | None,
+    progress: Progress | None,
+) -> Retiming:
+    """Plan and retime until the duration does not change.
+
+    The state whose motion has the timing is held where it keeps margin and limits.
+    """
+    problem = _held(held.motion, limits)
+    for number in range(_MOST):
+        step = step_of(progress, number / _MOST, (number + 1) / _MOST)
+        known = ScreenedCandidate(held.motion.initial.attitude, held.branch.index)
+        current = plan_within(
+            problem, known, search=plan.search, limits=limits, threads=threads, progress=step,
+            known_first=True,
+        )  # fmt: skip
+        if current.chosen is None or not current.chosen.motion.completed:
+            break
+        held = current.chosen
+        following = _held(held.motion, limits)
+        if current.feasible and _agree(problem, following):
+            return _retiming(current, plan, agrees=True)
+        problem = following
+    return _retiming(replace(current, feasible=False), plan, agrees=False)
+
+
+def _held(motion: Motion, limits: Limits) -> Problem:
+    """The problem with the fastest timing of the motion from the same state, where one is found."""
+    start = motion.initial
+    intervals = INTERVALS if limits.joint_torque is None else _FEWER
+    for _ in range(_MOST):
+        before = motion.problem
+        problem = _retimed(before, fastest_speeds(motion, limits, _INSIDE, intervals))
+        motion = integrate_motion(problem, start.attitude, start.joints)
+        if _agree(before, problem) or not motion.completed:
+            break
+    return problem
+
+
+def _agree(first: Problem, second: Problem) -> bool:
+    return abs(second.path.duration - first.path.duration) <= _AGREE * first.path.duration
+
+
+def _retiming(result: Plan, plan: Plan, *, agrees: bool) -> Retiming:
+    usage: dict[str, float] = {}
+    if result.chosen is not None:
+        usage = limit_usage(result.chosen.motion, result.limits or Limits())
+    return Retiming(result, plan.problem.path.duration, agrees, usage)

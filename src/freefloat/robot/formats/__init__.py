@@ -1,0 +1,1 @@
+"""Robots in other formats: xacro and MJCF."""

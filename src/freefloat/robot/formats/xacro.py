@@ -1,0 +1,120 @@
+"""URDF text of xacro files; runs in a process of its own.
+
+A xacro file is a program in a small language. Its expressions are those of
+:mod:`freefloat.robot.formats.expressions`; it may read XML and YAML files, and nothing else.
+"""
+
+from __future__ import annotations
+
+import re
+import xml.dom.minidom
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from freefloat.errors import ModelError, one_line
+from freefloat.robot.formats.expressions import evaluate
+from freefloat.robot.formats.reader_process import UrdfText
+from freefloat.robot.names import NAMED_PACKAGE, PACKAGES, find_package, read_text
+
+_REFUSED = ("type", "vars")
+"""Functions of xacro that reach Python's classes."""
+_PREFIX = re.compile(r"<class '[^']*'>: ")
+"""Name of an exception's class in messages of xacro."""
+
+
+def read(file: str, packages: Mapping[str, str]) -> UrdfText:
+    """The URDF that a xacro file makes, all arguments at their defaults.
+
+    Files that it includes are relative to the file that includes them. ``$(find NAME)`` finds
+    packages by name, else among the folders above the file and those of ROS.
+
+    Args:
+        file: The file.
+        packages: Folders of packages, by name.
+
+    Raises:
+        ModelError: If xacro is not installed, or the file has errors.
+    """
+    try:
+        import xacro
+        from xacro import process_file  # a folder called xacro has none
+    except ImportError:
+        accepted = "after: pip install 'freefloat[xacro]', or a URDF"
+        raise ModelError("urdf", "xacro is not installed here", accepted, file) from None
+    _confine(xacro, Path(file), packages)
+    try:
+        return UrdfText(process_file(file, mappings={}, verbosity=0).toxml())
+    except MemoryError:
+        raise
+    except Exception as error:  # of any kind: macros evaluate expressions
+        causes = tuple(_causes(error))
+        for cause in causes:
+            if isinstance(cause, ModelError | MemoryError):
+                raise cause from None
+        text, reason = _PREFIX.sub("", str(error)), str(causes[-1])
+        text = text.replace(reason, "", text.count(reason) - 1) or type(causes[-1]).__name__
+        problem = f"xacro refuses it ({one_line(' '.join(text.split()))})"
+        source = next((name for name in reversed(xacro.filestack) if name), file)
+        raise ModelError("urdf", problem, "a valid xacro file", source) from None
+
+
+def _causes(error: object) -> Iterator[object]:
+    """An exception of xacro and those that it wraps."""
+    while error is not None:
+        yield error
+        error = getattr(error, "exc", None)
+
+
+def _confine(xacro: Any, file: Path, packages: Mapping[str, str]) -> None:
+    """Replace what evaluates expressions, reads files or looks around on this machine."""
+    from xacro import substitution_args
+
+    def parse(_: None, name: str) -> xml.dom.minidom.Document:
+        path = Path(name)
+        if not path.exists():  # xacro looks for this error where an include is optional
+            xacro.filestack.pop()
+            problem = f"there is no file {name}"
+            raise xacro.XacroException(exc=FileNotFoundError(problem))
+        return _document(path)
+
+    def find(package: str) -> str:
+        folder = packages.get(package) or find_package(package, file)
+        if folder is None:
+            problem = f"there is no folder of the package {package} {PACKAGES}"
+            raise ModelError("urdf", problem, NAMED_PACKAGE.format(package), str(file))
+        return str(folder)
+
+    def load_yaml(name: str) -> Any:
+        if not name.endswith((".yaml", ".yml")):
+            raise xacro.XacroException(f"{name} is no .yaml file")
+        read_text(Path(xacro.abs_filename_spec(name)))  # refuses devices and large files
+        return xacro.load_yaml(name)
+
+    def refuse(text: str, context: object = None) -> None:
+        problem = f"$({'env' if context is None else 'eval'} {text}) is not evaluated"
+        raise ModelError("urdf", problem, "$(optenv NAME DEFAULT) or ${...}", xacro.filestack[-1])
+
+    xacro.safe_eval = evaluate
+    xacro.parse = parse
+    substitution_args._eval_find = find
+    substitution_args._eval_dirname = lambda _: str(Path(xacro.filestack[-1]).parent)
+    substitution_args._eval_env = substitution_args._eval = refuse
+    substitution_args._eval_optenv = lambda name, default="": default
+    symbols = xacro._global_symbols
+    for name in _REFUSED:
+        symbols["python"].pop(name, None)
+    symbols["load_yaml"] = symbols["xacro"]["load_yaml"] = load_yaml
+
+
+def _document(path: Path) -> xml.dom.minidom.Document:
+    """An XML file; entities could expand without bound, or read other files."""
+    try:
+        text = read_text(path)
+    except ValueError as error:
+        raise ModelError("urdf", str(error), "a readable xacro file", str(path)) from None
+    declaration = text.find("<!DOCTYPE")
+    if declaration >= 0:
+        line = text.count("\n", 0, declaration) + 1
+        raise ModelError("urdf", "it declares a DTD", "XML without <!DOCTYPE>", str(path), line)
+    return xml.dom.minidom.parseString(text)

@@ -1,0 +1,124 @@
+"""Other engines that repeat a motion: MuJoCo and Basilisk."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from freefloat.dynamics.momentum import inertia_matrices
+from freefloat.errors import InputError
+from freefloat.motion.motion import Motion
+from freefloat.verification.comparisons import Check, error_check, path_tolerances
+from freefloat.verification.engines import basilisk, mujoco
+from freefloat.verification.engines.forward import ForwardRun, Reference
+from freefloat.verification.engines.mujoco import InverseRun
+from freefloat.verification.engines.mujoco_model import Engine, engine_module
+from freefloat.verification.gravity import CircularOrbit, GravityRun, gravity_run
+from freefloat.verification.report import BASILISK, ENGINES, MUJOCO
+
+_WRENCH = 1e-4
+"""Allowed wrench on the base as a fraction of the largest torque."""
+_ROUNDING = 1e-9
+"""Wrench added to what is allowed, as a fraction of I / T² (I: trace of the system's inertia, T:
+duration): rounding, for arms that hardly move."""
+_MOMENTUM = 1e-6
+"""Allowed deviation of MuJoCo's momentum, as a fraction of |h| + I / T."""
+_DRIFT = 1e-3
+"""Allowed deviation of the final attitude of a simulation [rad]."""
+
+
+@dataclass(frozen=True)
+class EngineRuns:
+    """What an engine computed along a motion; None where it did not.
+
+    Attributes:
+        inverse: Inverse dynamics.
+        forward: Its own integration.
+        gravity: Effect of gravity gradient.
+    """
+
+    inverse: InverseRun | None = None
+    forward: ForwardRun | None = None
+    gravity: GravityRun | None = None
+
+
+def require_engine(engine: str) -> None:
+    """Check that an engine is known and installed.
+
+    Raises:
+        InputError: If it is not.
+    """
+    if engine not in ENGINES:
+        raise InputError("engine", f"{engine!r} was given", ", ".join(ENGINES))
+    if engine == MUJOCO:
+        engine_module()
+    elif engine == BASILISK:
+        basilisk.require_basilisk()
+
+
+def engine_runs(engine: str, motion: Motion, orbit: CircularOrbit | None = None) -> EngineRuns:
+    """Repeat a motion with an engine.
+
+    Args:
+        engine: Its name.
+        motion: The recorded motion.
+        orbit: Simulate it with gravity gradient, too.
+
+    Raises:
+        InputError: If the engine has no model of the robot.
+    """
+    reference, inverse = Reference.of(motion), None
+    final_state = partial(basilisk.final_state, motion)
+    if engine == MUJOCO:
+        robot = Engine(motion.problem.model, motion.problem.wheel_momentum)
+        inverse = mujoco.inverse_run(motion, robot)
+        final_state = partial(mujoco.final_state, motion, robot)
+    states = [final_state(reference, on) for on in ([None] if orbit is None else [None, orbit])]
+    forward = ForwardRun.of(motion, states[0], reference.steps)
+    gravity = None if orbit is None else gravity_run(motion, orbit, *states)
+    return EngineRuns(inverse, forward, gravity)
+
+
+def engine_checks(engine: str, motion: Motion, runs: EngineRuns) -> list[Check]:
+    """The checks of what an engine computed."""
+    problem, checks = motion.problem, list[Check]()
+    if runs.inverse is not None:
+        inverse, duration = runs.inverse, problem.path.duration
+        inertia = float(np.trace(inertia_matrices(problem.model, motion.initial.joints)[0]))
+        momentum = _MOMENTUM * (float(np.linalg.norm(problem.momentum)) + inertia / duration)
+        wrench = _WRENCH * inverse.torque + _ROUNDING * inertia / duration**2
+        checks += [
+            error_check("mujoco: end-effector position", inverse.end_effector,
+                        path_tolerances(motion)[0], "m", None),
+            error_check("mujoco: angular momentum", inverse.momentum, momentum, "N m s", None),
+            error_check("mujoco: wrench on the base", inverse.wrench, wrench, "N m",
+                        inverse.wrench_time, "inverse dynamics has a wrench on the free base"),
+        ]  # fmt: skip
+    if runs.forward is not None:
+        checks.append(_attitude_check(engine, runs.forward, _DRIFT))
+    return checks
+
+
+def forward_checks(engine: str, motion: Motion, steps: int, allowed: float) -> Iterator[Check]:
+    """Simulate a motion with an engine; no check without another engine.
+
+    Args:
+        engine: Its name.
+        motion: The recorded motion.
+        steps: Number of steps.
+        allowed: Deviation of the final attitude [rad].
+    """
+    if engine == MUJOCO:
+        robot = Engine(motion.problem.model, motion.problem.wheel_momentum)
+        yield _attitude_check(engine, mujoco.forward_run(motion, robot, steps=steps), allowed)
+    elif engine == BASILISK:
+        yield _attitude_check(engine, basilisk.forward_run(motion, steps=steps), allowed)
+
+
+def _attitude_check(engine: str, run: ForwardRun, allowed: float) -> Check:
+    words = "with joint servos the final attitude differs"
+    name = f"{engine}: final attitude"
+    return error_check(name, run.attitude, allowed, "rad", run.until, words)

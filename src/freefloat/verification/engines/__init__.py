@@ -1,0 +1,1 @@
+"""Other engines: MuJoCo and Basilisk."""

@@ -1,0 +1,194 @@
+"""A motion repeated with MuJoCo: inverse dynamics, and a forward simulation with joint servos."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.motion.motion import Motion, State
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array
+from freefloat.verification.engines.forward import (
+    STIFFNESS,
+    ForwardRun,
+    Reference,
+    base_velocity,
+    displacements,
+    known_span,
+)
+from freefloat.verification.engines.mujoco_model import Engine
+from freefloat.verification.gravity import CircularOrbit
+
+_INSTANTS = 61
+_SAMPLES = 15
+"""Samples around an instant."""
+_DEGREE = 6
+"""Degree of the polynomials fitted to them."""
+_WINDOW = 5e-3
+"""Half the time over which a motion is differentiated, as a fraction of its duration."""
+_WINDOW_ANGLE = 0.1
+"""Largest displacement in that time [rad, m]."""
+_WITHIN = 0.49
+"""The same time as a fraction of a smooth segment, at most."""
+_SHORTEST = 0.02
+"""Fraction of that time that suffices for derivatives."""
+
+
+@dataclass(frozen=True)
+class InverseRun:
+    """Inverse dynamics along the recorded motion.
+
+    Attributes:
+        wrench: Largest moment on the base, forces times the reach of the arm [N m].
+        wrench_time: When [s].
+        torque: Largest joint torque [N m or N].
+        momentum: Largest deviation of the angular momentum [N m s].
+        end_effector: Largest distance of the end-effector from its path [m].
+        looks: Number of instants.
+    """
+
+    wrench: float
+    wrench_time: float
+    torque: float
+    momentum: float
+    end_effector: float
+    looks: int
+
+
+def inverse_run(motion: Motion, engine: Engine) -> InverseRun:
+    """Inverse dynamics of the recorded positions, differentiated twice."""
+    first, last = known_span(motion)
+    problem, window = motion.problem, _window(motion, first, last)
+    reach = VirtualManipulator.of(problem.model).reach
+    rows = []
+    for t, half in _instants(motion, first, last, window):
+        wrench, torque = engine.inverse(*_differentiated(motion, t, half))
+        rows.append((
+            t,
+            max(reach * np.abs(wrench[:3]).max(), np.abs(wrench[3:]).max()),
+            np.abs(torque).max(),
+            np.linalg.norm(engine.angular_momentum() - problem.momentum),
+            _off_path(motion, engine, t),
+        ))  # fmt: skip
+    values = np.array(rows)
+    _, wrench, torque, momentum, distance = values.max(axis=0).tolist()
+    when = float(values[values[:, 1].argmax(), 0])
+    return InverseRun(wrench, when, torque, momentum, distance, len(rows))
+
+
+def _window(motion: Motion, first: float, last: float) -> float:
+    """Half the time over which to differentiate [s], short if the system tumbles."""
+    passed = np.abs(np.diff(motion.times))
+    known = (motion.times[1:] <= last) & (motion.times[:-1] <= last) & (passed > 0.0)
+    fastest = float((displacements(motion)[known] / passed[known]).max(initial=0.0))
+    return min(_WINDOW * (last - first), _WINDOW_ANGLE / max(fastest, 1e-300))
+
+
+def _instants(
+    motion: Motion, first: float, last: float, window: float
+) -> list[tuple[float, float]]:
+    """Instants [s], and half the time over which to differentiate there.
+
+    Accelerations, or their slopes, jump where segments of the time law or of the path meet; an
+    instant keeps to one segment.
+    """
+    breaks = motion.problem.path.breaks
+    edges = np.array([first, *breaks[(breaks > first) & (breaks < last)], last])
+    instants = []
+    for t in np.linspace(first, last, _INSTANTS).tolist():
+        segment = min(int(np.searchsorted(edges, t, "right")), len(edges) - 1)
+        low, high = edges[segment - 1 : segment + 1].tolist()
+        half = min(window, _WITHIN * (high - low))
+        instants.append((float(np.clip(t, low + half, high - half)), half))
+    return [instant for instant in instants if instant[1] > _SHORTEST * window] or instants
+
+
+def _differentiated(motion: Motion, t: float, window: float) -> tuple[Array, Array, Array]:
+    """Position, attitude and joints, and their first two derivatives: a fit of samples.
+
+    The position is that of the spacecraft in the frame of the path.
+    """
+    places = chebyshev.chebpts1(_SAMPLES)
+    states = motion.sample(t + window * places)
+    drift = motion.problem.path.drift
+    rows = np.array([
+        np.concatenate([s.base_position + s.time * drift, s.attitude, s.joints]) for s in states
+    ])  # fmt: skip
+    fit = chebyshev.chebfit(places, rows, _DEGREE)
+    value, rate, acceleration = (
+        np.asarray(chebyshev.chebval(0.0, chebyshev.chebder(fit, k)) / window**k) for k in range(3)
+    )
+    return value, rate, acceleration
+
+
+def _off_path(motion: Motion, engine: Engine, t: float) -> float:
+    """Distance of MuJoCo's end-effector from the path [m]."""
+    position, _ = engine.end_effector()
+    rows = [row for row in motion.problem.task.rows if row < 3]
+    path = motion.problem.path
+    return float(np.linalg.norm((position - path.path.curve(path.timing.s(t)))[rows]))
+
+
+def forward_run(motion: Motion, engine: Engine, *, steps: int | None = None) -> ForwardRun:
+    """Simulate a free base with joint servos that follow the recorded joints.
+
+    Attitude and position of the spacecraft are not controlled: their deviations at the end are the
+    result.
+
+    Args:
+        motion: The recorded motion.
+        engine: Its robot.
+        steps: Number of steps; by default it follows from the length of the motion.
+    """
+    reference = Reference.of(motion, steps)
+    return ForwardRun.of(motion, final_state(motion, engine, reference), reference.steps)
+
+
+def final_state(
+    motion: Motion, engine: Engine, reference: Reference, orbit: CircularOrbit | None = None
+) -> State:
+    """The state at the end of such a simulation, with gravity gradient if an orbit is given.
+
+    The servos are computed-torque controllers on MuJoCo's own mass matrix.
+    """
+    h, data = reference.step, engine.data
+    stiff, damp = (STIFFNESS / h) ** 2, 2.0 * STIFFNESS / h
+    start(motion, engine, reference.first, reference(reference.first, 1), motion.problem.model)
+    engine.rest(h)
+    for step in range(reference.steps):
+        t = reference.first + (step + 0.5) * h
+        M, bias = engine.inertia()
+        ahead = data.qpos[7:] + h / 2.0 * data.qvel[6:]
+        acceleration = (
+            reference(t, 2)
+            + damp * (reference(t, 1) - data.qvel[6:])
+            + stiff * (reference(t) - ahead)
+        )
+        base = -np.linalg.solve(M[:6, :6], M[:6, 6:] @ acceleration + bias[:6])
+        if orbit is not None:
+            engine.apply_gravity_gradient(orbit, t)
+        engine.step(M[6:, :6] @ base + M[6:, 6:] @ acceleration + bias[6:])
+    engine.data.xfrc_applied[:] = 0.0
+    drift = reference.last * motion.problem.path.drift
+    attitude = np.roll(data.qpos[3:7], -1)
+    return State(reference.last, attitude, np.array(data.qpos[7:]), data.qpos[:3] - drift)
+
+
+def start(motion: Motion, engine: Engine, t: float, rates: Array, model: FreeFloatingModel) -> None:
+    """Set the state of the motion at a time, in the frame of the path, with its momentum.
+
+    Args:
+        motion: Motion.
+        engine: MuJoCo's robot.
+        t: Time [s].
+        rates: Joint rates, shape (n,).
+        model: The robot that the engine simulates.
+    """
+    (state,), data = motion.sample(t), engine.data
+    position = state.base_position + t * motion.problem.path.drift
+    data.qpos[:] = [*position, *np.roll(state.attitude, 1), *state.joints]
+    data.qvel[:] = [*base_velocity(motion.problem, state, rates, model), *rates]
+    data.qacc[:] = 0.0

@@ -1,0 +1,211 @@
+"""Checks of what a plan states of other attitudes, momenta and durations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import tau
+
+import numpy as np
+
+from freefloat.attitude_grids import even_directions
+from freefloat.ensemble.feasibility import FeasibilityEvaluator, regularity
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.problem import Problem
+from freefloat.planning.candidates import Candidate
+from freefloat.planning.evaluator import evaluator_for
+from freefloat.planning.plan import Plan
+from freefloat.planning.planar_planner import heading_depth
+from freefloat.planning.plane.arcs import BranchRanges
+from freefloat.planning.plane.continuation import keeps_from_nearby
+from freefloat.planning.searches.adversary import Effort, violations
+from freefloat.planning.simulation import SimulatedBranch
+from freefloat.planning.space.disturbances import Tolerance
+from freefloat.planning.space.robust_radius import Surroundings
+from freefloat.so3 import Array, heading_quaternion
+from freefloat.verification.comparisons import Check, comparison_check
+
+_NEAR_END = 5e-4
+"""Distance of tested headings from the ends of ranges [rad]."""
+_PRECISE = 1e-8
+"""Tolerance of the motions from these headings."""
+_CIRCLE = 720
+"""Headings on the whole circle."""
+_EFFORT, _MOMENTUM_EFFORT = Effort(1024, 16), Effort(384, 12)
+"""Of the adversarial searches against robust radius and momentum tolerance."""
+_SEED = 31
+"""A seed other than the planner's."""
+_DIRECTIONS = 96
+"""Tested directions of momentum."""
+_PRECISE_COUNT = 3
+"""Number of worst directions that are integrated precisely."""
+_ANGLE = 1e-7
+"""Accuracy of the robust radius in the plane [rad]."""
+_INSIDE = 0.999
+"""Tolerances are tested slightly inside their ends."""
+
+
+def robustness_checks(plan: Plan, chosen: SimulatedBranch) -> Iterator[Check]:
+    """Check ranges of headings, robust radius and tolerances of a plan."""
+    stated = {} if plan.tolerance is None else plan.tolerance.to_dict()
+    for key, value in {"robust_radius": plan.robust_radius or 0.0, **stated}.items():
+        if not 0.0 <= value < np.inf:
+            yield Check("robustness", False, f"{key} is {value}", value)
+            return
+    evaluator = evaluator_for(plan.problem)
+    if plan.problem.task.planar:
+        yield _heading_check(plan, evaluator)
+        yield _depth_check(plan, chosen)
+        return
+    if plan.robust_radius:  # a radius of zero: nothing to check
+        yield _ball_check(evaluator, plan, chosen)
+    if plan.tolerance is not None:
+        yield _tolerance_check(evaluator, plan.tolerance, chosen)
+
+
+# --- in the plane -------------------------------------------------------------------------------
+
+
+def _heading_check(plan: Plan, evaluator: FeasibilityEvaluator) -> Check:
+    """Headings just inside the ends of ranges keep the margin, those just outside do not."""
+    probes = [probe for entry in plan.ranges for probe in _probes(entry)]
+    for heading, branch, stated in (*probes, *_contradictions(plan, evaluator)):
+        if plan.problem.redundant and not stated:
+            continue  # other configurations than those tried may be feasible there
+        if not plan.search.domain.contains(heading_quaternion(heading)):
+            continue
+        if _is_feasible(evaluator, heading, branch) is not stated:
+            degrees = float(np.degrees(heading % tau))
+            verb, where = ("violates", "in") if stated else ("keeps", "outside")
+            words = (
+                f"heading {degrees:.4f} deg {verb} the margin {where} a range of branch {branch}"
+            )
+            return Check("ranges of headings", False, words, stated, degrees, unit="deg")
+    words = f"{len(probes)} headings tested at ends and middles of ranges, and on the whole circle"
+    return Check("ranges of headings", True, words)
+
+
+def _probes(entry: BranchRanges) -> Iterator[tuple[float, int, bool]]:
+    """Headings at the ends and middles of ranges, their branch, and whether they are feasible."""
+    for span in entry.ranges:
+        inside = min(_NEAR_END, span.width / 2.0)
+        for heading in (span.middle, span.low + inside, span.high - inside):
+            yield heading, entry.branch, True
+        outside = (span.low - _NEAR_END, span.high + _NEAR_END) if span.causes else ()
+        for heading in outside:
+            if entry.depth(heading) < 0.0:
+                yield heading, entry.branch, False
+
+
+def _contradictions(
+    plan: Plan, evaluator: FeasibilityEvaluator
+) -> Iterator[tuple[float, int, bool]]:
+    """Headings at which an ensemble of motions on the whole circle contradicts the ranges."""
+    problem = plan.problem
+    headings = np.linspace(0.0, tau, _CIRCLE // evaluator.sample_reduction, endpoint=False)
+    outcomes = evaluator.evaluate(heading_quaternion(headings), stop_at_margin=True)
+    feasible = problem.margin.keeps(outcomes.margins)
+    if problem.redundant:
+        feasible = np.array(feasible.any(axis=1, keepdims=True))
+    stated = {entry.branch: entry for entry in plan.ranges}
+    for branch in sorted({*range(feasible.shape[1]), *stated}):
+        entry = stated.get(branch)
+        known = branch < feasible.shape[1]
+        column = feasible[:, branch] if known else np.zeros(len(headings), bool)
+        for heading, keeps in zip(headings.tolist(), column.tolist(), strict=True):
+            depth = -np.pi if entry is None else entry.depth(heading)
+            if keeps is not (depth > 0.0) and abs(depth) > _NEAR_END:
+                yield heading, branch, depth > 0.0
+
+
+def _is_feasible(evaluator: FeasibilityEvaluator, heading: float, branch: int) -> bool:
+    """Whether the precise motion of an arm branch keeps the margin.
+
+    Of a redundant arm, whether that of any configuration does, of those tried at the heading or of
+    those near them at headings nearby.
+    """
+    attitude, problem = heading_quaternion(heading), evaluator.problem
+    tried = any(
+        _keeps_margin(problem, attitude, start.joints)
+        for start in problem.branches(attitude)
+        if problem.redundant or start.index == branch
+    )
+    return tried or (problem.redundant and bool(keeps_from_nearby(evaluator, attitude).any()))
+
+
+def _keeps_margin(problem: Problem, attitude: Array, joints: Array) -> bool:
+    return integrate_motion(
+        problem, attitude, joints, stop_at_margin=True, tolerance=_PRECISE
+    ).completed
+
+
+def _depth_check(plan: Plan, chosen: SimulatedBranch) -> Check:
+    """The robust radius is the distance of the heading from the end of its range."""
+    depth = heading_depth(plan.ranges, chosen)
+    return comparison_check("robust radius", plan.robust_radius, depth, _ANGLE, "rad")
+
+
+# --- in space -----------------------------------------------------------------------------------
+
+
+def _ball_check(evaluator: FeasibilityEvaluator, plan: Plan, chosen: SimulatedBranch) -> Check:
+    """No adversarial search finds an attitude outside within the robust radius."""
+    radius, redundant = plan.robust_radius or 0.0, plan.problem.redundant
+    branch = None if redundant else chosen.branch.index
+    around = Surroundings.of(evaluator, [Candidate(chosen.motion.initial.attitude, branch)])
+    outside = violations(around.regularity, min(radius, np.pi), _EFFORT, _SEED)
+    attitudes, _ = around.rotated(outside, np.zeros(len(outside), np.int64))
+    failed = sum(not (redundant and keeps_from_nearby(evaluator, a).any()) for a in attitudes)
+    words = (
+        f"{_EFFORT.samples} attitudes within {np.degrees(radius):.4g} deg, and {_EFFORT.descents} "
+        f"descents from the worst of them: {failed} infeasible"
+    )
+    return Check("robust radius", not failed, words, radius, float(failed), 0.0, "attitudes fail")
+
+
+def _tolerance_check(
+    evaluator: FeasibilityEvaluator, tolerance: Tolerance, chosen: SimulatedBranch
+) -> Check:
+    """Motions with the tolerated momenta and durations keep the margin, from the same start.
+
+    Momenta are searched for by adversarial searches; the worst of many directions and the durations
+    are integrated precisely.
+    """
+    problem, start = evaluator.problem, chosen.motion.initial
+    directions = even_directions(_DIRECTIONS)
+    tolerated = _INSIDE * tolerance.momentum
+
+    def values(deviations: Array) -> Array:
+        K = len(deviations)
+        states = np.tile(start.attitude, (K, 1)), np.tile(start.joints, (K, 1))
+        motions = evaluator.integrator.integrate(*states, momenta=problem.momentum + deviations)
+        return regularity(motions, problem.margin.threshold)
+
+    outside = violations(values, tolerated, _MOMENTUM_EFFORT, _SEED)
+    if len(outside):
+        h = np.round(problem.momentum + outside[0], 6).tolist()
+        words = f"the momentum {h} N m s violates the margin or nears another singularity"
+        return Check("tolerance", False, words, tolerance.momentum, unit="N m s")
+    momenta = problem.momentum + tolerated * directions
+    states = np.tile(start.attitude, (_DIRECTIONS, 1)), np.tile(start.joints, (_DIRECTIONS, 1))
+    ensemble = evaluator.integrator.integrate(*states, momenta=momenta)
+    worst = [*momenta[np.argsort(ensemble.minimum)[:_PRECISE_COUNT]]]
+    problems = [replace(problem, momentum=h) for h in worst]
+    if problem.depends_on_timing:
+        duration = problem.path.duration
+        factors = tolerance.shortest / _INSIDE / duration, tolerance.longest * _INSIDE / duration
+        problems += [_scaled(problem, factor) for factor in factors]
+    for changed in problems:
+        if not _keeps_margin(changed, start.attitude, start.joints):
+            h = np.round(changed.momentum, 6).tolist()
+            words = f"the momentum {h} N m s violates the margin"
+            return Check("tolerance", False, words, tolerance.momentum, unit="N m s")
+    words = f"{_DIRECTIONS} momenta tested, {len(problems)} of them precisely, and durations"
+    return Check("tolerance", True, words, tolerance.momentum, unit="N m s")
+
+
+def _scaled(problem: Problem, factor: float) -> Problem:
+    """The problem with the momenta and the drift of a motion at another speed."""
+    path = replace(problem.path, drift=problem.path.drift * factor)
+    wheels = problem.wheel_momentum * factor
+    return replace(problem, path=path, momentum=problem.momentum * factor, wheel_momentum=wheels)

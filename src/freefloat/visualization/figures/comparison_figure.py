@@ -1,0 +1,85 @@
+"""Figure of several motions side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from freefloat.errors import InputError
+from freefloat.io.formats.trajectory import Trajectory
+from freefloat.motion.motion import Motion
+from freefloat.visualization.figure_style import (
+    BLACK,
+    PAGE,
+    PALE,
+    axis_label,
+    legend_above,
+    new_figure,
+    styled,
+)
+from freefloat.visualization.figures.motion_figures import (
+    attitude_curves,
+    draw_curves,
+    joint_names,
+    joint_scale,
+    mark_times,
+    shown_times,
+)
+
+_MOST = 4
+"""Columns that are readable on a page."""
+
+
+@styled
+def comparison_figure(motions: Mapping[str, Motion]) -> Figure:
+    """Return a figure with a column for each motion: measure, attitude and joints over time.
+
+    Each quantity has one scale in all columns; motions with another measure or unit have their own.
+
+    Args:
+        motions: Two to four motions by title.
+
+    Raises:
+        InputError: If there are more or fewer.
+    """
+    if not 2 <= len(motions) <= _MOST:
+        problem = f"{len(motions)} motions cannot be compared in one figure"
+        raise InputError("files", problem, f"2 to {_MOST}")
+    problems = [motion.problem for motion in motions.values()]
+    kinds = {(problem.margin.measure.name, problem.task.planar) for problem in problems}
+    figure = new_figure(PAGE, 5.0)
+    panels: Any = figure.subplots(
+        3, len(motions), sharex="col", sharey="row" if len(kinds) == 1 else "none"
+    )
+    for column, (title, motion) in zip(panels.T, motions.items(), strict=True):
+        _draw(column, motion)
+        column[0].set_title(f"{title}: {motion.ending.name.lower()}", loc="left")
+    figure.align_ylabels()
+    return figure
+
+
+def _draw(panels: Any, motion: Motion) -> None:
+    """Draw the panels of one motion."""
+    problem = motion.problem
+    trajectory = Trajectory.of(motion, shown_times(motion))
+    measure, threshold = problem.margin.measure, problem.margin.threshold
+    scale, unit = joint_scale(problem.model)
+    attitude, angles, names = attitude_curves(problem, trajectory)
+    sign = np.sign(trajectory.measure[0])
+    panels[0].axhspan(0.0, sign * threshold, color=PALE, linewidth=0.0, zorder=0)
+    panels[0].axhline(0.0, color=BLACK, linewidth=0.6)
+    curves = [
+        (f"$S$ ({measure.name})", trajectory.measure[:, None], ("S",), measure.unit),
+        ("heading" if problem.task.planar else attitude, angles, names, "deg"),
+        ("joints", scale * trajectory.joints, joint_names(problem.model), unit),
+    ]
+    for panel, (quantity, values, names, quantity_unit) in zip(panels, curves, strict=True):
+        draw_curves(panel, trajectory.times, values, names)
+        panel.set_ylabel(axis_label(quantity, quantity_unit))
+        mark_times(panel, motion)
+        if len(names) > 1:
+            legend_above(panel)
+    panels[-1].set_xlabel(axis_label("time", "s"))

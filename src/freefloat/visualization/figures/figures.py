@@ -1,0 +1,193 @@
+"""Figures of results by name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import tau
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from freefloat.concurrency import Progress
+from freefloat.errors import UnreachableError, require_type
+from freefloat.limits.limits import Limits
+from freefloat.motion.extrema import closest_approach
+from freefloat.motion.motion import Motion
+from freefloat.motion.problem import Problem
+from freefloat.planning.evaluator import evaluator_for
+from freefloat.planning.phases.manoeuvre import Manoeuvre
+from freefloat.planning.plan import Plan
+from freefloat.planning.plane.arcs import BranchRanges
+from freefloat.planning.plane.heading_map import HeadingMap, sample_headings
+from freefloat.planning.simulation import Simulation, simulate
+from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.so3 import heading_of, heading_quaternion
+from freefloat.visualization.figure_style import Figures, styled
+from freefloat.visualization.figures.angle_figures import angles_figure
+from freefloat.visualization.figures.manoeuvre_figure import manoeuvre_figure
+from freefloat.visualization.figures.map_figures import histogram_figure, slices_figure
+from freefloat.visualization.figures.motion_figures import motion_figures
+from freefloat.visualization.figures.planar_figures import headings_figure, joint_space_figure
+from freefloat.visualization.figures.scene_figures import snapshots_figure, workspace_figure
+from freefloat.visualization.figures.singularity_figures import singularity_figures
+from freefloat.visualization.scenes.drawn_path import with_drawn_path
+from freefloat.visualization.slices import Mark, map_marks, map_slices
+from freefloat.workspace.planar import has_two_angle_form
+from freefloat.workspace.regions import workspace_regions
+from freefloat.workspace.singularity_map import SingularityMap
+
+_HEADINGS = 720
+_TITLES = {
+    "workspace": "Workspace and path",
+    "joint_space": "Singularities and motions in joint space",
+    "headings": "Minimum margin by initial heading",
+    "snapshots": "Robot along the motion",
+    "motion": "Motion",
+    "margin": "Singularity measure of the motion",
+    "momentum": "Errors of the motion",
+    "angles": "Pointing and turn of the spacecraft",
+    "map_slices": "Minimum margin by initial attitude",
+    "map_histogram": "Distribution of the minimum margin",
+    "singularities": "Singularities in joint space",
+    "slices": "Singularities in slices of the joint space",
+    "manoeuvre": "Manoeuvre",
+}
+_ACCEPTED = "a Plan, Manoeuvre, AttitudeMap, HeadingMap, SingularityMap, Simulation or Motion"
+_TITLE_HEIGHT = 0.15
+"""Height that a title takes [inch]."""
+
+
+def figures(
+    result: Plan | Manoeuvre | AttitudeMap | HeadingMap | Simulation | Motion | SingularityMap,
+    *,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Figures:
+    """Return the figures of a result by name; a notebook shows them.
+
+    Motions and simulations: ``snapshots``, ``motion``, ``margin`` and ``momentum``; where the
+    spacecraft's turn or the pointing of axes is limited ``angles``. Maps:
+    ``headings``, or ``map_slices`` and ``map_histogram``. Plans: ``workspace``, the figures of
+    their motion and map, and in the plane ``headings`` (if a heading reaches the path) and
+    ``joint_space`` (if S depends on two joint angles). Maps of the joint space:
+    ``singularities``, or ``slices`` if det A depends on more than two joints. Manoeuvres:
+    ``manoeuvre`` over all phases, and those of the plan of their first path.
+
+    Args:
+        result: Result to draw.
+        threads: Number of threads; all available by default.
+        progress: Called with the fraction done, in [0, 1].
+
+    Raises:
+        InputError: If the result is of another class.
+
+    Example:
+        >>> plan = ff.plan(ff.load_scenario("planar_2dof/line").problem())
+        >>> sorted(ff.figures(plan))
+        ['headings', 'joint_space', 'margin', 'momentum', 'motion', 'snapshots', 'workspace']
+    """
+    drawn = Figures(_figures(result, threads, progress))
+    for name, figure in drawn.items():
+        _add_title(figure, _TITLES[name])
+    return drawn
+
+
+@styled
+def _add_title(figure: Figure, title: str) -> None:
+    figure.set_figheight(figure.get_figheight() + _TITLE_HEIGHT)
+    figure.suptitle(title)
+
+
+def _figures(result: Any, threads: int | None, progress: Progress | None) -> dict[str, Figure]:
+    if isinstance(result, Simulation):
+        motion = result.chosen.motion
+        return _figures(motion, threads, progress) | _angles(motion, result.limits)
+    if isinstance(result, Motion):
+        motion = with_drawn_path(result)
+        areas = workspace_regions(motion.problem)
+        closest = closest_approach(motion, motion.problem.margin.measure)
+        return {"snapshots": snapshots_figure(motion, areas)} | motion_figures(motion, closest)
+    if isinstance(result, AttitudeMap):
+        return _map_figures(result, map_marks(result), threads, progress)
+    if isinstance(result, HeadingMap):
+        return {"headings": headings_figure(result)} if result.branches else {}
+    if isinstance(result, SingularityMap):
+        return singularity_figures(result)
+    if isinstance(result, Manoeuvre):
+        return {"manoeuvre": manoeuvre_figure(result)} | _plan_figures(
+            result.path, threads, progress
+        )
+    require_type("result", result, Plan, _ACCEPTED)
+    return _plan_figures(result, threads, progress)
+
+
+def _map_figures(
+    result: AttitudeMap, marks: Sequence[Mark], threads: int | None, progress: Progress | None
+) -> dict[str, Figure]:
+    slices = map_slices(evaluator_for(result.problem, threads), marks, progress)
+    drawn = {"map_slices": slices_figure(result, slices)}
+    if result.results.exist.any():
+        drawn["map_histogram"] = histogram_figure(result)
+    return drawn
+
+
+def _plan_figures(plan: Plan, threads: int | None, progress: Progress | None) -> dict[str, Figure]:
+    problem, chosen = plan.problem, plan.chosen
+    areas = workspace_regions(problem)
+    drawn = {"workspace": workspace_figure(problem, areas)}
+    marks = []
+    heading = None
+    if chosen is not None:
+        initial, branch = chosen.motion.initial.attitude, chosen.branch.index
+        name = "chosen" if plan.feasible else "infeasible"
+        marks.append(Mark(name, initial, branch))
+        heading = branch, heading_of(initial)
+    if plan.search.from_attitude is not None:
+        marks.append(Mark("now", plan.search.from_attitude))
+    if problem.task.planar:
+        if has_two_angle_form(problem.model, problem.task):
+            drawn["joint_space"] = joint_space_figure(problem, _compared_motions(plan))
+        headings = sample_headings(evaluator_for(problem, threads), _HEADINGS, progress=progress)
+        if headings.branches:
+            drawn["headings"] = headings_figure(headings, plan.ranges, heading)
+    if chosen is not None:
+        drawn["snapshots"] = snapshots_figure(chosen.motion, areas)
+        drawn |= motion_figures(chosen.motion, chosen.closest_approach)
+        drawn |= _angles(chosen.motion, plan.limits)
+    if plan.map is not None:
+        drawn |= _map_figures(plan.map, marks, threads, progress)
+    if progress is not None:
+        progress(1.0)
+    return drawn
+
+
+def _angles(motion: Motion, limits: Limits | None) -> dict[str, Figure]:
+    if limits is None or not limits.attitude.number:
+        return {}
+    return {"angles": angles_figure(motion, limits.attitude)}
+
+
+def _compared_motions(plan: Plan) -> list[Motion]:
+    """Return the chosen motion and an infeasible motion of the same arm branch."""
+    if plan.chosen is None:
+        return []
+    branch = plan.chosen.branch.index
+    ranges = next((entry for entry in plan.ranges if entry.branch == branch), None)
+    other = None if ranges is None else _infeasible_motion(plan.problem, ranges)
+    return [plan.chosen.motion] if other is None else [plan.chosen.motion, other]
+
+
+def _infeasible_motion(problem: Problem, entry: BranchRanges) -> Motion | None:
+    """Return a motion from the middle of the widest gap between ranges, if it reaches the path."""
+    limits = np.array(entry.limits)
+    middles = (limits + np.diff(limits, append=limits[:1] + tau) / 2.0) % tau
+    depths = [(entry.depth(float(m)), float(m)) for m in middles]
+    outside = [pair for pair in depths if pair[0] < 0.0]
+    if not outside:
+        return None
+    try:
+        branches = simulate(problem, heading_quaternion(min(outside)[1])).branches
+    except UnreachableError:
+        return None
+    return next((b.motion for b in branches if b.branch.index == entry.branch), None)

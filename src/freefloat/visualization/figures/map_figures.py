@@ -1,0 +1,176 @@
+"""Figures of maps over all attitudes: slices of the rotation-vector ball, histograms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Patch
+
+from freefloat.ensemble.endings import COMPLETED, LIMITED, SINGULAR, UNREACHED
+from freefloat.ensemble.feasibility import has_wrist_flipped_branches
+from freefloat.ik.branches import branch_name
+from freefloat.motion.margin import keeps_threshold
+from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.so3 import Array
+from freefloat.visualization.figure_style import (
+    BLUE,
+    COLUMN,
+    GREY,
+    MARGIN_LINE,
+    PAGE,
+    PALE,
+    VERMILION,
+    axis_label,
+    digits,
+    draw_point,
+    new_figure,
+    styled,
+)
+from freefloat.visualization.slices import Slice, rotation_vectors
+
+_COMPONENTS = ("x", "y", "z")
+_SHADES = "viridis"
+_MARKERS = {
+    "best": ("*", 11.0), "chosen": ("*", 11.0), "robust": ("D", 6.0), "nearest": ("^", 7.0),
+}  # fmt: skip
+_OTHER_MARKER = ("o", 6.0)
+_BINS = 48
+_TITLE_LENGTH = 58
+"""Characters that fit above a histogram."""
+
+
+@styled
+def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
+    """Return the figure of the best branch's minimum margin in slices, a row per mark.
+
+    Args:
+        result: Map with the measure and its range.
+        slices: Three slices per mark.
+    """
+    rows = len(slices) // 3
+    threshold = result.problem.margin.threshold
+    figure = new_figure(PAGE, 0.75 + 2.2 * rows)
+    panels = figure.subplots(rows, 3, squeeze=False).ravel()
+    highest = max(result.largest_margin, *(float(np.nanmax(plane.margins)) for plane in slices))
+    norm = Normalize(threshold, max(highest, threshold))
+    for axes, plane in zip(panels, slices, strict=True):
+        shown = _draw_slice(axes, plane, norm)
+    if highest > threshold:
+        bar = figure.colorbar(shown, ax=panels.tolist(), shrink=0.9, aspect=30.0, pad=0.02)
+        bar.set_label(_label(result, " of the best arm branch"))
+        bar.ax.spines["outline"].set_linewidth(0.6)
+    below = f"all branches below the margin {digits(threshold)}"
+    entries: list[Any] = [
+        Patch(facecolor=PALE, edgecolor=GREY, linewidth=0.5, label=below),
+        Patch(facecolor="white", edgecolor=GREY, linewidth=0.5, hatch="////",
+              label="start of the path not reached"),
+    ]  # fmt: skip
+    marks = {str(line.get_label()): line for axes in panels for line in axes.get_lines()}
+    handles = [*marks.values(), *entries]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    return figure
+
+
+def _label(result: AttitudeMap, words: str = "") -> str:
+    measure = result.problem.margin.measure
+    return axis_label(f"minimum |{measure.name}|{words}", measure.unit)
+
+
+def _draw_slice(axes: Any, plane: Slice, norm: Normalize) -> Any:
+    """Draw a slice: coloured if feasible, grey if not, hatched if the start is not reached."""
+    ticks = np.degrees(plane.ticks)
+    inside = ~np.isnan(plane.margins)
+    radius = np.degrees(np.sqrt(max(0.0, np.pi**2 - plane.offset**2)))
+    ball = Circle((0.0, 0.0), radius, facecolor="white", edgecolor=GREY, linewidth=0.8)
+    axes.add_patch(ball)
+    axes.add_patch(Circle((0.0, 0.0), radius, fill=False, edgecolor=GREY, linewidth=0.0,
+                          hatch="////"))  # fmt: skip
+    below = np.where(inside & plane.reached & (plane.margins == 0.0), 1.0, np.nan)
+    feasible = np.where(inside & (plane.margins > 0.0), plane.margins, np.nan)
+    style = {"shading": "nearest", "rasterized": True, "clip_path": ball, "zorder": 2}
+    axes.pcolormesh(ticks, ticks, below, cmap=ListedColormap([PALE]), **style)
+    shown = axes.pcolormesh(ticks, ticks, feasible, cmap=_SHADES, norm=norm, **style)
+    right, up = plane.across
+    if plane.mark is not None:
+        place = np.degrees(rotation_vectors(plane.mark.attitude[None])[0])
+        marker, size = _MARKERS.get(plane.mark.name, _OTHER_MARKER)
+        draw_point(
+            axes, place[[right, up]], marker, size, markerfacecolor=VERMILION,
+            markeredgecolor="white", markeredgewidth=0.8, label=plane.mark.name, zorder=4,
+        )  # fmt: skip
+    _frame(axes, plane)
+    return shown
+
+
+def _frame(axes: Any, plane: Slice) -> None:
+    """Set limits, ticks, labels and the title."""
+    right, up = (_COMPONENTS[component] for component in plane.across)
+    axes.set(xlim=(-188.0, 188.0), ylim=(-188.0, 188.0), aspect="equal")
+    axes.set(xticks=np.arange(-180, 181, 90), yticks=np.arange(-180, 181, 90))
+    axes.grid(visible=False)
+    axes.set_xlabel(axis_label(rf"rotation vector, $\rho_{right}$", "deg"))
+    axes.set_ylabel(axis_label(rf"$\rho_{up}$", "deg"), labelpad=0.0)
+    name = "centre" if plane.mark is None else plane.mark.name
+    degrees = np.degrees(plane.offset)
+    axes.set_title(rf"{name}: $\rho_{_COMPONENTS[plane.normal]}={degrees:.1f}$°")
+
+
+@styled
+def histogram_figure(result: AttitudeMap) -> Figure:
+    """Return the figure of the minimum margin's distribution over attitudes, per arm branch.
+
+    The titles give the percentages of all outcomes.
+    """
+    groups = result.branch_margins()
+    names = result.branch_labels()
+    flipped = has_wrist_flipped_branches(result.problem)
+    margin = result.problem.margin
+    rows = max(1, len(groups))
+    figure = new_figure(COLUMN, 0.5 + 0.85 * rows)
+    panels = figure.subplots(rows, 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+    highest = max((float(values.max()) for _, values in groups), default=0.0)
+    edges = np.linspace(0.0, highest if highest > 0.0 else 1.0, _BINS + 1)
+    for axes, (branch, values) in zip(panels, groups, strict=False):
+        _draw_bars(axes, values, edges, margin.threshold)
+        name = f"{names[branch][:-1]}±" if flipped else branch_name(names[branch])
+        feasible, *others = _percentages(result, branch, values)
+        lines = fill(", ".join(others), _TITLE_LENGTH)
+        axes.set_title(f"{name}: {feasible}\n{lines}", fontsize=7.0, loc="left")
+    panels[-1].set_xlabel(_label(result))
+    figure.supylabel("attitudes [%]", fontsize=8.0)
+    return figure
+
+
+def _draw_bars(axes: Any, values: Array, edges: Array, margin: float) -> None:
+    """Draw bars, blue for feasible motions and grey below the margin, and the margin as a line."""
+    weight = np.full(len(values), 100.0 / len(values))
+    feasible = keeps_threshold(values, margin)
+    parts = (feasible, ~feasible & (values > 0.0))
+    axes.hist(
+        [values[part] for part in parts], edges, weights=[weight[part] for part in parts],
+        color=[BLUE, GREY], stacked=True, linewidth=0.0,
+    )  # fmt: skip
+    if margin > 0.0:
+        axes.axvline(margin, **MARGIN_LINE)
+
+
+def _percentages(result: AttitudeMap, branch: int | None, values: Array) -> list[str]:
+    """Return the percentages of attitudes by best outcome of their branches."""
+    endings = result.results.motions.endings[:, slice(None) if branch is None else [branch]]
+    outcomes = {
+        "keep the margin": result.problem.margin.keeps(values),
+        "fall below": (endings == COMPLETED).any(axis=1),
+        "violate a limit": (endings == LIMITED).any(axis=1),
+        "become singular": (endings == SINGULAR).any(axis=1),
+        "stopped early": (endings != UNREACHED).any(axis=1),
+        "not reached": np.ones(len(values), dtype=bool),
+    }
+    first = np.argmax(np.vstack([*outcomes.values()]), axis=0)
+    parts = zip(outcomes, np.bincount(first, minlength=len(outcomes)) / len(values), strict=True)
+    return [f"{100.0 * part:.1f} % {words}" for words, part in parts
+            if part > 0.0 or words == "keep the margin"]  # fmt: skip

@@ -1,0 +1,207 @@
+"""Figures of a motion over time: joints and attitude, singularity measure, errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.spatial.transform import Rotation
+
+from freefloat.io.formats.trajectory import Trajectory
+from freefloat.motion.extrema import ClosestApproach
+from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.problem import Problem
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array
+from freefloat.visualization.figure_style import (
+    BLACK,
+    BLUE,
+    GREY,
+    MARGIN_LINE,
+    PAGE,
+    PALE,
+    VERMILION,
+    axis_label,
+    digits,
+    draw_point,
+    legend_above,
+    new_figure,
+    styled,
+)
+
+_SAMPLES = 401
+_BOUNDED = 0.97
+"""Initial fraction of a singular motion whose rates set the axis limits."""
+_HEADROOM = 1.5
+_AXES = ("$x$", "$y$", "$z$")
+
+
+def motion_figures(motion: Motion, closest: ClosestApproach) -> dict[str, Figure]:
+    """Return the figures of a motion: ``motion``, ``margin`` and ``momentum``.
+
+    Args:
+        motion: The motion.
+        closest: Closest approach of the motion to a singularity.
+    """
+    trajectory = Trajectory.of(motion, shown_times(motion))
+    return {
+        "motion": _motion_figure(motion, trajectory),
+        "margin": _margin_figure(motion, trajectory, closest),
+        "momentum": _momentum_figure(motion),
+    }
+
+
+def shown_times(motion: Motion) -> Array:
+    """Return evenly spaced times and those of the integration nodes [s]."""
+    even = np.linspace(motion.times.min(), motion.times.max(), _SAMPLES)
+    return np.unique(np.concatenate([even, motion.times]))
+
+
+def euler_angles(attitudes: Array) -> Array:
+    """Return rotation angles about x, the new y and the new z axis [deg], without jumps, (K, 3)."""
+    angles = Rotation.from_quat(attitudes).as_euler("XYZ")
+    return np.asarray(np.degrees(np.unwrap(angles, axis=0)))
+
+
+def headings(attitudes: Array) -> Array:
+    """Return headings of a planar spacecraft [deg], without jumps from [0, 360), shape (K,)."""
+    angles = np.unwrap(2.0 * np.arctan2(attitudes[:, 2], attitudes[:, 3]))
+    return np.asarray(np.degrees(angles - 2.0 * np.pi * np.floor(angles[0] / (2.0 * np.pi))))
+
+
+def joint_scale(model: FreeFloatingModel) -> tuple[float, str]:
+    """Return factor and unit of joint values in figures: degrees where all joints are revolute."""
+    prismatic = any(body.prismatic for body in model.bodies[1:])
+    return (1.0, "rad, m") if prismatic else (np.degrees(1.0), "deg")
+
+
+def joint_names(model: FreeFloatingModel) -> list[str]:
+    """Return the names of the joints in legends."""
+    return [f"$q_{{{number}}}$" for number in range(1, model.dof + 1)]
+
+
+def attitude_curves(problem: Problem, trajectory: Trajectory) -> tuple[str, Array, Sequence[str]]:
+    """Return quantity, values [deg], shape (K, 1) or (K, 3), and names of attitude angles."""
+    if problem.task.planar:
+        return "attitude", headings(trajectory.attitudes)[:, None], ("heading",)
+    return "x-y-z Euler angles", euler_angles(trajectory.attitudes), _AXES
+
+
+def draw_curves(axes: Any, times: Array, values: Array, names: Sequence[str]) -> None:
+    """Draw the columns of values (K, C) that have names over times (K,)."""
+    axes.plot(times, values[:, : len(names)], label=list(names))
+
+
+@styled
+def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
+    """Return the figure of joints, attitude, rates and positions (Figs. 8 and 11)."""
+    problem = motion.problem
+    figure = new_figure(PAGE, 5.0)
+    panels = figure.subplots(3, 2, sharex=True)
+    scale, unit = joint_scale(problem.model)
+    joints = joint_names(problem.model)
+    axes = _AXES[: 2 if problem.task.planar else 3]
+    spins = np.degrees(trajectory.angular_velocities)[:, 2 if problem.task.planar else 0 :]
+    spin_names = [rf"$\omega_{axis}$" for axis in ("z" if problem.task.planar else "xyz")]
+    rate_unit = ", ".join(f"{part}/s" for part in unit.split(", "))
+    curves = [
+        ("joints", scale * trajectory.joints, joints, unit),
+        ("joint rates", scale * trajectory.joint_rates, joints, rate_unit),
+        (*attitude_curves(problem, trajectory), "deg"),
+        ("spacecraft rate,\ninertial axes", spins, spin_names, "deg/s"),
+        ("end-effector,\ninertial axes", trajectory.end_effector_positions, axes, "m"),
+        ("spacecraft origin,\ninertial axes", trajectory.base_positions, axes, "m"),
+    ]
+    for panel, (quantity, values, names, quantity_unit) in zip(panels.flat, curves, strict=True):
+        draw_curves(panel, trajectory.times, values, names)
+        panel.set_ylabel(axis_label(quantity, quantity_unit))
+        mark_times(panel, motion, named=panel is panels[2, 1])
+        legend_above(panel)
+    if motion.ending is Ending.SINGULAR:
+        _limit_rates(panels[0, 1], scale * trajectory.joint_rates, motion, trajectory.times)
+        _limit_rates(panels[1, 1], spins, motion, trajectory.times)
+    for panel in panels[-1]:
+        panel.set_xlabel(axis_label("time", "s"))
+    figure.align_ylabels()
+    return figure
+
+
+def mark_times(axes: Any, motion: Motion, named: bool = False) -> None:
+    """Set the time axis; mark stops and the end of a motion that is not completed."""
+    axes.set_xlim(0.0, motion.problem.path.duration)
+    for index, stop in enumerate(motion.problem.path.timing.stops):
+        label = "at rest" if named and index == 0 else None
+        line = {"color": GREY, "linestyle": (0, (4, 3)), "linewidth": 0.8, "zorder": 1}
+        axes.axvline(stop.t, label=label, **line)
+    if not motion.completed:
+        label = motion.ending.name.lower() if named else None
+        axes.axvline(motion.final.time, color=VERMILION, linewidth=0.8, zorder=1, label=label)
+
+
+def _limit_rates(axes: Any, rates: Array, motion: Motion, times: Array) -> None:
+    """Limit the axis of rates, which are unbounded near a singularity."""
+    first, last = motion.initial.time, motion.final.time
+    early = np.abs(times - first) <= _BOUNDED * abs(last - first)
+    largest = float(np.nanmax(np.abs(rates[early]), initial=0.0))
+    if largest > 0.0:
+        axes.set_ylim(-_HEADROOM * largest, _HEADROOM * largest)
+
+
+@styled
+def _margin_figure(motion: Motion, trajectory: Trajectory, closest: ClosestApproach) -> Figure:
+    """Return the figure of S over time with the margin and the closest approach."""
+    measure, threshold = motion.problem.margin.measure, motion.problem.margin.threshold
+    figure = new_figure()
+    axes = figure.subplots()
+    axes.axhline(0.0, color=BLACK, linewidth=0.6)
+    axes.plot(trajectory.times, trajectory.measure, color=BLUE)
+    if threshold > 0.0:
+        level = closest.sign * threshold
+        axes.axhspan(0.0, level, color=PALE, linewidth=0.0, zorder=0)
+        axes.axhline(level, label=f"margin {digits(level)}", **MARGIN_LINE)
+    lowest = closest.sign * closest.value
+    singular = motion.ending is Ending.SINGULAR
+    name = "singular" if singular else f"minimum $|S|$ = {digits(closest.value)}"
+    label = f"{name} at {digits(closest.time)} s"
+    marker = "X" if singular else "o"
+    draw_point(
+        axes, np.array([closest.time, lowest]), marker, 4.0, color=BLACK, zorder=5, label=label
+    )
+    mark_times(axes, motion)
+    axes.set_xlabel(axis_label("time", "s"))
+    axes.set_ylabel(axis_label(f"$S$ ({measure.name})", measure.unit))
+    legend_above(axes)
+    return figure
+
+
+@styled
+def _momentum_figure(motion: Motion) -> Figure:
+    """Return the figure of momentum and end-effector errors at the integration nodes."""
+    figure = new_figure(height=3.2)
+    momentum, pose = figure.subplots(2, 1, sharex=True)
+    oriented = motion.problem.task.prescribes_orientation
+    position, orientation = motion.end_effector_errors.T
+    curves = [
+        (momentum, "momentum", motion.momentum_errors(motion.node_coordinates), "."),
+        (pose, "end-effector position", position, "."),
+    ]
+    if oriented:
+        curves.append((pose, "end-effector orientation", orientation, "x"))
+    for axes, name, errors, marker in curves:
+        shown = np.where(errors > 0.0, errors, np.nan)
+        colour = BLUE if marker == "." else VERMILION
+        axes.plot(
+            motion.times, shown, color=colour, linestyle="none", marker=marker, markersize=2.2,
+            markeredgewidth=0.6, label=name,
+        )  # fmt: skip
+    momentum.set_ylabel(axis_label("error", "N m s"))
+    pose.set_ylabel(axis_label("error", "m, rad" if oriented else "m"))
+    pose.set_xlabel(axis_label("time", "s"))
+    for axes in (momentum, pose):
+        axes.set_yscale("log")
+        mark_times(axes, motion)
+        legend_above(axes)
+    figure.align_ylabels()
+    return figure

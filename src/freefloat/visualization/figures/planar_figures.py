@@ -1,0 +1,183 @@
+"""Figures of planar problems: joint space, minimum margin over initial heading."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from freefloat.ik.branches import branch_name
+from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.problem import Problem
+from freefloat.planning.plane.arcs import BranchRanges
+from freefloat.planning.plane.heading_map import HeadingMap
+from freefloat.so3 import Array
+from freefloat.visualization.figure_style import (
+    BLACK,
+    BLUE,
+    COLUMN,
+    GREY,
+    MARGIN_LINE,
+    STROKES,
+    axis_label,
+    digits,
+    draw_point,
+    legend_above,
+    new_figure,
+    styled,
+)
+from freefloat.workspace.planar import PlanarArm, margin_curves, point_3, point_3_on_path
+
+_GRID = 361
+_FEASIBLE = "#CFE3EF"
+
+
+@styled
+def joint_space_figure(problem: Problem, motions: Sequence[Motion]) -> Figure:
+    """Return the figure of S = 0, S = +-S0, radii of point 3 and motions (Fig. 3).
+
+    Args:
+        problem: Planar problem whose S depends on two joint angles.
+        motions: Motions, the chosen motion first.
+    """
+    figure = new_figure(COLUMN, 3.9)
+    axes = figure.subplots()
+    arm = PlanarArm.of(problem.model)
+    margin = problem.margin
+    levels: list[tuple[float, Any, float]] = [(0.0, "-", 1.2)]
+    if margin.threshold > 0.0 and margin.measure.name == "system":  # the S of (21a)
+        levels += [(margin.threshold, (0, (5, 1.5)), 0.8), (-margin.threshold, (0, (1, 1.2)), 0.8)]
+    curves = margin_curves(arm, *(value for value, _, _ in levels))
+    for value, dashes, width in levels:
+        rows = _joined(np.degrees(curve.joints) for curve in curves if curve.level == value)
+        label = f"$S$ = {digits(value)}" + (" (singular)" if value == 0.0 else "")
+        axes.plot(*rows.T, color=BLACK, linestyle=dashes, linewidth=width, label=label)
+    _draw_distances(axes, problem, arm)
+    for motion, (colour, dashes) in zip(motions, STROKES, strict=False):
+        _draw_motion(axes, motion, colour, dashes)
+    axes.set(xlim=(-180.0, 180.0), ylim=(-180.0, 180.0), aspect="equal")
+    axes.set(xticks=np.arange(-180, 181, 90), yticks=np.arange(-180, 181, 90))
+    axes.set_xlabel(axis_label("$q_1$", "deg"))
+    axes.set_ylabel(axis_label("$q_2$", "deg"))
+    legend_above(axes, columns=3)
+    return figure
+
+
+def _joined(parts: Iterable[Array]) -> Array:
+    """Join curves, separated by NaN rows, shape (K, 2)."""
+    gap = np.full((1, 2), np.nan)
+    return np.vstack([row for part in parts for row in (part, gap)] or [gap])
+
+
+def _draw_distances(axes: Any, problem: Problem, arm: PlanarArm) -> None:
+    """Draw where point 3 has the radius of the start and of the end of the path (28)."""
+    axis = np.linspace(-np.pi, np.pi, _GRID)
+    radii = np.abs(point_3(arm, np.stack(np.meshgrid(axis, axis), axis=-1)))
+    last = problem.path.duration
+    for time, dashes, name in ((0.0, (0, (6, 2)), "start"), (last, (0, (1, 1.5)), "end")):
+        level = abs(point_3_on_path(problem, time))
+        if radii.min() < level < radii.max():
+            degrees = np.degrees(axis)
+            axes.contour(
+                degrees, degrees, radii, levels=[level], colors=[GREY], linestyles=[dashes],
+                linewidths=1.0,
+            )  # fmt: skip
+            axes.plot(
+                [], [], color=GREY, linestyle=dashes, linewidth=1.0, label=f"reaches the {name}"
+            )
+
+
+def _draw_motion(axes: Any, motion: Motion, colour: str, dashes: Any) -> None:
+    """Draw the first two joints of a motion, wrapped to 360 degrees, from an open circle."""
+    heading = np.degrees(2.0 * np.arctan2(*motion.initial.attitude[2:])) % 360.0
+    places = np.linspace(0.0, motion.panels, 12 * motion.panels + 1)
+    q = np.degrees(motion.evaluate(places)[2][:, :2])
+    rows = wrapped(q)
+    axes.plot(
+        *rows.T, color=colour, linestyle=dashes, linewidth=1.6, label=f"heading {digits(heading)}°",
+        zorder=4,
+    )  # fmt: skip
+    draw_point(axes, rows[0], "o", 4.5, color=colour, markerfacecolor="white", zorder=5)
+    marker = "X" if motion.ending is Ending.SINGULAR else "o"
+    draw_point(axes, rows[-1], marker, 4.5, color=colour, zorder=5)
+
+
+def wrapped(degrees: Array) -> Array:
+    """Return a curve (K, 2) wrapped to [-180, 180) [deg], with NaN rows at the jumps."""
+    inside = (degrees + 180.0) % 360.0 - 180.0
+    revolutions = np.round((degrees - inside) / 360.0)
+    (jumps,) = np.nonzero(np.diff(revolutions, axis=0).any(axis=1))
+    return np.insert(inside, jumps + 1, np.nan, axis=0)
+
+
+@styled
+def headings_figure(
+    result: HeadingMap,
+    ranges: Sequence[BranchRanges] = (),
+    chosen: tuple[int, float] | None = None,
+) -> Figure:
+    """Return the figure of the minimum margin over heading, with an axes per arm branch.
+
+    Args:
+        result: Map over headings.
+        ranges: Feasible heading ranges; by default those of the map's samples.
+        chosen: Branch and heading [rad] to mark.
+    """
+    curves = _curves(result, ranges)
+    measure = result.problem.margin.measure
+    figure = new_figure(COLUMN, 0.7 + 1.35 * len(curves))
+    panels = figure.subplots(len(curves), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (branch, name, values, spans) in zip(panels, curves, strict=True):
+        axes.plot(np.degrees(result.headings), values, color=BLUE, label=name)
+        for number, (low, high) in enumerate(spans):
+            label = "feasible" if number == 0 else None
+            axes.axvspan(low, high, color=_FEASIBLE, linewidth=0.0, zorder=0, label=label)
+        if (unreached := np.isnan(values)).any():
+            axes.fill_between(
+                np.degrees(result.headings), 0.0, 1.0, where=unreached, step="mid",
+                transform=axes.get_xaxis_transform(), facecolor="white", edgecolor=GREY,
+                hatch="////", linewidth=0.0, zorder=0, label="start out of reach",
+            )  # fmt: skip
+        margin = result.problem.margin.threshold
+        if margin > 0.0:
+            axes.axhline(margin, label=f"margin {digits(margin)}", **MARGIN_LINE)
+        if chosen is not None and branch in (None, chosen[0]):
+            axes.axvline(np.degrees(chosen[1]), color=BLACK, linestyle=":", label="chosen")
+        axes.set_xlim(0.0, 360.0)
+        axes.set_ylabel(axis_label(f"min |{measure.name}|", measure.unit))
+        legend_above(axes, columns=3 if unreached.any() else None)
+    panels[-1].set_xticks(np.arange(0, 361, 60))
+    panels[-1].set_xlabel(axis_label("initial heading", "deg"))
+    return figure
+
+
+def _curves(
+    result: HeadingMap, ranges: Sequence[BranchRanges]
+) -> list[tuple[int | None, str, Array, list[list[float]]]]:
+    """Return branch, name, minimum margins and feasible ranges [deg] per axes."""
+    margins = result.results.existing_margins
+    if ranges and result.problem.redundant:
+        with np.errstate(invalid="ignore"):
+            best = np.fmax.reduce(margins, axis=1)
+        return [(None, "best branch", best, ranges[0].degrees)]
+    known = {entry.branch: (branch_name(entry.label), entry.degrees) for entry in ranges}
+    curves: list[tuple[int | None, str, Array, list[list[float]]]] = []
+    labels = result.branch_labels()
+    for branch, values in zip(result.branches, margins.T, strict=True):
+        sampled = branch_name(labels[branch]), _sampled_spans(result, branch)
+        name, spans = known.get(branch, sampled)
+        curves.append((branch, name, values, spans))
+    return curves
+
+
+def _sampled_spans(result: HeadingMap, branch: int) -> list[list[float]]:
+    """Return runs of feasible samples in [0, 360] deg, those across zero split in two."""
+    spans = []
+    for region in result.regions:
+        if region.branch == branch:
+            low = (region.centre - region.size / 2.0) % 360.0
+            high = low + region.size
+            spans += [[low, high]] if high <= 360.0 else [[0.0, high - 360.0], [low, 360.0]]
+    return spans

@@ -1,0 +1,264 @@
+"""Figures of the workspace, of the path and of the robot at several instants."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Polygon, Wedge
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.problem import Problem
+from freefloat.so3 import Array
+from freefloat.visualization.figure_style import (
+    BLACK,
+    BLUE,
+    COLUMN,
+    GREEN,
+    GREY,
+    PAGE,
+    VERMILION,
+    axis_label,
+    digits,
+    draw_point,
+    legend_above,
+    new_figure,
+    styled,
+)
+from freefloat.visualization.figures.scene_outlines import (
+    draw_in_plane,
+    draw_in_space,
+    outline_points,
+)
+from freefloat.visualization.scenes.visuals import (
+    body_poses,
+    largest_box,
+    robot_visuals,
+    view_direction,
+)
+from freefloat.workspace.planar import Interval
+from freefloat.workspace.regions import Workspace
+
+_INSTANTS, _VIEWS = 5, 3
+"""Number of robots drawn in the plane and in space."""
+_LIGHTEST = 0.72
+_DEPENDENT, _INDEPENDENT = "#D0D0D0", "#E9F5EF"
+_FACES = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
+"""Corners of the faces of a box."""
+_FROM_ABOVE = [0, 2, 6, 4]
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """Box of the spacecraft and line of the arm in the inertial frame.
+
+    Attributes:
+        spacecraft: Corners of the box [m], z changing fastest, then y, shape (8, 3).
+        arm: Mount on the box, joints, end-effector [m], shape (n + 2, 3).
+    """
+
+    spacecraft: Array
+    arm: Array
+
+
+def outlines(motion: Motion, times: npt.ArrayLike) -> list[Outline]:
+    """Return the outlines of the robot at times of a motion [s], shape (K,).
+
+    Raises:
+        InputError: If a time lies outside the motion.
+    """
+    model = motion.problem.model
+    box = largest_box(robot_visuals(model), 0)
+    edges = box[[4, 2, 1]] - box[0]
+    fractions = edges @ (model.bodies[1].placement.position - box[0]) / (edges**2).sum(axis=1)
+    mount = box[0] + np.clip(fractions, 0.0, 1.0) @ edges  # point nearest to the first joint
+    positions, rotations = body_poses(motion, motion.coordinate_at(times))
+    return [
+        Outline(base + box @ R.T, np.vstack([base + R @ mount, arm]))
+        for (base, *arm), R in zip(positions, rotations[:, 0], strict=True)
+    ]
+
+
+@styled
+def workspace_figure(problem: Problem, workspace: Workspace) -> Figure:
+    """Return the figure of path-dependent and path-independent areas with the path.
+
+    In space the areas are spherical shells, drawn over the distance from the centre of mass.
+    """
+    figure = new_figure(COLUMN, COLUMN if problem.task.planar else 2.6)
+    axes = figure.subplots()
+    if problem.task.planar:
+        _draw_areas(axes, workspace)
+        _draw_path(axes, problem, workspace)
+    else:
+        _draw_distances(axes, problem, workspace)
+    legend_above(axes, columns=3)
+    return figure
+
+
+def _draw_distances(axes: Any, problem: Problem, workspace: Workspace) -> None:
+    """Distance of the path from the centre of mass over the areas."""
+    s, _, points = _sampled_path(problem, workspace)
+    for label, (low, high), colour in _labelled_areas(workspace):
+        axes.axhspan(low, high, color=colour, linewidth=0.0, zorder=0, label=label)
+    for radius in workspace.reach:
+        label = "reach" if radius == workspace.reach[1] else None
+        axes.axhline(radius, color=GREY, linewidth=0.7, label=label)
+    axes.plot(s, np.linalg.norm(points, axis=1), color=BLUE, label=workspace.point)
+    axes.set(xlim=(0.0, 1.0), ylim=(0.0, 1.05 * workspace.reach[1]))
+    axes.set_xlabel(axis_label("path parameter $s$", "1"))
+    axes.set_ylabel(axis_label("distance from centre", "m"))
+
+
+def _sampled_path(problem: Problem, workspace: Workspace | None) -> tuple[Array, Array, Array]:
+    """Path parameter (K,), positions of the end-effector and of the reference point (K, 3) [m]."""
+    s = np.linspace(0.0, 1.0, 301)
+    poses = [problem.path.pose_at(float(value)) for value in s]
+    offset = np.zeros(3) if workspace is None else workspace.offset
+    path = np.array([pose.position for pose in poses])
+    return s, path, path + np.array([pose.rotation @ offset for pose in poses])
+
+
+def _labelled_areas(workspace: Workspace) -> Iterator[tuple[str | None, Interval, str]]:
+    """Yield label (for the first of each kind), interval and colour of each area."""
+    names = "can be singular", "never singular"
+    if workspace.measure == "arm":  # shoulder and wrist can be singular in all areas
+        names = "measure arm can vanish", "measure arm cannot vanish"
+    areas = (workspace.path_dependent, _DEPENDENT), (workspace.path_independent, _INDEPENDENT)
+    for name, (intervals, colour) in zip(names, areas, strict=True):
+        for number, interval in enumerate(intervals or ()):
+            yield name if number == 0 else None, interval, colour
+
+
+@styled
+def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figure:
+    """Return the figure of the robot, and its scene, at several instants (Figs. 6, 7, 9 and 10).
+
+    Args:
+        motion: The motion.
+        workspace: Areas drawn behind a planar motion.
+    """
+    if motion.problem.task.planar:
+        figure = new_figure(COLUMN, COLUMN)
+        axes = figure.subplots()
+        draw_snapshots(axes, motion, workspace)
+        legend_above(axes, columns=3)
+        return figure
+    figure = new_figure(PAGE, 2.6)
+    views = figure.subplots(1, _VIEWS, subplot_kw={"projection": "3d"})
+    times = np.linspace(motion.initial.time, motion.final.time, _VIEWS)
+    robots = outlines(motion, times)
+    for axes, robot, time in zip(views, robots, times, strict=True):
+        _draw_in_space(axes, motion.problem, robot)
+        draw_in_space(axes, motion.problem, float(time))
+        axes.set_title(f"{digits(time)} s", y=1.0)
+    _mark_singular(views[-1], motion, 3)
+    bodies = np.array([[robot.spacecraft.mean(axis=0), *robot.arm[1:]] for robot in robots])
+    points = np.vstack([np.vstack([robot.spacecraft, robot.arm]) for robot in robots])
+    others = [p for time in times for _, p in outline_points(motion.problem, float(time))]
+    points = np.vstack([points, *others])
+    eye = view_direction([bodies], [np.mean(other, axis=0) for other in others])
+    _set_equal_cubes(views, points, eye)
+    handles, names = views[-1].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside lower center", ncols=len(handles))
+    return figure
+
+
+def draw_snapshots(axes: Any, motion: Motion, workspace: Workspace | None) -> None:
+    """Draw areas, path and a planar robot at evenly spaced instants, from light to dark.
+
+    The spacecraft is drawn at the first and the last instant only.
+    """
+    if workspace is not None:
+        _draw_areas(axes, workspace)
+    _draw_path(axes, motion.problem, workspace)
+    times = np.linspace(motion.initial.time, motion.final.time, _INSTANTS)
+    robots = outlines(motion, times)
+    draw_in_plane(axes, motion.problem, times)
+    shades = [f"{shade:.3f}" for shade in np.linspace(_LIGHTEST, 0.0, _INSTANTS)]
+    for k in (0, -1):
+        corners = robots[k].spacecraft[_FROM_ABOVE, :2]
+        axes.add_patch(Polygon(corners, closed=True, fill=False, edgecolor=shades[k]))
+    for robot, shade in zip(robots, shades, strict=True):
+        _draw_arm(axes, robot.arm[:, :2], shade)
+    _mark_singular(axes, motion, 2)
+
+
+def _draw_arm(axes: Any, points: Array, shade: str) -> None:
+    axes.plot(
+        *points.T, color=shade, linestyle="-", linewidth=1.4, marker="o", markersize=2.4,
+        markerfacecolor="white", zorder=4,
+    )  # fmt: skip
+
+
+def _mark_singular(axes: Any, motion: Motion, dimensions: int) -> None:
+    if motion.ending is Ending.SINGULAR:
+        position = motion.problem.path.pose(motion.final.time).position[:dimensions]
+        label = f"singular at {digits(motion.final.time)} s"
+        draw_point(axes, position, "X", 6.0, color=VERMILION, zorder=9, label=label)
+
+
+def _draw_areas(axes: Any, workspace: Workspace) -> None:
+    """Draw areas as rings, the reach as circles and the centre of mass."""
+    for label, (low, high), colour in _labelled_areas(workspace):
+        ring = Wedge(
+            (0.0, 0.0), high, 0.0, 360.0, width=high - low, facecolor=colour, linewidth=0.0,
+            zorder=0, label=label,
+        )  # fmt: skip
+        axes.add_patch(ring)
+    for radius in workspace.reach:
+        axes.add_patch(Circle((0.0, 0.0), radius, fill=False, edgecolor=GREY, linewidth=0.7))
+    axes.plot([], [], color=GREY, linestyle="-", linewidth=0.7, label="reach")
+    draw_point(axes, np.zeros(2), "+", 6.0, color=BLACK, label="centre of mass")
+
+
+def _draw_path(axes: Any, problem: Problem, workspace: Workspace | None) -> None:
+    """Draw a planar path and the path of the reference point (point 3 of the paper)."""
+    _, path, points = _sampled_path(problem, workspace)
+    axes.plot(*path[:, :2].T, color=BLUE, linestyle="-", linewidth=1.6, label="path")
+    if workspace is not None and workspace.offset.any():
+        style = {"color": GREEN, "linestyle": "--", "linewidth": 1.3}
+        axes.plot(*points[:, :2].T, label=workspace.point, **style)
+    _mark_ends(axes, path[:, :2])
+    axes.set_aspect("equal")
+    axes.set_xlabel(axis_label("$x$", "m"))
+    axes.set_ylabel(axis_label("$y$", "m"))
+
+
+def _mark_ends(axes: Any, path: Array) -> None:
+    for place, name, fill in ((path[0], "start", "white"), (path[-1], "end", BLUE)):
+        style = {"color": BLUE, "markerfacecolor": fill, "zorder": 6}
+        draw_point(axes, place, "s", 4.5, label=name, **style)
+
+
+def _draw_in_space(axes: Any, problem: Problem, robot: Outline) -> None:
+    _, path, _ = _sampled_path(problem, None)
+    axes.plot(*path.T, color=BLUE, linestyle="-", linewidth=1.6, label="path")
+    _mark_ends(axes, path)
+    faces = robot.spacecraft[_FACES]
+    style = {"facecolors": _DEPENDENT, "edgecolors": GREY, "linewidths": 0.6, "alpha": 0.45}
+    axes.add_collection3d(Poly3DCollection(faces, **style))
+    _draw_arm(axes, robot.arm, BLACK)
+
+
+def _set_equal_cubes(views: Any, points: Array, eye: Array) -> None:
+    """Show the same cube in all views, from a direction (3,)."""
+    azimuth, elevation = np.degrees([np.arctan2(eye[1], eye[0]), np.arcsin(eye[2])])
+    low, high = points.min(axis=0), points.max(axis=0)
+    half = float((high - low).max()) / 2.0
+    for axes in views:
+        for letter, middle in zip("xyz", (low + high) / 2.0, strict=True):
+            axis = getattr(axes, f"{letter}axis")
+            getattr(axes, f"set_{letter}lim")(middle - half, middle + half)
+            axis.set_major_locator(MaxNLocator(4, prune="both"))
+            axis.set_label_text(axis_label(f"${letter}$", "m"))
+            axis.labelpad = -4.0
+            axes.tick_params(axis=letter, pad=-2.0)
+        axes.set_box_aspect((1.0, 1.0, 1.0), zoom=0.86)
+        axes.view_init(elev=elevation, azim=azimuth)

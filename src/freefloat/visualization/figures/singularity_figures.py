@@ -1,0 +1,145 @@
+"""Figures of certified maps of the joint space: regions of a sign of det A, its zeros."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from freefloat.visualization.figure_style import (
+    BLACK,
+    COLUMN,
+    PAGE,
+    Figures,
+    axis_label,
+    new_figure,
+    styled,
+)
+from freefloat.visualization.scenes.joint_sections import (
+    Section,
+    influential_joints,
+    joint_unit,
+    section,
+)
+from freefloat.workspace.singularity_map import Kind, SingularityMap
+
+_RASTER = 360
+"""Cells of the raster, and intervals of the grid for det A = 0, across a panel."""
+_SHIFT = -1e-3
+"""Shift of the grid of revolute joints in revolutions: zeros at 180 degrees, which are also at -180
+degrees, are a whole line at one of the edges."""
+_COLOURS = ("#FBE3C0", "#7FB8DC", "#6E6E6E")
+"""Det A positive, negative, undecided: light, medium and dark in grey tones."""
+_LABELS = ("det A > 0", "det A < 0", "singular or undecided")
+_PAIRED = 4
+"""Joints of which all pairs are shown."""
+_CAPTION_LENGTH = 110
+
+
+def singularity_figures(found: SingularityMap, at: npt.ArrayLike | None = None) -> Figures:
+    """Return the figures of a map of the joint space by name.
+
+    ``singularities`` if det A depends on two joints; else ``slices`` over pairs of the four most
+    influential joints. Colours are those of the certified boxes, lines where det A vanishes.
+
+    Args:
+        found: Map of the joint space.
+        at: Values of all joints [rad or m], shape (n,), through which slices pass; by default a
+            configuration far from singularities.
+
+    Raises:
+        InputError: If ``at`` is not a finite value for each joint.
+
+    Example:
+        >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
+        >>> found = ff.singularity_map(model, "planar-position", np.radians(1.0))
+        >>> list(ff.figures(found))
+        ['singularities']
+    """
+    if len(found.joints) <= 2:
+        return Figures(
+            singularities=_plane_figure(section(found, influential_joints(found, 2), at))
+        )
+    joints = influential_joints(found, min(_PAIRED, len(found.joints)))
+    return Figures(slices=_slices_figure([section(found, p, at) for p in combinations(joints, 2)]))
+
+
+@styled
+def _plane_figure(plane: Section) -> Figure:
+    """Return the figure of the two joints on which det A depends."""
+    figure = new_figure(COLUMN, 3.8)
+    handles = _draw_section(figure.subplots(), plane)
+    figure.legend(handles=handles, loc="outside lower center", ncols=2)
+    return figure
+
+
+@styled
+def _slices_figure(planes: Sequence[Section]) -> Figure:
+    """Return the figure of sections over pairs of joints, with the other joints' values below."""
+    rows = len(planes) // 3
+    figure = new_figure(PAGE, 0.65 + 2.2 * rows)
+    panels = figure.subplots(rows, 3, squeeze=False).ravel()
+    handles: dict[str, Any] = {}
+    for axes, plane in zip(panels, planes, strict=True):
+        handles |= {str(handle.get_label()): handle for handle in _draw_section(axes, plane)}
+    shown = Section(planes[0].found, (), planes[0].at).constants()
+    caption = fill(f"The joints that are not on a panel's axes: {shown}.", _CAPTION_LENGTH)
+    figure.legend(
+        handles=list(handles.values()), title=caption, title_fontsize=7.0,
+        loc="outside lower center", ncols=len(handles),
+    )  # fmt: skip
+    return figure
+
+
+def _draw_section(axes: Any, plane: Section) -> list[Any]:
+    """Draw a section over two joints, the first one to the right, and return its legend's entries.
+
+    The zeros of det A are drawn where it changes its sign.
+    """
+    kinds = plane.found.kinds(plane.grid(plane.ticks((np.arange(_RASTER) + 0.5) / _RASTER)))
+    classes = np.clip(kinds.astype(int) - Kind.POSITIVE, 0, len(_COLOURS) - 1)
+    units = [joint_unit(plane.found, joint) for joint in plane.joints]
+    factors = np.array([factor for _, factor in units])
+    lower, upper = factors * plane.lower, factors * plane.upper
+    axes.imshow(
+        classes.reshape(_RASTER, _RASTER).T, cmap=ListedColormap(_COLOURS), origin="lower",
+        extent=(lower[0], upper[0], lower[1], upper[1]), aspect="auto", interpolation="nearest",
+        vmin=0, vmax=len(_COLOURS) - 1, zorder=0,
+    )  # fmt: skip
+    handles: list[Any] = [
+        Patch(facecolor=_COLOURS[k], edgecolor=BLACK, linewidth=0.4, label=_LABELS[k])
+        for k in np.unique(classes)
+    ]
+    revolute = [unit == "deg" for unit, _ in units]
+    shifts = _SHIFT * (plane.upper - plane.lower) * revolute
+    lines = plane.ticks(np.linspace(0.0, 1.0, _RASTER + 1))
+    ticks = [tick + shift for tick, shift in zip(lines, shifts, strict=True)]
+    values = plane.polynomial.values(plane.grid(ticks)).reshape(_RASTER + 1, _RASTER + 1)
+    if plane.signs_differ(values):
+        x, y = (factor * tick for factor, tick in zip(factors, ticks, strict=True))
+        axes.contour(x, y, values.T, levels=[0.0], colors=[BLACK], linewidths=0.9)
+        handles.append(Line2D([], [], color=BLACK, linewidth=0.9, label="det A = 0"))
+    _frame(axes, plane, units)
+    return handles
+
+
+def _frame(axes: Any, plane: Section, units: Sequence[tuple[str, float]]) -> None:
+    """Name the axes, and put ticks at quarters of a revolution."""
+    names = [plane.found.model.joint_names[joint] for joint in plane.joints]
+    axes.set_xlabel(axis_label(names[0], units[0][0]))
+    axes.set_ylabel(axis_label(names[1], units[1][0]), labelpad=0.0)
+    quarters = np.arange(-180, 181, 90)
+    if units[0][0] == "deg":
+        axes.set_xticks(quarters)
+    if units[1][0] == "deg":
+        axes.set_yticks(quarters)
+    axes.set_box_aspect(1.0)
+    axes.grid(visible=False)

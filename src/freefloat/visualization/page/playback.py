@@ -1,0 +1,274 @@
+"""Pages that play motions and show maps: files, notebook cells, a browser."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import html
+import json
+import re
+import sys
+import tempfile
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import meshcat
+import numpy as np
+
+from freefloat.errors import InputError, require_type
+from freefloat.io.files import written_beside
+from freefloat.motion.motion import Motion
+from freefloat.planning.joints.reorientation import Reorientation
+from freefloat.planning.phases.manoeuvre import Manoeuvre
+from freefloat.planning.plan import Plan
+from freefloat.planning.simulation import Simulation
+from freefloat.visualization.page.server import open_browser
+from freefloat.visualization.scenes.description import Samples
+from freefloat.visualization.scenes.manoeuvre_scene import manoeuvre_scene
+from freefloat.visualization.scenes.scene import motion_scene
+from freefloat.visualization.scenes.scene_builder import ROOT, Scene
+
+if TYPE_CHECKING:  # imports compiled kernels
+    from freefloat.planning.plane.heading_map import HeadingMap
+    from freefloat.planning.space.attitude_map import AttitudeMap
+    from freefloat.workspace.singularity_map import SingularityMap
+
+SIDE_BY_SIDE, ALL_PHASES = "side by side", "all phases"
+_HERE = Path(__file__).parent
+_MESHCAT = Path(meshcat.viewer_assets_path())
+VIEWER, PLAYER = _MESHCAT / "dist" / "main.min.js", _HERE / "player.js"
+"""Scripts of pages: MeshCat's viewer, and what plays a scene with it."""
+_ACCEPTED = (
+    "a Motion, Plan, Manoeuvre, Simulation, Reorientation, AttitudeMap, HeadingMap or "
+    "SingularityMap, or a Motion for each name"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Playback:
+    """A scene and its page.
+
+    Attributes:
+        scene: The scene.
+    """
+
+    scene: Scene = field(repr=False)
+
+    @property
+    def duration(self) -> float:
+        """Duration of the longest motion [s]; zero for a map."""
+        return self.scene.description.duration
+
+    @property
+    def titles(self) -> tuple[str, ...]:
+        """Titles of the motions, or of a map's arm branches."""
+        return tuple(scene.title for scene in self.scene.description.scenes)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Visuals of the robot's URDF that cannot be drawn, such as missing meshes."""
+        return self.scene.description.remarks
+
+    def scene_duration(self, title: str | None = None) -> float:
+        """Return the duration [s] of a motion by its title; of the first by default.
+
+        Raises:
+            InputError: If the title is unknown.
+        """
+        ends = {scene.title: scene.end for scene in self.scene.description.scenes}
+        if self.scene.description.sequence:
+            ends = {ALL_PHASES: self.duration, **ends}
+        elif len(ends) > 1:
+            ends[SIDE_BY_SIDE] = self.duration
+        title = next(iter(ends)) if title is None else title
+        if title not in ends:
+            raise InputError("scene", f"there is no {title!r}", ", ".join(ends))
+        return ends[title]
+
+    def html(self, opens: str | None = None) -> str:
+        """Return the page as HTML text; its content security policy forbids all requests.
+
+        Args:
+            opens: Title of the motion shown first, or ``"side by side"``.
+        """
+        parts = self.parts(opens)
+        texts = {
+            "TITLE": html.escape(self.scene.description.title),
+            "LICENCES": licences(),
+            "VIEWER": VIEWER.read_text(encoding="utf-8"),
+            **{key.upper(): parts[key] for key in ("scene", "tracks", "samples")},
+            "ABOUT": json.dumps(parts["about"], allow_nan=False).replace("<", "\\u003c"),
+            "PLAYER": PLAYER.read_text(encoding="utf-8"),
+        }
+        page = (_HERE / "page.html").read_text(encoding="utf-8")
+        return re.sub("@([A-Z]+)@", lambda match: texts[match[1]], page)
+
+    def parts(self, opens: str | None = None) -> dict[str, Any]:
+        """Return what ``player.js`` plays: the description ``about``, and packed commands.
+
+        Args:
+            opens: As for :meth:`html`.
+        """
+        description, animation = self.scene.description, self.scene.animation
+        samples = description.samples
+        return {
+            "about": {**description.to_dict(), "copies": self.scene.copies, "opens": opens},
+            "scene": _packed(self.scene.objects),
+            "tracks": _packed([] if animation is None else [animation]),
+            "samples": _packed([] if samples is None else _floats(samples)),
+        }
+
+    def save(self, path: str | Path, opens: str | None = None) -> Path:
+        """Write the page to a file, which needs no network, and return its path.
+
+        Args:
+            path: HTML file.
+            opens: Title of the motion shown first, or ``"side by side"``.
+
+        Raises:
+            InputError: If the file cannot be written.
+        """
+        with written_beside(Path(path)) as temporary:
+            temporary.write_text(self.html(opens), encoding="utf-8")
+        return Path(path)
+
+    def show(self, height: int = 600) -> None:
+        """Show the page in a notebook cell, or write a temporary file and open a browser.
+
+        Args:
+            height: Height of the cell [pixels].
+        """
+        ipython = sys.modules.get("IPython")  # which notebooks have imported
+        if ipython is not None and hasattr(ipython.get_ipython(), "kernel"):
+            ipython.display.display(ipython.display.HTML(self._repr_html_(height)))
+            return
+        folder = Path(tempfile.mkdtemp(prefix="freefloat-"))
+        open_browser(self.save(folder / "playback.html").as_uri())
+
+    def into(self, visualizer: meshcat.Visualizer) -> None:
+        """Send the scene to a visualizer, whose controls play the animation.
+
+        Panels, labels, the growing trail and the choice of a motion exist on pages only.
+
+        Args:
+            visualizer: Visualizer; its path becomes the root of the scene.
+        """
+        root = visualizer.path.lower()
+        for command in self.scene.commands():
+            for item in (command, *command.get("animations", ())):
+                if item["path"].startswith(f"/{ROOT}/"):
+                    item["path"] = root + item["path"].removeprefix(f"/{ROOT}")
+            visualizer.window.send(SimpleNamespace(lower=lambda command=command: command))
+
+    def _repr_html_(self, height: int = 600) -> str:
+        style = f"width: 100%; height: {height}px; border: 0"
+        frame = f'<iframe style="{style}" srcdoc="{html.escape(self.html())}"></iframe>'
+        return f"<div>{frame}</div>"  # IPython warns of a lone frame
+
+
+def _packed(commands: Iterable[bytes]) -> str:
+    """Commands, each after its length, compressed; an empty text without commands."""
+    raw = b"".join(len(command).to_bytes(4, "little") + command for command in commands)
+    return base64.b64encode(gzip.compress(raw, 6, mtime=0)).decode() if raw else ""
+
+
+def _floats(samples: Samples) -> list[bytes]:
+    """Points and margins of a map in single precision."""
+    arrays = samples.points, samples.margins
+    return [np.ascontiguousarray(array, dtype="<f4").tobytes() for array in arrays]
+
+
+def licences() -> str:
+    """Licences of MeshCat and of the code in it, as the text of a comment."""
+    names = ("LICENSE", "dist/main.min.js.LICENSE.txt")
+    texts = [(_MESHCAT / name).read_text(encoding="utf-8") for name in names]
+    return "MeshCat\n\n" + "\n".join(texts).replace("--", "- -")
+
+
+def show(result: Any, title: str = "freefloat", *, height: int = 600) -> None:
+    """Show a result in a notebook cell or a browser; see :func:`playback`.
+
+    Example:
+        >>> ff.show(ff.plan(ff.load_scenario("planar_2dof/line").problem()))
+    """
+    playback(result, title).show(height)
+
+
+def playback(
+    result: (
+        Motion
+        | Plan
+        | Simulation
+        | Reorientation
+        | Manoeuvre
+        | AttitudeMap
+        | HeadingMap
+        | SingularityMap
+        | Mapping[str, Motion]
+    ),
+    title: str = "freefloat",
+) -> Playback:
+    """Return the playback of a result.
+
+    Args:
+        result: A motion, motions by name, a plan (its chosen motion), a manoeuvre (its phases one
+            after another), a simulation (its arm branches), a reorientation or a map; see
+            :func:`singularity_scene` for maps of the joint space. Limits of pointing are drawn with
+            plans, manoeuvres and simulations.
+        title: Title of the page.
+
+    Raises:
+        InputError: If the result is of another class, or a plan without a motion.
+
+    Example:
+        >>> problem = ff.load_scenario("planar_2dof/line").problem()
+        >>> playback = ff.playback(ff.simulate(problem, [0.0, 0.0, 0.0, 1.0]))
+        >>> playback.titles
+        ('branch 0 elbow+', 'branch 1 elbow-')
+    """
+    if isinstance(result, Manoeuvre):
+        return Playback(manoeuvre_scene(result, title))
+    if isinstance(result, Motion | Plan | Simulation | Reorientation | Mapping):
+        limits = result.limits if isinstance(result, Plan | Simulation) else None
+        pointing = () if limits is None else limits.pointing
+        return Playback(motion_scene(_named_motions(result), title, pointing))
+    from freefloat.planning.plane.heading_map import HeadingMap
+    from freefloat.planning.space.attitude_map import AttitudeMap
+    from freefloat.visualization.scenes.heading_scene import heading_scene
+    from freefloat.visualization.scenes.map_scene import map_scene
+    from freefloat.visualization.scenes.singularity_scene import singularity_scene
+    from freefloat.workspace.singularity_map import SingularityMap
+
+    if isinstance(result, HeadingMap):
+        return Playback(heading_scene(result, title))
+    if isinstance(result, SingularityMap):
+        return Playback(singularity_scene(result, title))
+    require_type("result", result, AttitudeMap, _ACCEPTED)
+    return Playback(map_scene(result, title))
+
+
+def _named_motions(result: Any) -> dict[str, Motion]:
+    """Return the motions of a result by name; the chosen motion of a simulation first."""
+    if isinstance(result, Reorientation):
+        if result.motion is None:
+            accepted = "a reorientation with a motion"
+            raise InputError("result", f"it has no motion: {result.reason}", accepted)
+        return {"reorientation": result.motion}
+    if isinstance(result, Motion):
+        return {"motion": result}
+    if isinstance(result, Mapping):
+        for name, motion in result.items():
+            accepted = "a Motion for each name, such as simulate(...).chosen.motion"
+            require_type(f"motions.{name}", motion, Motion, accepted)
+        return dict(result)
+    if result.chosen is None:
+        problem = f"the plan has no motion: {result.reason}"
+        raise InputError("plan", problem, "a plan with a motion")
+    if not isinstance(result, Simulation) and not result.feasible:
+        return {f"{result.chosen.title}, {result.violation}": result.chosen.motion}
+    branches = result.branches if isinstance(result, Simulation) else (result.chosen,)
+    chosen_first = sorted(branches, key=lambda branch: branch is not result.chosen)
+    return {branch.title: branch.motion for branch in chosen_first}

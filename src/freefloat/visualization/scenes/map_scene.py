@@ -1,0 +1,184 @@
+"""Scenes of maps over all attitudes: points in the ball of rotation vectors.
+
+One scene per arm branch, and one for the best branch. One metre in the scene is one radian.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from meshcat import geometry as g
+
+from freefloat.ensemble.feasibility import has_wrist_flipped_branches
+from freefloat.ik.branches import branch_name
+from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.so3 import Array, Pose
+from freefloat.visualization.scenes.description import (
+    Label,
+    MarginColours,
+    Samples,
+    SceneDescription,
+    TitledScene,
+    View,
+)
+from freefloat.visualization.scenes.overlays import draw_axes, tube
+from freefloat.visualization.scenes.scene_builder import ROOT, Scene, SceneBuilder, node
+from freefloat.visualization.slices import Mark, map_marks, rotation_vectors
+
+FRONT, BACK = "Feasible, y < 0", "Feasible, y > 0"
+INFEASIBLE, UNREACHED, BOUNDARY = "Below the margin", "Start not reached", "Boundary"
+MARKS, BALL, AXES = "Marks", "Ball", "Axes"
+_PARTS = (FRONT, BACK, INFEASIBLE, UNREACHED)
+BEST_BRANCH = "best of all branches"
+
+_MAX_SAMPLES = 40_000
+"""Maximum number of samples drawn; a larger map is thinned at random."""
+_FEASIBLE, _OTHERS = (0.5, 0.12), (0.32, 0.09)
+"""Sizes of feasible and other points: fraction of the distance of samples, minimum [m]."""
+_EDGE, _MARK = 0.06, 0.07
+"""Size of boundary points and radius of marks [m]."""
+_WHITE = (0.95, 0.96, 0.98)
+_GREY = (0.45, 0.50, 0.60, 1.0)
+_MARK_COLOURS: dict[str, tuple[float, float, float, float]] = {
+    "best": (1.0, 0.25, 0.45, 1.0), "robust": (0.75, 0.5, 1.0, 1.0),
+    "nearest": (0.3, 0.8, 1.0, 1.0),
+}  # fmt: skip
+_VIEW = View(
+    centre=[0.0, 0.0, 0.0],
+    radius=3.6,
+    points=[list(corner) for corner in product((-2.2, 2.2), repeat=3)],  # with a margin for labels
+    direction=[0.45, -1.0, 0.4],
+    flat=False,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """Margins of one scene: of a branch and its wrist-flipped branch, or of the best branch.
+
+    They are negative where the start of the path is not reached.
+    """
+
+    title: str
+    branches: tuple[int, ...] | None
+    margins: Array
+
+    def has(self, branch: int | None) -> bool:
+        return self.branches is None or branch in self.branches
+
+
+def map_scene(result: AttitudeMap, title: str = "freefloat") -> Scene:
+    """Return the scene of a map over all attitudes, for a page with a title."""
+    margin = result.problem.margin
+    vectors = rotation_vectors(result.attitudes)
+    chosen = np.arange(result.samples)
+    if result.samples > _MAX_SAMPLES:
+        chosen = np.random.default_rng(0).choice(result.samples, _MAX_SAMPLES, replace=False)
+    colours = MarginColours.over(margin, [np.array([result.largest_margin])])
+    edges = [*(result.boundary or ()), *(result.tangency or ())]
+    builder = SceneBuilder()
+    scenes = []
+    groups = list(_groups(result))
+    for group in groups:
+        name = node(group.title)
+        root = f"{ROOT}/{name}"
+        _draw_samples(builder, root, vectors[chosen], group.margins[chosen], colours)
+        edge = [point.attitude for point in edges if point.branch in (group.branches or (None,))]
+        if edge:
+            white = np.tile(_WHITE, (len(edge), 1))
+            builder.points(f"{root}/{BOUNDARY}", rotation_vectors(edge), white, _EDGE)
+        marks = [mark for mark in map_marks(result) if group.has(mark.branch)]
+        labels = _draw_ball(builder, root) + _draw_marks(builder, root, marks)
+        scenes.append(TitledScene(group.title, name, labels, lines=tuple(_lines(result, group))))
+    items = dict.fromkeys((*_PARTS, BOUNDARY, MARKS, BALL, AXES), True)
+    columns = groups[1:] or groups
+    margins = np.column_stack([group.margins[chosen] for group in columns])
+    titles = tuple(group.title for group in columns)
+    samples = Samples(vectors[chosen], margins, titles, _PARTS)
+    return builder.scene(
+        SceneDescription(title, tuple(scenes), items, colours, _VIEW, samples=samples)
+    )
+
+
+def _groups(result: AttitudeMap) -> Iterator[_Group]:
+    """Yield the best branch, then the branches; wrist-flipped ones share a group."""
+    reached = result.results.exist
+    best = result.margins.max(axis=1, initial=0.0)
+    yield _Group(BEST_BRANCH, None, np.where(reached.any(axis=1), best, -1.0))
+    flipped = has_wrist_flipped_branches(result.problem)
+    labels = result.branch_labels()
+    for branch, margins in result.branch_margins():
+        if branch is None:
+            continue
+        name = branch_name(labels[branch])
+        branches = (branch, branch + 1) if flipped else (branch,)
+        values = np.where(reached[:, branch], margins, -1.0)
+        yield _Group(f"{name[:-1]}±" if flipped else name, branches, values)
+
+
+def _draw_samples(
+    builder: SceneBuilder, root: str, vectors: Array, margins: Array, colours: MarginColours
+) -> None:
+    """Draw feasible samples as two hemispheres, which can be hidden, and other samples small."""
+    feasible, reached = colours.margin.keeps(margins), margins >= 0.0
+    front = vectors[:, 1] < 0.0
+    spacing = float(np.cbrt(4.0 / 3.0 * np.pi**4 / len(vectors)))
+    parts = (
+        (FRONT, feasible & front, _FEASIBLE), (BACK, feasible & ~front, _FEASIBLE),
+        (INFEASIBLE, reached & ~feasible, _OTHERS), (UNREACHED, ~reached, _OTHERS),
+    )  # fmt: skip
+    for name, part, (fraction, minimum) in parts:
+        if part.any():
+            shades = colours(np.where(feasible, margins, -1.0)[part])
+            if name == UNREACHED:
+                shades[:] = _GREY[:3]
+            size = max(fraction * spacing, minimum)
+            builder.points(f"{root}/{name}", vectors[part], shades, size)
+
+
+def _draw_ball(builder: SceneBuilder, root: str) -> list[Label]:
+    """Draw circles of 180 and 90 degrees in the coordinate planes, and the axes."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 97)
+    circle = np.column_stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)])
+    for radius, width in ((np.pi, 0.008), (np.pi / 2.0, 0.004)):
+        for normal in range(3):
+            path = f"{root}/{BALL}/{round(np.degrees(radius))} about {normal}"
+            ring = tube(radius * np.roll(circle, normal, axis=1), width)
+            builder.mesh(path, ring, _GREY, shaded=False)
+    draw_axes(builder, f"{root}/{AXES}", np.pi, 0.015)
+    return [
+        Label(f"{name} 180°", (np.pi * axis).tolist(), AXES)
+        for name, axis in zip("xyz", np.eye(3), strict=True)
+    ]
+
+
+def _draw_marks(builder: SceneBuilder, root: str, marks: Sequence[Mark]) -> list[Label]:
+    labels: list[Label] = []
+    for mark in marks:
+        vector = rotation_vectors([mark.attitude])[0]
+        path = f"{root}/{MARKS}/{mark.name}"
+        builder.mesh(path, g.Sphere(_MARK), _MARK_COLOURS[mark.name], overlay=True)
+        builder.place(path, Pose(vector, np.eye(3)))
+        labels.append(Label(mark.name, vector.tolist(), MARKS))
+    return labels
+
+
+def _lines(result: AttitudeMap, group: _Group) -> Iterator[str]:
+    """Text of a scene: the percentage of feasible attitudes and the scores of the marks."""
+    margin = result.problem.margin
+    measure = f"|{margin.measure.name}|"
+    percentage = 100.0 * margin.keeps(group.margins).mean()
+    yield "rotation vectors of the initial attitude"
+    yield f"{percentage:.2f} % of {result.samples:,} attitudes keep {measure}"
+    best, robust, nearest = result.best, result.robust, result.nearest
+    if best is not None and group.has(best.branch):
+        yield f"best: {measure} {best.minimum_margin:.6g}"
+    if robust is not None and group.has(robust.branch):
+        yield f"robust: keeps the margin within {np.degrees(robust.radius):.4g}°"
+    if nearest is not None and group.has(nearest.branch):
+        yield f"nearest: {np.degrees(nearest.deviation):.4g}° away"
+    if group.margins.min() < 0.0:
+        yield "grey: start of the path not reached"

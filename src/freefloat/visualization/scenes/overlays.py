@@ -1,0 +1,205 @@
+"""Geometry around the robot: path, trail, areas, momentum, axes, mark of an early end."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from meshcat import geometry as g
+from trimesh.creation import icosphere
+
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.problem import Problem
+from freefloat.so3 import Array, IntArray, Pose
+from freefloat.visualization.scenes.description import Label
+from freefloat.visualization.scenes.scene_builder import SceneBuilder
+from freefloat.workspace.regions import Workspace
+
+PATH, TRAIL, AREAS = "End-effector path", "Trail", "Areas"
+CENTRE, MOMENTUM = "Centre of mass", "Momentum"
+BASE_AXES, END_EFFECTOR_AXES, SINGULARITY = "Spacecraft axes", "End-effector axes", "Singularity"
+ITEMS = (PATH, TRAIL, AREAS, CENTRE, MOMENTUM, BASE_AXES, END_EFFECTOR_AXES, SINGULARITY)
+"""Nodes of the scene tree that can be hidden, and their names on the page."""
+
+_PALE = (0.85, 0.88, 0.92, 0.55)
+_GOLD = (1.0, 0.84, 0.2, 1.0)
+_RED = (0.95, 0.25, 0.1, 1.0)
+_DEPENDENT = (0.62, 0.66, 0.75)
+_INDEPENDENT = (0.0, 0.62, 0.45)
+_AXES = np.array([[0.90, 0.25, 0.20], [0.25, 0.75, 0.30], [0.30, 0.50, 1.00]])
+
+SIDES = 10
+"""Corners of the cross-section of a tube."""
+_AROUND = 64
+"""Corners of the cross-section of a surface of revolution."""
+
+
+def thickness(problem: Problem) -> float:
+    """Return the radius of lines [m]."""
+    return 0.006 * VirtualManipulator.of(problem.model).reach
+
+
+def draw_path(builder: SceneBuilder, root: str, problem: Problem) -> list[Label]:
+    """Draw the path as a thin tube; return the labels of its ends."""
+    path = problem.path
+    points = np.array([path.pose_at(float(s)).position for s in np.linspace(0.0, 1.0, 201)])
+    if not np.ptp(points, axis=0).any():
+        return [Label("path", points[0].tolist(), PATH)]
+    line = tube(points, 0.5 * thickness(problem))
+    builder.mesh(f"{root}/{PATH}", line, _PALE, shaded=False)
+    ends = {"start": points[0], "end": points[-1]}
+    return [Label(text, point.tolist(), PATH) for text, point in ends.items()]
+
+
+def draw_trail(
+    builder: SceneBuilder, root: str, problem: Problem, points: Array, colours: Array
+) -> int:
+    """Draw the end-effector positions [m], shape (K, 3), as a thick tube.
+
+    Returns:
+        Number of triangle indices per segment; zero if the end-effector does not move.
+    """
+    size = thickness(problem)
+    if np.ptp(points, axis=0).max() <= 1e-4 * size:
+        return 0
+    vertices, faces = tube(points, size)
+    builder.coloured_mesh(f"{root}/{TRAIL}", vertices, faces, np.repeat(colours, SIDES, axis=0))
+    return 6 * SIDES
+
+
+def draw_areas(builder: SceneBuilder, root: str, problem: Problem, areas: Workspace) -> None:
+    """Draw path-dependent and path-independent areas: rings in the plane, spheres in space."""
+    kinds = [(areas.path_dependent, _DEPENDENT), (areas.path_independent, _INDEPENDENT)]
+    parts = [(interval, colour) for intervals, colour in kinds for interval in intervals or ()]
+    below = float(problem.path.path.curve(0.0)[2]) - 3.0 * thickness(problem)
+    for number, ((inner, outer), colour) in enumerate(sorted(parts), start=1):
+        path = f"{root}/{AREAS}/{number}"
+        if problem.task.planar:
+            builder.mesh(path, _ring(inner, outer, below), (*colour, 0.25), shaded=False)
+        else:
+            ball = icosphere(subdivisions=4, radius=outer)
+            builder.mesh(path, (ball.vertices, ball.faces), (*colour, 0.10))
+
+
+def _ring(inner: float, outer: float, z: float) -> tuple[Array, IntArray]:
+    angles = np.linspace(0.0, 2.0 * np.pi, 181)
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    vertices = np.column_stack([np.vstack([inner * circle, outer * circle]), np.full(362, z)])
+    k = np.arange(180)
+    faces = [np.stack([k, k + 181, k + 182], axis=1), np.stack([k, k + 182, k + 1], axis=1)]
+    return vertices, np.vstack(faces)
+
+
+def draw_centre(builder: SceneBuilder, root: str, problem: Problem) -> list[Label]:
+    """Draw the centre of mass and, from it, the angular momentum as an arrow."""
+    size = thickness(problem)
+    builder.mesh(f"{root}/{CENTRE}", g.Sphere(2.5 * size), _GOLD, overlay=True)
+    magnitude = float(np.linalg.norm(problem.momentum))
+    if magnitude == 0.0:
+        return []
+    end = 60.0 * size * problem.momentum / magnitude
+    builder.mesh(f"{root}/{MOMENTUM}", arrow(end, 0.8 * size), _GOLD, overlay=True)
+    return [Label(f"h = {magnitude:.3g} N m s", end.tolist(), MOMENTUM)]
+
+
+def draw_axes(builder: SceneBuilder, path: str, length: float, radius: float) -> None:
+    """Draw the axes of a frame: x red, y green, z blue."""
+    rods = [rod(length * axis, radius) for axis in np.eye(3)]
+    count = len(rods[0][0])
+    builder.coloured_mesh(
+        path,
+        np.vstack([vertices for vertices, _ in rods]),
+        np.vstack([faces + number * count for number, (_, faces) in enumerate(rods)]),
+        np.repeat(_AXES, count, axis=0),
+        overlay=True,
+    )
+
+
+def draw_ending(builder: SceneBuilder, root: str, motion: Motion) -> list[Label]:
+    """Mark the end of a motion that became singular or fell below the margin."""
+    if motion.ending is Ending.COMPLETED:
+        return []
+    final = motion.final
+    position = motion.problem.model.end_effector_pose(final.attitude, final.joints).position
+    path = f"{root}/{SINGULARITY}/mark"  # the track hides the mark, the user its parent
+    builder.mesh(path, g.Sphere(3.0 * thickness(motion.problem)), _RED, overlay=True)
+    builder.place(path, Pose(position, np.eye(3)))
+    builder.appear(path, final.time)
+    word = "singular" if motion.ending is Ending.SINGULAR else "below the margin"
+    text = f"{word} at t = {final.time:.3f} s"
+    return [Label(text, position.tolist(), SINGULARITY, final.time)]
+
+
+def tube(points: Array, radii: npt.ArrayLike) -> tuple[Array, IntArray]:
+    """Return a tube around a curve, its rings transported along the curve without twist.
+
+    Args:
+        points: Points of the curve [m], shape (K, 3), K at least 2, not all the same; neighbours
+            may coincide.
+        radii: Radii of the rings [m], scalar or shape (K,); zero closes an end.
+
+    Returns:
+        Vertices, ring by ring, shape (SIDES K, 3), and faces, shape (2 SIDES (K - 1), 3).
+    """
+    directions = _directions(points)
+    angles = np.linspace(0.0, 2.0 * np.pi, SIDES, endpoint=False)
+    normal = np.eye(3)[int(np.argmin(np.abs(directions[0])))]
+    rings = []
+    widths = np.broadcast_to(np.asarray(radii, dtype=float), len(points))
+    for point, direction, radius in zip(points, directions, widths, strict=True):
+        normal = normal - (normal @ direction) * direction
+        normal /= np.linalg.norm(normal)
+        binormal = np.cross(direction, normal)
+        ring = np.outer(np.cos(angles), normal) + np.outer(np.sin(angles), binormal)
+        rings.append(point + radius * ring)
+    return np.vstack(rings), _faces(len(points))
+
+
+def rod(end: Array, radius: float) -> tuple[Array, IntArray]:
+    """Return a straight tube with closed ends from the origin to a point (3,)."""
+    return tube(np.array([0.0 * end, 0.0 * end, end, end]), [0.0, radius, radius, 0.0])
+
+
+def arrow(end: Array, radius: float) -> tuple[Array, IntArray]:
+    """Return a straight tube from the origin to a point (3,) whose last quarter is a cone."""
+    points = np.outer([0.0, 0.0, 0.75, 0.75, 1.0], end)
+    return tube(points, [0.0, radius, radius, 2.5 * radius, 0.0])
+
+
+def surface_of_revolution(ends: Array, radii: Array) -> tuple[Array, IntArray]:
+    """Return the cone, or cylinder, about z between two places on it (2,), with radii (2,) [m]."""
+    angles = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    rings = [
+        np.column_stack([radius * circle, np.full(_AROUND, end)])
+        for end, radius in zip(ends, radii, strict=True)
+    ]
+    k = np.arange(_AROUND)
+    following = (k + 1) % _AROUND
+    faces = np.vstack([
+        np.column_stack([k, following, k + _AROUND]),
+        np.column_stack([following, following + _AROUND, k + _AROUND]),
+    ])  # fmt: skip
+    return np.vstack(rings), faces
+
+
+def _directions(points: Array) -> Array:
+    """Unit tangents; where neighbours coincide, that of the last distinct pair."""
+    steps = np.diff(points, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    (moving,) = np.nonzero(lengths > 1e-9 * lengths.max())
+    last = moving[np.maximum(np.searchsorted(moving, np.arange(len(steps)), side="right") - 1, 0)]
+    units = steps[last] / lengths[last, None]
+    means = np.vstack([units[:1], units[:-1] + units[1:], units[-1:]])
+    sizes = np.linalg.norm(means, axis=1, keepdims=True)
+    ahead = np.vstack([units, units[-1:]])
+    return np.where(sizes > 1e-6, means / np.maximum(sizes, 1e-6), ahead)  # no mean at a reversal
+
+
+def _faces(rings: int) -> IntArray:
+    corner = np.arange(SIDES)
+    low = SIDES * np.arange(rings - 1)[:, None] + corner
+    low_next = low + (corner + 1) % SIDES - corner
+    high, high_next = low + SIDES, low_next + SIDES
+    pairs = np.stack([low, low_next, high, low_next, high_next, high], axis=-1)
+    return pairs.reshape(-1, 3)

@@ -1,0 +1,121 @@
+"""Limits of pointing on the page: the cone about each target, and the axis that it limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from freefloat.motion.pointing import Keep, PointingLimit
+from freefloat.motion.problem import Problem
+from freefloat.so3 import Array, axes_rotation
+from freefloat.visualization.scenes.description import Label
+from freefloat.visualization.scenes.overlays import arrow, surface_of_revolution, thickness, tube
+from freefloat.visualization.scenes.scene_builder import SceneBuilder
+from freefloat.visualization.scenes.visuals import RobotVisuals, largest_box
+
+POINTING = "Pointing limits"
+"""Node of the scene tree that can be hidden, and its name on the page."""
+_COLOURS = {Keep.INSIDE: (0.55, 0.90, 0.30), Keep.OUTSIDE: (0.95, 0.35, 0.30)}
+_OPACITY = 0.16
+_ARROW = (0.95, 0.96, 0.98, 1.0)
+_SHORTEST = 50.0
+"""Smallest length of cones and arrows over the thickness of lines."""
+_BEYOND = 2.0
+"""Their length over the distance from the link's origin to the corners of its largest shape."""
+_RIM = 64
+"""Corners of the line along the rim."""
+
+
+@dataclass(frozen=True, eq=False)
+class PointingCone:
+    """A limit of pointing along a motion.
+
+    Attributes:
+        limit: The limit.
+        title: Its number and its cone, such as ``pointing.0 inside 30°``.
+        times: Key times [s], shape (K,).
+        origins: Origins of the link's frame from the centre of mass, inertial axes [m], (K, 3).
+        axes: Rotations of the link's frame, shape (K, 3, 3).
+        targets: Unit vectors toward the target, inertial axes, shape (K, 3).
+        length: Of the arrow, and from the apex of the cone to its rim [m].
+    """
+
+    limit: PointingLimit
+    title: str
+    times: Array
+    origins: Array
+    axes: Array
+    targets: Array
+    length: float
+
+    @classmethod
+    def of(
+        cls,
+        problem: Problem,
+        limit: PointingLimit,
+        number: int,
+        times: Array,
+        poses: tuple[Array, Array],
+        visuals: RobotVisuals,
+    ) -> PointingCone:
+        """Return that of a limit of a problem.
+
+        Args:
+            problem: The problem.
+            limit: The limit.
+            number: Its number among those of the problem.
+            times: Key times [s], shape (K,).
+            poses: Positions (K, bodies, 3) and rotations (K, bodies, 3, 3) of the bodies.
+            visuals: Shapes of the robot.
+        """
+        positions, rotations = poses
+        body, place = problem.model.link_places[limit.body]
+        origins = positions[:, body] + rotations[:, body] @ place.position
+        if limit.point is None:
+            sights = np.tile(np.asarray(limit.direction), (len(times), 1))
+        else:
+            sights = limit.point + [problem.path.origin(float(t)) for t in times] - origins
+        corners = largest_box(visuals, body) - place.position
+        farthest = np.linalg.norm(corners, axis=1).max()
+        return cls(
+            limit,
+            f"pointing.{number} {limit.keep} {np.degrees(limit.angle):.4g}°",
+            times,
+            origins,
+            rotations[:, body] @ place.rotation,
+            sights / np.linalg.norm(sights, axis=1, keepdims=True),
+            max(_BEYOND * float(farthest), _SHORTEST * thickness(problem)),
+        )
+
+    def extent(self) -> Array:
+        """Tip of the arrow and centre of the rim at the first and the last time [m], (4, 3)."""
+        tips = self.axes[[0, -1]] @ self.limit.axis
+        rims = np.cos(self.limit.angle) * self.targets[[0, -1]]
+        return np.vstack([self.origins[[0, -1]] + self.length * ends for ends in (tips, rims)])
+
+    def draw(self, builder: SceneBuilder, root: str, radius: float) -> Label:
+        """Draw it below a node, with lines of a radius [m]; return the label of the arrow."""
+        path = f"{POINTING}/{self.title.partition(' ')[0]}"
+        colour, angle = _COLOURS[self.limit.keep], self.limit.angle
+        rim = self.length * np.array([np.sin(angle), np.cos(angle)])
+        cone = surface_of_revolution(np.array([0.0, rim[1]]), np.array([0.0, rim[0]]))
+        around = np.linspace(0.0, 2.0 * np.pi, _RIM + 1)
+        circle = [rim[0] * np.cos(around), rim[0] * np.sin(around), np.full(len(around), rim[1])]
+        builder.mesh(f"{root}/{path}/cone/surface", cone, (*colour, _OPACITY), shaded=False)
+        builder.mesh(f"{root}/{path}/cone/rim", tube(np.transpose(circle), 0.5 * radius),
+                     (*colour, 1.0), shaded=False)  # fmt: skip
+        end = self.length * self.limit.axis
+        builder.mesh(f"{root}/{path}/axis", arrow(end, 0.8 * radius), _ARROW)
+        frames = np.array([_frame_along(target) for target in self.targets])
+        for name, rotations in (("cone", frames), ("axis", self.axes)):
+            quaternions = Rotation.from_matrix(rotations).as_quat()
+            builder.move(f"{root}/{path}/{name}", self.times, self.origins, quaternions)
+        return Label(self.title, end.tolist(), POINTING, node=f"{path}/axis")
+
+
+def _frame_along(direction: Array) -> Array:
+    """A frame whose z axis has a direction (3,)."""
+    across = np.eye(3)[int(np.argmin(np.abs(direction)))]
+    return axes_rotation("direction", ("z", direction), ("x", across))

@@ -1,0 +1,180 @@
+"""The scene of a problem on the page: bodies beside the robot, and the corridor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from freefloat.motion.problem import Problem
+from freefloat.paths.scene import Corridor
+from freefloat.paths.scene_body import SceneBody
+from freefloat.paths.tumbling import Tumbling
+from freefloat.robot.description import Colour
+from freefloat.robot.meshes import read_mesh
+from freefloat.robot.names import MeshFileError, find_mesh
+from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
+from freefloat.so3 import Array, IntArray, Pose, axes_rotation
+from freefloat.visualization.scenes.description import Label
+from freefloat.visualization.scenes.overlays import surface_of_revolution
+from freefloat.visualization.scenes.scene_builder import SceneBuilder, node
+from freefloat.visualization.scenes.visuals import Shape, Visual, bounding_box
+
+BODIES, CORRIDOR = "Scene bodies", "Corridor"
+"""Nodes of the scene tree that can be hidden, and their names on the page."""
+_BODY = (0.93, 0.62, 0.30, 1.0)
+_OPACITY = 0.6
+_CORRIDOR = (0.35, 0.85, 0.75, 0.16)
+_BEYOND = 1.1
+"""Length of a corridor over that of the path along it."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodyVisuals:
+    """Shapes of a body of the scene, and messages on those that cannot be drawn."""
+
+    shapes: tuple[Visual, ...]
+    problems: tuple[str, ...]
+
+
+def body_visuals(number: int, body: SceneBody) -> BodyVisuals:
+    """Return the translucent shapes of a body of the scene with its number."""
+    shapes, problems = list[Visual](), list[str]()
+    for shape in body.shapes("visual"):
+        try:
+            parts = _parts(shape.geometry, body.source)
+        except MeshFileError as error:
+            problems.append(f"scene body {body.name}: <{shape.kind}>: {error}")
+            continue
+        for geometry, colour in parts:
+            red, green, blue, _ = colour or shape.colour or _BODY
+            name, rgba = f"{len(shapes) + 1}", (red, green, blue, _OPACITY)
+            shapes.append(Visual(name, number, shape.origin, geometry, rgba))
+    return BodyVisuals(tuple(shapes), tuple(problems))
+
+
+def _parts(
+    geometry: Box | Cylinder | Sphere | MeshFile | None, source: str
+) -> list[tuple[Shape, Colour | None]]:
+    """Geometries that are drawn, with their colours where they have some."""
+    if geometry is None:
+        raise MeshFileError("it cannot be read")
+    if isinstance(geometry, MeshFile):
+        file = find_mesh(geometry.filename, source)
+        return [(part.mesh, part.colour) for part in read_mesh(file, geometry.scale)]
+    return [(geometry, None)]
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """The scene of a problem at key times of a motion.
+
+    Attributes:
+        problem: The problem.
+        times: The key times [s], shape (K,).
+        poses: Frames of the bodies at these times.
+        visuals: Their shapes.
+    """
+
+    problem: Problem
+    times: Array
+    poses: tuple[tuple[Pose, ...], ...]
+    visuals: tuple[BodyVisuals, ...]
+
+    @classmethod
+    def of(cls, problem: Problem, times: Array) -> Surroundings:
+        """Return those of a problem."""
+        scene = problem.scene
+        poses = tuple(scene.poses(float(t), problem.path) for t in times)
+        visuals = tuple(body_visuals(k, body) for k, body in enumerate(scene.bodies))
+        return cls(problem, times, poses, visuals)
+
+    @property
+    def items(self) -> tuple[str, ...]:
+        """The items of the page that it has."""
+        scene = self.problem.scene
+        return (BODIES,) * bool(scene.bodies) + (CORRIDOR,) * (scene.corridor is not None)
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """Messages on shapes that cannot be drawn."""
+        return tuple(problem for visuals in self.visuals for problem in visuals.problems)
+
+    def extent(self) -> Iterator[Array]:
+        """Yield corners of boxes around the shapes at the first and the last time [m], (8, 3)."""
+        for poses in (self.poses[0], self.poses[-1]):
+            for pose, visuals in zip(poses, self.visuals, strict=True):
+                for visual in visuals.shapes:
+                    yield pose.position + bounding_box(visual) @ pose.rotation.T
+
+    def places(self) -> Iterator[Array]:
+        """Yield the centre of each body at the first time [m], shape (3,)."""
+        for pose, visuals in zip(self.poses[0], self.visuals, strict=True):
+            if visuals.shapes:
+                corners = np.vstack([bounding_box(visual) for visual in visuals.shapes])
+                yield pose.position + pose.rotation @ corners.mean(axis=0)
+
+    def draw(self, builder: SceneBuilder, root: str) -> list[Label]:
+        """Draw the bodies and the corridor below a node; return the labels of the bodies."""
+        labels = []
+        for number, body in enumerate(self.problem.scene.bodies):
+            path = f"{root}/{BODIES}/{node(body.name)}"
+            for visual in self.visuals[number].shapes:
+                builder.visual(f"{path}/{visual.name}", visual)
+            fixed = body.motion == "fixed" and not self.problem.path.drifts
+            _move(builder, path, self.times, [row[number] for row in self.poses], fixed=fixed)
+            if body.motion != "target" and not self.problem.path.drifts:  # labels do not move
+                com = body.motion.com if isinstance(body.motion, Tumbling) else np.zeros(3)
+                place = body.position + body.orientation @ com
+                labels.append(Label(body.name, place.tolist(), BODIES))
+        corridor, path = self.problem.scene.corridor, f"{root}/{CORRIDOR}"
+        if corridor is not None:
+            surface = _corridor_surface(corridor, self._path_in_corridor())
+            builder.mesh(path, surface, _CORRIDOR, shaded=False)
+            scene, timed = self.problem.scene, self.problem.path
+            motions = {body.name: body.motion for body in scene.bodies}
+            if corridor.body is not None or timed.drifts:
+                poses = [scene.corridor_pose(float(t), timed) for t in self.times]
+                fixed = motions.get(str(corridor.body)) == "fixed" and not timed.drifts
+                _move(builder, path, self.times, poses, fixed=fixed)
+        return labels
+
+    def _path_in_corridor(self) -> Array:
+        """Points of the path in the corridor's frame [m], shape (K, 3)."""
+        scene, path = self.problem.scene, self.problem.path
+        times = np.linspace(0.0, path.duration, 101).tolist()
+        return np.array([
+            (scene.corridor_pose(t, path).inverse() @ path.pose(t)).position for t in times
+        ])  # fmt: skip
+
+
+def _corridor_surface(corridor: Corridor, path: Array) -> tuple[Array, IntArray]:
+    """Vertices and faces of a corridor that is as long as a path (K, 3) in its frame."""
+    offsets = path - corridor.point
+    along = offsets @ corridor.axis
+    if corridor.half_angle is None:
+        half = _BEYOND * max(float(np.ptp(along)) / 2.0, corridor.allowed)
+        ends = (along.max() + along.min()) / 2.0 + half * np.array([-1.0, 1.0])
+        radii = np.full(2, corridor.allowed)
+    else:
+        slant = _BEYOND * float(np.linalg.norm(offsets, axis=1).max())
+        ends = np.array([0.0, slant * np.cos(corridor.half_angle)])
+        radii = np.array([0.0, slant * np.sin(corridor.half_angle)])
+    across = np.eye(3)[int(np.argmin(np.abs(corridor.axis)))]
+    axes = axes_rotation("axis", ("z", corridor.axis), ("x", across))
+    vertices, faces = surface_of_revolution(ends, radii)
+    return corridor.point + vertices @ axes.T, faces
+
+
+def _move(
+    builder: SceneBuilder, path: str, times: Array, poses: list[Pose], *, fixed: bool
+) -> None:
+    """Place a path at a fixed frame, or move it with another."""
+    if fixed:
+        builder.place(path, poses[0])
+        return
+    positions = np.array([pose.position for pose in poses])
+    rotations = Rotation.from_matrix([pose.rotation for pose in poses])
+    builder.move(path, times, positions, rotations.as_quat())
