@@ -48,6 +48,7 @@ _INSIDE = 0.999
 def robustness_checks(plan: Plan, chosen: SimulatedBranch) -> Iterator[Check]:
     """Check ranges of headings, robust radius and tolerances of a plan."""
     stated = {} if plan.tolerance is None else plan.tolerance.to_dict()
+    stated.pop("momentum_effort", None)
     for key, value in {"robust_radius": plan.robust_radius or 0.0, **stated}.items():
         if not 0.0 <= value < np.inf:
             yield Check("robustness", False, f"{key} is {value}", value)
