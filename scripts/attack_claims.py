@@ -48,8 +48,8 @@ NEAR_END = 1e-4
 """Distance of tested headings from the ends of ranges [rad]."""
 INSIDE = 0.9999
 """Fraction of a claimed radius or interval that is attacked: its end is exact to rounding."""
-PRECISE = 2
-"""Points of each claim that are integrated precisely even where none seems to break it."""
+PRECISE, MOST = 2, 6
+"""Points of each claim that are integrated precisely: always, and where more seem to break it."""
 NEARBY = 48
 """Attitudes nearby whose configurations a redundant arm may have."""
 REGULAR = 0.01
@@ -232,7 +232,7 @@ def verdict(
     name: str, tried: int, points: np.ndarray, low: np.ndarray, breaks: Callable[[np.ndarray], bool]
 ) -> Claim:
     """The claim after precise motions from the points that seem to break it, and some others."""
-    count = max(PRECISE, int((low < 1.0).sum()))
+    count = min(MOST, max(PRECISE, int((low < 1.0).sum())))
     for point, value in zip(points[:count], low, strict=False):
         if breaks(point):
             return Claim(name, tried, f"{np.round(point, 9).tolist()} ({value:.4g} of the margin)")
