@@ -50,7 +50,7 @@ INSIDE = 0.9999
 """Fraction of a claimed radius or interval that is attacked: its end is exact to rounding."""
 PRECISE, MOST = 2, 6
 """Points of each claim that are integrated precisely: always, and where more seem to break it."""
-NEARBY = 48
+NEARBY = 400
 """Attitudes nearby whose configurations a redundant arm may have."""
 REGULAR = 0.01
 """Ratio of determinants below which a motion is near a singularity."""
@@ -158,7 +158,7 @@ class Motions:
         """
         problem, rng = self.problem, np.random.default_rng(0)
         vectors = rng.normal(size=(NEARBY, 3)) * ([0, 0, 1] if problem.task.planar else [1, 1, 1])
-        vectors *= np.geomspace(1e-4, 0.1, NEARBY)[:, None]
+        vectors *= np.geomspace(1e-4, 0.25, NEARBY)[:, None]
         nearby = (Rotation.from_rotvec(vectors) * Rotation.from_quat(attitude)).as_quat()
         branches = problem.many_branches(nearby)
         start = problem.path.pose(0.0)

@@ -12,7 +12,7 @@ from freefloat.motion.problem import Problem
 from freefloat.planning.searches.pattern_search import Flags
 from freefloat.so3 import Array, rotated
 
-_NEARBY = np.geomspace(1e-4, 0.06, 8)
+_NEARBY = np.geomspace(1e-4, 0.25, 40)
 """Angles to the attitudes nearby whose configurations are tried [rad]."""
 
 
