@@ -47,7 +47,7 @@ def problem(model: ff.FreeFloatingModel) -> ff.Problem:
 def simulation() -> Simulation:
     """Both elbow branches, the second chosen."""
     problem = ff.load_scenario("planar_2dof/line").problem()
-    return ff.simulate(problem, [0.0, 0.0, 0.0, 1.0], branch=1)
+    return ff.simulate(problem, [0.0, 0.0, 0.0, 1.0], branch=1, others=True)
 
 
 # --- problems -----------------------------------------------------------------------------------

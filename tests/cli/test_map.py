@@ -32,7 +32,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_a_map_has_the_documented_keys_and_is_written() -> None:
     words = ("easy.yaml", "--nearest", "0", "0", "0", "1", "--boundary", "2")
-    result = document("map", *words, "-o", "new/map.h5")
+    result = document("map", *words, "-o", "map.h5")
     assert result.keys() >= KEYS
     assert (result["samples"], result["seed"], result["motions"]) == (64, 3, 512)
     assert result["feasible_fraction"] == result["motion_fraction"] == 1.0
@@ -46,7 +46,7 @@ def test_a_map_has_the_documented_keys_and_is_written() -> None:
     assert [entry["label"] for entry in result["branches"]][3] == "shoulder+ elbow- wrist-"
     others = dict.fromkeys(("limited", "singular", "given_up", "unreached"), 0)
     assert result["endings"] == {"completed": 512, **others}
-    with h5py.File("new/map.h5") as file:
+    with h5py.File("map.h5") as file:
         assert json.loads(file["document"].asstr()[()])["best"] == result["best"]
 
 

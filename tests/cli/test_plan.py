@@ -35,9 +35,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.slow
 def test_a_spatial_plan_has_the_documented_keys_and_is_written() -> None:
-    result = run("plan", "easy.yaml", "-o", "new/plan.h5")
-    text, plan = result.stdout, load("new/plan.h5").to_dict()
-    assert str(load("new/plan.h5").contact) in result.stderr  # with the name of the file
+    result = run("plan", "easy.yaml", "-o", "plan.h5")
+    text, plan = result.stdout, load("plan.h5").to_dict()
+    assert str(load("plan.h5").contact) in result.stderr  # with the name of the file
     assert plan.keys() >= KEYS
     assert plan["feasible"] is plan["completed"] is True
     assert plan["attitude_ranges_deg"] == plan["disagreements"] == []
@@ -49,7 +49,7 @@ def test_a_spatial_plan_has_the_documented_keys_and_is_written() -> None:
     }
     assert plan["robust_radius_deg"] > 0.0
     assert plan["residuals"]["end_effector_position"] < 1e-7
-    assert document("check", "new/plan.h5")["proved"] is True
+    assert document("check", "plan.h5")["proved"] is True
     assert "100.00% (95% confidence: 94.34% to 100.00%) of 64 initial attitudes" in text
     assert "Attitude tolerance: " in text
     assert "Momentum tolerance: " in text
