@@ -28,9 +28,9 @@ from tests.browser import FLAGS
 from tests.motions import bundled
 from tests.robots import ur5_on_spacecraft
 
-LONGEST = 2.0
-"""Processor time of a test that is not marked slow [s]: the second that it may take, and as much
-again for imports and kernels at first use and for a busy machine."""
+LONGEST = 3.0
+"""Processor time of a test that is not marked slow [s]: the second that it may take, and twice as
+much again for imports and kernels at first use and for a busy machine."""
 
 settings.register_profile(
     "freefloat",
@@ -61,13 +61,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None]:
-    """A long test must be marked slow, unless it compiled kernels, as one test has to."""
+    """Where ``CI`` is set a long test must be marked slow, unless it compiled kernels."""
     begin = time.process_time()
     with install_recorder("numba:compile") as compilations:
         yield
     used = time.process_time() - begin
-    slow = item.get_closest_marker("slow") or compilations.buffer
-    assert slow or used < LONGEST, f"it takes {used:.1f} s: mark it slow"
+    excused = item.get_closest_marker("slow") or compilations.buffer or not os.environ.get("CI")
+    assert excused or used < LONGEST, f"it takes {used:.1f} s: mark it slow"
 
 
 @pytest.hookimpl(wrapper=True)

@@ -50,6 +50,7 @@ def test_a_map_has_the_documented_keys_and_is_written() -> None:
         assert json.loads(file["document"].asstr()[()])["best"] == result["best"]
 
 
+@pytest.mark.slow
 def test_a_map_says_that_it_does_not_consider_the_scene() -> None:
     assert "scene" not in run("map", "easy.yaml").stdout
     scene = "scene: {bodies: [{name: client, sphere: 0.5, position: [9, 0, 0]}]}"

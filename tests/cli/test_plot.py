@@ -9,7 +9,7 @@ import pytest
 import freefloat as ff
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figure_style import new_figure
-from freefloat.visualization.figures.figures import figures as figures_module
+from freefloat.visualization.figures import figures as figures_module
 from tests.commands import document, error
 
 

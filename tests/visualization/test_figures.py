@@ -19,8 +19,8 @@ from freefloat.planning.plane.heading_map import sample_headings
 from freefloat.planning.planner import plan
 from freefloat.planning.settings import Search
 from freefloat.planning.simulation import simulate
+from freefloat.visualization.figures import figures as figures_module
 from freefloat.visualization.figures.figures import figures
-from freefloat.visualization.figures.figures import figures as figures_module
 from freefloat.visualization.page.playback import playback
 from tests.commands import document, error
 from tests.figures import labels, line

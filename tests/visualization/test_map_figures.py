@@ -15,7 +15,7 @@ from freefloat.planning.objective import Objective
 from freefloat.planning.plan import Plan
 from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.visualization.figure_style import BLUE, GREY
-from freefloat.visualization.figures.figures import figures as figures_module
+from freefloat.visualization.figures import figures as figures_module
 from freefloat.visualization.figures.map_figures import histogram_figure, slices_figure
 from freefloat.visualization.slices import Mark, map_slices
 
