@@ -20,6 +20,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.extending import _Intrinsic
 
 import freefloat.ensemble
+import freefloat.lockstep
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
@@ -135,9 +136,13 @@ NUMPY = {
 @contextmanager
 def plain_kernels() -> Iterator[None]:
     """Run the kernels as plain Python, also those of ``EnsembleIntegrator.integrate``."""
-    packages = pkgutil.walk_packages(freefloat.ensemble.__path__, "freefloat.ensemble.")
+    names = [
+        module.name
+        for package in (freefloat.lockstep, freefloat.ensemble)
+        for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
+    ]
     with ExitStack() as changes:
-        for module in [importlib.import_module(package.name) for package in packages]:
+        for module in [importlib.import_module(name) for name in names]:
             plain = {
                 name: NUMPY.get(name) or np.errstate(all="ignore")(value.py_func)
                 for name, value in vars(module).items()

@@ -11,7 +11,7 @@ import pytest
 
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.limits.limits import Limits
-from freefloat.planning import planner
+from freefloat.planning import spatial_planner
 from freefloat.planning.objective import Objective
 from freefloat.planning.plan import Plan
 from freefloat.planning.planner import plan
@@ -29,7 +29,7 @@ IDENTITY = [0.0, 0.0, 0.0, 1.0]
 def smaller_searches() -> Iterator[None]:
     """The same searches with fewer attitudes."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(planner, "_CANDIDATES", 6)
+        patch.setattr(spatial_planner, "_CANDIDATES", 6)
         patch.setattr(search, "_FINISHED", 2)
         patch.setattr(robustness, "_WIDE", 128)
         patch.setattr(robustness, "EFFORT", Effort(768, 16))

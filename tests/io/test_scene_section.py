@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.errors import InputError
-from freefloat.io.scenario.scenario import load_scenario, scenario_of
+from freefloat.io.scenario.scenario import Scenario, load_scenario, scenario_of
 from freefloat.limits.limits import LimitKind
 from freefloat.robot.description import RobotDescription
 from freefloat.robot.names import find_scenario
@@ -35,7 +35,7 @@ CORRIDOR = {"point": [0, 0, 0.4], "axis": [0, 0, 1], "half_angle_deg": 89, "body
 
 
 @pytest.fixture
-def scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ff.io.scenario.Scenario:
+def scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Scenario:
     monkeypatch.chdir(tmp_path)
     Path("client.urdf").write_text(CLIENT)
     trimesh.creation.box((400.0, 300.0, 250.0)).export("part.stl")
