@@ -196,10 +196,13 @@ def _chosen_lines(plan: Plan) -> Iterator[str]:
         less = nearest and plan.robust_radius < spare
         wanted = f", less than search.spare_deg {math.degrees(spare):g}" if less else ""
         yield f"Attitude tolerance{scope}: {math.degrees(plan.robust_radius):.4f} deg{wanted}."
+        if plan.radius_effort is not None:
+            yield f"  {plan.radius_effort}"
     tolerance = plan.tolerance
     if tolerance is not None:
         more = " or more" if tolerance.momentum >= tolerance.momentum_limit else ""
         yield (f"Momentum tolerance{scope}: {tolerance.momentum:.4g} N m s{more} in any direction.")
+        yield f"  {tolerance.momentum_effort}"
         yield (f"Feasible durations{scope}: {tolerance.shortest:.5g} to {tolerance.longest:.5g} s.")
     if plan.excluded and plan.feasible:
         counts = ", ".join(f"{limit} {count}" for limit, count in plan.excluded.items())

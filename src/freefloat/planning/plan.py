@@ -47,8 +47,7 @@ class Plan:
         robust_radius: How far the attitude may deviate in any direction before the chosen arm
             branch (of a redundant arm, every starting configuration tried) violates the margin or
             nears another singularity [rad].
-        radius_effort: Spatial tasks: what the robust radius was confirmed against; None in older
-            files.
+        radius_effort: Spatial tasks: what the robust radius was confirmed against.
         map: Spatial tasks: the map of sampled attitudes that the search began with.
         tolerance: Spatial tasks: tolerated deviations of momentum and duration.
         disagreements: Candidates that the precise integration did not confirm, a sentence each.

@@ -54,6 +54,10 @@ class Effort:
     samples: int
     descents: int
 
+    def __str__(self) -> str:
+        """For tables."""
+        return f"confirmed against {self.samples:,} samples and {self.descents} descents"
+
     def to_dict(self) -> dict[str, int]:
         """The JSON document."""
         return asdict(self)

@@ -55,15 +55,14 @@ class Tolerance:
             one [s].
         longest: Longest such duration [s]. Durations from a tenth to ten times the planned one are
             tried; without momentum and drift all of them are feasible.
-        momentum_effort: What the tolerated deviation of momentum was confirmed against; None in
-            older files.
+        momentum_effort: What the tolerated deviation of momentum was confirmed against.
     """
 
     momentum: float
     momentum_limit: float
     shortest: float
     longest: float
-    momentum_effort: Effort | None = None
+    momentum_effort: Effort
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document."""
@@ -72,8 +71,7 @@ class Tolerance:
     @classmethod
     def from_dict(cls, document: Mapping[str, Any]) -> Tolerance:
         """The tolerance of a JSON document."""
-        effort = document.get("momentum_effort")
-        return cls(**{**document, "momentum_effort": effort and Effort(**effort)})
+        return cls(**{**document, "momentum_effort": Effort(**document["momentum_effort"])})
 
 
 def tolerance(integrator: EnsembleIntegrator, attitude: Array, joints: Array) -> Tolerance:
