@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.io.scenario.scenario import parse_scenario
 from freefloat.limits.limits import LimitKind
 from freefloat.planning.phases.manoeuvre import Manoeuvre
+from freefloat.so3 import rotation_matrix
 
 BODY = ff.SceneBody("client", ff.Sphere(0.1), position=[2.5, 1.2, 0.0])
 AROUND = ff.Corridor([0.0, 0.0, 0.0], [0.0, 0.0, 1.0], radius=5.0)
@@ -83,6 +86,51 @@ def test_the_scene_stays_where_it_is_while_the_centre_of_mass_drifts(manoeuvre: 
             axis = corridor.position + problem.scene.corridor.point
             np.testing.assert_allclose(body.position + centre, BODY.position, atol=1e-12)
             np.testing.assert_allclose(axis + centre, AROUND.point, atol=1e-12)
+
+
+POINTING = """
+robot: {urdf: planar_2dof, end_effector: end_effector}
+task: planar-position
+drift: [0.02, 0, 0]
+path: {line: {from: [1.0, 0.2, 0], to: [0.9, 0.6, 0]}}
+timing: {duration: 50}
+margin: {measure: gjm, value: 0}
+search: {from_attitude: [0, 0, 0, 1], objective: nearest, joints: [0.2, -0.8]}
+limits:
+  pointing:
+    - {body: spacecraft, axis: [0, 1, 0], target: {point: [0, 3, 0]}, angle_deg: 30}
+phases:
+  - {name: rest, joints: [0.2, -0.8], duration: 20}
+"""
+
+
+@pytest.mark.slow
+def test_axes_point_at_the_same_place_while_the_centre_of_mass_drifts(tmp_path: Path) -> None:
+    scenario = parse_scenario(POINTING, tmp_path / "pointing.yaml")
+    target, drift = np.array([0.0, 3.0, 0.0]), np.array([0.02, 0.0, 0.0])
+    found = ff.plan_manoeuvre(
+        scenario.problem(), scenario.phases(), scenario.search(), scenario.limits()
+    )
+    assert found.feasible, found.reason
+    ff.save(found, tmp_path / "pointing.h5", scenario)
+    assert ff.check(ff.load(tmp_path / "pointing.h5")).passed
+    for phase in found.phases:
+        (result,) = (e for e in phase.result.limit_results if e.limit is LimitKind.POINTING)
+        angles = []
+        for state in phase.motion.sample(np.linspace(0.0, phase.duration, 401)):
+            base = phase.centre + state.time * drift + state.base_position
+            sight = (target - base) / np.linalg.norm(target - base)
+            angles.append(np.arccos(sight @ rotation_matrix(state.attitude)[:, 1]))
+        assert result.worst == pytest.approx(max(angles), abs=1e-4)
+
+
+def test_the_place_of_a_point_before_a_reorientation_with_drift_is_unknown(
+    problem: ff.Problem,
+) -> None:
+    limits = ff.Limits(pointing=[ff.PointingLimit("spacecraft", [1, 0, 0], 3.0, point=[0, 3, 0])])
+    with pytest.raises(ff.InputError) as raised:
+        ff.plan_manoeuvre(problem, [], PRESENT, limits, reorient=True)
+    assert raised.value.key == "limits.pointing.0.target.point"
 
 
 @pytest.mark.parametrize(("reorient", "name"), [(False, "away"), (True, "settling")])

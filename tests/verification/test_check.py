@@ -90,6 +90,17 @@ def test_a_plan_is_verified_with_both_engines(request, name):
 # --- altered records ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
+def test_ranges_of_headings_that_keep_limits_of_attitude_are_verified():
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    sun = ff.PointingLimit("spacecraft", [1, 0, 0], 1.2, "outside", direction=[1, 0, 0])
+    found = ff.plan(problem, limits=ff.Limits(pointing=[sun], base_turn=2.0))
+    assert found.feasible
+    assert ff.check(found).passed
+    shifted = replace(found, limits=ff.Limits(pointing=[replace(sun, angle=1.0)], base_turn=2.0))
+    assert "ranges of headings" in {entry.name for entry in ff.check(shifted).discrepancies}
+
+
 def with_motion(result, **changes):
     """A result whose chosen motion is another."""
     chosen = result.chosen

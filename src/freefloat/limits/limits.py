@@ -100,6 +100,14 @@ class Limits:
         """Those of motions that are meant to turn the spacecraft: all but ``base_turn``."""
         return replace(self, base_turn=None)
 
+    def seen_from(self, centre: Array) -> Limits:
+        """The limits in a frame that begins at another place of the centre of mass.
+
+        Args:
+            centre: The place in the frame of these limits [m], shape (3,).
+        """
+        return replace(self, pointing=tuple(limit.moved(-centre) for limit in self.pointing))
+
     @property
     def timed(self) -> bool:
         """Whether there are limits of joint rates, joint torques or the spacecraft's rate."""

@@ -6,7 +6,7 @@ or, for the spacecraft, between its attitude and that at the start of the motion
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -69,6 +69,10 @@ class PointingLimit:
         if self.point is not None:
             point = frozen(finite_vector("target.point", self.point, 3))
             object.__setattr__(self, "point", point)
+
+    def moved(self, offset: Array) -> PointingLimit:
+        """The limit with its point, if it has one, moved by an offset [m], shape (3,)."""
+        return self if self.point is None else replace(self, point=self.point + offset)
 
     def require_body(self, model: FreeFloatingModel, key: str) -> None:
         """Raise an InputError that names a key unless the robot has the link."""

@@ -10,7 +10,10 @@ import numpy as np
 
 from freefloat.attitude_grids import even_directions
 from freefloat.ensemble.feasibility import FeasibilityEvaluator, regularity
+from freefloat.limits import extremes
+from freefloat.limits.limits import violated
 from freefloat.motion.integration import integrate_motion
+from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import Candidate
 from freefloat.planning.evaluator import evaluator_for
@@ -53,7 +56,7 @@ def robustness_checks(plan: Plan, chosen: SimulatedBranch) -> Iterator[Check]:
         if not 0.0 <= value < np.inf:
             yield Check("robustness", False, f"{key} is {value}", value)
             return
-    evaluator = evaluator_for(plan.problem)
+    evaluator = evaluator_for(plan.problem, limits=plan.limits)
     if plan.problem.task.planar:
         yield _heading_check(plan, evaluator)
         yield _depth_check(plan, chosen)
@@ -120,24 +123,28 @@ def _contradictions(
 
 
 def _is_feasible(evaluator: FeasibilityEvaluator, heading: float, branch: int) -> bool:
-    """Whether the precise motion of an arm branch keeps the margin.
+    """Whether the precise motion of an arm branch keeps the margin and the limits of attitude.
 
     Of a redundant arm, whether that of any configuration does, of those tried at the heading or of
     those near them at headings nearby.
     """
     attitude, problem = heading_quaternion(heading), evaluator.problem
     tried = any(
-        _keeps_margin(problem, attitude, start.joints)
+        _keeps_margin(problem, evaluator.limits, attitude, start.joints)
         for start in problem.branches(attitude)
         if problem.redundant or start.index == branch
     )
     return tried or (problem.redundant and bool(keeps_from_nearby(evaluator, attitude).any()))
 
 
-def _keeps_margin(problem: Problem, attitude: Array, joints: Array) -> bool:
-    return integrate_motion(
-        problem, attitude, joints, stop_at_margin=True, tolerance=_PRECISE
-    ).completed
+def _keeps_margin(problem: Problem, limits: AttitudeLimits, attitude: Array, joints: Array) -> bool:
+    motion = integrate_motion(problem, attitude, joints, stop_at_margin=True, tolerance=_PRECISE)
+    if not motion.completed:
+        return False
+    results = [extremes.pointing(limits.pointing, motion)] if limits.pointing else []
+    if limits.base_turn is not None:
+        results.append(extremes.base_turn(limits.base_turn, motion))
+    return not violated(results)
 
 
 def _depth_check(plan: Plan, chosen: SimulatedBranch) -> Check:
@@ -197,7 +204,7 @@ def _tolerance_check(
         factors = tolerance.shortest / _INSIDE / duration, tolerance.longest * _INSIDE / duration
         problems += [_scaled(problem, factor) for factor in factors]
     for changed in problems:
-        if not _keeps_margin(changed, start.attitude, start.joints):
+        if not _keeps_margin(changed, evaluator.limits, start.attitude, start.joints):
             h = np.round(changed.momentum, 6).tolist()
             words = f"the momentum {h} N m s violates the margin"
             return Check("tolerance", False, words, tolerance.momentum, unit="N m s")

@@ -30,6 +30,7 @@ from freefloat.planning.phases.manoeuvre import Manoeuvre, PlannedPhase
 from freefloat.planning.phases.phases import CapturePhase, JointPhase, Phase
 from freefloat.planning.phases.state import Handover
 from freefloat.planning.plan import Plan
+from freefloat.so3 import Array
 
 
 def write_manoeuvre(file: Any, manoeuvre: Manoeuvre, document: Document) -> None:
@@ -59,15 +60,15 @@ def _phases(file: Any, scenario: Scenario, document: Document) -> Iterator[Plann
     state = None if path.chosen is None else Handover.at_start(path.chosen.motion)
     for k, entry in enumerate(documents[:number]):
         group, problem = file[f"phases/{k}"], path.problem
+        centre = entry["start"] * problem.path.drift
         result: Any
         if entry["kind"] == "reorientation":
             timed = _at_its_speed(group, problem, entry)
             result = read_reorientation(group, scenario, entry, timed)
         else:
-            result = _joint_motion(group, scenario, earlier(problem, entry["duration"]), entry)
-        yield PlannedPhase(
-            entry["name"], entry["start"], entry["start"] * problem.path.drift, result
-        )
+            before = earlier(problem, entry["duration"])
+            result = _joint_motion(group, scenario, before, entry, centre)
+        yield PlannedPhase(entry["name"], entry["start"], centre, result)
     yield PlannedPhase(documents[number]["name"], 0.0, np.zeros(3), path)
     if state is None or path.chosen is None:
         return
@@ -87,11 +88,13 @@ def _following(
         state, result = state.captured(phase)
     elif isinstance(phase, JointPhase):
         problem = replace(state.problem, scene=state.scene)
-        result = _joint_motion(group, scenario, problem, entry)
+        result = _joint_motion(group, scenario, problem, entry, centre)
         state = state.after(result.motion)
     else:
         problem = state.problem_of(phase)
         result = read_plan(group, scenario, entry, problem)
+        if result.limits is not None:
+            result = replace(result, limits=result.limits.seen_from(centre))
         state = state.after(result.chosen.motion)
     return PlannedPhase(phase.name, start, centre, result), state
 
@@ -106,10 +109,14 @@ def _at_its_speed(group: Any, problem: Problem, entry: Document) -> Problem:
     return replace(problem, path=path, scene=Scene())
 
 
-def _joint_motion(group: Any, scenario: Scenario, problem: Problem, entry: Document) -> JointMotion:
+def _joint_motion(
+    group: Any, scenario: Scenario, problem: Problem, entry: Document, centre: Array
+) -> JointMotion:
+    """A motion of the joints that begins with a centre of mass [m], shape (3,)."""
     timing = Timing(entry["duration"], TimeLaw.UNIFORM)
     timed = replace(problem, path=TimedPath(problem.path.path, timing, problem.path.drift))
     transfer = JointTransfer(np.array(entry["joints"]))
     motion = read_motion(group["motion"], timed, transfer)
     limits, results, _ = read_limits(group, scenario, entry)
-    return JointMotion(transfer, motion, (limits or Limits()).without_turn, results)
+    limits = (limits or Limits()).without_turn.seen_from(centre)
+    return JointMotion(transfer, motion, limits, results)

@@ -105,7 +105,7 @@ def settling(
         attitude: Of the spacecraft at the end, unit quaternion x, y, z, w.
         end: Joints at the end, shape (n,).
         rates: Joint rates at the end [rad/s or m/s], shape (n,).
-        limits: Limits to keep.
+        limits: Limits to keep, in the frame of the problem.
 
     Returns:
         The first motion that keeps the limits, or the last one. Without limits of joint rates the
@@ -118,7 +118,8 @@ def settling(
     for _ in range(_DURATIONS):
         transfer = JointTransfer.between(joints, np.zeros_like(rates), end, rates, duration)
         before = attitude_before(problem, transfer, attitude, duration)
-        found = joint_motion(earlier(problem, duration), transfer, before, duration, limits)
+        here = limits.seen_from(-duration * problem.path.drift)
+        found = joint_motion(earlier(problem, duration), transfer, before, duration, here)
         kinds = {result.limit for result in violated(found.limit_results)}
         if not kinds & {"joint_rate", "joint_torque", "base_rate"}:
             break

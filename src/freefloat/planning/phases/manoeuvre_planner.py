@@ -61,9 +61,10 @@ def plan_manoeuvre(
         The manoeuvre; of an infeasible one the phases up to the one that fails.
 
     Raises:
-        InputError: If an argument is of another type, or ``reorient`` lacks the present attitude or
-            joints; if a phase cannot follow those before: there is no such body or joint, or it
-            begins elsewhere. What does not depend on the motions is found before they are planned.
+        InputError: If an argument is of another type; if ``reorient`` lacks the present attitude or
+            joints, or is asked for with drift and a point of ``limits.pointing``; if a phase cannot
+            follow those before: there is no such body or joint, or it begins elsewhere. What does
+            not depend on the motions is found before they are planned.
 
     Example:
         >>> problem = ff.load_scenario("planar_2dof/line").problem()
@@ -76,7 +77,10 @@ def plan_manoeuvre(
     limits = Limits() if limits is None else limits
     require_problem(problem)
     following = checked_phases(problem, phases)
-    present = _present_joints(problem, search) if reorient else None
+    present = None
+    if reorient:
+        present = _present_joints(problem, search)
+        _require_directions(problem, limits)
     share = 0.5 if reorient else 0.9
     step = step_of(progress, 0.0, share)
     first = plan(problem, search, limits, threads=threads, progress=step)
@@ -104,6 +108,15 @@ def _present_joints(problem: Problem, search: Search) -> Array:
             accepted = f"{ends[0]:g} to {ends[1]:g} rad or m"
             raise InputError("search.joints", f"{name} is {value:g}", accepted)
     return joints
+
+
+def _require_directions(problem: Problem, limits: Limits) -> None:
+    """Raise an InputError for points whose place depends on the duration of a reorientation."""
+    for number, limit in enumerate(limits.pointing):
+        if limit.point is not None and problem.path.drifts:
+            key = f"limits.pointing.{number}.target.point"
+            given = "the centre of mass drifts during the reorientation"
+            raise InputError(key, given, "a direction, or no drift")
 
 
 def _assembled(phases: Sequence[PlannedPhase]) -> Manoeuvre:
@@ -143,11 +156,12 @@ def _following(state: Handover, phases: Sequence[Phase], limits: Limits) -> Iter
             state, found = state.captured(phase)
             yield PlannedPhase(phase.name, start, centre, found)
             continue
+        here = limits.seen_from(centre)
         if isinstance(phase, JointPhase):
-            result: JointMotion | Plan = _joints(state, phase, limits)
+            result: JointMotion | Plan = _joints(state, phase, here)
         else:
             with keys_within(f"phases.{number}"):
-                result = continued(state, phase, limits)
+                result = continued(state, phase, here)
         planned = PlannedPhase(phase.name, start, centre, result)
         yield planned
         motion = planned.motion
