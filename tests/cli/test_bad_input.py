@@ -170,3 +170,11 @@ def test_extreme_numbers_give_a_result_or_an_error(old: str, new: str, folder: P
     result = run("simulate", NAME, *HEADING)
     assert result.exit_code in (0, 1, 2), result.output
     assert len(result.stderr.splitlines()) == (1 if result.exit_code == 2 else 0)
+
+
+@pytest.mark.parametrize("option", ["-o", "--html"])
+def test_outputs_do_not_replace_files_of_another_kind(option: str, folder: Path) -> None:
+    (folder / NAME).write_text(PARABOLA)
+    (folder / "robot.urdf").write_text("<robot/>")
+    assert error("plan", NAME, option, "robot.urdf")["key"] in ("output", "html")
+    assert (folder / "robot.urdf").read_text() == "<robot/>"

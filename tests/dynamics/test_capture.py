@@ -223,3 +223,18 @@ def test_bad_input() -> None:
     }.items():
         assert error_key(ff.capture, *arguments).startswith(key)
     assert error_key(ff.Client, -1.0, [1.0, 1.0, 1.0]).startswith("payload.mass")
+
+
+def test_momentum_stored_in_wheels_stays_in_them() -> None:
+    """At the same rates before contact, wheels add their momentum and change nothing else."""
+    model = ff.FreeFloatingModel.from_urdf("planar_2dof")
+    client = ff.Client(50.0, [4.0, 4.0, 4.0], angular_velocity=[0.0, 0.0, 0.1])
+    state = ([0.0, 0.0, np.sin(0.2), np.cos(0.2)], [0.3, 0.7], [0.01, 0.02])
+    h, wheels = np.array([0.0, 0.0, 0.3]), np.array([0.0, 0.0, 0.2])
+    without = ff.capture(model, client, *state, h)
+    result = ff.capture(model, client, *state, h + wheels, wheel_momentum=wheels)
+    np.testing.assert_allclose(result.momentum, without.momentum + wheels, atol=1e-12)
+    np.testing.assert_allclose(result.joint_rates, without.joint_rates, atol=1e-12)
+    np.testing.assert_allclose(result.locked_rate, without.locked_rate, atol=1e-12)
+    rate = np.linalg.norm(result.locked_rate)
+    assert result.smallest_rate <= rate <= result.largest_rate

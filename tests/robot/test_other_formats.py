@@ -13,6 +13,7 @@ from freefloat.dynamics.momentum import mass_matrix
 from freefloat.io.formats.mjcf_file import mjcf_text
 from freefloat.io.formats.trajectory import Trajectory
 from freefloat.robot.names import models_folder
+from tests.commands import document
 from tests.errors import error_key
 from tests.motions import bundled
 
@@ -203,3 +204,16 @@ def test_robots_of_robot_descriptions(tmp_path: Path, monkeypatch: pytest.Monkey
         assert error_key(ff.FreeFloatingModel.from_urdf, name) == "urdf"
     for name in [name for name in sys.modules if name.startswith("robot_descriptions")]:
         monkeypatch.delitem(sys.modules, name)
+
+
+def test_ranges_of_mujoco_begin_where_its_joints_are_zero(tmp_path: Path) -> None:
+    """A joint's ``ref`` is its value where the model is as it is written."""
+    file = tmp_path / "arm.xml"
+    file.write_text("""<mujoco><worldbody><body name="base"><freejoint/><geom size="1"/>
+      <body name="a" pos="0 0 1"><joint name="q1" ref="90" range="0 180"/><geom size="0.1"/>
+      <body name="b" pos="0 0 1"><joint name="q2" range="-60 30"/><geom size="0.1"/></body></body>
+      </body></worldbody><equality><joint joint1="q1" joint2="q2"/></equality></mujoco>""")
+    model = ff.FreeFloatingModel.from_urdf(file, "b")
+    expected = np.radians([[-90.0, -60.0], [90.0, 30.0]])
+    np.testing.assert_allclose(model.joint_ranges, expected, atol=1e-12)
+    assert any("equality" in entry["problem"] for entry in document("info", file)["warnings"])

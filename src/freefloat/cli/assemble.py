@@ -144,7 +144,7 @@ def assemble(
         model = load_robot(robot)
     else:
         model = _assembled(robot_source(robot, root, package), end_effector, parts)
-    prepare_outputs(Path(model.description.source), output=output)
+    prepare_outputs(Path(model.description.source), results=False, output=output)
     written = write_urdf(model, output, copy_meshes)
     console = Console(as_json, quiet)
     console.json(written.to_dict())

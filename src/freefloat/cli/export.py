@@ -74,7 +74,7 @@ def export(
         raise InputError("output", "both -o - and --json were given", "one of the two")
     kind, target = _format_and_file(file, format_, output)
     if target is not None:
-        prepare_outputs(file, output=target)
+        prepare_outputs(file, results=False, output=target)
     result, violation = load(file), ""
     if not isinstance(result, Manoeuvre | Reorientation):
         _, violation = chosen_motion(result, file)
@@ -87,7 +87,7 @@ def export(
     console, written = Console(as_json, quiet), []
     for name, trajectory in sampled.items():
         path = target.with_stem(target.stem + name) if name else target
-        prepare_outputs(file, output=path)
+        prepare_outputs(file, results=False, output=path)
         save_trajectory(path, trajectory, kind)
         written.append(_described(path, kind, trajectory))
         console.tables([_line(written[-1])])

@@ -69,5 +69,5 @@ def _capture(capture: Capture) -> str:
     locked = math.degrees(math.hypot(*capture.locked_rate))
     return (
         f"impulse {impulse:.3g} N s, momentum {momentum} N m s; with locked joints the system "
-        f"turns at {locked:.4f} deg/s, in other joints at {low:.4f} to {high:.4f} deg/s"
+        f"turns at {locked:.4f} deg/s, about other axes at {low:.4f} to {high:.4f} deg/s"
     )

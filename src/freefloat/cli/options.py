@@ -71,6 +71,10 @@ Attitude = Annotated[
 ]
 
 
+_BEGINNINGS = {"html": (b"<!doctype html",), "output": (b"freefloat sha-256 ", b"\x89hdf")}
+"""Beginnings of files that outputs may replace, lower case."""
+
+
 def comma_separated(key: str, text: str) -> list[float]:
     """Numbers from a text; the key is named in errors.
 
@@ -83,28 +87,46 @@ def comma_separated(key: str, text: str) -> list[float]:
         raise InputError(key, f"{text!r} was given", "numbers separated by commas") from None
 
 
-def prepare_outputs(*inputs: Path, folder: Path | None = None, **files: Path | None) -> None:
+def prepare_outputs(
+    *inputs: Path, folder: Path | None = None, results: bool = True, **files: Path | None
+) -> None:
     """Check output files, and make a folder, before the work whose results they will hold.
 
     Args:
         inputs: Files that the command reads.
         folder: An output folder, named ``plots`` in errors.
+        results: Whether ``output`` is a result file, which replaces other result files only.
         files: Output files by option; None where none is wanted.
 
     Raises:
-        InputError: If one cannot be written, or two files are the same.
+        InputError: If one cannot be written, would replace a file of another kind, or two files are
+            the same.
     """
     names = {path.resolve(): "the input" for path in inputs}
     for option, file in files.items():
         if file is None:
             continue
         require_writable(option, file)
+        if option == "html" or (option == "output" and results):
+            _require_replaceable(option, file)
         path = file.resolve()
         if path in names:
             raise InputError(option, f"{file} is also {names[path]}", "a file of its own")
         names[path] = f"--{option}"
     if folder is not None:
         make_folder("plots", folder)
+
+
+def _require_replaceable(option: str, file: Path) -> None:
+    """Raise an InputError if an output would replace a file of another kind, such as a robot."""
+    if not file.exists():
+        return
+    with file.open("rb") as content:
+        begin = content.read(64).lstrip().lower()
+    if begin and not begin.startswith(_BEGINNINGS[option]):
+        kind = {"html": "page", "output": "result file"}[option]
+        problem = f"{file} exists and is no {kind}: it is not replaced"
+        raise InputError(option, problem, "another name")
 
 
 def distinct_stems(files: Sequence[Path]) -> list[str]:

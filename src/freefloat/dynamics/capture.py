@@ -78,13 +78,15 @@ class Capture:
             [N s; N m s], shape (6,); zero where the velocities match.
         joint_rates: Just after contact, joints moving freely [rad/s or m/s], shape (n,).
         base_rate: The spacecraft's angular velocity then [rad/s], shape (3,).
-        momentum: Angular momentum about the common centre of mass [N m s], shape (3,).
+        momentum: Angular momentum about the common centre of mass, with that of wheels [N m s],
+            shape (3,).
         velocity: Of the common centre of mass [m/s], shape (3,).
         centre_of_mass: The common one, from that of the robot before [m], shape (3,).
         locked_rate: Angular velocity of the whole system once its joints are locked [rad/s], (3,).
         smallest_rate: Of the locked system's rotation about its axis of largest inertia [rad/s]: no
             rotation in these joints with this momentum is slower.
         largest_rate: About its axis of smallest inertia: none is faster.
+        wheel_momentum: Stored in wheels, spacecraft frame [N m s], shape (3,).
     """
 
     model: FreeFloatingModel = field(repr=False)
@@ -98,6 +100,7 @@ class Capture:
     locked_rate: Array
     smallest_rate: float
     largest_rate: float
+    wheel_momentum: Array
 
     def to_dict(self) -> dict[str, Any]:
         """The capture as a JSON document."""
@@ -114,6 +117,7 @@ def capture(
     joint_rates: npt.ArrayLike,
     momentum: npt.ArrayLike = (0.0, 0.0, 0.0),
     velocity: npt.ArrayLike = (0.0, 0.0, 0.0),
+    wheel_momentum: npt.ArrayLike = (0.0, 0.0, 0.0),
 ) -> Capture:
     """Fix a client to the end-effector.
 
@@ -123,9 +127,10 @@ def capture(
         attitude: Of the spacecraft, unit quaternion x, y, z, w.
         joints: Joint values, shape (n,).
         joint_rates: Before contact, shape (n,).
-        momentum: Angular momentum of the robot about its centre of mass before contact, inertial
-            axes [N m s], shape (3,).
+        momentum: Angular momentum of the robot about its centre of mass before contact, with that
+            of wheels, inertial axes [N m s], shape (3,).
         velocity: Of the robot's centre of mass before contact, inertial axes [m/s], shape (3,).
+        wheel_momentum: Stored in wheels, spacecraft frame [N m s], shape (3,).
 
     Raises:
         InputError: If a vector has another shape or is not finite, or no rigid body has the
@@ -142,9 +147,11 @@ def capture(
     a = unit_quaternion("attitude", attitude)
     q, rates = model.joint_vector(joints), model.joint_vector(joint_rates, "joint_rates")
     h, v = finite_vector("momentum", momentum, 3), finite_vector("velocity", velocity, 3)
+    stored = finite_vector("wheel_momentum", wheel_momentum, 3)
     R = rotation_matrix(a)
     A = momentum_map(model, q, a)
-    before = np.linalg.solve(A[:, :6], [*(model.total_mass * v), *h] - A[:, 6:] @ rates)
+    moving = [*(model.total_mass * v), *(h - R @ stored)]
+    before = np.linalg.solve(A[:, :6], moving - A[:, 6:] @ rates)
     before = np.concatenate([before, rates])
 
     pose = model.end_effector_pose(a, q)
@@ -171,11 +178,13 @@ def capture(
     new = _with_payload(model, body)
     D = R @ momentum_map(new, q)[3:, 3:6] @ R.T
     moments = np.linalg.eigvalsh(D)
-    size = float(np.linalg.norm(H))
+    size, wheels = float(np.linalg.norm(H)), float(np.linalg.norm(stored))
+    locked = np.linalg.solve(D, H - R @ stored)
     return Capture(
         new, frozen(mismatch), frozen(impulse), frozen(after[6:]), frozen(R @ after[3:6]),
-        frozen(H), frozen(common), frozen(centre), frozen(np.linalg.solve(D, H)),
-        size / float(moments[-1]), size / float(moments[0]),
+        frozen(H), frozen(common), frozen(centre), frozen(locked),
+        abs(size - wheels) / float(moments[-1]), (size + wheels) / float(moments[0]),
+        frozen(stored),
     )  # fmt: skip
 
 

@@ -171,6 +171,9 @@ def no_feasible_heading_message(evaluator: FeasibilityEvaluator, search: Search)
         return beyond
     motions = evaluator.evaluate(attitudes).motions
     tried = np.argwhere(np.isin(motions.endings, (COMPLETED, SINGULAR))).tolist()
+    if not tried and (motions.endings == LIMITED).any():
+        fractions = _ending_fractions(motions.endings)
+        return f"of {_TRIED} headings none completes the path within its limits: {fractions}"
     if not tried:
         return unreached_start_message(problem, "no heading")
     n, branch = max(tried, key=lambda at: (motions.ended_at[*at], motions.minimum[*at]))

@@ -169,7 +169,11 @@ class _Decoder:
         limit, kind = element.find("limit"), element.get("type")
         given = {} if limit is None else limit.attrib
         missing = [key for key in ("effort", "velocity") if key not in given]
-        endless = "lower" not in given and "upper" not in given
+        ends = [key for key in ("lower", "upper") if key not in given]
+        endless = len(ends) == 2
+        if len(ends) == 1 and limit is not None:
+            problem = f"a {kind} joint without {ends[0]} in its <limit>"
+            self.report(Severity.WARNING, limit, problem, f"{_LIMIT}; its {ends[0]} end is 0")
         if not missing and not endless:
             return
         names = ["lower", "upper"] * endless + missing

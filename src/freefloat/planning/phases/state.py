@@ -129,10 +129,9 @@ class Handover:
         body = next(body for body in self.scene.bodies if body.name == phase.body)
         grapple = body.pose.inverse() @ self.pose
         problem, axes = self.problem, rotation_matrix(self.attitude)
-        wheels = axes @ problem.wheel_momentum
         result = capture(
             problem.model, phase.client(body, grapple), self.attitude, self.joints,
-            self.joint_rates, problem.momentum - wheels, problem.path.drift,
+            self.joint_rates, problem.momentum, problem.path.drift, problem.wheel_momentum,
         )  # fmt: skip
         before, links = problem.model.description.links_by_name, result.model.description.links
         payload = next(link.name for link in links if link.name not in before)
@@ -147,7 +146,7 @@ class Handover:
             corridor = None  # the end-effector does not move in it any more
         scene = Scene((*others, held), corridor)
         following = problem.replace(
-            model=result.model, momentum=result.momentum + wheels, scene=scene,
+            model=result.model, momentum=result.momentum, scene=scene,
             path=replace(problem.path, drift=result.velocity),
         )  # fmt: skip
         state = replace(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -57,12 +58,19 @@ def read(file: str, root: str | None = None) -> UrdfText:
             _add_joint(robot, model, body, joints[body], at)
     ET.indent(robot)
     text = ET.tostring(robot, encoding="unicode")
+    return UrdfText(text, tuple(_warnings(model, start, named=root is not None)))
+
+
+def _warnings(model: Any, start: int, *, named: bool) -> Iterator[tuple[str, str]]:
+    """What of the model the URDF lacks, and remedies; ``named`` is whether the root was."""
     others = [name for name in _names(model, _children(model)) if name != _name(model, start)]
-    if root is not None or not others:
-        return UrdfText(text)
-    left_out = one_line(", ".join(others))
-    problem = f"its root is {_name(model, start)}; left out of the world: {left_out}"
-    return UrdfText(text, ((problem, "--root BODY (robot.root in a scenario) for another root"),))
+    if others and not named:
+        left_out = one_line(", ".join(others))
+        problem = f"its root is {_name(model, start)}; left out of the world: {left_out}"
+        yield problem, "--root BODY (robot.root in a scenario) for another root"
+    if model.neq:
+        problem = f"{model.neq} equality constraints are ignored: what they couple moves freely"
+        yield problem, "a model without closed chains and coupled joints"
 
 
 def _load(file: str) -> Any:
@@ -200,7 +208,8 @@ def _add_joint(robot: ET.Element, model: Any, body: int, joint: int | None, at: 
         ET.SubElement(element, "axis", xyz=_text(model.jnt_axis[joint]))
         limits = {"effort": _EFFORT, "velocity": _VELOCITY}
         if limited:
-            low, high = model.jnt_range[joint].tolist()
+            start = model.qpos0[model.jnt_qposadr[joint]]  # where the URDF's joint is zero
+            low, high = (model.jnt_range[joint] - start).tolist()
             limits |= {"lower": repr(low), "upper": repr(high)}
         elif kind == "prismatic":
             limits |= {"lower": "-1e9", "upper": "1e9"}
