@@ -93,7 +93,8 @@ def unit_quaternion(key: str, values: npt.ArrayLike) -> Array:
         InputError: Naming ``key``, if the norm differs from one by more than one percent.
     """
     quaternion = finite_vector(key, values, 4)
-    norm = float(np.linalg.norm(quaternion))
+    with np.errstate(over="ignore"):  # an infinite norm is refused, too
+        norm = float(np.linalg.norm(quaternion))
     if abs(norm - 1.0) > 0.01:
         raise InputError(key, f"norm {norm:.4g} was given", "a unit quaternion x, y, z, w")
     return quaternion / norm
