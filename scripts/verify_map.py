@@ -26,7 +26,6 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
-from freefloat.planning.objective import Objective
 from freefloat.planning.planner import plan
 from freefloat.planning.settings import Search
 from freefloat.planning.space.attitude_map import AttitudeMap
@@ -122,7 +121,7 @@ def nearest(
 
 def robust(problem: Problem, threads: int | None, seed: int) -> Iterator[Check]:
     begin = time.perf_counter()
-    result = plan(problem, Search(Objective.ROBUST), threads=threads)
+    result = plan(problem, Search("robust"), threads=threads)
     if result.chosen is None or result.robust_radius is None:
         yield Check("robust", result.reason, "a plan", False, time.perf_counter() - begin)
         return

@@ -12,7 +12,6 @@ import pytest
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.limits.limits import Limits
 from freefloat.planning import spatial_planner
-from freefloat.planning.objective import Objective
 from freefloat.planning.plan import Plan
 from freefloat.planning.planner import plan
 from freefloat.planning.searches.adversary import Effort
@@ -43,7 +42,7 @@ def planar_plan() -> Plan:
     """The paper's Example 1 with limits, deepest inside its feasible headings."""
     limits = Limits(joint_rate=np.full(3, 0.5), base_rate=0.2)
     problem = load_scenario("planar_3dof/parabola").problem()
-    return plan(problem, Search(Objective.ROBUST, np.array(IDENTITY)), limits)
+    return plan(problem, Search("robust", np.array(IDENTITY)), limits)
 
 
 @cache

@@ -14,7 +14,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ik import configurations
 from freefloat.planning import diagnostics
 from freefloat.planning.candidates import Peak
-from freefloat.planning.objective import Objective
+from freefloat.planning.objectives.objectives import Robust
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
 from freefloat.planning.space import climbing as search
@@ -84,7 +84,7 @@ def test_tasks_laws_and_objectives_are_accepted_by_name(
     measure = ff.singularity_measure(model, "planar-position", "gjm")
     assert measure(q) == ff.singularity_measure(model, ff.Task.PLANAR_POSITION, "gjm")(q) > 0.0
     assert ff.Timing(2.0, "cubic").s(0.5) == pytest.approx(3 / 16 - 2 / 64)
-    assert ff.Search("robust").objective is Objective.ROBUST
+    assert ff.Search("robust").objective == ff.Search(Robust()).objective == Robust()
 
 
 def test_unknown_names_are_refused(model: ff.FreeFloatingModel) -> None:

@@ -13,7 +13,7 @@ from freefloat.attitude_grids import attitude_grid
 from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.motion import Motion
-from freefloat.planning.objective import Objective
+from freefloat.planning.objectives.objectives import NAMED
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.ranges import find_range_limits, heading_ranges
 from freefloat.so3 import heading_quaternion, unit_quaternion
@@ -146,7 +146,7 @@ def plans() -> list[Result]:
     problem = ff.load_scenario("spatial_6dof/line").problem()
     now = np.array([0.1, -0.5, 0.2, 0.8367])
     results = []
-    for objective in Objective:
+    for objective in NAMED:
         search = ff.Search(objective, now / np.linalg.norm(now))
         start = time.perf_counter()
         ff.plan(problem, search)

@@ -46,7 +46,7 @@ from .workspace.singularity_components import singularity_components as singular
 from .workspace.singularity_distance import distance_to_singularity as distance_to_singularity
 from .planning.space.mapping import attitude_map as attitude_map
 from .planning.settings import Search as Search
-from .planning.objective import Weights as Weights
+from .planning.objectives.objectives import Weights as Weights
 from .planning.planner import plan as plan
 from .planning.timing.retiming import retime as retime
 from .planning.joints.reorientation import reorient as reorient

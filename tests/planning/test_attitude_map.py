@@ -9,9 +9,9 @@ from freefloat.attitude_grids import attitude_grid, attitudes_within, grid_spaci
 from freefloat.ensemble.endings import SINGULAR, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
+from freefloat.planning.searches.nearest_neighbours import depths
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.mapping import sample_attitudes
-from freefloat.planning.space.nearest_neighbours import depths
 from freefloat.planning.space.regions import find_regions
 from freefloat.so3 import angle_between
 from tests.maps import branch_results

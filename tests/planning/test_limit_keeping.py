@@ -16,7 +16,6 @@ from freefloat.planning.diagnostics import rounded_up
 from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.limits import keeping as limit_keeping
 from freefloat.planning.limits.keeping import keep_limits
-from freefloat.planning.objective import Objective
 from freefloat.planning.plan import Plan
 from freefloat.planning.planner import plan
 from freefloat.planning.settings import Search
@@ -185,7 +184,7 @@ def test_the_needed_duration_is_enough_where_few_headings_keep_the_rates() -> No
 def test_the_nearest_attitude_is_moved_toward_the_present_one() -> None:
     """From 40 degrees the spacecraft rotates at up to 0.114 rad/s, from smaller headings slower."""
     present = heading_quaternion(np.deg2rad(40.0))
-    search = Search(Objective.NEAREST, from_attitude=present, spare=0.0)
+    search = Search("nearest", from_attitude=present, spare=0.0)
     limits = Limits(base_rate=0.08)
     result = checked_plan(PLANAR.problem(), limits, search)
     assert result.chosen is not None

@@ -8,7 +8,7 @@ import pytest
 import freefloat as ff
 from freefloat.errors import InputError
 from freefloat.limits.limits import Limits
-from freefloat.planning.objective import Weights
+from freefloat.planning.objectives.objectives import Weights
 from freefloat.planning.settings import Search
 from freefloat.planning.simulation import integrate_branch
 from freefloat.so3 import angle_between, heading_quaternion

@@ -13,7 +13,6 @@ from freefloat.motion.margin import keeps_threshold
 from freefloat.planning import planar_planner
 from freefloat.planning.domain import SearchDomain
 from freefloat.planning.evaluator import evaluator_for
-from freefloat.planning.objective import Objective
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.heading_map import sample_headings
 from freefloat.planning.plane.ranges import reach_limits
@@ -45,7 +44,7 @@ def sigma(problem):
 
 @pytest.fixture(scope="module")
 def robust(problem):
-    return ff.plan(problem, ff.Search(Objective.ROBUST))
+    return ff.plan(problem, ff.Search("robust"))
 
 
 @pytest.mark.slow
@@ -77,7 +76,7 @@ def test_the_robust_attitude_is_the_middle_of_the_widest_range(problem, robust):
 @pytest.mark.parametrize(("present", "deviation"), [(200.0, 0.0), (100.0, None)])
 def test_the_nearest_attitude_is_the_present_one_or_a_limit(problem, present, deviation):
     """Inside a range nothing has to change; outside, the nearest limit of any branch is taken."""
-    search = ff.Search(Objective.NEAREST, heading_quaternion(np.radians(present)), spare=0.0)
+    search = ff.Search("nearest", heading_quaternion(np.radians(present)), spare=0.0)
     plan = ff.plan(problem, search)
     limits = np.degrees([limit for entry in plan.ranges for limit in entry.limits])
     nearest = np.abs((limits - present + 180.0) % 360.0 - 180.0).min()
@@ -87,23 +86,25 @@ def test_the_nearest_attitude_is_the_present_one_or_a_limit(problem, present, de
 
 
 @pytest.mark.parametrize(
-    ("present", "spare", "depth"),
-    [(200.0, 2.0, None), (100.0, 2.0, 2.0), (100.0, 179.0, None)],
+    ("present", "spare", "within", "depth"),
+    [(200.0, 2.0, 180.0, None), (100.0, 2.0, 180.0, 2.0), (100.0, 89.0, 80.0, None)],
 )
-def test_the_nearest_heading_keeps_its_distance_from_the_limits(problem, robust, present, spare,
+def test_the_nearest_heading_keeps_its_distance_from_the_limits(problem, present, spare, within,
                                                                 depth):  # fmt: skip
     """The present heading where it does; where no range is as wide, the deepest of all."""
-    pairs = [(entry.branch, part) for entry in robust.ranges for part in entry.ranges]
-    heading, branch, _ = planar_planner._nearest(np.radians(present), np.radians(spare), pairs)
+    present = np.radians(present)
+    search = ff.Search("nearest", heading_quaternion(present), within=np.radians(within),
+                       spare=np.radians(spare))  # fmt: skip
+    plan = ff.plan(problem, search)
+    parts = [part for entry in plan.ranges for part in entry.ranges]
     if depth is not None:
-        assert np.degrees(robust.ranges[branch].depth(heading)) == pytest.approx(depth, abs=1e-9)
-        closer = [p.depth(h) for _, p in pairs
-                  for h in heading_between(np.radians(present), heading)]  # fmt: skip
+        assert np.degrees(plan.robust_radius) == pytest.approx(depth, abs=1e-6)
+        closer = [p.depth(h) for p in parts for h in heading_between(present, plan.heading)]
         assert np.degrees(max(closer)) < depth
     elif spare > 2.0:
-        assert heading == max((p for _, p in pairs), key=lambda p: p.width).middle
+        assert plan.heading == pytest.approx(max(parts, key=lambda p: p.width).middle, abs=1e-12)
     else:
-        assert np.degrees(heading) == present
+        assert plan.heading == pytest.approx(present, abs=1e-12)
 
 
 def heading_between(present, heading):
@@ -148,7 +149,7 @@ def test_searched_ranges_agree_with_the_exact_ones(problem, robust):
 
 @pytest.mark.slow
 def test_other_measures_are_searched(sigma):
-    plan = ff.plan(sigma, ff.Search(Objective.ROBUST, samples=12))
+    plan = ff.plan(sigma, ff.Search("robust", samples=12))
     assert plan.feasible
     assert plan.chosen.closest_approach.measure == "sigma"
     assert plan.chosen.closest_approach.value >= 0.05
@@ -177,7 +178,7 @@ def test_a_redundant_planar_arm_is_planned_by_search(problem):
     """Position alone for the three-joint arm."""
     measure = ff.singularity_measure(problem.model, ff.Task.PLANAR_POSITION, "gjm")
     redundant = replace(problem, task=ff.Task.PLANAR_POSITION, margin=ff.Margin(measure, 0.02))
-    plan = ff.plan(redundant, ff.Search(Objective.ROBUST, samples=8))
+    plan = ff.plan(redundant, ff.Search("robust", samples=8))
     assert plan.feasible
     assert plan.ranges[0].label == "any"
     assert plan.chosen.motion.completed
@@ -203,7 +204,7 @@ def test_the_map_agrees_with_the_ranges(problem, robust):
 
 def test_unusable_searches_are_refused(problem):
     with pytest.raises(InputError, match="from_attitude"):
-        ff.Search(Objective.NEAREST)
+        ff.Search("nearest")
     with pytest.raises(InputError, match="samples"):
         ff.Search(samples=2)
     with pytest.raises(InputError, match="leaves the plane"):

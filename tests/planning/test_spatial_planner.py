@@ -18,7 +18,7 @@ from freefloat.motion.margin import Margin, keeps_threshold
 from freefloat.motion.problem import Problem
 from freefloat.planning.diagnostics import NOT_UNIQUE
 from freefloat.planning.evaluator import evaluator_for
-from freefloat.planning.objective import Objective
+from freefloat.planning.objectives.objectives import NAMED
 from freefloat.planning.plan import Plan
 from freefloat.planning.settings import Search
 from freefloat.planning.simulation import SimulatedBranch, simulate
@@ -52,30 +52,30 @@ def problem() -> Problem:
 
 
 @cache
-def plan_for(objective: Objective) -> Plan:
-    present = None if objective is Objective.ROBUST else frozen(BAD)
+def plan_for(objective: str) -> Plan:
+    present = None if objective == "robust" else frozen(BAD)
     search = Search(objective, present, SAMPLES, spare=0.0)
     return ff.plan(with_margin(MARGIN), search, threads=1)
 
 
 @pytest.fixture(scope="module")
 def largest() -> Plan:
-    return plan_for(Objective.MARGIN)
+    return plan_for("margin")
 
 
 @pytest.fixture(scope="module")
 def nearest() -> Plan:
-    return plan_for(Objective.NEAREST)
+    return plan_for("nearest")
 
 
 @pytest.fixture(scope="module")
 def robust() -> Plan:
-    return plan_for(Objective.ROBUST)
+    return plan_for("robust")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("objective", Objective)
-def test_the_chosen_motion_is_feasible(problem: Problem, objective: Objective) -> None:
+@pytest.mark.parametrize("objective", NAMED)
+def test_the_chosen_motion_is_feasible(problem: Problem, objective: str) -> None:
     """It equals that of a simulation; none of 400 attitudes in its radius violates the margin."""
     plan = plan_for(objective)
     assert plan.feasible
@@ -142,7 +142,7 @@ def test_a_feasible_present_attitude_stays() -> None:
     problem = with_margin(20.0)
     attitudes = Rotation.random(20, rng=np.random.default_rng(1)).as_quat()
     present = attitudes[int(np.argmax(FeasibilityEvaluator(problem, 1).margins(attitudes, None)))]
-    plan = planned(problem, Search(Objective.NEAREST, frozen(present), 16, spare=0.0))
+    plan = planned(problem, Search("nearest", frozen(present), 16, spare=0.0))
     assert plan.deviation == 0.0
     assert plan.reason == "the attitude the spacecraft has keeps the margin already"
     np.testing.assert_allclose(plan.chosen.motion.initial.attitude, present, atol=1e-12)
@@ -151,7 +151,7 @@ def test_a_feasible_present_attitude_stays() -> None:
 @pytest.mark.slow
 def test_reason_of_a_margin_kept_nowhere() -> None:
     """It has the largest margin, found between the samples, and where."""
-    plan = planned(with_margin(60.0), Search(Objective.ROBUST, frozen(BAD), 16))
+    plan = planned(with_margin(60.0), Search("robust", frozen(BAD), 16))
     assert not plan.feasible
     assert plan.chosen is plan.robust_radius is plan.tolerance is plan.deviation is None
     assert plan.reason.startswith("of 16 attitudes and those near the best of them none keeps arm")
@@ -160,8 +160,8 @@ def test_reason_of_a_margin_kept_nowhere() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("objective", [Objective.NEAREST, Objective.ROBUST])
-def test_sets_narrower_than_the_grid_are_found(objective: Objective) -> None:
+@pytest.mark.parametrize("objective", ["nearest", "robust"])
+def test_sets_narrower_than_the_grid_are_found(objective: str) -> None:
     """A margin that no sample keeps is kept between samples; reasons have angles in degrees."""
     value, samples, seed = 53.55, 16, 3
     problem = with_margin(value)
@@ -170,9 +170,9 @@ def test_sets_narrower_than_the_grid_are_found(objective: Objective) -> None:
     plan = planned(problem, Search(objective, frozen(BAD), samples, seed, spare=0.0))
     assert plan.feasible
     assert keeps_threshold(plan.chosen.closest_approach.value, value)
-    if objective is Objective.ROBUST:
+    if objective == "robust":
         assert 0.0 <= plan.robust_radius < grid_spacing(samples)
-    angle = plan.deviation if objective is Objective.NEAREST else plan.robust_radius
+    angle = plan.deviation if objective == "nearest" else plan.robust_radius
     assert f"{np.degrees(angle):.4g} degrees" in plan.reason
 
 
@@ -183,7 +183,7 @@ def test_a_margin_that_a_sample_barely_keeps_is_kept() -> None:
     problem = with_margin(value)
     coarse = sample_attitudes(FeasibilityEvaluator(problem, 1), samples, Search(seed=seed))
     assert value < coarse.margins.max() < value * 1.001
-    plan = planned(problem, Search(Objective.NEAREST, frozen(BAD), samples, seed, spare=0.0))
+    plan = planned(problem, Search("nearest", frozen(BAD), samples, seed, spare=0.0))
     assert plan.feasible, plan.reason
 
 
@@ -193,7 +193,7 @@ def test_reason_of_a_start_out_of_reach() -> None:
     line = ff.paths.PolynomialCurve.line(np.array([50.0, 0.0, 0.0]), np.array([51.0, 0.0, 0.0]))
     path = ff.EndEffectorPath(line, ff.paths.FixedOrientation(np.eye(3)))
     problem = replace(near, path=ff.TimedPath(path, near.path.timing))
-    for objective in Objective:
+    for objective in NAMED:
         plan = ff.plan(problem, Search(objective, frozen(BAD), 16), threads=1)
         assert not plan.feasible
         assert plan.reason == (
@@ -209,7 +209,7 @@ def test_reason_of_an_end_out_of_reach() -> None:
     line = ff.paths.PolynomialCurve.line(np.array([1.0, 0.0, 0.0]), np.array([30.0, 0.0, 0.0]))
     path = ff.EndEffectorPath(line, near.path.path.orientation)
     problem = replace(near, path=ff.TimedPath(path, near.path.timing))
-    plan = ff.plan(problem, Search(Objective.MARGIN, None, 16), threads=1)
+    plan = ff.plan(problem, Search("margin", None, 16), threads=1)
     assert not plan.feasible
     s = (VirtualManipulator.of(problem.model).reach - 1.0) / 29.0
     assert plan.reason == f"the path leaves the reach of 2.635 m at s = {s:.3g}"
@@ -242,7 +242,7 @@ def test_unconfirmed_candidates_are_reported_and_the_next_is_taken(
 def test_where_no_candidate_is_confirmed_there_is_no_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     """After twelve candidates at most, all reported."""
     monkeypatch.setattr(SimulatedBranch, "feasible", property(lambda chosen: False))
-    plan = planned(with_margin(50.0), Search(Objective.NEAREST, frozen(BAD), 64, spare=0.0))
+    plan = planned(with_margin(50.0), Search("nearest", frozen(BAD), 64, spare=0.0))
     assert not plan.feasible
     assert plan.chosen is None
     assert 1 <= len(plan.disagreements) <= 12
@@ -265,5 +265,5 @@ def test_a_stock_arm_finds_its_largest_margin() -> None:
 
 def test_from_attitude_must_be_an_attitude(problem: Problem) -> None:
     with pytest.raises(InputError) as caught:
-        ff.plan(problem, Search(Objective.NEAREST, np.array([1.0, 1.0, 0.0, 0.0]), 16))
+        ff.plan(problem, Search("nearest", np.array([1.0, 1.0, 0.0, 0.0]), 16))
     assert caught.value.key == "search.from_attitude"

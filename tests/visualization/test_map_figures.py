@@ -11,7 +11,6 @@ from matplotlib.colors import to_rgba
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.planning.objective import Objective
 from freefloat.planning.plan import Plan
 from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.visualization.figure_style import BLUE, GREY
@@ -134,7 +133,7 @@ def test_spatial_plans_show_their_map_and_the_present_attitude(problem, monkeypa
     """Also without a feasible motion."""
     monkeypatch.setattr(figures_module, "map_slices", partial(map_slices, side=9))
     result = sample_attitudes(FeasibilityEvaluator(problem), 50)
-    search = ff.Search(Objective.NEAREST, np.array([0.0, 0.0, 0.0, 1.0]))
+    search = ff.Search("nearest", np.array([0.0, 0.0, 0.0, 1.0]))
     figures = ff.figures(Plan(problem, search, False, "for a test", map=result))
     assert list(figures) == ["workspace", "map_slices", "map_histogram"]
     assert figures["map_slices"].axes[0].get_title().startswith("now")

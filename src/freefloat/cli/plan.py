@@ -192,8 +192,8 @@ def _chosen_lines(plan: Plan) -> Iterator[str]:
     alone = "margin, pointing and turn" if _limits_attitude(plan) else "the margin"
     scope = f" for {alone} alone" if plan.limit_results else ""
     if plan.robust_radius is not None:
-        nearest, spare = plan.search.objective == "nearest", plan.search.spare
-        less = nearest and plan.robust_radius < spare
+        spare = plan.search.required_radius
+        less = plan.robust_radius < spare
         wanted = f", less than search.spare_deg {math.degrees(spare):g}" if less else ""
         yield f"Attitude tolerance{scope}: {math.degrees(plan.robust_radius):.4f} deg{wanted}."
         if plan.radius_effort is not None:

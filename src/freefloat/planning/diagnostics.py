@@ -20,16 +20,14 @@ from freefloat.motion.reach import (
     unreached_start_message,
 )
 from freefloat.motion.singularity import singular_event
-from freefloat.planning.candidates import Ball, Candidate, NearAttitude
-from freefloat.planning.objective import Objective, Weights
+from freefloat.planning.candidates import Candidate
 from freefloat.planning.settings import Search
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.climbing import best_branch, largest_margins
-from freefloat.so3 import angle_between, heading_quaternion
+from freefloat.so3 import heading_quaternion
 from freefloat.workspace.planar import PlanarArm, most_singular_place, point_3_of_pose
 
-ALREADY = "the attitude the spacecraft has keeps the margin already"
 HELD = "the attitude whose motion has this timing"
 NOT_UNIQUE = "; the optimum is not unique, attitudes around it have the same margin"
 NO_HEADING_WITHIN_LIMITS = "headings keep the margin, but none a limit of pointing or turn as well"
@@ -44,56 +42,6 @@ _GRIDS = 181, 721
 def margin_text(simulated: SimulatedBranch) -> str:
     """The measure and its smallest magnitude along a motion."""
     return f"{simulated.closest_approach.measure} {simulated.closest_approach.value:.6g}"
-
-
-def nearest_message(deviation: float, spare: float) -> str:
-    """How far the chosen attitude is from the present one; ``spare`` is :attr:`Search.spare`."""
-    if deviation == 0.0:
-        return ALREADY
-    within = f" that keeps the margin within {np.degrees(spare):.4g} degrees" if spare else ""
-    return f"the nearest to from_attitude{within}, {np.degrees(deviation):.4g} degrees away"
-
-
-def spare_message(spare: float, radius: float) -> str:
-    """Why an attitude was chosen where none is as deep inside as required."""
-    return (
-        f"the deepest inside: no attitude found keeps the margin within {np.degrees(spare):.4g} "
-        f"degrees around it; this one keeps it within {np.degrees(radius):.4g}"
-    )
-
-
-def criterion(search: Search) -> str:
-    """What the objective of a search asks for."""
-    if isinstance(search.objective, Weights):
-        return "the largest weighted sum"
-    return {
-        Objective.STILL: "the least turn of the spacecraft",
-        Objective.ROBUST: "the deepest inside",
-        Objective.NEAREST: "the nearest to from_attitude",
-        Objective.MARGIN: "the largest margin",
-    }[search.objective]
-
-
-def attitude_reason(candidate: Candidate, chosen: SimulatedBranch, search: Search) -> str:
-    """Why an attitude was chosen for its margin alone."""
-    spare = search.spare if search.objective is Objective.NEAREST else 0.0
-    match candidate:
-        case Ball(radius=radius) if radius < spare:
-            return spare_message(spare, radius)
-        case Ball(radius=radius):
-            degrees = np.degrees(radius)
-            return f"the deepest inside: the margin is kept up to {degrees:.4g} degrees around it"
-        case NearAttitude(deviation=angle):
-            return nearest_message(angle, spare)
-    return f"{criterion(search)}, {margin_text(chosen)}"
-
-
-def limited_reason(search: Search, chosen: SimulatedBranch) -> str:
-    """Why an attitude was chosen among those that keep the limits."""
-    if search.objective is Objective.NEAREST and search.from_attitude is not None:
-        away = np.degrees(angle_between(chosen.motion.initial.attitude, search.from_attitude))
-        return f"the nearest found that keeps the limits, {away:.4g} degrees away"
-    return f"{criterion(search)} among the samples that keep the limits, {margin_text(chosen)}"
 
 
 def disagreement_message(

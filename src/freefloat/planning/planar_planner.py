@@ -19,39 +19,25 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.diagnostics import (
     NO_HEADING_WITHIN_LIMITS,
-    criterion,
     infeasible_distance_message,
     margin_text,
-    nearest_message,
     no_feasible_heading_message,
-    spare_message,
 )
 from freefloat.planning.domain import SearchDomain
-from freefloat.planning.objective import Objective
 from freefloat.planning.plan import Plan
-from freefloat.planning.plane.arcs import (
-    BranchRanges,
-    HeadingRange,
-)
-from freefloat.planning.plane.heading_map import best_headings
+from freefloat.planning.plane.arcs import BranchRanges
+from freefloat.planning.plane.choices import RangeChoices
 from freefloat.planning.plane.limits import limited_ranges
 from freefloat.planning.plane.ranges import heading_ranges, limits_of_spans
 from freefloat.planning.plane.search import searched_ranges
 from freefloat.planning.plane.segment import Segment
 from freefloat.planning.settings import HEADINGS, Search
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch, simulate
-from freefloat.planning.space.merit import Merit
-from freefloat.so3 import heading_of, heading_quaternion, wrapped
+from freefloat.so3 import heading_of, heading_quaternion
 from freefloat.workspace.planar import has_two_angle_form
 
-_INSIDE = 1e-6
-"""Distance from the limit of a range to a heading chosen there [rad]."""
 _NEARBY = np.geomspace(1e-6, 0.5, 64)
 """Angles to headings nearby that are tried where a redundant arm has no feasible start [rad]."""
-
-_Pair = tuple[int, HeadingRange]
-"""Number of an arm branch and one of its ranges."""
-_Choice = tuple[float, int, str]
 
 
 def plan_in_plane(
@@ -80,14 +66,15 @@ def plan_in_plane(
         return Plan(
             problem, search, False, no_feasible_heading_message(evaluator, search), ranges, segments
         )
-    heading, branch, reason = _choose(evaluator, search, limits, pairs)
+    choices = RangeChoices(evaluator, pairs, search, limits)
+    heading, branch, reason, states_margin = search.objective.in_plane(choices)
     if problem.redundant:
         heading = _with_start(evaluator, heading, ranges[0])
     chosen = _integrate(problem, heading, branch)
     if not chosen.feasible:
         reason = f"the motion chosen for {reason} does not keep the margin when integrated again"
         return Plan(problem, search, False, reason, ranges, segments)
-    if search.objective is Objective.MARGIN or search.by_merit:
+    if states_margin:
         reason = f"{reason}, {margin_text(chosen)}"
     depth = heading_depth(ranges, chosen)
     return Plan(problem, search, True, reason, ranges, segments, chosen, depth)
@@ -133,44 +120,6 @@ def _integrate(problem: Problem, heading: float, branch: int) -> SimulatedBranch
     return integrate_branch(problem, attitude, branch)
 
 
-def _choose(
-    evaluator: FeasibilityEvaluator, search: Search, limits: Limits | None, pairs: list[_Pair]
-) -> _Choice:
-    """The heading of the objective, its arm branch, and why it was chosen."""
-    if search.objective is Objective.ROBUST:
-        branch, part = max(pairs, key=lambda pair: pair[1].width)
-        reason = f"the middle of the widest range, {np.degrees(part.width):.4g} degrees wide"
-        return part.middle, branch, reason
-    if search.objective is Objective.NEAREST and search.from_attitude is not None:
-        return _nearest(heading_of(search.from_attitude), search.spare, pairs)
-    branches = [branch for branch, _ in pairs]
-    ends = [_inner_ends(part) for _, part in pairs]
-    merit = None
-    if search.by_merit:
-        margins, _ = best_headings(evaluator, ends, np.array(branches))
-        merit = Merit.of(search, limits, evaluator, margins)
-    merits, headings = best_headings(evaluator, ends, np.array(branches), merit)
-    best = int(np.argmax(merits))
-    return float(headings[best]) % tau, branches[best], criterion(search)
-
-
-def _nearest(present: float, spare: float, pairs: list[_Pair]) -> _Choice:
-    """The nearest heading that is deep enough inside a range; else the deepest."""
-    wide = [pair for pair in pairs if pair[1].width >= 2.0 * spare]
-    if not wide:
-        branch, part = max(pairs, key=lambda pair: pair[1].width)
-        return part.middle, branch, spare_message(spare, part.width / 2.0)
-    choices = []
-    for branch, part in wide:
-        enough = part.depth(present) >= spare
-        headings = (present,) if enough else _inner_ends(part, spare)
-        for heading in headings:
-            deviation = abs(float(wrapped(heading - present)))
-            choices.append((deviation, heading % tau, branch))
-    angle, heading, branch = min(choices, key=lambda choice: choice[0])
-    return heading, branch, nearest_message(angle, spare)
-
-
 def _with_start(evaluator: FeasibilityEvaluator, heading: float, entry: BranchRanges) -> float:
     """The nearest heading in ranges at which a configuration of those tried is feasible."""
     if evaluator.keeps(heading_quaternion([heading]), None)[0]:
@@ -181,9 +130,3 @@ def _with_start(evaluator: FeasibilityEvaluator, heading: float, entry: BranchRa
     if not len(nearby):
         return heading
     return float(nearby[np.argmin(np.abs(nearby - heading))]) % tau
-
-
-def _inner_ends(part: HeadingRange, inside: float = 0.0) -> tuple[float, float]:
-    """Headings inside both limits of a range by an angle, or by a millionth of a radian."""
-    inside = min(max(_INSIDE, inside), part.width / 2.0)
-    return part.low + inside, part.high - inside

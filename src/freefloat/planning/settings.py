@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.errors import InputError, finite_number, member, seed_number, whole_number
+from freefloat.errors import InputError, finite_number, seed_number, whole_number
 from freefloat.motion.problem import Problem
 from freefloat.planning.domain import SearchDomain, require_radians
-from freefloat.planning.objective import Objective, Weights
+from freefloat.planning.objectives.objective import Objective
+from freefloat.planning.objectives.objectives import NAMED, objective_of
 from freefloat.so3 import Array, degrees, frozen
 
 if TYPE_CHECKING:  # compiled kernels take half a second to import
@@ -33,7 +34,8 @@ class Search:
     Attributes:
         objective: The largest minimum margin, the feasible attitude nearest to ``from_attitude``,
             the one deepest inside the feasible set, the one with the least turn of the spacecraft
-            along the motion, or a sum with :class:`Weights`.
+            along the motion: ``margin``, ``nearest``, ``robust`` or ``still``; a sum with
+            :class:`Weights`; or another object of the class Objective.
         from_attitude: Present attitude of the spacecraft, x, y, z, w.
         joints: Present joints of the arm, in chain order or by name [rad or m]: of the arm
             configurations at every attitude only the closest is considered; all when left out.
@@ -50,7 +52,7 @@ class Search:
         'the middle of the widest range, 151.3 degrees wide'
     """
 
-    objective: Objective | Weights = Objective.MARGIN
+    objective: Objective = NAMED["margin"]
     from_attitude: Array | None = None
     samples: int | None = None
     seed: int = 0
@@ -59,15 +61,13 @@ class Search:
     spare: float = np.radians(2.0)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.objective, Weights):
-            objective = member("search.objective", Objective, self.objective)
-            object.__setattr__(self, "objective", objective)
+        object.__setattr__(self, "objective", objective_of(self.objective))
         if self.samples is not None:
             samples = whole_number("search.samples", self.samples, FEWEST_SAMPLES)
             object.__setattr__(self, "samples", samples)
         object.__setattr__(self, "seed", seed_number("search.seed", self.seed))
         finite_number("search.spare", self.spare, "an angle from 0 to pi / 2", 0.0, np.pi / 2.0)
-        reason = "objective nearest" if self.objective is Objective.NEAREST else None
+        reason = f"objective {self.objective.name}" if self.objective.approaches else None
         if self.within is not None:
             accepted = "an angle above 0, up to pi"
             finite_number("search.within", self.within, accepted, np.finfo(float).tiny, np.pi)
@@ -83,16 +83,9 @@ class Search:
         return SearchDomain(frozen(self.from_attitude), self.within)
 
     @property
-    def weights(self) -> Weights:
-        """The weights of the objective, of ``still`` as well; those of others are zero."""
-        if isinstance(self.objective, Weights):
-            return self.objective
-        return Weights(turn=1.0) if self.objective is Objective.STILL else Weights(margin=1.0)
-
-    @property
-    def by_merit(self) -> bool:
-        """Whether motions are compared by the sum of weighted terms."""
-        return self.objective is Objective.STILL or isinstance(self.objective, Weights)
+    def required_radius(self) -> float:
+        """Angle around the attitude within which the margin is to be kept [rad]."""
+        return self.spare if self.objective.approaches else 0.0
 
     def to_dict(self) -> dict[str, Any]:
         """The keys of a scenario's search, as a JSON document."""
@@ -102,7 +95,7 @@ class Search:
         elif joints is not None:
             joints = np.asarray(joints, dtype=float).tolist()
         return {
-            "objective": self._objective_document,
+            "objective": self.objective.document,
             "seed": self.seed,
             "from_attitude": None if attitude is None else np.asarray(attitude).tolist(),
             "samples": self.samples,
@@ -110,11 +103,6 @@ class Search:
             "within_deg": degrees(self.within),
             "spare_deg": degrees(self.spare),
         }
-
-    @property
-    def _objective_document(self) -> str | dict[str, float]:
-        weighted = isinstance(self.objective, Weights)
-        return vars(self.objective).copy() if weighted else str(self.objective)
 
     def applied_to(self, problem: Problem) -> Problem:
         """The problem, with :attr:`joints` as those that the arm starts near.

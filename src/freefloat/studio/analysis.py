@@ -15,7 +15,7 @@ from freefloat.limits.check import check_limits
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import reach_message
 from freefloat.planning.evaluator import evaluator_for
-from freefloat.planning.objective import Objective
+from freefloat.planning.objectives.objectives import Nearest
 from freefloat.planning.planar_planner import plan_in_plane
 from freefloat.planning.plane.heading_map import HeadingMap, sample_headings
 from freefloat.planning.planner import plan
@@ -180,7 +180,7 @@ class Analysis:
         search, problem = self._search, self._scenario.problem()
         if attitude is not None:
             search = replace(
-                search, objective=Objective.NEAREST, from_attitude=np.array(attitude),
+                search, objective=Nearest(), from_attitude=np.array(attitude),
                 within=None, spare=0.0,
             )  # fmt: skip
         result = plan(problem, search, self._limits)

@@ -12,8 +12,9 @@ from freefloat.limits.limits import LimitResult, Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.limits.screening import screen
 from freefloat.planning.limits.trials import Trials
+from freefloat.planning.objectives.objective import Comparison
+from freefloat.planning.objectives.objectives import Margin
 from freefloat.planning.plane.heading_map import HeadingMap
-from freefloat.planning.settings import Search
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import Array, heading_of
@@ -59,9 +60,9 @@ def motion_within_limits(
         None where none was found.
     """
     trials = Trials(evaluator, limits)
-    attitudes, margins = samples.attitudes, samples.results.margins
-    pairs = trials.checker.pairs
-    for candidate in screen(evaluator, attitudes, margins, None, Search(), limits, pairs):
+    results, pairs = samples.results, trials.checker.pairs
+    compared = Comparison.of(Margin(), None, limits, evaluator, results.margins)
+    for candidate in screen(evaluator, results, compared, limits, pairs):
         progress(0.0)
         if candidate.violation is not None:
             continue

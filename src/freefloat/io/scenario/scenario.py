@@ -30,7 +30,8 @@ from freefloat.paths.path import samples_text
 from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.scene_body import SceneBody
 from freefloat.paths.timing import TimedPath
-from freefloat.planning.objective import Objective, Weights
+from freefloat.planning.objectives.objective import Objective
+from freefloat.planning.objectives.objectives import Weights, objective_of
 from freefloat.planning.phases.phases import Phase
 from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel
@@ -172,8 +173,10 @@ class Scenario:
         return error_context(self.source, prefix, only)
 
 
-def _objective(section: Objective | WeightsSection) -> Objective | Weights:
-    return Weights(**section.model_dump()) if isinstance(section, WeightsSection) else section
+def _objective(section: str | WeightsSection) -> Objective:
+    if isinstance(section, WeightsSection):
+        return Weights(**section.model_dump())
+    return objective_of(section)
 
 
 def load_scenario(name: str | Path | dict[str, Any]) -> Scenario:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
 
 from freefloat.dynamics.measures import MeasureName
 from freefloat.dynamics.momentum import Task
@@ -27,8 +27,17 @@ from freefloat.io.scenario.robot_section import RobotSection
 from freefloat.io.scenario.scene_section import SceneSection
 from freefloat.io.scenario.timing_section import TimingSection
 from freefloat.motion.pointing import Keep
-from freefloat.planning.objective import Objective
+from freefloat.planning.objectives.objectives import NAMED
 from freefloat.planning.settings import FEWEST_SAMPLES
+
+
+def _named(name: str) -> str:
+    if name not in NAMED:
+        raise ValueError(", ".join(NAMED))
+    return name
+
+
+ObjectiveName = Annotated[str, AfterValidator(_named), WithJsonSchema({"enum": [*NAMED]})]
 
 
 class MarginSection(Section):
@@ -80,7 +89,7 @@ class WeightsSection(Section):
 class SearchSection(Section):
     """Choice among the feasible attitudes."""
 
-    objective: Objective | WeightsSection = Objective.MARGIN
+    objective: ObjectiveName | WeightsSection = "margin"
     """``margin``: the largest; ``nearest``: to from_attitude; ``robust``: the deepest inside;
     ``still``: the least turn of the spacecraft along the motion; or a map of weights."""
     from_attitude: Quaternion | None = None

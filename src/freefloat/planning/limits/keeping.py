@@ -15,17 +15,15 @@ from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.diagnostics import (
     HELD,
-    limited_reason,
     margin_text,
     violated_limits_message,
 )
 from freefloat.planning.limits.screening import screen
 from freefloat.planning.limits.trials import OVER, PassedTrial, Trials
-from freefloat.planning.objective import Objective
+from freefloat.planning.objectives.objective import Comparison
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_planner import heading_depth
 from freefloat.planning.simulation import SimulatedBranch
-from freefloat.planning.space.merit import Merit
 from freefloat.so3 import (
     Array,
     heading_quaternion,
@@ -77,8 +75,8 @@ def keep_limits(
 
     Candidates are the samples that keep the margin (for planar tasks 720 headings), in the order of
     the search's objective; those next to one that violates a limit are skipped, and the slowest of
-    them tried in the end. For the objective nearest the attitude is then moved toward
-    ``from_attitude`` as far as everything is kept. The ``known`` candidate is tried in the end, or
+    them tried in the end. An objective that approaches ``from_attitude`` then has the attitude
+    moved toward it as far as everything is kept. The ``known`` candidate is tried in the end, or
     ``known_first``.
     """
     plan = replace(plan, limits=limits)
@@ -111,22 +109,19 @@ def _first_passing(
     progress: Progress | None,
 ) -> PassedTrial | None:
     """The best candidate that keeps margin and limits; None where none of those tried does."""
+    search = plan.search
     if plan.map is not None:
-        attitudes, margins = plan.map.attitudes, plan.map.margins
-        spacing, motions = plan.map.spacing, plan.map.results.motions
+        spacing, results = plan.map.spacing, plan.map.results
     else:
-        attitudes = heading_quaternion(plan.search.domain.headings(_HEADINGS))
         spacing = _SPACING
-        results = evaluator.evaluate(attitudes)
-        margins, motions = results.margins, results.motions
-    merits = None
-    if plan.search.by_merit:
-        merits = Merit.of(plan.search, limits, evaluator, margins)(attitudes, motions)
+        results = evaluator.evaluate(heading_quaternion(search.domain.headings(_HEADINGS)))
+    margins = results.margins
+    compared = Comparison.of(search.objective, search.from_attitude, limits, evaluator, margins)
     total = int(plan.problem.margin.keeps(margins).sum())
     refused: list[ScreenedCandidate] = []
     skipped: list[ScreenedCandidate] = []
     pairs = trials.checker.pairs
-    candidates = screen(evaluator, attitudes, margins, merits, plan.search, limits, pairs)
+    candidates = screen(evaluator, results, compared, limits, pairs)
     for number, candidate in enumerate(candidates, 1):
         if progress is not None:
             progress(max(trials.count / _MOST, number / total))
@@ -161,17 +156,18 @@ def _slowest(candidates: Iterable[ScreenedCandidate]) -> list[ScreenedCandidate]
 def _with_candidate(plan: Plan, trials: Trials, passed: PassedTrial) -> Plan:
     """The plan with another candidate that keeps the limits."""
     search = plan.search
-    if search.objective is Objective.NEAREST and search.from_attitude is not None:
+    if search.objective.approaches and search.from_attitude is not None:
         passed = _moved_nearer(trials, search.from_attitude, search.spare, passed)
     chosen, results = passed
-    return replace(
+    plan = replace(
         plan,
         chosen=chosen,
         limit_results=results,
         excluded=dict(trials.violations),
         robust_radius=_heading_depth(plan, chosen),
-        reason=limited_reason(search, chosen),
     )
+    reason = search.objective.limited_reason(plan.deviation, margin_text(chosen))
+    return replace(plan, reason=reason)
 
 
 def _without_candidate(plan: Plan, trials: Trials) -> Plan:

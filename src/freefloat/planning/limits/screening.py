@@ -19,10 +19,8 @@ from freefloat.limits.limits import LimitKind, Limits
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import ScreenedCandidate
-from freefloat.planning.objective import Objective
-from freefloat.planning.settings import Search
-from freefloat.planning.space.nearest_neighbours import depths
-from freefloat.so3 import Array, IntArray, angle_between
+from freefloat.planning.objectives.objective import Comparison
+from freefloat.so3 import Array, IntArray
 
 _FIRST_BATCH, _BATCH = 16, 256
 """Candidates screened together: few at first, for the best may pass."""
@@ -37,30 +35,19 @@ _Entries = tuple[IntArray, IntArray]
 
 def screen(
     evaluator: FeasibilityEvaluator,
-    attitudes: Array,
-    margins: Array,
-    merits: Array | None,
-    search: Search,
+    results: BranchResults,
+    compared: Comparison,
     limits: Limits,
     pairs: CollisionPairs | None,
 ) -> Iterator[ScreenedCandidate]:
-    """Candidates that keep the margin, the best by the search's objective first.
+    """Candidates that keep the margin, of the motions of an ensemble, the best first.
 
-    Margins are those of every arm branch from attitudes (N, 4), zero for motions that do not
-    complete, shape (N, B); merits are those of the same motions, for searches that compare them.
     The clearance of ``pairs`` is limited where they are given.
     """
-    feasible = evaluator.problem.margin.keeps(margins)
-    samples, branches = np.nonzero(feasible)
-    ranks = [-margins[samples, branches]]
-    if search.objective is Objective.NEAREST and search.from_attitude is not None:
-        ranks.append(angle_between(attitudes, search.from_attitude)[samples])
-    elif search.objective is Objective.ROBUST:
-        table = np.column_stack([depths(attitudes, column) for column in feasible.T])
-        ranks = [-table[samples, branches]]
-    elif merits is not None:
-        ranks = [-merits[samples, branches]]
-    order = np.lexsort(ranks)
+    attitudes = results.attitudes
+    samples, branches = np.nonzero(evaluator.problem.margin.keeps(results.margins))
+    ranks = compared.objective.ranks(compared, attitudes, results.motions)
+    order = np.lexsort([keys[samples, branches] for keys in ranks])
     samples, branches = samples[order], branches[order]
     first = 0
     size = _FIRST_BATCH

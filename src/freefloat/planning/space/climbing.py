@@ -10,6 +10,7 @@ from freefloat.attitude_grids import attitudes_within
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.margin import keeps_threshold
 from freefloat.planning.candidates import Candidate, NearAttitude, Peak
+from freefloat.planning.searches.nearest_neighbours import nearest_among
 from freefloat.planning.searches.pattern_search import (
     ROUNDS,
     Clouds,
@@ -19,7 +20,6 @@ from freefloat.planning.searches.pattern_search import (
     shortest,
 )
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.space.nearest_neighbours import nearest_among
 from freefloat.so3 import Array, IntArray, angle_between, rotated, rotation_vector_to
 
 _CLIMBS, _FEW = 16, 3

@@ -17,9 +17,9 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.candidates import Ball, BoundaryPoint
 from freefloat.planning.domain import SearchDomain
 from freefloat.planning.searches.adversary import CAUTION
+from freefloat.planning.searches.nearest_neighbours import depths, nearest_among
 from freefloat.planning.searches.pattern_search import Clouds, Searches, pattern_search, spread
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.space.nearest_neighbours import depths, nearest_among
 from freefloat.planning.space.robust_radius import Surroundings, confirmed, outside_within
 from freefloat.so3 import Array, IntArray, angle_between, rotation_vector_to
 

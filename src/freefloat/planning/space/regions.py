@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from freefloat.planning.candidates import Region
-from freefloat.planning.space.nearest_neighbours import depths
+from freefloat.planning.searches.nearest_neighbours import depths
 from freefloat.so3 import Array, frozen
 
 if TYPE_CHECKING:

@@ -1,0 +1,1 @@
+"""What a search makes as large, or as small, as possible."""

@@ -1,0 +1,230 @@
+"""The objectives, and their names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from freefloat.ensemble.result import EnsembleResult
+from freefloat.errors import InputError, did_you_mean, finite_number
+from freefloat.planning.candidates import Ball, Candidate, NearAttitude
+from freefloat.planning.objectives.objective import (
+    AttitudeChoices,
+    Comparison,
+    HeadingChoice,
+    HeadingChoices,
+    Objective,
+)
+from freefloat.planning.searches.nearest_neighbours import depths
+from freefloat.so3 import Array
+
+
+@dataclass(frozen=True)
+class Margin(Objective):
+    """The largest minimum margin."""
+
+    name = "margin"
+    criterion = "the largest margin"
+
+    def merits(self, compared: Comparison, attitudes: Array, motions: EnsembleResult) -> Array:
+        """See :class:`Objective`."""
+        return motions.minimum
+
+    def ranks(
+        self, compared: Comparison, attitudes: Array, motions: EnsembleResult
+    ) -> tuple[Array, ...]:
+        """See :class:`Objective`."""
+        return (-self.merits(compared, attitudes, motions),)
+
+    def in_plane(self, choices: HeadingChoices) -> HeadingChoice:
+        """See :class:`Objective`."""
+        return HeadingChoice(*choices.largest_margin(), self.criterion, states_margin=True)
+
+    def in_space(self, choices: AttitudeChoices) -> Sequence[Candidate]:
+        """See :class:`Objective`."""
+        return choices.largest_margins()
+
+
+@dataclass(frozen=True)
+class Nearest(Objective):
+    """The feasible attitude nearest to ``from_attitude`` that keeps the margin within ``spare``."""
+
+    name = "nearest"
+    criterion = "the nearest to from_attitude"
+    approaches = True
+
+    def merits(self, compared: Comparison, attitudes: Array, motions: EnsembleResult) -> Array:
+        """See :class:`Objective`."""
+        return np.broadcast_to(-compared.deviations(attitudes), motions.minimum.shape)
+
+    def ranks(
+        self, compared: Comparison, attitudes: Array, motions: EnsembleResult
+    ) -> tuple[Array, ...]:
+        """By the angle, then by the margin."""
+        return -motions.minimum, -self.merits(compared, attitudes, motions)
+
+    def in_plane(self, choices: HeadingChoices) -> HeadingChoice:
+        """The nearest heading that is deep enough inside a range; else the deepest."""
+        found = choices.nearest()
+        if found is None:
+            middle, branch, width = choices.widest()
+            return HeadingChoice(middle, branch, _too_narrow(choices.spare, width / 2.0))
+        heading, branch, deviation = found
+        return HeadingChoice(heading, branch, _nearest(deviation, choices.spare))
+
+    def in_space(self, choices: AttitudeChoices) -> Sequence[Candidate]:
+        """The nearest attitudes; where none has enough around it the deepest."""
+        found = choices.nearest()
+        return found if found or not choices.spare else choices.deepest()
+
+    def reason(self, candidate: Candidate, spare: float, margin: str) -> str:
+        """See :class:`Objective`."""
+        match candidate:
+            case Ball(radius=radius):
+                return _too_narrow(spare, radius) if radius < spare else _deepest(radius)
+            case NearAttitude(deviation=deviation):
+                return _nearest(deviation, spare)
+        return super().reason(candidate, spare, margin)
+
+    def limited_reason(self, deviation: float | None, margin: str) -> str:
+        """See :class:`Objective`."""
+        away = np.degrees(deviation or 0.0)
+        return f"the nearest found that keeps the limits, {away:.4g} degrees away"
+
+
+@dataclass(frozen=True)
+class Robust(Objective):
+    """The attitude deepest inside the feasible set."""
+
+    name = "robust"
+    criterion = "the deepest inside"
+
+    def merits(self, compared: Comparison, attitudes: Array, motions: EnsembleResult) -> Array:
+        """See :class:`Objective`."""
+        feasible = motions.keeps(compared.threshold)
+        return np.column_stack([depths(attitudes, column) for column in feasible.T])
+
+    def ranks(
+        self, compared: Comparison, attitudes: Array, motions: EnsembleResult
+    ) -> tuple[Array, ...]:
+        """See :class:`Objective`."""
+        return (-self.merits(compared, attitudes, motions),)
+
+    def in_plane(self, choices: HeadingChoices) -> HeadingChoice:
+        """See :class:`Objective`."""
+        middle, branch, width = choices.widest()
+        reason = f"the middle of the widest range, {np.degrees(width):.4g} degrees wide"
+        return HeadingChoice(middle, branch, reason)
+
+    def in_space(self, choices: AttitudeChoices) -> Sequence[Candidate]:
+        """See :class:`Objective`."""
+        return choices.deepest()
+
+    def reason(self, candidate: Candidate, spare: float, margin: str) -> str:
+        """See :class:`Objective`."""
+        if isinstance(candidate, Ball):
+            return _deepest(candidate.radius)
+        return super().reason(candidate, spare, margin)
+
+
+@dataclass(frozen=True)
+class Still(Objective):
+    """The least turn of the spacecraft along the motion."""
+
+    name = "still"
+    criterion = "the least turn of the spacecraft"
+    limits_turn = True
+
+    def merits(self, compared: Comparison, attitudes: Array, motions: EnsembleResult) -> Array:
+        """See :class:`Objective`."""
+        return -compared.turns(motions) / np.pi
+
+
+@dataclass(frozen=True)
+class Weights(Objective):
+    """Weights of the terms of an objective; the sum of the terms is as large as possible.
+
+    Attributes:
+        margin: Of the minimum margin, as a fraction of the largest one among the samples.
+        turn: Of minus the turn of the spacecraft, as a fraction of 180 degrees: the angle from
+            ``from_attitude``, where that is given, plus the largest turn along the motion.
+        time: Of minus the duration that joint rates require, as a fraction of the path's.
+
+    Raises:
+        InputError: If a weight is negative, or all are zero.
+
+    Example:
+        >>> problem = ff.load_scenario("planar_2dof/line").problem()
+        >>> compromise = ff.Search(ff.Weights(margin=1.0, turn=0.3), [0.0, 0.0, 0.0, 1.0])
+        >>> ff.plan(problem, compromise).feasible
+        True
+    """
+
+    margin: float = 0.0
+    turn: float = 0.0
+    time: float = 0.0
+
+    criterion = "the largest weighted sum"
+    limits_turn = True
+
+    def __post_init__(self) -> None:
+        for name, weight in vars(self).items():
+            finite_number(f"search.objective.{name}", weight, "a number, 0 or more", 0.0)
+        if not any(vars(self).values()):
+            raise InputError("search.objective", "all weights are zero", "one that is positive")
+
+    @property
+    def document(self) -> dict[str, float]:
+        """See :class:`Objective`."""
+        return vars(self).copy()
+
+    def merits(self, compared: Comparison, attitudes: Array, motions: EnsembleResult) -> Array:
+        """See :class:`Objective`."""
+        merits = self.margin * motions.minimum / compared.largest_margin
+        turns = compared.turns(motions) + compared.deviations(attitudes)
+        merits = merits - self.turn * turns / np.pi
+        if self.time:
+            merits = merits - self.time * compared.durations(motions, "search.objective.time")
+        return np.asarray(merits)
+
+
+NAMED: dict[str, Objective] = {
+    objective.name: objective for objective in (Margin(), Nearest(), Robust(), Still())
+}
+"""The objectives that scenario files name."""
+
+
+def objective_of(value: Objective | str) -> Objective:
+    """The objective that a word names, or the objective itself.
+
+    Raises:
+        InputError: If there is no such objective.
+    """
+    if isinstance(value, Objective):
+        return value
+    objective = NAMED.get(value) if isinstance(value, str) else None
+    if objective is None:
+        near = did_you_mean(str(value), NAMED)
+        raise InputError("search.objective", f"{value!r} was given{near}", ", ".join(NAMED))
+    return objective
+
+
+def _nearest(deviation: float, spare: float) -> str:
+    if deviation == 0.0:
+        return "the attitude the spacecraft has keeps the margin already"
+    within = f" that keeps the margin within {np.degrees(spare):.4g} degrees" if spare else ""
+    return f"the nearest to from_attitude{within}, {np.degrees(deviation):.4g} degrees away"
+
+
+def _too_narrow(spare: float, radius: float) -> str:
+    return (
+        f"the deepest inside: no attitude found keeps the margin within {np.degrees(spare):.4g} "
+        f"degrees around it; this one keeps it within {np.degrees(radius):.4g}"
+    )
+
+
+def _deepest(radius: float) -> str:
+    degrees = np.degrees(radius)
+    return f"the deepest inside: the margin is kept up to {degrees:.4g} degrees around it"

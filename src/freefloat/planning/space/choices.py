@@ -1,0 +1,77 @@
+"""Attitudes in space that objectives choose from, refined between the samples of a map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.limits.limits import Limits
+from freefloat.planning.candidates import Ball, Candidate, NearAttitude
+from freefloat.planning.objectives.objective import Comparison
+from freefloat.planning.settings import Search
+from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.planning.space.climbing import feasible_peaks, most_robust_first, nearest_feasible
+from freefloat.planning.space.deepest_ball import deepest
+from freefloat.planning.space.merit import best_by_merit
+from freefloat.planning.space.nearest import nearest_with_spare
+from freefloat.planning.space.robust_radius import robust_radius
+from freefloat.so3 import Array, angle_between
+
+
+@dataclass(frozen=True, eq=False)
+class SampledChoices:
+    """See :class:`~freefloat.planning.objectives.objective.AttitudeChoices`."""
+
+    evaluator: FeasibilityEvaluator
+    samples: AttitudeMap
+    search: Search
+    limits: Limits | None
+
+    @property
+    def spare(self) -> float:
+        """Angle within which the margin is to be kept [rad]."""
+        return self.search.spare
+
+    def largest_margins(self) -> Sequence[Candidate]:
+        """Those with locally largest minimum margins."""
+        return most_robust_first(self.samples, feasible_peaks(self.evaluator, self.samples))
+
+    def largest_merits(self) -> Sequence[Candidate]:
+        """Those with locally largest merits."""
+        search, evaluator, margins = self.search, self.evaluator, self.samples.margins
+        compared = Comparison.of(
+            search.objective, search.from_attitude, self.limits, evaluator, margins
+        )
+        return best_by_merit(evaluator, self.samples, compared)
+
+    def deepest(self) -> Sequence[Candidate]:
+        """Those deepest inside the feasible set, with the radius of the ball around them."""
+        evaluator, samples = self.evaluator, self.samples
+        if (deep := deepest(evaluator, samples)) is not None:
+            return [deep]
+        balls = [
+            Ball(
+                p.attitude, p.branch,
+                robust_radius(evaluator, p.attitude, p.branch, samples.spacing),
+            ) for p in feasible_peaks(evaluator, samples)
+        ]  # fmt: skip
+        return sorted(balls, key=lambda ball: -ball.radius)
+
+    def nearest(self) -> Sequence[Candidate]:
+        """Those nearest to ``from_attitude`` that keep the margin within ``spare``, if any."""
+        evaluator, samples, present = self.evaluator, self.samples, self._present
+        if self.spare:
+            nearest = nearest_with_spare(evaluator, samples, present, self.spare)
+        else:
+            nearest = nearest_feasible(evaluator, samples, present) or [
+                NearAttitude(p.attitude, p.branch, float(angle_between(p.attitude, present)))
+                for p in feasible_peaks(evaluator, samples)
+            ]
+        return sorted(nearest, key=lambda candidate: candidate.deviation)
+
+    @property
+    def _present(self) -> Array:
+        return np.asarray(self.search.from_attitude)
