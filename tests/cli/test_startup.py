@@ -38,6 +38,16 @@ def test_help_imports_nothing_heavy(tmp_path: Path) -> None:
     assert not (HEAVY - {"pydantic"}) & set(python(code, tmp_path).split())
 
 
+@pytest.mark.slow
+def test_a_scenario_is_read_without_compiled_kernels(tmp_path: Path) -> None:
+    code = (
+        "import sys, freefloat as ff\n"
+        "ff.load_scenario('planar_2dof/line').search()\n"
+        "print('\\n'.join(sys.modules))"
+    )
+    assert "numba" not in python(code, tmp_path).split()
+
+
 @pytest.mark.parametrize("name", freefloat.__all__)
 def test_every_public_name_can_be_imported_and_is_listed(name: str) -> None:
     loaded = getattr(freefloat, name)

@@ -13,7 +13,7 @@ from freefloat.concurrency import Progress, require_memory
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.endings import COMPLETED, UNREACHED
 from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator
-from freefloat.ensemble.result import EnsembleResult
+from freefloat.ensemble.result import REGULAR_RATIO, EnsembleResult
 from freefloat.ik.branches import ClosedForm, closed_form
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.pointing import AttitudeLimits
@@ -22,8 +22,6 @@ from freefloat.so3 import Array, IntArray
 
 _REDUCTION = 4
 """Reduction of the number of attitudes in searches whose arm branches have no closed form."""
-_REGULAR_RATIO = 0.01
-"""Smallest ratio of the minimum and maximum magnitude of det S* along a regular motion."""
 _AMPLE = 1e9
 """Largest multiple of a margin, which may be zero."""
 _NEGLIGIBLE = 1e-7
@@ -226,23 +224,13 @@ def regularity(motions: EnsembleResult, threshold: float) -> Array:
     with np.errstate(over="ignore"):
         margins = motions.minimum / max(threshold, np.finfo(float).tiny)
     margins = np.minimum(margins, _AMPLE)
-    values = np.stack([margins, motions.determinant_ratios / _REGULAR_RATIO], axis=-1)
+    values = np.stack([margins, motions.determinant_ratios / REGULAR_RATIO], axis=-1)
     return np.asarray(np.where((motions.endings == COMPLETED)[..., None], values, 0.0))
 
 
 def is_kept(values: Array) -> npt.NDArray[np.bool_]:
     """Which motions, by their :func:`regularity` (..., 2), keep the rule, shape (...)."""
     return keeps_threshold(values.min(axis=-1), 1.0)
-
-
-def is_regular(determinant_ratios: Array) -> npt.NDArray[np.bool_]:
-    """Which motions avoid every singularity, also those at which the measure does not vanish.
-
-    A motion may pass such a singularity at any distance. The attitudes whose motions meet it form
-    surfaces that no sampling hits, but near them det S* becomes small: its minimum magnitude along
-    the motion must exceed a hundredth of its maximum.
-    """
-    return np.asarray(determinant_ratios > _REGULAR_RATIO)
 
 
 def has_wrist_flipped_branches(problem: Problem) -> bool:

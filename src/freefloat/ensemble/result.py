@@ -11,6 +11,9 @@ from freefloat.ensemble.endings import COMPLETED, UNREACHED
 from freefloat.motion.margin import keeps_threshold
 from freefloat.so3 import Array, IntArray
 
+REGULAR_RATIO = 0.01
+"""Smallest ratio of the minimum and maximum magnitude of det S* along a regular motion."""
+
 
 class EnsembleResult(NamedTuple):
     """Results of K motions; in tables of arm branches the leading shape is (K, B) instead.
@@ -71,3 +74,13 @@ class EnsembleResult(NamedTuple):
     def keeps(self, margin: float) -> npt.NDArray[np.bool_]:
         """Which motions complete and keep a margin, shape (K,)."""
         return np.asarray((self.endings == COMPLETED) & keeps_threshold(self.minimum, margin))
+
+
+def is_regular(determinant_ratios: Array) -> npt.NDArray[np.bool_]:
+    """Which motions avoid every singularity, also those at which the measure does not vanish.
+
+    A motion may pass such a singularity at any distance. The attitudes whose motions meet it form
+    surfaces that no sampling hits, but near them det S* becomes small: its minimum magnitude along
+    the motion must exceed a hundredth of its maximum.
+    """
+    return np.asarray(determinant_ratios > REGULAR_RATIO)

@@ -37,7 +37,9 @@ def _named(name: str) -> str:
     return name
 
 
-ObjectiveName = Annotated[str, AfterValidator(_named), WithJsonSchema({"enum": [*NAMED]})]
+ObjectiveName = Annotated[
+    str, AfterValidator(_named), WithJsonSchema({"enum": [*NAMED], "type": "string"})
+]
 
 
 class MarginSection(Section):

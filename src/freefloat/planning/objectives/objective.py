@@ -5,16 +5,18 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
-from freefloat.ensemble.feasibility import FeasibilityEvaluator, is_regular
-from freefloat.ensemble.result import EnsembleResult
+from freefloat.ensemble.result import EnsembleResult, is_regular
 from freefloat.errors import InputError
 from freefloat.limits.limits import Limits
 from freefloat.planning.candidates import Candidate
 from freefloat.so3 import Array, angle_between
+
+if TYPE_CHECKING:  # compiled kernels take half a second to import
+    from freefloat.ensemble.feasibility import FeasibilityEvaluator
 
 
 class HeadingChoice(NamedTuple):

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
-from freefloat.ensemble.feasibility import has_wrist_flipped_branches, is_regular
+from freefloat.ensemble.feasibility import has_wrist_flipped_branches
+from freefloat.ensemble.result import is_regular
 from freefloat.motion.reach import reach_message
 from freefloat.planning.candidates import Ball, BoundaryPoint, NearAttitude, Peak, Region
 from freefloat.planning.margin_map import MarginMap
