@@ -57,6 +57,45 @@ assert abs(best.minimum_margin / chosen.minimum_margin - 1.0) < 1e-4
 (minimum,) = (entry for entry in certify(chosen.motion).minima if entry.measure == "relative")
 assert 0.89 < minimum.bound / minimum.value <= 1.0
 """,
+    "objective": """
+import json
+import freefloat as ff
+import numpy as np
+import yaml
+from freefloat.planning.simulation import integrate_branch
+from typer.testing import CliRunner
+from freefloat.cli.app import app
+
+def run(*words):
+    done = CliRunner().invoke(app, words)
+    return done.exit_code, done.stdout
+
+def ratio(motion):
+    (rate,) = (r for r in ff.check_limits(motion, rates) if r.limit == "joint_rate")
+    return rate.ratio
+
+for name, fastest, count in (("planar_2dof/line", 0.5, 72), ("spatial_6dof/above", 0.2, 256)):
+    scenario = ff.load_scenario(name)
+    problem, rates = scenario.problem(), ff.Limits(joint_rate=[fastest] * scenario.model().dof)
+    plan = ff.plan(problem, ff.Search("quick", samples=count), rates)
+    assert plan.reason.startswith("the least duration that joint rates require, ")
+    least, samples = ratio(plan.chosen.motion), ff.attitude_map(problem, count)
+    kept = np.argwhere(problem.margin.keeps(samples.margins))
+    for k, branch in np.random.default_rng(1).permutation(kept)[:12].tolist():
+        other = integrate_branch(problem, samples.attitudes[k], branch)
+        assert ratio(other.motion) > least - 1e-3
+    content = yaml.safe_load(scenario.text)
+    content["robot"]["urdf"] = name.split("/")[0]
+    content["search"] = {"objective": "quick", "samples": 256}
+    open("quick.yaml", "w").write(yaml.safe_dump(content))
+    code, shown = run("plan", "quick.yaml", "--json", "-o", "quick.h5")
+    assert code == 0 and json.loads(shown)["search"]["objective"] == "quick"
+    assert "joint rates require" in " ".join(run("plan", "quick.yaml")[1].split())
+    assert ff.load("quick.h5").search.objective.name == "quick"
+    assert run("check", "quick.h5")[0] == 0
+    open("quick.yaml", "w").write(yaml.safe_dump(content | {"limits": {}}))
+    assert run("plan", "quick.yaml", "--json")[0] == 2
+""",
     "command": """
 import json
 import freefloat as ff

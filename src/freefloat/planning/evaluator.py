@@ -29,6 +29,6 @@ def evaluator_for(
     """
     tolerance = _TOLERANCE if problem.task.planar else STEP_TOLERANCE
     attitude = AttitudeLimits() if limits is None else limits.attitude
-    if search is not None and search.objective.limits_turn and attitude.base_turn is None:
+    if search is not None and search.objective.measures_turn and attitude.base_turn is None:
         attitude = replace(attitude, base_turn=np.pi)
     return FeasibilityEvaluator(problem, threads, tolerance=tolerance, limits=attitude)

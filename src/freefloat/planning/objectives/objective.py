@@ -86,14 +86,14 @@ class Objective(ABC):
     Attributes:
         name: The word that names it in scenario files; empty where other data do.
         criterion: What it asks for, in reasons.
-        limits_turn: Whether its merits need the largest turn of the spacecraft along motions.
+        measures_turn: Whether its merits need the largest turn of the spacecraft along motions.
         approaches: Whether it looks for an attitude near ``from_attitude``, which must be given,
             that keeps the margin within ``spare``.
     """
 
     name: ClassVar[str] = ""
     criterion: ClassVar[str]
-    limits_turn: ClassVar[bool] = False
+    measures_turn: ClassVar[bool] = False
     approaches: ClassVar[bool] = False
 
     @property

@@ -135,7 +135,7 @@ class Still(Objective):
 
     name = "still"
     criterion = "the least turn of the spacecraft"
-    limits_turn = True
+    measures_turn = True
 
     def merits(self, compared: Comparison, attitudes: Array, motions: EnsembleResult) -> Array:
         """See :class:`Objective`."""
@@ -167,7 +167,7 @@ class Weights(Objective):
     time: float = 0.0
 
     criterion = "the largest weighted sum"
-    limits_turn = True
+    measures_turn = True
 
     def __post_init__(self) -> None:
         for name, weight in vars(self).items():
