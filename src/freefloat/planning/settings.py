@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,9 +16,6 @@ from freefloat.planning.domain import SearchDomain, require_radians
 from freefloat.planning.objectives.objective import Objective
 from freefloat.planning.objectives.objectives import NAMED, objective_of
 from freefloat.so3 import Array, degrees, frozen
-
-if TYPE_CHECKING:  # compiled kernels take half a second to import
-    pass
 
 HEADINGS, PLAN_ATTITUDES = 360, 4096
 """Default numbers of samples of planar and of spatial tasks."""
