@@ -64,6 +64,7 @@ OFF_PLANE = ff.TimedPath(line(GRAPPLE, [1.0, 0.0, 0.5]), ff.Timing(9.0))
     ([ff.JointPhase([], 9.0)], "phases.0.joints"),
     ([ff.JointPhase([1.0, 2.0, 3.0], 9.0)], "phases.0.joints"),
     ([ff.JointPhase([1.0, np.nan], 9.0)], "phases.0.joints"),
+    ([ff.JointPhase([1.0, 1e6], 9.0)], "phases.0.joints"),
     ([REST, ff.JointPhase({"q1": 1.0, "q9": 2.0}, 9.0)], "phases.1.joints"),
     ([ff.JointPhase([1.0, 2.0], 1e9)], "phases.0.scene.bodies.tumbling.rate"),
     ([ff.CapturePhase("nobody", 3.0)], "phases.0.body"),

@@ -231,7 +231,8 @@ def read_limits(
 def _certificate(document: Document | None) -> Certificate | None:
     if document is None:
         return None
-    worst = {key: None if document[key] is None else Worst(**document[key]) for key in _WORST}
+    numbers = ((key, document[key]) for key in _WORST)
+    worst = {k: v and Worst(float(v["value"]), float(v["time"])) for k, v in numbers}
     worst["end_effector_orientation"] = worst.pop("end_effector_attitude")
     others = {"least", "centre_of_mass", "end_effector_attitude"}
     fields = {key: document[key] for key in document.keys() - others}

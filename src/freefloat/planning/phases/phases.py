@@ -26,6 +26,8 @@ from freefloat.so3 import Array, Pose, frozen
 
 FRAMES = ("inertial", "spacecraft", "base", "end_effector")
 """Frames of poses that are reached: that of the manoeuvre, or those of links at the beginning."""
+_FARTHEST = 1e3
+"""Largest value of a joint at the end of a phase [rad or m]."""
 _FIRST_NAMES = ("reorientation", "settling", "path")
 """Names of the phases up to the first path."""
 _SAME = 1e-6
@@ -145,7 +147,15 @@ class JointPhase:
 
     def expected_after(self, state: ExpectedState) -> ExpectedState:
         """See :meth:`PathPhase.expected_after`."""
-        state.problem.model.joint_vector(self.joints, "joints")
+        model = state.problem.model
+        for name, value, low, high in zip(
+            model.joint_names, model.joint_vector(self.joints, "joints"), *model.joint_ranges,
+            strict=True,
+        ):  # fmt: skip
+            low, high = max(low, -_FARTHEST), min(high, _FARTHEST)
+            if not low <= value <= high:
+                accepted = f"{low:g} to {high:g} rad or m"
+                raise InputError("joints", f"{name} is {value:g}", accepted)
         return state.after(state.resting(self.duration))
 
 
