@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from freefloat.dynamics.base_rates import base_rate_bound
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import LimitKind, LimitResult, Limits
 from freefloat.motion.joint_loops import JointLoops, integrate_loops
@@ -85,8 +86,13 @@ class LoopMotions:
         """A lower bound of the duration, or the duration that nothing else determines [s]."""
         if not self.timed:
             return float(self._problem.path.duration)
-        rate = self._limits.base_rate
-        return 0.0 if rate is None else float(self.rotation.magnitude() / rate)
+        rate, joint_rate = self._limits.base_rate, self._limits.joint_rate
+        rates = [np.inf if rate is None else rate]
+        if joint_rate is not None:
+            stored = (self._problem.momentum, self._problem.wheel_momentum)
+            momentum = sum(float(np.linalg.norm(h)) for h in stored)
+            rates.append(base_rate_bound(self._problem.model, joint_rate, momentum))
+        return float(self.rotation.magnitude() / min(rates))
 
     @property
     def unreachable(self) -> Array:

@@ -166,7 +166,7 @@ def reorient(
         return replace(outcome, reason="closed loops of the joints do not turn it about this axis")
     least = motions.least_duration
     if duration is not None and duration < least * (1.0 - _SAME):
-        why = "with this limit of the base rate" if motions.timed else "as the path of the problem"
+        why = "with these limits of rates" if motions.timed else "as the path of the problem"
         reason = f"it takes at least {least:.4g} s, {why}, but {duration:g} s are allowed"
         return replace(outcome, reason=reason, needed={} if motions.timed else {"duration": least})
     search = LoopCountSearch(motions, seed, progress)
