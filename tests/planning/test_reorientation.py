@@ -135,6 +135,8 @@ def test_a_hopelessly_short_time_takes_no_further_searches(monkeypatch) -> None:
     limits = ff.Limits(joint_rate=np.full(2, 0.1))
     goal = about([0.0, 0.0, 1.0], 20.0)
     assert not ff.reorient(planar(), IDENTITY, goal, limits, duration=1e-300).reached
+    assert not tried  # no configuration turns the spacecraft so fast
+    assert not ff.reorient(planar(), IDENTITY, goal, limits, duration=1.0).reached
     assert tried == [1]
 
 
