@@ -203,6 +203,12 @@ def doubled_bound(plan):
     return replace(plan, certificate=replace(plan.certificate, minima=minima))
 
 
+def bound_above_the_minimum(plan):
+    first, *rest = plan.certificate.minima
+    minima = (replace(first, bound=1.001 * first.value), *rest)
+    return replace(plan, certificate=replace(plan.certificate, minima=minima))
+
+
 def doubled_limit(plan):
     first, *rest = plan.limit_results
     return replace(plan, limit_results=(replace(first, worst=2.0 * first.worst), *rest))
@@ -237,6 +243,7 @@ ALTERATIONS = {
     "a wider range": (with_ranges(0, narrower(0.05)), "ranges of headings"),
     "a branch without ranges": (with_ranges(1, lambda _: ()), "ranges of headings"),
     "a bound": (doubled_bound, "certificate gjm.bound"),
+    "a bound above the minimum": (bound_above_the_minimum, "certificate gjm.bound"),
     "no certificate": (lambda plan: replace(plan, certificate=None), "certificate"),
     "an error of the certificate": (
         lambda plan: replace(

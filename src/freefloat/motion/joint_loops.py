@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from freefloat.dynamics.base_rates import base_rates
+from freefloat.errors import InputError
 from freefloat.motion.joint_integration import integrate_joints
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
@@ -56,6 +57,9 @@ class JointLoops:
     def __post_init__(self) -> None:
         for name in ("joints", "cosines", "sines"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
+        shapes = self.joints.shape, self.cosines.shape, self.sines.shape
+        if self.sines.ndim != 2 or shapes[1:] != 2 * ((len(self.sines), *shapes[0]),):
+            raise InputError("loops", f"shapes {shapes} were given", "(n,), (K, n) and (K, n)")
 
     @property
     def harmonics(self) -> int:

@@ -169,6 +169,9 @@ def _same_certificate(plan: Plan, recomputed: Certificate) -> Iterator[Check]:
                 getattr(proven, key),
                 _ABSOLUTE + (_BOUND if key == "bound" else _RELATIVE) * abs(scale),
             )
+        if entry is not None and entry.bound > proven.value * (1.0 + _RELATIVE):
+            words = f"{entry.bound:.6g} is stated, but the minimum is {proven.value:.6g}"
+            yield Check(f"certificate {proven.measure}.bound", False, words, entry.bound)
     scale = recomputed.momentum_scale
     yield comparison_check(
         "certificate momentum_scale", stated.momentum_scale, scale, _RELATIVE * scale
