@@ -16,13 +16,13 @@ import freefloat as ff
 from freefloat.io.files import written_beside
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
+from freefloat.singularities.regions import exact_workspace
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figure_style import PAGE, new_figure, save_figures, styled
 from freefloat.visualization.figures.motion_figures import motion_figures
 from freefloat.visualization.figures.planar_figures import joint_space_figure
 from freefloat.visualization.figures.scene_figures import draw_snapshots
 from freefloat.visualization.page.video import take_pictures, write_gif
-from freefloat.workspace.regions import exact_workspace
 
 DOTS = 120
 """Dots per inch."""

@@ -25,8 +25,8 @@ from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
 from freefloat.planning.space.margin_lines import StatesOnPath
 from freefloat.planning.space.tangency import TangencyPoint, boundary_attitude, tangency_points
+from freefloat.singularities.regions import merged, workspace_regions
 from freefloat.so3 import axes_rotation, unit_quaternion
-from freefloat.workspace.regions import merged, workspace_regions
 
 
 @dataclass(frozen=True)

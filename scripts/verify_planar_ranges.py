@@ -30,9 +30,9 @@ from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import DirectedOrientation, FixedOrientation
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.ranges import find_range_limits, heading_ranges
+from freefloat.singularities.planar_regions import PlanarArm, point_3_on_path
+from freefloat.singularities.regions import workspace_regions
 from freefloat.so3 import heading_quaternion
-from freefloat.workspace.planar import PlanarArm, point_3_on_path
-from freefloat.workspace.regions import workspace_regions
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 

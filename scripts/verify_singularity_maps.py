@@ -14,8 +14,8 @@ import numpy as np
 
 import freefloat as ff
 from freefloat.dynamics.joint_space import joint_box
-from freefloat.dynamics.singularity_polynomial import determinants
-from freefloat.workspace.singularity_map import Kind
+from freefloat.singularities.singularity_map import Kind
+from freefloat.singularities.singularity_polynomial import determinants
 
 MAPS = {
     "planar_2dof/line": (0.1, {}),

@@ -12,9 +12,9 @@ import numpy as np
 import trimesh
 import yaml
 
+from freefloat.certificate.certificate import certify
 from freefloat.io.records.results import save
 from freefloat.io.scenario.scenario import load_scenario
-from freefloat.motion.certificate import certify
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.arcs import BranchRanges, HeadingRange, RangeLimitCause
 from freefloat.planning.settings import Search

@@ -42,7 +42,7 @@ np.testing.assert_allclose(np.ptp([moved.curve(s) - path.curve(s) for s in (0, 0
     "measure": """
 import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.motion.certificate import certify
+from freefloat.certificate.certificate import certify
 
 problem = ff.load_scenario("planar_2dof/line").problem()
 gjm, relative = (

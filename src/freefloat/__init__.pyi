@@ -6,8 +6,8 @@ from .robot.source import RobotSource as RobotSource
 from .dynamics.momentum import Task as Task
 from .dynamics.momentum import generalized_jacobian as generalized_jacobian
 from .dynamics.measures import singularity_measure as singularity_measure
-from .dynamics.singularity_polynomial import SingularityPolynomial as SingularityPolynomial
-from .dynamics.casadi_function import casadi_function as casadi_function
+from .singularities.singularity_polynomial import SingularityPolynomial as SingularityPolynomial
+from .singularities.casadi_function import casadi_function as casadi_function
 
 # The path
 from . import paths as paths
@@ -20,10 +20,10 @@ from .dynamics.redundancy import Redundancy as Redundancy
 from .robot.shapes import Box as Box
 from .robot.shapes import Cylinder as Cylinder
 from .robot.shapes import Sphere as Sphere
-from .paths.scene import Corridor as Corridor
-from .paths.scene import Scene as Scene
-from .paths.scene_body import SceneBody as SceneBody
-from .paths.tumbling import Tumbling as Tumbling
+from .scene.scene import Corridor as Corridor
+from .scene.scene import Scene as Scene
+from .scene.scene_body import SceneBody as SceneBody
+from .scene.tumbling import Tumbling as Tumbling
 from .motion.margin import Margin as Margin
 from .motion.problem import Problem as Problem
 from .io.scenario.scenario import load_scenario as load_scenario
@@ -40,10 +40,10 @@ from .limits.check import check_limits as check_limits
 from .planning.simulation import simulate as simulate
 
 # All attitudes
-from .workspace.regions import workspace_regions as workspace_regions
-from .workspace.singularity_map import singularity_map as singularity_map
-from .workspace.singularity_components import singularity_components as singularity_components
-from .workspace.singularity_distance import distance_to_singularity as distance_to_singularity
+from .singularities.regions import workspace_regions as workspace_regions
+from .singularities.singularity_map import singularity_map as singularity_map
+from .singularities.singularity_components import singularity_components as singularity_components
+from .singularities.singularity_distance import distance_to_singularity as distance_to_singularity
 from .planning.space.mapping import attitude_map as attitude_map
 from .planning.settings import Search as Search
 from .planning.objectives.objectives import Weights as Weights

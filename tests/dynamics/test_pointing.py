@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.certificate.certificate import certify
 from freefloat.dynamics.momentum import (
     Task,
     end_effector_jacobian,
@@ -16,7 +17,6 @@ from freefloat.dynamics.momentum import (
     system_matrix_derivative,
 )
 from freefloat.ensemble.endings import SINGULAR
-from freefloat.motion.certificate import certify
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.law import PathLaw

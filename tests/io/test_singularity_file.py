@@ -11,7 +11,7 @@ import freefloat as ff
 from freefloat.io.records.hdf5 import AlteredFileError
 from freefloat.io.records.singularity_file import write_singularity_map
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.workspace.singularity_map import Kind, SingularityMap
+from freefloat.singularities.singularity_map import Kind, SingularityMap
 from tests.robots import random_robot
 
 

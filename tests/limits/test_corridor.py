@@ -8,12 +8,12 @@ import pytest
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.limits.check import check_limits
 from freefloat.limits.limits import LimitKind, Limits
-from freefloat.paths.scene import Corridor, Scene
-from freefloat.paths.scene_body import SceneBody
-from freefloat.paths.tumbling import Tumbling
 from freefloat.planning.planner import plan
 from freefloat.planning.settings import Search
 from freefloat.robot.shapes import Sphere
+from freefloat.scene.scene import Corridor, Scene
+from freefloat.scene.scene_body import SceneBody
+from freefloat.scene.tumbling import Tumbling
 from tests.prismatic import LENGTH, prismatic_motion, prismatic_robot
 
 START = 0.9

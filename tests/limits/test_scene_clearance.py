@@ -13,12 +13,12 @@ from freefloat.limits.clearance import _frame_path_lengths, clearance
 from freefloat.limits.contact import self_contact
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.integration import integrate_motion
-from freefloat.paths.scene import Scene
-from freefloat.paths.scene_body import SceneBody
-from freefloat.paths.tumbling import Tumbling
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.parts import Payload
 from freefloat.robot.shapes import Box, Cylinder, Sphere
+from freefloat.scene.scene import Scene
+from freefloat.scene.scene_body import SceneBody
+from freefloat.scene.tumbling import Tumbling
 from tests.prismatic import LENGTH, prismatic_motion, prismatic_robot, shape_text
 
 START = 0.9

@@ -14,8 +14,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.certificate.certificate import certify
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
-from freefloat.motion.certificate import certify
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import DEGREE, Motion
 from freefloat.motion.problem import Problem

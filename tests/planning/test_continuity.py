@@ -12,9 +12,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.certificate.certificate import certify
 from freefloat.errors import UnreachableError
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
-from freefloat.motion.certificate import certify
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
 from freefloat.robot.names import bundled_scenarios

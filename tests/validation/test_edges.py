@@ -12,13 +12,13 @@ from typer.testing import CliRunner
 
 import freefloat as ff
 from freefloat.attitude_grids import attitude_grid
+from freefloat.certificate.certificate import certify
 from freefloat.cli.app import app
 from freefloat.dynamics.momentum import Task
 from freefloat.ensemble.endings import COMPLETED, SINGULAR
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import IntegrationError
 from freefloat.motion import integration
-from freefloat.motion.certificate import certify
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import Margin, keeps_threshold

@@ -13,12 +13,12 @@ from scipy.special import ellipj
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.limits.collision import collision_shapes, scene_shapes
 from freefloat.limits.pairs import CollisionPairs
-from freefloat.paths.scene import Scene
-from freefloat.paths.scene_body import SceneBody
-from freefloat.paths.tumbling import Tumbling
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_mesh
 from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
+from freefloat.scene.scene import Scene
+from freefloat.scene.scene_body import SceneBody
+from freefloat.scene.tumbling import Tumbling
 from freefloat.so3 import Pose
 from tests.prismatic import shape_text
 from tests.robots import random_robot

@@ -10,8 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.certificate.certificate import Worst, certify
 from freefloat.io.scenario.scenario import parse_scenario
-from freefloat.motion.certificate import Worst, certify
 from freefloat.motion.motion import Ending
 from freefloat.planning.simulation import Simulation
 from freefloat.so3 import angle_between

@@ -17,13 +17,13 @@ from freefloat.motion.problem import Problem
 from freefloat.planning.plane.arcs import BranchRanges, HeadingRange, RangeLimitCause
 from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.simulation import simulate
+from freefloat.singularities.planar_regions import PlanarArm, point_3, two_angles
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figures.planar_figures import (
     headings_figure,
     joint_space_figure,
     wrapped,
 )
-from freefloat.workspace.planar import PlanarArm, point_3, two_angles
 from tests.figures import labels, line
 from tests.maps import branch_results
 

@@ -15,6 +15,8 @@ from freefloat.motion.motion import Ending, Motion
 from freefloat.planning.simulation import simulate
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
+from freefloat.singularities.planar_regions import point_3_on_path
+from freefloat.singularities.regions import exact_workspace, workspace_regions
 from freefloat.so3 import heading_quaternion, rotation_matrix
 from freefloat.visualization.figures.scene_figures import (
     outlines,
@@ -22,8 +24,6 @@ from freefloat.visualization.figures.scene_figures import (
     workspace_figure,
 )
 from freefloat.visualization.scenes.visuals import largest_box, robot_visuals
-from freefloat.workspace.planar import point_3_on_path
-from freefloat.workspace.regions import exact_workspace, workspace_regions
 from tests.figures import labels, line
 
 PLANAR = load_scenario("planar_3dof/parabola").problem()

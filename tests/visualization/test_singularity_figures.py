@@ -11,13 +11,13 @@ from freefloat.dynamics.measures import singularity_measure
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.singularities.singularity_map import SingularityMap, singularity_map
 from freefloat.visualization.figures.figures import figures
 from freefloat.visualization.figures.singularity_figures import singularity_figures
 from freefloat.visualization.scenes.joint_sections import (
     influential_joints,
     reference_configuration,
 )
-from freefloat.workspace.singularity_map import SingularityMap, singularity_map
 from tests.motions import bundled
 from tests.robots import random_robot
 

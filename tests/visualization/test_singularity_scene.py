@@ -12,6 +12,7 @@ from playwright.sync_api import Browser
 import freefloat as ff
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.errors import InputError
+from freefloat.singularities.singularity_map import SingularityMap, singularity_map
 from freefloat.visualization.page.playback import Playback, playback
 from freefloat.visualization.scenes.implicit_surface import zero_surface
 from freefloat.visualization.scenes.joint_sections import influential_joints, section
@@ -22,7 +23,6 @@ from freefloat.visualization.scenes.singularity_scene import (
     singularity_scene,
     surface,
 )
-from freefloat.workspace.singularity_map import SingularityMap, singularity_map
 from tests.browser import differing, opened
 from tests.commands import document
 from tests.motions import bundled

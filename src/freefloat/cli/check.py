@@ -59,10 +59,10 @@ def check(
     from freefloat.planning.phases.manoeuvre import Manoeuvre
     from freefloat.planning.plan import Plan
     from freefloat.planning.simulation import Simulation
+    from freefloat.singularities.singularity_map import SingularityMap
     from freefloat.verification.check import check as verify
     from freefloat.verification.comparisons import Check
     from freefloat.verification.report import PINOCCHIO, CheckReport
-    from freefloat.workspace.singularity_map import SingularityMap
 
     console = Console(as_json, quiet)
     with console.progress("integrating the motion again"):

@@ -30,7 +30,7 @@ if TYPE_CHECKING:  # the command line shows its help without NumPy
     from freefloat.planning.settings import Search
     from freefloat.planning.simulation import SimulatedBranch, Simulation
     from freefloat.planning.space.attitude_map import AttitudeMap
-    from freefloat.workspace.singularity_map import SingularityMap
+    from freefloat.singularities.singularity_map import SingularityMap
 
 DONE, NO, BAD_INPUT, INTERNAL_ERROR, INTERRUPTED = 0, 1, 2, 3, 130
 _PIPE_WIDTH = 120

@@ -13,8 +13,8 @@ from freefloat.cli.console import decimals, table
 if TYPE_CHECKING:
     from freefloat.io.scenario.scenario import Scenario
     from freefloat.motion.pointing import PointingLimit
-    from freefloat.paths.scene import Corridor
-    from freefloat.paths.scene_body import SceneBody
+    from freefloat.scene.scene import Corridor
+    from freefloat.scene.scene_body import SceneBody
 
 
 def mission_document(scenario: Scenario) -> dict[str, Any]:
@@ -78,7 +78,7 @@ def _shape(body: SceneBody) -> str:
 
 
 def _motion(body: SceneBody) -> str:
-    from freefloat.paths.tumbling import Tumbling
+    from freefloat.scene.tumbling import Tumbling
 
     if isinstance(body.motion, Tumbling):
         rate = math.degrees(math.hypot(*body.motion.rate))

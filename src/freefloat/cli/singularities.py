@@ -17,9 +17,9 @@ from freefloat.cli.robots import EndEffector, Packages, RobotName, Root, load_ro
 from freefloat.errors import InputError, finite_number
 
 if TYPE_CHECKING:
-    from freefloat.dynamics.global_maximum import GlobalMaximum
-    from freefloat.workspace.singularity_components import SingularityComponents
-    from freefloat.workspace.singularity_map import SingularityMap
+    from freefloat.singularities.global_maximum import GlobalMaximum
+    from freefloat.singularities.singularity_components import SingularityComponents
+    from freefloat.singularities.singularity_map import SingularityMap
 
 _KINDS = {
     "positive": "free of singularities, det A > 0",
@@ -67,9 +67,9 @@ def singularities(
 
     Example: freefloat singularities ets_vii --fix q1=0 --resolution 6 --plots figures
     """
-    from freefloat.dynamics.global_maximum import guaranteed_magnitude
-    from freefloat.workspace.singularity_components import singularity_components
-    from freefloat.workspace.singularity_map import singularity_map
+    from freefloat.singularities.global_maximum import guaranteed_magnitude
+    from freefloat.singularities.singularity_components import singularity_components
+    from freefloat.singularities.singularity_map import singularity_map
 
     console = Console(as_json, quiet)
     loaded = load_robot(console, robot, end_effector, root, package)

@@ -13,7 +13,7 @@ from freefloat.cli.options import Json, Quiet, ScenarioName
 _WORDS = {True: "inside", False: "outside", None: "undecided"}
 
 if TYPE_CHECKING:
-    from freefloat.workspace.regions import Workspace
+    from freefloat.singularities.regions import Workspace
 
 
 def workspace(scenario: ScenarioName, as_json: Json = False, quiet: Quiet = False) -> None:
@@ -22,7 +22,7 @@ def workspace(scenario: ScenarioName, as_json: Json = False, quiet: Quiet = Fals
     Example: freefloat workspace planar_3dof/parabola
     """
     from freefloat.io.scenario.scenario import load_scenario
-    from freefloat.workspace.regions import workspace_regions
+    from freefloat.singularities.regions import workspace_regions
 
     console = Console(as_json, quiet)
     loaded = load_scenario(scenario)

@@ -19,8 +19,8 @@ from scipy.spatial.transform import Rotation
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.motion import Motion
 from freefloat.motion.panels import TO_COEFFICIENTS
-from freefloat.paths.scene import Scene
-from freefloat.paths.tumbling import Tumbling
+from freefloat.scene.scene import Scene
+from freefloat.scene.tumbling import Tumbling
 from freefloat.so3 import Array, IntArray, Pose, without_jumps
 
 TOLERANCE = 1e-4

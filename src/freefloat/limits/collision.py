@@ -14,11 +14,11 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from freefloat.errors import ModelError
-from freefloat.paths.scene import Scene
 from freefloat.robot.description import LinkShape
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import MeshFileError, find_mesh
 from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere, corners
+from freefloat.scene.scene import Scene
 from freefloat.so3 import Array, IntArray, Pose
 
 _MOST = 6

@@ -15,7 +15,7 @@ from freefloat.motion.margin import ROUNDING
 from freefloat.motion.motion import Motion
 from freefloat.motion.panels import NODES
 from freefloat.motion.pointing import Keep, PointingLimit, angle_of
-from freefloat.paths.scene import Corridor
+from freefloat.scene.scene import Corridor
 from freefloat.so3 import Array, angle_between
 
 if TYPE_CHECKING:

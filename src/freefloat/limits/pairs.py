@@ -13,8 +13,8 @@ import pinocchio as pin
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.errors import ModelError
 from freefloat.limits.collision import CollisionShape, collision_shapes, scene_shapes
-from freefloat.paths.scene import Scene
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.scene.scene import Scene
 from freefloat.so3 import Array, IntArray, Pose
 
 _CONFIGURATIONS = 1024

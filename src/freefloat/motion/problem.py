@@ -20,9 +20,9 @@ from freefloat.ik.nearest import closest_branches, newton_configuration
 from freefloat.motion.margin import Margin
 from freefloat.motion.planar_requirements import require_in_plane, require_level, require_planar
 from freefloat.paths.orientation import FreeOrientation
-from freefloat.paths.scene import Scene
 from freefloat.paths.timing import TimedPath
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.scene.scene import Scene
 from freefloat.so3 import (
     Array,
     frozen,

@@ -12,9 +12,9 @@ from freefloat.errors import InputError, require_type
 from freefloat.paths.curves import Curve
 from freefloat.paths.orientation import FreeOrientation, OrientationLaw
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.scene_body import SceneBody
 from freefloat.paths.timing import TimedPath, TimeLaw, Timing
-from freefloat.paths.tumbling import Tumbling
+from freefloat.scene.scene_body import SceneBody
+from freefloat.scene.tumbling import Tumbling
 from freefloat.so3 import Array, cross, frozen
 
 

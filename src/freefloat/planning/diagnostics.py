@@ -25,8 +25,8 @@ from freefloat.planning.settings import Search
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.climbing import best_branch, largest_margins
+from freefloat.singularities.planar_regions import PlanarArm, most_singular_place, point_3_of_pose
 from freefloat.so3 import heading_quaternion
-from freefloat.workspace.planar import PlanarArm, most_singular_place, point_3_of_pose
 
 HELD = "the attitude whose motion has this timing"
 NOT_UNIQUE = "; the optimum is not unique, attitudes around it have the same margin"

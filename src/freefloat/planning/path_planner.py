@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from freefloat.certificate.certificate import certify
 from freefloat.concurrency import Progress
 from freefloat.limits.contact import self_contact
 from freefloat.limits.limits import Limits
-from freefloat.motion.certificate import certify
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.evaluator import evaluator_for

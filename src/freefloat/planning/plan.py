@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from freefloat.certificate.certificate import Certificate
 from freefloat.limits.contact import Contact
 from freefloat.limits.limits import LimitResult, Limits, violated
-from freefloat.motion.certificate import Certificate
 from freefloat.motion.problem import Problem
 from freefloat.planning.plane.arcs import BranchRanges, covered_angle
 from freefloat.planning.plane.segment import Segment

@@ -33,8 +33,8 @@ from freefloat.planning.plane.search import searched_ranges
 from freefloat.planning.plane.segment import Segment
 from freefloat.planning.settings import HEADINGS, Search
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch, simulate
+from freefloat.singularities.planar_regions import has_two_angle_form
 from freefloat.so3 import heading_of, heading_quaternion
-from freefloat.workspace.planar import has_two_angle_form
 
 _NEARBY = np.geomspace(1e-6, 0.5, 64)
 """Angles to headings nearby that are tried where a redundant arm has no feasible start [rad]."""

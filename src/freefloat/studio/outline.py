@@ -12,7 +12,7 @@ from freefloat.io.scenario.path_section import frame_of
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.problem import Problem
 from freefloat.paths.curves import SplineCurve
-from freefloat.paths.scene_body import SceneBody
+from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, Pose
 from freefloat.visualization.scenes.overlays import thickness
 

@@ -7,6 +7,7 @@ from freefloat.planning.joints.reorientation import Reorientation
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
+from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.verification.engine_runs import require_engine
 from freefloat.verification.gravity import CircularOrbit
 from freefloat.verification.manoeuvre import manoeuvre_checks
@@ -14,7 +15,6 @@ from freefloat.verification.motion import completed, verify_motion
 from freefloat.verification.reorientation import reorientation_checks
 from freefloat.verification.report import BASILISK, MUJOCO, PINOCCHIO, CheckReport
 from freefloat.verification.singularity_map import singularity_map_checks
-from freefloat.workspace.singularity_map import SingularityMap
 
 
 def check(

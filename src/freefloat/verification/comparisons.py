@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from freefloat.certificate.certificate import Certificate, CertifiedMinimum
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.motion.certificate import Certificate, CertifiedMinimum
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Ending, Motion
 from freefloat.so3 import angle_between

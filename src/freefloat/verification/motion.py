@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from freefloat.certificate.certificate import Certificate, certify
 from freefloat.errors import FreeFloatError
 from freefloat.limits.check import check_limits
 from freefloat.limits.limits import LimitKind, LimitResult, Limits
-from freefloat.motion.certificate import Certificate, certify
 from freefloat.motion.extrema import closest_approach
 from freefloat.planning.phases.path_continuation import branch_at
 from freefloat.planning.plan import Plan

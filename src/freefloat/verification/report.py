@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from freefloat.certificate.certificate import Certificate
 from freefloat.limits.limits import LimitResult
-from freefloat.motion.certificate import Certificate
 from freefloat.verification.comparisons import Check
 
 if TYPE_CHECKING:

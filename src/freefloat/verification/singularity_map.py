@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from freefloat.dynamics.joint_space import joint_box
-from freefloat.dynamics.singularity_polynomial import determinants
+from freefloat.singularities.singularity_map import Kind, SingularityMap
+from freefloat.singularities.singularity_polynomial import determinants
 from freefloat.so3 import Array
 from freefloat.verification.comparisons import Check
-from freefloat.workspace.singularity_map import Kind, SingularityMap
 
 _SAMPLES, _BOXES = 4096, 512
 """Configurations, and boxes with a singular configuration, that are looked at."""

@@ -22,7 +22,6 @@ from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.limits import Limits
 from freefloat.motion.joint_transfer import JointTransfer
 from freefloat.motion.problem import Problem
-from freefloat.paths.scene import Scene
 from freefloat.paths.timing import TimedPath, TimeLaw, Timing
 from freefloat.planning.joints.joint_motion import JointMotion, earlier
 from freefloat.planning.joints.reorientation import Reorientation
@@ -30,6 +29,7 @@ from freefloat.planning.phases.manoeuvre import Manoeuvre, PlannedPhase
 from freefloat.planning.phases.phases import CapturePhase, JointPhase, Phase
 from freefloat.planning.phases.state import Handover
 from freefloat.planning.plan import Plan
+from freefloat.scene.scene import Scene
 from freefloat.so3 import Array
 
 

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from freefloat.certificate.certificate import Certificate, CertifiedMinimum, Comparison, Worst
 from freefloat.ik.branches import ArmBranch
 from freefloat.io.records.hdf5 import QUATERNION, TEXT, Document, read_numbers, write_arrays
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.contact import Contact
 from freefloat.limits.limits import LimitKind, LimitResult, Limits
-from freefloat.motion.certificate import Certificate, CertifiedMinimum, Comparison, Worst
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.law import JointCurve
 from freefloat.motion.motion import Ending, Motion

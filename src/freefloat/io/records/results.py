@@ -34,7 +34,7 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import read_urdf
-from freefloat.workspace.singularity_map import SingularityMap
+from freefloat.singularities.singularity_map import SingularityMap
 
 if TYPE_CHECKING:  # compiled kernels are slow to import
     from freefloat.planning.joints.reorientation import Reorientation

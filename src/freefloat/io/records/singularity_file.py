@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.dynamics.joint_polynomial import JointBasis, JointPolynomial
 from freefloat.dynamics.momentum import Task
 from freefloat.io.records.hdf5 import read_numbers
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.singularities.joint_polynomial import JointBasis, JointPolynomial
+from freefloat.singularities.singularity_map import Kind, SingularityMap
 from freefloat.so3 import frozen
 from freefloat.verification.singularity_map import singularity_map_checks
-from freefloat.workspace.singularity_map import Kind, SingularityMap
 
 _NODES = (
     "the joint across which a box is cut, or {}; breadth-first: the k-th box that is cut has its "

@@ -31,10 +31,10 @@ from freefloat.paths.orientation import (
     SlerpOrientation,
 )
 from freefloat.paths.path import EndEffectorPath, parse_samples
-from freefloat.paths.scene import Scene
-from freefloat.paths.scene_body import SceneBody
 from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.scene.scene import Scene
+from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Pose
 
 _CURVES = ("line", "polynomial", "arc", "waypoints", "samples")

@@ -28,7 +28,6 @@ from freefloat.io.scenario.timing_section import TimingSection
 from freefloat.motion.problem import Problem
 from freefloat.paths.path import samples_text
 from freefloat.paths.relative_path import RelativePath
-from freefloat.paths.scene import Scene
 from freefloat.paths.timing import TimedPath
 from freefloat.planning.phases.expected_state import keys_within
 from freefloat.planning.phases.phases import (
@@ -39,6 +38,7 @@ from freefloat.planning.phases.phases import (
     PoseGoal,
     checked_phases,
 )
+from freefloat.scene.scene import Scene
 from freefloat.so3 import Pose
 
 

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import yaml
 
-from freefloat.dynamics.global_maximum import guaranteed_magnitude
 from freefloat.dynamics.joint_space import largest_magnitude
 from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
 from freefloat.dynamics.redundancy import Redundancy, Toward
@@ -28,7 +27,6 @@ from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
 from freefloat.paths.path import samples_text
 from freefloat.paths.relative_path import RelativePath
-from freefloat.paths.scene_body import SceneBody
 from freefloat.paths.timing import TimedPath
 from freefloat.planning.objectives.objective import Objective
 from freefloat.planning.objectives.objectives import Weights, objective_of
@@ -37,6 +35,8 @@ from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_scenario
 from freefloat.robot.source import RobotSource
+from freefloat.scene.scene_body import SceneBody
+from freefloat.singularities.global_maximum import guaranteed_magnitude
 from freefloat.so3 import Pose, frozen, unit_quaternion
 
 

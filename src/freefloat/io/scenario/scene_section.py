@@ -24,13 +24,13 @@ from freefloat.io.scenario.field_types import (
 )
 from freefloat.io.scenario.orientation_section import Orientation, quaternion_of, rotation_of
 from freefloat.io.scenario.yaml import file_keys
-from freefloat.paths.scene import Corridor, Scene
-from freefloat.paths.scene_body import SceneBody
-from freefloat.paths.tumbling import Tumbling
 from freefloat.robot.description import RobotDescription
 from freefloat.robot.names import find_robot, is_file
 from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
 from freefloat.robot.validation import read_urdf
+from freefloat.scene.scene import Corridor, Scene
+from freefloat.scene.scene_body import SceneBody
+from freefloat.scene.tumbling import Tumbling
 
 FileShapes = Mapping[str, MeshFile | RobotDescription]
 """Shapes of bodies that come from files, by the body's name."""

@@ -11,9 +11,9 @@ import numpy as np
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
-from freefloat.paths.scene import Scene
-from freefloat.paths.scene_body import SceneBody
 from freefloat.paths.timing import TimedPath, TimeLaw, Timing
+from freefloat.scene.scene import Scene
+from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, Pose
 
 _STILL = np.zeros(3)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from freefloat.certificate.certificate import certify
 from freefloat.ik.branches import ArmBranch
 from freefloat.ik.numbering import MAX_BRANCHES
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.contact import self_contact
 from freefloat.limits.limits import LimitResult, Limits, violated
-from freefloat.motion.certificate import certify
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Problem

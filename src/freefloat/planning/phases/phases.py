@@ -14,14 +14,14 @@ from freefloat.dynamics.summary import roll_pitch_yaw
 from freefloat.errors import InputError, finite_number, finite_vector, require_type
 from freefloat.motion.problem import Problem
 from freefloat.paths.relative_path import RelativePath
-from freefloat.paths.scene_body import SceneBody
 from freefloat.paths.time_segments import positive_duration
 from freefloat.paths.timing import TimedPath
 from freefloat.paths.transfer import transfer
-from freefloat.paths.tumbling import Tumbling
 from freefloat.planning.phases.expected_state import ExpectedState, keys_within
 from freefloat.planning.phases.prescribed_path import prescribed_path, require_continuous
 from freefloat.robot.parts import Mount, inertia_matrix
+from freefloat.scene.scene_body import SceneBody
+from freefloat.scene.tumbling import Tumbling
 from freefloat.so3 import Array, Pose, frozen
 
 FRAMES = ("inertial", "spacecraft", "base", "end_effector")

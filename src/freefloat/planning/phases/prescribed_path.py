@@ -15,8 +15,8 @@ from freefloat.paths.curves import Curve
 from freefloat.paths.orientation import OrientationLaw
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.relative_path import RelativePath
-from freefloat.paths.scene_body import SceneBody
 from freefloat.paths.timing import TimedPath
+from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, Pose, rotation_vector_between
 
 JUMP = 1e-6

@@ -12,7 +12,6 @@ from freefloat.dynamics.summary import frames_at
 from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.paths.scene import Scene
 from freefloat.paths.timing import TimedPath
 from freefloat.paths.transfer import transfer
 from freefloat.planning.phases.phases import CapturePhase, PathPhase, PoseGoal
@@ -21,6 +20,7 @@ from freefloat.planning.phases.prescribed_path import (
     prescribed_path,
     require_continuous,
 )
+from freefloat.scene.scene import Scene
 from freefloat.so3 import Array, Pose, frozen, rotation_matrix
 
 

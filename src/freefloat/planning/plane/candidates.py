@@ -10,8 +10,14 @@ import numpy.typing as npt
 
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.problem import Problem
+from freefloat.singularities.planar_regions import (
+    Complex,
+    PlanarArm,
+    margin_curves,
+    point_3,
+    two_angles,
+)
 from freefloat.so3 import Array
-from freefloat.workspace.planar import Complex, PlanarArm, margin_curves, point_3, two_angles
 
 _TIMES = 400
 """Instants of each segment between stops at which candidates are computed."""

@@ -26,8 +26,8 @@ from freefloat.planning.plane.arcs import (
     branch_ranges,
 )
 from freefloat.planning.plane.tangency import PlanarTangencyPoint, planar_tangency_points
+from freefloat.singularities.planar_regions import PlanarArm, point_3_on_path
 from freefloat.so3 import Array, heading_of, heading_quaternion
-from freefloat.workspace.planar import PlanarArm, point_3_on_path
 
 if TYPE_CHECKING:
     from freefloat.ensemble.ensemble import EnsembleIntegrator

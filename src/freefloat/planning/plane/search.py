@@ -27,8 +27,8 @@ from freefloat.planning.plane.continuation import continued_motions
 from freefloat.planning.plane.ranges import reach_limits
 from freefloat.planning.searches.line_search import Function, Samples, resolved
 from freefloat.planning.searches.pattern_search import Flags
+from freefloat.singularities.planar_regions import has_two_angle_form
 from freefloat.so3 import Array, IntArray, heading_quaternion, wrapped
-from freefloat.workspace.planar import has_two_angle_form
 
 _NEAR_REACH = 1e-6
 """Distance from the limits of the reach at which headings are added [rad]."""

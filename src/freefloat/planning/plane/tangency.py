@@ -21,8 +21,8 @@ from scipy.optimize import root
 
 from freefloat.motion.problem import Problem
 from freefloat.planning.plane.candidates import PathState, PlanarCandidates
+from freefloat.singularities.planar_regions import MarginCurve
 from freefloat.so3 import Array, frozen, wrapped
-from freefloat.workspace.planar import MarginCurve
 
 _EXACT = 1e-9
 _NEWTON_STEPS, _LONGEST, _ROUNDING = 30, 0.1, 1e-13

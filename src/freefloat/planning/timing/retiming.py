@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from freefloat.certificate.certificate import certify
 from freefloat.concurrency import Progress, step_of
 from freefloat.errors import InputError, require_type
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.contact import self_contact
 from freefloat.limits.limits import Limits, needed_stretch, violated
-from freefloat.motion.certificate import certify
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem

@@ -22,6 +22,9 @@ from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.heading_map import HeadingMap, sample_headings
 from freefloat.planning.simulation import Simulation, simulate
 from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.singularities.planar_regions import has_two_angle_form
+from freefloat.singularities.regions import workspace_regions
+from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.so3 import heading_of, heading_quaternion
 from freefloat.visualization.figure_style import Figures, styled
 from freefloat.visualization.figures.angle_figures import angles_figure
@@ -33,9 +36,6 @@ from freefloat.visualization.figures.scene_figures import snapshots_figure, work
 from freefloat.visualization.figures.singularity_figures import singularity_figures
 from freefloat.visualization.scenes.drawn_path import with_drawn_path
 from freefloat.visualization.slices import Mark, map_marks, map_slices
-from freefloat.workspace.planar import has_two_angle_form
-from freefloat.workspace.regions import workspace_regions
-from freefloat.workspace.singularity_map import SingularityMap
 
 _HEADINGS = 720
 _TITLES = {

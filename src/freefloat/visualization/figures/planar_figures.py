@@ -13,6 +13,12 @@ from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.heading_map import HeadingMap
+from freefloat.singularities.planar_regions import (
+    PlanarArm,
+    margin_curves,
+    point_3,
+    point_3_on_path,
+)
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (
     BLACK,
@@ -28,7 +34,6 @@ from freefloat.visualization.figure_style import (
     new_figure,
     styled,
 )
-from freefloat.workspace.planar import PlanarArm, margin_curves, point_3, point_3_on_path
 
 _GRID = 361
 _FEASIBLE = "#CFE3EF"

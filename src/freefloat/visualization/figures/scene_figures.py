@@ -15,6 +15,8 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
+from freefloat.singularities.planar_regions import Interval
+from freefloat.singularities.regions import Workspace
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (
     BLACK,
@@ -42,8 +44,6 @@ from freefloat.visualization.scenes.visuals import (
     robot_visuals,
     view_direction,
 )
-from freefloat.workspace.planar import Interval
-from freefloat.workspace.regions import Workspace
 
 _INSTANTS, _VIEWS = 5, 3
 """Number of robots drawn in the plane and in space."""

@@ -13,9 +13,9 @@ from scipy.spatial import ConvexHull
 
 from freefloat.attitude_grids import even_directions
 from freefloat.motion.problem import Problem
-from freefloat.paths.scene_body import SceneBody
 from freefloat.robot.meshes import Mesh
 from freefloat.robot.shapes import Box, Cylinder, corners
+from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import ORANGE
 from freefloat.visualization.scenes.surroundings import body_visuals

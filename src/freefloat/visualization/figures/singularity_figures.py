@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from freefloat.singularities.singularity_map import Kind, SingularityMap
 from freefloat.visualization.figure_style import (
     BLACK,
     COLUMN,
@@ -29,7 +30,6 @@ from freefloat.visualization.scenes.joint_sections import (
     joint_unit,
     section,
 )
-from freefloat.workspace.singularity_map import Kind, SingularityMap
 
 _RASTER = 360
 """Cells of the raster, and intervals of the grid for det A = 0, across a panel."""

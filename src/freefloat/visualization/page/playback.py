@@ -34,7 +34,7 @@ from freefloat.visualization.scenes.scene_builder import ROOT, Scene
 if TYPE_CHECKING:  # imports compiled kernels
     from freefloat.planning.plane.heading_map import HeadingMap
     from freefloat.planning.space.attitude_map import AttitudeMap
-    from freefloat.workspace.singularity_map import SingularityMap
+    from freefloat.singularities.singularity_map import SingularityMap
 
 SIDE_BY_SIDE, ALL_PHASES = "side by side", "all phases"
 _HERE = Path(__file__).parent
@@ -237,10 +237,10 @@ def playback(
         return Playback(motion_scene(_named_motions(result), title, pointing))
     from freefloat.planning.plane.heading_map import HeadingMap
     from freefloat.planning.space.attitude_map import AttitudeMap
+    from freefloat.singularities.singularity_map import SingularityMap
     from freefloat.visualization.scenes.heading_scene import heading_scene
     from freefloat.visualization.scenes.map_scene import map_scene
     from freefloat.visualization.scenes.singularity_scene import singularity_scene
-    from freefloat.workspace.singularity_map import SingularityMap
 
     if isinstance(result, HeadingMap):
         return Playback(heading_scene(result, title))

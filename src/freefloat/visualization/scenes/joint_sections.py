@@ -10,11 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.attitude_grids import low_discrepancy
-from freefloat.dynamics.joint_polynomial import JointPolynomial
 from freefloat.errors import finite_vector
+from freefloat.singularities.joint_polynomial import JointPolynomial
+from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import digits
-from freefloat.workspace.singularity_map import SingularityMap
 
 _SAMPLES = 4096
 _STEP = np.radians(5.0)

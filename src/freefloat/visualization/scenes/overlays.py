@@ -10,10 +10,10 @@ from trimesh.creation import icosphere
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
+from freefloat.singularities.regions import Workspace
 from freefloat.so3 import Array, IntArray, Pose
 from freefloat.visualization.scenes.description import Label
 from freefloat.visualization.scenes.scene_builder import SceneBuilder
-from freefloat.workspace.regions import Workspace
 
 PATH, TRAIL, AREAS = "End-effector path", "Trail", "Areas"
 CENTRE, MOMENTUM = "Centre of mass", "Momentum"

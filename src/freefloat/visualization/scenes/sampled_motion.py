@@ -9,12 +9,12 @@ import numpy as np
 
 from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import PointingLimit
-from freefloat.paths.tumbling import Tumbling
+from freefloat.scene.tumbling import Tumbling
+from freefloat.singularities.regions import Workspace
 from freefloat.so3 import Array
 from freefloat.visualization.scenes.pointing_cones import PointingCone
 from freefloat.visualization.scenes.surroundings import Surroundings
 from freefloat.visualization.scenes.visuals import RobotVisuals, body_poses
-from freefloat.workspace.regions import Workspace
 
 _RATE, _PLAYBACK, _PER_TURN = 25.0, 30.0, 12.0
 """Key frames per second of playback; longest initial playback time [s]; frames per revolution."""

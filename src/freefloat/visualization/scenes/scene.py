@@ -15,6 +15,7 @@ from freefloat.limits.contact import self_contact
 from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import PointingLimit
 from freefloat.motion.singularity import singular_event
+from freefloat.singularities.regions import exact_workspace
 from freefloat.so3 import Array
 from freefloat.visualization.scenes.description import (
     MarginColours,
@@ -45,7 +46,6 @@ from freefloat.visualization.scenes.visuals import (
     robot_visuals,
     view_direction,
 )
-from freefloat.workspace.regions import exact_workspace
 
 ROBOT = "Robot"
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from contourpy import contour_generator
 
 from freefloat.errors import InputError
+from freefloat.singularities.singularity_map import Kind, SingularityMap
 from freefloat.so3 import Array, IntArray
 from freefloat.visualization.figure_style import digits
 from freefloat.visualization.scenes.description import (
@@ -37,7 +38,6 @@ from freefloat.visualization.scenes.scene_builder import (
     Scene,
     SceneBuilder,
 )
-from freefloat.workspace.singularity_map import Kind, SingularityMap
 
 NODE, ZEROS, HEIGHT, BOX = "joints", "det A = 0", "det A", "Axes"
 SIDES = ("Side of det A > 0", "Side of det A < 0")

@@ -9,13 +9,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.motion.problem import Problem
-from freefloat.paths.scene import Corridor
-from freefloat.paths.scene_body import SceneBody
-from freefloat.paths.tumbling import Tumbling
 from freefloat.robot.description import Colour
 from freefloat.robot.meshes import read_mesh
 from freefloat.robot.names import MeshFileError, find_mesh
 from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
+from freefloat.scene.scene import Corridor
+from freefloat.scene.scene_body import SceneBody
+from freefloat.scene.tumbling import Tumbling
 from freefloat.so3 import Array, IntArray, Pose, axes_rotation
 from freefloat.visualization.scenes.description import Label
 from freefloat.visualization.scenes.overlays import surface_of_revolution

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from freefloat.certificate.bounds import METHOD, Bounds, lower_bounds
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import inertia_matrices
-from freefloat.motion.bounds import METHOD, Bounds, lower_bounds
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES, with_slopes

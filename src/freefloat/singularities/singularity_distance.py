@@ -15,14 +15,14 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.attitude_grids import low_discrepancy
-from freefloat.dynamics.global_maximum import halved
-from freefloat.dynamics.joint_polynomial import JointPolynomial
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.measures import unit_factors
 from freefloat.dynamics.momentum import Task, generalized_jacobian
-from freefloat.dynamics.singularity_polynomial import SingularityPolynomial
 from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.singularities.global_maximum import halved
+from freefloat.singularities.joint_polynomial import JointPolynomial
+from freefloat.singularities.singularity_polynomial import SingularityPolynomial
 from freefloat.so3 import Array, frozen, rotation_matrix, unit_quaternion
 
 _TOLERANCE = 1e-3

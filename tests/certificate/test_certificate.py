@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 import pytest
 
+from freefloat.certificate.certificate import certify, integrate_again
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.io.scenario.scenario import load_scenario, parse_scenario
-from freefloat.motion.certificate import certify, integrate_again
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import DEGREE, Ending

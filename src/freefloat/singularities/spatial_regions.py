@@ -12,8 +12,8 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.singularities.planar_regions import Complex, Interval, PlanarArm, point_3, two_angles
 from freefloat.so3 import Array
-from freefloat.workspace.planar import Complex, Interval, PlanarArm, point_3, two_angles
 
 _GRID = 8
 """Angles per joint; S is a trigonometric polynomial of degree two, which fewer determine."""

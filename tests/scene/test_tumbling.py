@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError
-from freefloat.paths.tumbling import Tumbling
+from freefloat.scene.tumbling import Tumbling
 
 
 @pytest.mark.parametrize("spin", [0.3, -1.2])

@@ -6,15 +6,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from freefloat.dynamics.joint_polynomial import JointPolynomial
 from freefloat.dynamics.joint_space import joint_space_extremes
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
-from freefloat.dynamics.singularity_polynomial import (
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.singularities.joint_polynomial import JointPolynomial
+from freefloat.singularities.singularity_polynomial import (
     SingularityPolynomial,
     locked_inertia_polynomial,
 )
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen
 
 _TOLERANCE = 1e-7

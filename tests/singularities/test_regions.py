@@ -13,7 +13,7 @@ from freefloat.cli.app import app
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
-from freefloat.workspace.regions import exact_workspace, workspace_regions
+from freefloat.singularities.regions import exact_workspace, workspace_regions
 from tests.robots import planar_robot
 
 

@@ -7,12 +7,12 @@ from itertools import product
 import numpy as np
 import pytest
 
-from freefloat.dynamics.joint_polynomial import JointPolynomial
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.workspace.singularity_map import Kind, SingularityMap, singularity_map
+from freefloat.singularities.joint_polynomial import JointPolynomial
+from freefloat.singularities.singularity_map import Kind, SingularityMap, singularity_map
 from tests.motions import bundled
 from tests.robots import random_robot
 
@@ -105,7 +105,7 @@ def test_wrong_bounds_are_contradicted(
 def test_the_map_does_not_depend_on_the_size_of_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = bundled("planar_2dof/line")
     whole = singularity_map(problem.model, problem.task, np.radians(1.0))
-    monkeypatch.setattr("freefloat.workspace.singularity_map._BOXES", 16)
+    monkeypatch.setattr("freefloat.singularities.singularity_map._BOXES", 16)
     pieces = singularity_map(problem.model, problem.task, np.radians(1.0))
     assert (whole.nodes == pieces.nodes).all()
 

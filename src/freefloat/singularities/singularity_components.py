@@ -19,8 +19,8 @@ import numpy.typing as npt
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.ik.branches import arm_branches
+from freefloat.singularities.singularity_map import Kind, SingularityMap
 from freefloat.so3 import Array, IntArray
-from freefloat.workspace.singularity_map import Kind, SingularityMap
 
 _Labels = npt.NDArray[np.int32]
 _BOXES = 200_000

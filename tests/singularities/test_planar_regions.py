@@ -7,14 +7,14 @@ from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task, inertia_matrices
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import heading_quaternion
-from freefloat.workspace.planar import (
+from freefloat.singularities.planar_regions import (
     PlanarArm,
     margin_curves,
     most_singular_place,
     point_3,
     point_3_on_path,
 )
+from freefloat.so3 import heading_quaternion
 
 URDF = """<robot name="bent"><link name="l0"><inertial><origin xyz="0.1 -0.2 0"/><mass value="90"/>
 <inertia ixx="9" ixy="0" ixz="0" iyy="9" iyz="0" izz="12"/></inertial></link>

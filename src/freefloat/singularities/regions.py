@@ -18,10 +18,15 @@ from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem, require_problem
+from freefloat.singularities.certified_areas import certified_areas
+from freefloat.singularities.planar_regions import (
+    Interval,
+    PlanarArm,
+    has_two_angle_form,
+    margin_curves,
+)
+from freefloat.singularities.spatial_regions import elbow_arm, sampled_reach, wrist_in_tool
 from freefloat.so3 import Array, frozen
-from freefloat.workspace.certified_areas import certified_areas
-from freefloat.workspace.planar import Interval, PlanarArm, has_two_angle_form, margin_curves
-from freefloat.workspace.spatial import elbow_arm, sampled_reach, wrist_in_tool
 
 
 @dataclass(frozen=True, eq=False)

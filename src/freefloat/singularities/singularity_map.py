@@ -22,13 +22,13 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.concurrency import Progress
-from freefloat.dynamics.global_maximum import halved, whole_joint_space
-from freefloat.dynamics.joint_polynomial import JointPolynomial
 from freefloat.dynamics.joint_space import configurations
 from freefloat.dynamics.momentum import Task
-from freefloat.dynamics.singularity_polynomial import SingularityPolynomial
 from freefloat.errors import InputError, finite_number
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.singularities.global_maximum import halved, whole_joint_space
+from freefloat.singularities.joint_polynomial import JointPolynomial
+from freefloat.singularities.singularity_polynomial import SingularityPolynomial
 from freefloat.so3 import Array, IntArray
 
 _RESOLUTIONS = (0.1, 0.1, 0.1, 1.0, 5.0, 15.0)

@@ -10,10 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from freefloat.errors import InputError, finite_number, finite_vector, require_type
-from freefloat.paths.scene_body import SceneBody
-from freefloat.paths.timing import TimedPath
-from freefloat.paths.tumbling import MOST_REVOLUTIONS, Tumbling
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.scene.scene_body import PathFrame, SceneBody
+from freefloat.scene.tumbling import MOST_REVOLUTIONS, Tumbling
 from freefloat.so3 import Array, Pose, frozen, unit_vector
 
 _APEX = 1e-3
@@ -161,11 +160,11 @@ class Scene:
             corridor = replace(corridor, point=corridor.point + offset)
         return Scene(bodies, corridor)
 
-    def poses(self, t: float, path: TimedPath, target: Pose | None = None) -> tuple[Pose, ...]:
-        """The frames of all bodies, see :meth:`freefloat.paths.scene_body.SceneBody.pose_at`."""
+    def poses(self, t: float, path: PathFrame, target: Pose | None = None) -> tuple[Pose, ...]:
+        """The frames of all bodies, see :meth:`freefloat.scene.scene_body.SceneBody.pose_at`."""
         return tuple(body.pose_at(t, path, target) for body in self.bodies)
 
-    def corridor_pose(self, t: float, path: TimedPath, target: Pose | None = None) -> Pose:
+    def corridor_pose(self, t: float, path: PathFrame, target: Pose | None = None) -> Pose:
         """The frame of the corridor; arguments are those of :meth:`poses`."""
         if self.corridor is None or self.corridor.body is None:
             return Pose(path.origin(t), np.eye(3))

@@ -13,9 +13,9 @@ from freefloat.errors import InputError
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.workspace.planar import PlanarArm, margin_curves, point_3, two_angles
-from freefloat.workspace.regions import _general_workspace, exact_workspace, workspace_regions
-from freefloat.workspace.spatial import elbow_arm, wrist_in_tool
+from freefloat.singularities.planar_regions import PlanarArm, margin_curves, point_3, two_angles
+from freefloat.singularities.regions import _general_workspace, exact_workspace, workspace_regions
+from freefloat.singularities.spatial_regions import elbow_arm, wrist_in_tool
 from tests.errors import error_key
 from tests.robots import inertial_text, joint_text, link_text, planar_robot
 

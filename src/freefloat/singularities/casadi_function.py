@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.dynamics.joint_polynomial import JointBasis, JointPolynomial
 from freefloat.errors import InputError
+from freefloat.singularities.joint_polynomial import JointBasis, JointPolynomial
 
 
 def casadi_function(polynomial: JointPolynomial) -> Any:

@@ -7,8 +7,8 @@ import pytest
 from scipy.ndimage import label
 
 from freefloat.dynamics.measures import singularity_measure
-from freefloat.workspace.singularity_components import singularity_components
-from freefloat.workspace.singularity_map import singularity_map
+from freefloat.singularities.singularity_components import singularity_components
+from freefloat.singularities.singularity_map import singularity_map
 from tests.motions import bundled
 
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from numpy.polynomial import chebyshev
 
+from freefloat.certificate.bounds import Intervals, _ArmBounds, _Neighbourhood, lower_bounds
+from freefloat.certificate.matrix_bounds import ScaledSystem
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.motion.bounds import Intervals, _ArmBounds, _Neighbourhood, lower_bounds
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.margin import Margin
-from freefloat.motion.matrix_bounds import ScaledSystem
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES
 from freefloat.motion.problem import Problem

@@ -13,11 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.attitude_grids import low_discrepancy
-from freefloat.dynamics.global_maximum import halved, whole_joint_space
-from freefloat.dynamics.singularity_polynomial import SingularityPolynomial, fitted
 from freefloat.motion.problem import Problem
+from freefloat.singularities.global_maximum import halved, whole_joint_space
+from freefloat.singularities.planar_regions import Interval
+from freefloat.singularities.singularity_polynomial import SingularityPolynomial, fitted
 from freefloat.so3 import Array, IntArray
-from freefloat.workspace.planar import Interval
 
 _SHELLS = 200
 _MOST = 200_000

@@ -12,21 +12,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from freefloat.dynamics import singularity_polynomial
-from freefloat.dynamics.joint_polynomial import JointPolynomial
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task, system_matrix
-from freefloat.dynamics.singularity_polynomial import (
-    SingularityPolynomial,
-    locked_inertia_polynomial,
-)
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.workspace.planar import PlanarArm, two_angles
-from freefloat.workspace.singularity_distance import distance_to_singularity
-from freefloat.workspace.singularity_map import singularity_map
+from freefloat.singularities import singularity_polynomial
+from freefloat.singularities.joint_polynomial import JointPolynomial
+from freefloat.singularities.planar_regions import PlanarArm, two_angles
+from freefloat.singularities.singularity_distance import distance_to_singularity
+from freefloat.singularities.singularity_map import singularity_map
+from freefloat.singularities.singularity_polynomial import (
+    SingularityPolynomial,
+    locked_inertia_polynomial,
+)
 from tests.errors import error_key
 from tests.motions import bundled
 from tests.robots import planar_robot, random_robot, robots

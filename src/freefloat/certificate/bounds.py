@@ -5,7 +5,7 @@ The motion is cut into intervals. About the middle of one, half of it being h, t
     A(t) = A0 (I + X),    X = A0^-1 (t A' + R),    |t| <= h,    |R| <= h^2 / 2 b,
 
 with its analytic slope A' and b, the bound on its second derivative over the whole panel that
-:mod:`freefloat.motion.matrix_bounds` derives. So the Frobenius norm of X is at most
+:mod:`freefloat.certificate.matrix_bounds` derives. So the Frobenius norm of X is at most
 
     x = h |A0^-1 A'| + h^2 / 2 |A0^-1|_2 b,
 
@@ -27,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import chebyshev
 
-from freefloat.motion.matrix_bounds import ScaledSystem
+from freefloat.certificate.matrix_bounds import ScaledSystem
 from freefloat.motion.motion import Motion
 from freefloat.so3 import Array, IntArray
 

@@ -6,17 +6,16 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 
 from freefloat.errors import InputError, finite_vector, require_type
-from freefloat.paths.timing import TimedPath
-from freefloat.paths.tumbling import Tumbling
 from freefloat.robot.description import IDENTITY, Link, LinkShape, RobotDescription
 from freefloat.robot.names import find_robot, is_file
 from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
 from freefloat.robot.validation import read_urdf
+from freefloat.scene.tumbling import Tumbling
 from freefloat.so3 import Array, Pose, attitude_axes, frozen
 
 Shape = Box | Cylinder | Sphere | MeshFile | RobotDescription
@@ -30,6 +29,16 @@ def _zeros() -> Array:
 
 def _unit() -> Array:
     return np.eye(3)
+
+
+class PathFrame(Protocol):
+    """The frame in which a path and a scene are stated, and the pose that the path prescribes."""
+
+    def origin(self, t: float) -> Array:
+        """Origin of the frame at time t [s] relative to the centre of mass [m], shape (3,)."""
+
+    def pose(self, t: float) -> Pose:
+        """Pose of the end-effector at time t [s] relative to the centre of mass."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +99,7 @@ class SceneBody:
         """Its frame at time zero, see ``position``."""
         return Pose(self.position, self.orientation)
 
-    def pose_at(self, t: float, path: TimedPath, target: Pose | None = None) -> Pose:
+    def pose_at(self, t: float, path: PathFrame, target: Pose | None = None) -> Pose:
         """Its frame at time t [s] relative to the centre of mass, inertial axes.
 
         Args:

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from freefloat.attitude_grids import low_discrepancy
-from freefloat.dynamics.joint_polynomial import JointBasis, JointPolynomial, along
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.momentum import Task, require_enough_joints, system_matrix
 from freefloat.errors import InputError, finite_number
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.singularities.joint_polynomial import JointBasis, JointPolynomial, along
 from freefloat.so3 import Array, frozen
 
 MOST_COEFFICIENTS = 5_000_000

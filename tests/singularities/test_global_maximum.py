@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import freefloat.dynamics.global_maximum as maxima
-from freefloat.dynamics.global_maximum import global_maximum, guaranteed_magnitude
+import freefloat.singularities.global_maximum as maxima
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
-from freefloat.dynamics.singularity_polynomial import SingularityPolynomial
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.singularities.global_maximum import global_maximum, guaranteed_magnitude
+from freefloat.singularities.singularity_polynomial import SingularityPolynomial
 from tests.motions import bundled
 from tests.robots import random_robot
 

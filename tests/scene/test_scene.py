@@ -6,10 +6,10 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError
 from freefloat.io.scenario.scenario import load_scenario
-from freefloat.paths.scene import Corridor, Scene
-from freefloat.paths.scene_body import SceneBody
-from freefloat.paths.tumbling import Tumbling
 from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
+from freefloat.scene.scene import Corridor, Scene
+from freefloat.scene.scene_body import SceneBody
+from freefloat.scene.tumbling import Tumbling
 from tests.errors import error_key
 from tests.prismatic import LENGTH, prismatic_problem, prismatic_robot
 from tests.robots import joint_text

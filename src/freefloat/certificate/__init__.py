@@ -1,0 +1,1 @@
+"""Proof of a motion: bounds between its nodes, for all times."""

@@ -1,0 +1,1 @@
+"""What is around the robot: bodies, still or tumbling, and a corridor."""
