@@ -15,7 +15,7 @@ from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
 from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.plane.arcs import RangeLimitCause
-from freefloat.planning.plane.heading_map import sample_headings
+from freefloat.planning.plane.heading_search import sample_headings
 from freefloat.planning.plane.search import searched_ranges
 from freefloat.planning.settings import Search
 from freefloat.planning.space.mapping import attitude_map, sample_attitudes

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from freefloat.planning.phases.path_continuation import continued
 
 import freefloat as ff
 from freefloat.errors import InputError
-from freefloat.planning.phases.path_continuation import continued
 from freefloat.planning.phases.state import Handover
 from freefloat.so3 import Pose
 

@@ -14,7 +14,7 @@ from freefloat.planning import planar_planner
 from freefloat.planning.domain import SearchDomain
 from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.plan import Plan
-from freefloat.planning.plane.heading_map import sample_headings
+from freefloat.planning.plane.heading_search import sample_headings
 from freefloat.planning.plane.ranges import reach_limits
 from freefloat.planning.plane.search import _headings, searched_ranges
 from freefloat.so3 import heading_of, heading_quaternion

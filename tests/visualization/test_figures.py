@@ -15,7 +15,7 @@ from IPython.display import HTML
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.plan import Plan
-from freefloat.planning.plane.heading_map import sample_headings
+from freefloat.planning.plane.heading_search import sample_headings
 from freefloat.planning.planner import plan
 from freefloat.planning.settings import Search
 from freefloat.planning.simulation import simulate

@@ -13,7 +13,6 @@ from rich.text import Text
 
 from freefloat.cli.console import DONE, NO, Console, table
 from freefloat.cli.options import Json, MotionFile, Quiet
-from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.verification.comparisons import Check
@@ -55,11 +54,6 @@ def check(
     """
     from freefloat.io.records.hdf5 import AlteredFileError
     from freefloat.io.records.results import load
-    from freefloat.planning.joints.reorientation import Reorientation
-    from freefloat.planning.phases.manoeuvre import Manoeuvre
-    from freefloat.planning.plan import Plan
-    from freefloat.planning.simulation import Simulation
-    from freefloat.singularities.singularity_map import SingularityMap
     from freefloat.verification.check import check as verify
     from freefloat.verification.comparisons import Check
     from freefloat.verification.report import PINOCCHIO, CheckReport
@@ -67,13 +61,8 @@ def check(
     console = Console(as_json, quiet)
     with console.progress("integrating the motion again"):
         try:
-            result = load(file)
-            kinds = Plan | Manoeuvre | Simulation | Reorientation | SingularityMap
-            if not isinstance(result, kinds):
-                accepted = "a plan, motion, manoeuvre, reorientation or singularity map file"
-                raise InputError("file", "it is a map of attitudes", accepted, str(file))
             radius = None if gravity is None else 1000.0 * gravity
-            report = verify(result, engine or PINOCCHIO, gravity=radius)
+            report = verify(load(file), engine or PINOCCHIO, gravity=radius)
         except AlteredFileError as error:
             report = CheckReport("file", (Check(error.key, False, error.problem),))
     console.json({"file": str(file), **report.to_dict()})

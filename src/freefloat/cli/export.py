@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from freefloat.cli.answers import load_answer
 from freefloat.cli.console import Console
 from freefloat.cli.options import Json, MotionFile, Quiet, prepare_outputs
 from freefloat.errors import InputError
@@ -66,18 +67,13 @@ def export(
     """
     from freefloat.io.formats.export import TEXTS, save_trajectory, trajectories
     from freefloat.io.formats.trajectory import J2000
-    from freefloat.io.records.results import chosen_motion, load
-    from freefloat.planning.joints.reorientation import Reorientation
-    from freefloat.planning.phases.manoeuvre import Manoeuvre
 
     if output == _STDOUT and as_json:
         raise InputError("output", "both -o - and --json were given", "one of the two")
     kind, target = _format_and_file(file, format_, output)
     if target is not None:
         prepare_outputs(file, results=False, output=target)
-    result, violation = load(file), ""
-    if not isinstance(result, Manoeuvre | Reorientation):
-        _, violation = chosen_motion(result, file)
+    result = load_answer(file)
     sampled = trajectories(result, times, rate, epoch or J2000)
     if target is None:
         if len(sampled) > 1:
@@ -92,8 +88,8 @@ def export(
         written.append(_described(path, kind, trajectory))
         console.tables([_line(written[-1])])
     console.json(written[0] if len(written) == 1 else {"phases": written})
-    if violation:
-        console.tables([f"The plan is {violation}."])
+    if result.violation:
+        console.tables([f"The plan is {result.violation}."])
 
 
 def _described(path: Path, kind: Format, trajectory: Trajectory) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from rich.console import RenderableType
 from rich.text import Text
@@ -13,7 +13,8 @@ from freefloat.cli.console import decimals, limit_tables, table
 
 if TYPE_CHECKING:
     from freefloat.dynamics.capture import Capture
-    from freefloat.planning.phases.manoeuvre import Manoeuvre, PlannedPhase
+    from freefloat.planning.answer import PhaseResult
+    from freefloat.planning.phases.manoeuvre import Manoeuvre
 
 
 def manoeuvre_tables(name: str, manoeuvre: Manoeuvre) -> Iterator[RenderableType]:
@@ -33,10 +34,10 @@ def manoeuvre_tables(name: str, manoeuvre: Manoeuvre) -> Iterator[RenderableType
             yield f"  first attitude x y z w  {decimals(phase.motion.initial.attitude, 5)}"
             yield f"  first joints            {decimals(phase.motion.initial.joints)}"
             yield f"  last joints             {decimals(phase.motion.final.joints)}"
-        yield from limit_tables(getattr(phase.result, "limit_results", ()))
+        yield from limit_tables(phase.limit_results)
 
 
-def _turn(phase: PlannedPhase) -> str:
+def _turn(phase: PhaseResult) -> str:
     """The angle by which the spacecraft turns from the first to the last attitude."""
     from freefloat.so3 import angle_between
 
@@ -46,21 +47,13 @@ def _turn(phase: PlannedPhase) -> str:
     return f"{math.degrees(float(angle_between(first, last))):.4f}"
 
 
-def _margin(phase: PlannedPhase) -> str:
-    from freefloat.planning.plan import Plan
-
-    if not isinstance(phase.result, Plan) or phase.result.chosen is None:
-        return ""
-    closest = phase.result.chosen.closest_approach
-    return f"{closest.measure} {phase.result.chosen.minimum_margin:.5g}"
+def _margin(phase: PhaseResult) -> str:
+    chosen = getattr(phase.result, "chosen", None)
+    return f"{chosen.closest_approach.measure} {chosen.minimum_margin:.5g}" if chosen else ""
 
 
-def _summary(phase: PlannedPhase) -> str:
-    from freefloat.dynamics.capture import Capture
-
-    if isinstance(phase.result, Capture):
-        return _capture(phase.result)
-    return phase.result.reason
+def _summary(phase: PhaseResult) -> str:
+    return _capture(cast("Capture", phase.result)) if phase.kind == "capture" else phase.reason
 
 
 def _capture(capture: Capture) -> str:

@@ -96,7 +96,6 @@ def map_(
     Example: freefloat map spatial_6dof/line --samples 4096 --nearest 0 0 0 1 -o map.h5
     """
     from freefloat.io.scenario.scenario import load_scenario
-    from freefloat.planning.plane.heading_map import HeadingMap
     from freefloat.planning.space.mapping import attitude_map
 
     console = Console(as_json, quiet)
@@ -111,7 +110,7 @@ def map_(
             tangency=touch or 0, threads=threads, progress=progress,
         )  # fmt: skip
     document = result.to_dict()
-    tables: Any = _heading_tables if isinstance(result, HeadingMap) else _attitude_tables
+    tables: Any = _heading_tables if problem.task.planar else _attitude_tables
     console.tables(tables(scenario, result))
     if output is not None:
         from freefloat.io.records.results import save  # HDF5 is slow to import

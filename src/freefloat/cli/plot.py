@@ -9,7 +9,6 @@ import typer
 
 from freefloat.cli.console import Console
 from freefloat.cli.options import Json, Quiet, Threads, distinct_stems
-from freefloat.errors import InputError
 from freefloat.io.files import make_folder
 
 if TYPE_CHECKING:
@@ -44,9 +43,6 @@ def plot(
     Example: freefloat plot feasible.h5 singular.h5 -o figures
     """
     from freefloat.io.records.results import load
-    from freefloat.planning.joints.reorientation import Reorientation
-    from freefloat.planning.plan import Plan
-    from freefloat.planning.simulation import Simulation
     from freefloat.visualization.figure_style import save_figures
     from freefloat.visualization.figures.comparison_figure import comparison_figure
     from freefloat.visualization.figures.figures import figures
@@ -59,13 +55,11 @@ def plot(
     motions: dict[str, Motion] = {}
     with console.progress("drawing") as progress:
         for name, result in results.items():
-            if isinstance(result, Reorientation):
-                accepted = "plans, motions and maps; freefloat view plays it"
-                raise InputError("file", f"{name} is a reorientation file", accepted)
             place = folder / name if len(results) > 1 else folder
             written += save_figures(place, figures(result, threads=threads, progress=progress))
-            if isinstance(result, Plan | Simulation) and result.chosen is not None:
-                motions[name] = result.chosen.motion
+            moving = [p.motion for p in getattr(result, "phases", ()) if p.motion is not None]
+            if len(moving) == 1:
+                motions[name] = moving[0]
         if len(motions) > 1:
             written += save_figures(folder, {"comparison": comparison_figure(motions)})
     names = [str(file) for file in written]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import RenderableType
@@ -13,7 +13,7 @@ from rich.text import Text
 
 from freefloat.cli.console import DONE, NO, Console, draw, limit_tables, motion_lines, table
 from freefloat.cli.options import Json, Plots, Quiet, ResultFile, Threads, prepare_outputs
-from freefloat.errors import InputError
+from freefloat.errors import require_type
 
 if TYPE_CHECKING:
     from freefloat.planning.plan import Plan
@@ -47,9 +47,8 @@ def retime(
 
     console = Console(as_json, quiet)
     prepare_outputs(plan, output=output, folder=plots)
-    loaded = load(plan)
-    if not isinstance(loaded, Plan):
-        raise InputError("plan", f"{plan} has no plan", "a file of freefloat plan -o")
+    loaded: Any = load(plan)
+    require_type("plan", loaded, Plan, "a file of freefloat plan -o")
     with console.progress("planning again") as progress:
         result = find_timing(loaded, threads=threads, progress=progress)
     document = result.to_dict()

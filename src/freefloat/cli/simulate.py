@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -36,8 +36,8 @@ from freefloat.errors import InputError
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from freefloat.limits.limits import LimitKind
-    from freefloat.planning.simulation import SimulatedBranch, Simulation
+    from freefloat.planning.reasons import Verdict
+    from freefloat.planning.simulation import Simulation
 
 _Heading = Annotated[
     float | None, typer.Option(metavar="DEG", help="The same for planar tasks, in degrees.")
@@ -128,7 +128,7 @@ def _tables(name: str, simulation: Simulation, mark: str) -> Iterator[Renderable
         branches.add_row(
             f"{number} {short_label(entry.branch.label)}",
             decimals(entry.branch.joints, 3), f"{entry.minimum_margin:.4g}",
-            _verdict(entry, simulation.violations.get(entry.branch.index, ())),
+            _cell(simulation.violations.get(entry.branch.index, entry.verdict())),
         )  # fmt: skip
     yield branches
     yield from motion_lines(simulation.chosen, mark)
@@ -139,16 +139,7 @@ def _tables(name: str, simulation: Simulation, mark: str) -> Iterator[Renderable
     yield from contact_lines(simulation)
 
 
-def _verdict(entry: SimulatedBranch, violations: Sequence[LimitKind]) -> Text:
-    from freefloat.motion.motion import Ending
-
-    motion = entry.motion
-    if motion.ending is Ending.SINGULAR:
-        return Text(f"singular at {motion.final.time:.4f} s", "red")
-    if not motion.completed:
-        return Text(f"reaches the margin at {motion.final.time:.4f} s", "yellow")
-    if not entry.feasible:
-        return Text(f"completes, below {motion.problem.margin.threshold:g}", "yellow")
-    if violations:
-        return Text(f"keeps the margin, violates {', '.join(violations)}", "yellow")
-    return Text("keeps the margin", "green")
+def _cell(verdict: Verdict) -> Text:
+    """The verdict on an arm branch in a table."""
+    style = {"kept": "green", "singular": "red"}.get(verdict.cause, "yellow")
+    return Text(str(verdict), style)

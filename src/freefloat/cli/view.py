@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from freefloat.cli.answers import load_motion
 from freefloat.cli.console import Console
 from freefloat.cli.options import (
     Json,
@@ -202,20 +203,14 @@ def _pixels(text: str | None) -> tuple[int, int] | None:
 
 
 def _playback(files: Sequence[Path]) -> Playback:
-    """The playback of motions, which are shown together, or of one map."""
-    from freefloat.io.records.results import chosen_motion, load
-    from freefloat.planning.plan import Plan
-    from freefloat.planning.simulation import Simulation
+    """The playback of motions, which are shown together, or of one result of any kind."""
+    from freefloat.io.records.results import load
     from freefloat.visualization.page.playback import playback
 
-    results = [load(file) for file in files]
     if len(files) == 1:
-        result = results[0]
-        if isinstance(result, Plan | Simulation):
-            chosen_motion(result, files[0])
-        return playback(result, files[0].stem)
+        return playback(load(files[0]), files[0].stem)
     motions = {}
-    for name, result, file in zip(distinct_stems(files), results, files, strict=True):
-        motion, violation = chosen_motion(result, file)
+    for name, file in zip(distinct_stems(files), files, strict=True):
+        motion, violation = load_motion(file)
         motions[f"{name}, {violation}" if violation else name] = motion
     return playback(motions, " · ".join(motions))

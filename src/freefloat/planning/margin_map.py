@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.ensemble.feasibility import BranchResults
+from freefloat.ensemble.branch_results import BranchResults
 from freefloat.motion.problem import Problem
 from freefloat.planning.settings import Search
 from freefloat.so3 import Array

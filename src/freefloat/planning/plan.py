@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from freefloat.certificate.certificate import Certificate
 from freefloat.limits.contact import Contact
 from freefloat.limits.limits import LimitResult, Limits, violated
+from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
+from freefloat.planning.answer import Answer, PhaseResult
 from freefloat.planning.plane.arcs import BranchRanges, covered_angle
 from freefloat.planning.plane.segment import Segment
 from freefloat.planning.settings import Search
@@ -32,7 +34,7 @@ _MAP_KEYS = ("samples", "seed", "feasible_fraction", "feasible_fraction_error")
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class Plan(Answer):
     """The chosen initial attitude, the reason, and the motion from it.
 
     Attributes:
@@ -62,6 +64,8 @@ class Plan:
         contact: The deepest contact of bodies along the chosen motion; None without contact.
     """
 
+    kind: ClassVar[str] = "plan"
+
     problem: Problem = field(repr=False)
     search: Search
     feasible: bool
@@ -82,6 +86,21 @@ class Plan:
     stretch: float = 1.0
     certificate: Certificate | None = field(default=None, repr=False)
     contact: Contact | None = None
+
+    @property
+    def motion(self) -> Motion | None:
+        """The chosen motion; None without one."""
+        return None if self.chosen is None else self.chosen.motion
+
+    @property
+    def phases(self) -> tuple[PhaseResult, ...]:
+        """The plan as the only phase."""
+        return (PhaseResult("path", "path", self),)
+
+    @property
+    def searched(self) -> bool:
+        """Whether the initial attitude was searched for, and not given."""
+        return bool(self.ranges) or self.map is not None
 
     @property
     def violation(self) -> str:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -14,13 +14,15 @@ from freefloat.errors import InputError, UnreachableError
 from freefloat.ik.branches import ArmBranch
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.contact import Contact, self_contact
-from freefloat.limits.limits import LimitKind, LimitResult, Limits, violated
+from freefloat.limits.limits import LimitResult, Limits, violated
 from freefloat.motion.extrema import ClosestApproach, closest_approach, unwrapped
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.motion.reach import light_spacecraft_hint, out_of_reach, reach_message
 from freefloat.motion.singularity import singular_event
+from freefloat.planning.answer import Answer, PhaseResult
+from freefloat.planning.reasons import Verdict, verdict_on
 from freefloat.so3 import Array
 
 
@@ -54,8 +56,11 @@ class SimulatedBranch:
     @property
     def feasible(self) -> bool:
         """Whether the motion completes and keeps the problem's margin."""
-        margin = self.motion.problem.margin
-        return self.motion.completed and bool(margin.keeps(self.closest_approach.value))
+        return self.verdict().feasible
+
+    def verdict(self, results: Iterable[LimitResult] = ()) -> Verdict:
+        """The verdict by the margin, and by the limits along the motion."""
+        return verdict_on(self.motion, results, self.closest_approach)
 
     def _outcome(self) -> dict[str, Any]:
         required = self.motion.problem.margin.threshold
@@ -90,7 +95,7 @@ class SimulatedBranch:
 
 
 @dataclass(frozen=True, eq=False)
-class Simulation:
+class Simulation(Answer):
     """The motions of arm branches from one attitude.
 
     Attributes:
@@ -101,16 +106,18 @@ class Simulation:
         limits: Limits checked in addition to the joint ranges; None where none were checked.
         limit_results: Limits along the chosen motion.
         contact: The deepest contact of bodies along the chosen motion; None without contact.
-        violations: Limits that motions violate, by the number of their arm branch, of those
-            branches that were checked; not stored in files.
+        violations: Verdicts on motions that violate limits, by the number of their arm branch, of
+            those branches that were checked; not stored in files.
     """
+
+    kind: ClassVar[str] = "motion"
 
     branches: tuple[SimulatedBranch, ...]
     chosen: SimulatedBranch = field(repr=False)
     limits: Limits | None = None
     limit_results: tuple[LimitResult, ...] = ()
     contact: Contact | None = None
-    violations: Mapping[int, tuple[LimitKind, ...]] = field(default_factory=dict, repr=False)
+    violations: Mapping[int, Verdict] = field(default_factory=dict, repr=False)
 
     @property
     def problem(self) -> Problem:
@@ -118,9 +125,29 @@ class Simulation:
         return self.chosen.motion.problem
 
     @property
+    def motion(self) -> Motion:
+        """The chosen motion."""
+        return self.chosen.motion
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict on the chosen motion."""
+        return self.chosen.verdict(self.limit_results)
+
+    @property
     def feasible(self) -> bool:
-        """Whether the chosen motion completes and keeps the margin."""
-        return self.chosen.feasible
+        """Whether the chosen motion completes and keeps the margin and the limits."""
+        return self.verdict.feasible
+
+    @property
+    def reason(self) -> str:
+        """What the chosen motion violates first, if anything."""
+        return str(self.verdict)
+
+    @property
+    def phases(self) -> tuple[PhaseResult, ...]:
+        """The chosen motion as the only phase."""
+        return (PhaseResult(self.chosen.title, "path", self),)
 
     def to_dict(self) -> dict[str, Any]:
         """The chosen motion, its limits, and all motions in brief, as a JSON document."""
@@ -206,9 +233,9 @@ def simulate(
     chosen, results = checked[0]
     contact = self_contact(chosen.motion, results)
     violations = {
-        entry.branch.index: tuple(result.limit for result in violated(results))
+        entry.branch.index: entry.verdict(results)
         for entry, results in checked
-        if results
+        if violated(results)
     }
     return Simulation(tuple(simulated), chosen, limits, results, contact, violations)
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -69,6 +69,8 @@ class SingularityMap:
             that changes det A most [rad]; a prismatic joint's range counts as a revolution.
         nodes: The tree of boxes, see the module, shape (N,).
     """
+
+    kind: ClassVar[str] = "singularity map"
 
     model: FreeFloatingModel = field(repr=False)
     task: Task

@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from typing import Any
 
 from freefloat.limits.limits import LimitResult, violated
 from freefloat.motion.motion import Ending
 from freefloat.planning.plan import Plan
+from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.simulation import SimulatedBranch, Simulation
+from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import degrees, heading_of, heading_quaternion
 from freefloat.studies.results import FEASIBLE, INFEASIBLE
 from freefloat.verification.tracking import track
 
-if TYPE_CHECKING:  # compiled kernels are slow to import
-    from freefloat.planning.plane.heading_map import HeadingMap
-    from freefloat.planning.space.attitude_map import AttitudeMap
-
 
 def record_values(record: Any) -> dict[str, Any]:
     """Return the values of a simulation, a plan or a map."""
-    if isinstance(record, Plan):
-        return _plan_values(record)
-    return _simulation_values(record) if isinstance(record, Simulation) else _map_values(record)
+    return _VALUES[type(record)](record)
 
 
 def tracking_values(followed: Plan | Simulation, tracking: dict[str, Any]) -> dict[str, Any]:
@@ -60,18 +56,11 @@ def tracking_values(followed: Plan | Simulation, tracking: dict[str, Any]) -> di
 
 def _simulation_values(simulation: Simulation) -> dict[str, Any]:
     """Return the values of a simulation."""
-    chosen = simulation.chosen
-    limits = simulation.limit_results
-    names = ", ".join(result.limit for result in violated(limits))
-    reason = ""
-    if not chosen.motion.completed:
-        reason = chosen.motion.ending.value
-    elif not chosen.feasible:
-        reason = "The margin is not kept."
-    elif names:
-        reason = f"Limits are not kept: {names}."
-    verdict = INFEASIBLE if reason else FEASIBLE
-    return {"verdict": verdict, "reason": reason, **_motion_values(chosen), **_limit_values(limits)}
+    values = {"verdict": FEASIBLE, "reason": ""}
+    if not simulation.feasible:
+        values = {"verdict": INFEASIBLE, "reason": simulation.reason}
+    limits = _limit_values(simulation.limit_results)
+    return {**values, **_motion_values(simulation.chosen), **limits}
 
 
 def _plan_values(plan: Plan) -> dict[str, Any]:
@@ -92,33 +81,39 @@ def _plan_values(plan: Plan) -> dict[str, Any]:
     return values
 
 
-def _map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
-    """Return the values of a map."""
-    from freefloat.planning.plane.heading_map import (
-        HeadingMap,  # compiled kernels are slow to import
-    )
-
-    feasible, margin = result.feasible_found, result.problem.margin
-    values: dict[str, Any] = {
-        "verdict": FEASIBLE if feasible else INFEASIBLE,
-        "reason": "" if feasible else "no attitude tried keeps the margin",
-        "margin": result.best and result.best.minimum_margin,
-        "margin_required": margin.threshold,
-        "feasible_fraction": result.feasible_fraction,
-        "motion_fraction": result.motion_fraction,
-        "branch": result.best and result.best.branch,
+def _attitude_map_values(result: AttitudeMap) -> dict[str, Any]:
+    """Return the values of a map of attitudes."""
+    return {
+        **_map_values(result),
+        "robust_radius_deg": result.robust and degrees(result.robust.radius),
+        "attitude": result.best and result.best.attitude.tolist(),
+        "measure": result.problem.margin.measure.name,
     }
-    if not isinstance(result, HeadingMap):
-        radius = result.robust and degrees(result.robust.radius)
-        attitude = result.best and result.best.attitude.tolist()
-        measure = margin.measure.name
-        return values | {"robust_radius_deg": radius, "attitude": attitude, "measure": measure}
+
+
+def _heading_map_values(result: HeadingMap) -> dict[str, Any]:
+    """Return the values of a map of headings."""
+    values = _map_values(result)
     if result.robust is not None:
         values["robust_radius_deg"] = result.robust.radius
     if result.best is not None:
         values["heading_deg"] = degrees(result.best.heading)
         values["attitude"] = heading_quaternion(result.best.heading).tolist()
     return values
+
+
+def _map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
+    """Return the values that both kinds of maps have."""
+    feasible = result.feasible_found
+    return {
+        "verdict": FEASIBLE if feasible else INFEASIBLE,
+        "reason": "" if feasible else "no attitude tried keeps the margin",
+        "margin": result.best and result.best.minimum_margin,
+        "margin_required": result.problem.margin.threshold,
+        "feasible_fraction": result.feasible_fraction,
+        "motion_fraction": result.motion_fraction,
+        "branch": result.best and result.best.branch,
+    }
 
 
 def _motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
@@ -155,3 +150,12 @@ def finite(value: Any) -> Any:
     if isinstance(value, list):
         return [finite(entry) for entry in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+_VALUES: dict[type, Callable[[Any], dict[str, Any]]] = {
+    Plan: _plan_values,
+    Simulation: _simulation_values,
+    AttitudeMap: _attitude_map_values,
+    HeadingMap: _heading_map_values,
+}
+"""Functions that return the values of a result, by its class."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from freefloat.errors import InputError
 from freefloat.planning.joints.reorientation import Reorientation
 from freefloat.planning.phases.manoeuvre import Manoeuvre
@@ -10,11 +12,21 @@ from freefloat.planning.simulation import Simulation
 from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.verification.engine_runs import require_engine
 from freefloat.verification.gravity import CircularOrbit
-from freefloat.verification.manoeuvre import manoeuvre_checks
-from freefloat.verification.motion import completed, verify_motion
-from freefloat.verification.reorientation import reorientation_checks
+from freefloat.verification.joint_motions import reorientation_report
+from freefloat.verification.manoeuvre import manoeuvre_report
+from freefloat.verification.path_motions import plan_report, simulation_report
 from freefloat.verification.report import BASILISK, MUJOCO, PINOCCHIO, CheckReport
-from freefloat.verification.singularity_map import singularity_map_checks
+from freefloat.verification.singularity_map import singularity_map_report
+
+_REPORTS: dict[type, Callable[..., CheckReport]] = {
+    Plan: plan_report,
+    Simulation: simulation_report,
+    Reorientation: reorientation_report,
+    Manoeuvre: manoeuvre_report,
+    SingularityMap: singularity_map_report,
+}
+_IN_ORBIT = Plan, Simulation
+"""Results whose motion is also simulated in orbit."""
 
 
 def check(
@@ -49,7 +61,7 @@ def check(
         >>> report.passed
         True
     """
-    if not isinstance(result, Plan | Simulation | Reorientation | Manoeuvre | SingularityMap):
+    if type(result) not in _REPORTS:
         problem = f"a {type(result).__name__} was given"
         accepted = "a Plan, a Simulation, a Reorientation, a Manoeuvre or a SingularityMap"
         raise InputError("result", problem, accepted)
@@ -57,16 +69,7 @@ def check(
     orbit = None if gravity is None else CircularOrbit(gravity)
     if orbit is not None and engine == PINOCCHIO:
         raise InputError("gravity", "it needs another engine", f"engine {MUJOCO} or {BASILISK}")
-    if isinstance(result, Plan | Simulation):
-        return verify_motion(result, engine, orbit)
-    if orbit is not None:
+    if orbit is not None and type(result) not in _IN_ORBIT:
         problem = f"a {type(result).__name__} was given"
         raise InputError("gravity", problem, "for a Plan or a Simulation")
-    if isinstance(result, SingularityMap):
-        if engine != PINOCCHIO:
-            raise InputError("engine", f"{engine} was given for a singularity map", PINOCCHIO)
-        return CheckReport("singularity map", tuple(singularity_map_checks(result)))
-    if isinstance(result, Reorientation):
-        checks = completed("motion", reorientation_checks, result, engine)
-        return CheckReport("reorientation", tuple(checks))
-    return CheckReport("manoeuvre", tuple(manoeuvre_checks(result, engine)))
+    return _REPORTS[type(result)](result, engine, orbit)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -11,6 +12,7 @@ from freefloat.certificate.certificate import Certificate, CertifiedMinimum
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.errors import FreeFloatError
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Ending, Motion
 from freefloat.so3 import angle_between
@@ -197,3 +199,13 @@ def _singular_end(motion: Motion) -> Check:
         "singular end", fraction, _VANISHED, "of the largest", motion.final.time,
         "the smallest singular value differs from zero",
     )  # fmt: skip
+
+
+def completed(
+    name: str, checks: Callable[..., Iterable[Check]], *arguments: Any
+) -> Iterator[Check]:
+    """Some checks; one that cannot be completed counts as failed."""
+    try:
+        yield from checks(*arguments)
+    except (FreeFloatError, np.linalg.LinAlgError) as error:
+        yield Check(name, False, f"it cannot be checked ({error})")

@@ -7,10 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from freefloat.dynamics.joint_space import joint_box
+from freefloat.errors import InputError
 from freefloat.singularities.singularity_map import Kind, SingularityMap
 from freefloat.singularities.singularity_polynomial import determinants
 from freefloat.so3 import Array
 from freefloat.verification.comparisons import Check
+from freefloat.verification.gravity import CircularOrbit
+from freefloat.verification.report import PINOCCHIO, CheckReport
 
 _SAMPLES, _BOXES = 4096, 512
 """Configurations, and boxes with a singular configuration, that are looked at."""
@@ -18,6 +21,24 @@ _DEVIATION = 1e-8
 """Deviation of the polynomial from det A, and magnitude of det A whose sign may be rounding, over
 the largest det A of the samples."""
 _SEED = 20_260
+
+
+def singularity_map_report(
+    found: SingularityMap, engine: str = PINOCCHIO, orbit: CircularOrbit | None = None
+) -> CheckReport:
+    """All checks of a map of the joint space.
+
+    Args:
+        found: The map.
+        engine: Freefloat's own alone.
+        orbit: None: nothing moves.
+
+    Raises:
+        InputError: If another engine is given.
+    """
+    if engine != PINOCCHIO:
+        raise InputError("engine", f"{engine} was given for a singularity map", PINOCCHIO)
+    return CheckReport(found.kind, tuple(singularity_map_checks(found)))
 
 
 def singularity_map_checks(found: SingularityMap) -> Iterator[Check]:

@@ -22,10 +22,7 @@ from freefloat.io.formats.mjcf_file import mjcf_text
 from freefloat.io.formats.ros2 import ros2_goal_text, ros2_text
 from freefloat.io.formats.trajectory import J2000, Trajectory
 from freefloat.motion.motion import Motion
-from freefloat.planning.joints.reorientation import Reorientation
-from freefloat.planning.phases.manoeuvre import Manoeuvre
-from freefloat.planning.plan import Plan
-from freefloat.planning.simulation import Simulation
+from freefloat.planning.answer import Answer, PhaseResult
 from freefloat.so3 import Array
 
 _FRAMES = (
@@ -198,6 +195,9 @@ _WRITERS = {Format.MAT: write_mat, Format.MCAP: write_mcap}
 """Functions that write a trajectory to a file, by format."""
 
 
+_ACCEPTED = "a motion, or a plan, simulation, reorientation or manoeuvre that has one"
+
+
 def trajectories(
     result: Any, times: int | None = None, rate: float | None = None, epoch: datetime = J2000
 ) -> dict[str, Trajectory]:
@@ -206,25 +206,28 @@ def trajectories(
     Raises:
         InputError: If there is no motion, or the times are invalid.
     """
-    if isinstance(result, Manoeuvre):
-        return {
-            f"_{number}_{re.sub(r'[^A-Za-z0-9]+', '_', phase.name)}": Trajectory.sampled(
-                phase.motion, times, rate, epoch
-            ).later(phase.start, phase.centre)
-            for number, phase in enumerate(result.phases, 1)
-            if phase.motion is not None
-        }
-    chosen = result.chosen if isinstance(result, Plan | Simulation) else None
-    motion = result if chosen is None else chosen.motion
-    if isinstance(result, Reorientation):
-        motion = result.motion
-    accepted = "a motion, a simulation, a manoeuvre, or a plan or reorientation that has a motion"
-    require_type("result", motion, Motion, accepted)
-    return {"": Trajectory.sampled(motion, times, rate, epoch)}
+    phases = getattr(result, "phases", None)
+    if phases is None:
+        require_type("result", result, Motion, _ACCEPTED)
+        return {"": Trajectory.sampled(result, times, rate, epoch)}
+    if all(phase.motion is None for phase in phases):
+        raise InputError("result", f"it has no motion: {result.reason}", _ACCEPTED)
+    return {
+        "" if len(phases) == 1 else _suffix(number, phase): Trajectory.sampled(
+            phase.motion, times, rate, epoch
+        ).later(phase.start, phase.centre)
+        for number, phase in enumerate(phases, 1)
+        if phase.motion is not None
+    }
+
+
+def _suffix(number: int, phase: PhaseResult) -> str:
+    """What the name of a phase's file has added: ``_3_path``."""
+    return f"_{number}_{re.sub('[^A-Za-z0-9]+', '_', phase.name)}"
 
 
 def export(
-    result: Plan | Simulation | Reorientation | Manoeuvre | Motion,
+    result: Answer | Motion,
     file: str | Path,
     *,
     times: int | None = None,

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.ensemble.feasibility import BranchResults
+from freefloat.ensemble.branch_results import BranchResults
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.io.records.hdf5 import QUATERNION, TEXT, Document, read_numbers, write_arrays
 from freefloat.io.scenario.scenario import Scenario

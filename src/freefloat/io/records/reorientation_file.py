@@ -37,7 +37,6 @@ def read_reorientation(
         reached=document["reached"],
         reason=document["reason"],
         needed=document["needed"],
-        loops=loops,
         motion=read_motion(file["motion"], problem, loops) if "motion" in file else None,
         limit_results=results,
     )

@@ -29,7 +29,6 @@ from freefloat.io.records.hdf5 import (
 from freefloat.io.records.singularity_file import read_singularity_map, write_singularity_map
 from freefloat.io.scenario.scenario import Scenario, parse_scenario, scenario_of
 from freefloat.io.scenario.scene_section import file_shapes, parse_shapes, shapes_text
-from freefloat.motion.motion import Motion
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.model import FreeFloatingModel
@@ -192,27 +191,6 @@ def load(path: str | Path) -> Result:
             if isinstance(error, InputError):
                 key, problem = error.key, error.problem
             raise AlteredFileError(key, problem, _ACCEPTED, str(path)) from error
-
-
-def chosen_motion(result: Result, file: Path) -> tuple[Motion, str]:
-    """Chosen motion of a plan or simulation, and what the motion of an infeasible plan violates.
-
-    Args:
-        result: The record.
-        file: The file that it was loaded from.
-
-    Raises:
-        InputError: If it has none.
-    """
-    if not isinstance(result, Plan | Simulation):
-        accepted = "plans and motions, several together, or one map"
-        problem = f"it is a {_KINDS[type(result).__name__]} file"
-        raise InputError("file", problem, accepted, str(file))
-    violation = result.violation if isinstance(result, Plan) else ""
-    if result.chosen is None:
-        problem = f"it has no motion, the plan is not feasible: {result.reason}"
-        raise InputError("file", problem, "a plan or simulation with a motion", str(file))
-    return result.chosen.motion, violation
 
 
 def _kind_of(file: Any, path: Path) -> str:

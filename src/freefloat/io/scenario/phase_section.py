@@ -30,14 +30,11 @@ from freefloat.paths.path import samples_text
 from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.timing import TimedPath
 from freefloat.planning.phases.expected_state import keys_within
-from freefloat.planning.phases.phases import (
-    CapturePhase,
-    JointPhase,
-    PathPhase,
-    Phase,
-    PoseGoal,
-    checked_phases,
-)
+from freefloat.planning.phases.kinds.capture_phase import CapturePhase
+from freefloat.planning.phases.kinds.joint_phase import JointPhase
+from freefloat.planning.phases.kinds.path_phase import PathPhase
+from freefloat.planning.phases.phase import Phase, checked_phases
+from freefloat.planning.phases.pose_goal import PoseGoal
 from freefloat.scene.scene import Scene
 from freefloat.so3 import Pose
 

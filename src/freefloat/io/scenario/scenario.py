@@ -30,7 +30,7 @@ from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.timing import TimedPath
 from freefloat.planning.objectives.objective import Objective
 from freefloat.planning.objectives.objectives import Weights, objective_of
-from freefloat.planning.phases.phases import Phase
+from freefloat.planning.phases.phase import Phase
 from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_scenario

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from freefloat.motion.joint_transfer import (
 )
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
+from freefloat.planning.reasons import Verdict, verdict_on
 from freefloat.so3 import Array
 
 _PEAK = 15.0 / 8.0
@@ -29,16 +30,19 @@ class JointMotion:
     """A motion whose joints are prescribed.
 
     Attributes:
-        transfer: The joints.
-        motion: Along them.
+        motion: The motion.
         limits: Limits that were required, without ``base_turn``.
         limit_results: Limits along the motion.
     """
 
-    transfer: JointTransfer = field(repr=False)
     motion: Motion
     limits: Limits = field(repr=False)
     limit_results: tuple[LimitResult, ...]
+
+    @property
+    def transfer(self) -> JointTransfer:
+        """The joints."""
+        return cast(JointTransfer, self.motion.curve)
 
     @property
     def problem(self) -> Problem:
@@ -48,15 +52,17 @@ class JointMotion:
     @property
     def feasible(self) -> bool:
         """Whether the limits are kept."""
-        return not violated(self.limit_results)
+        return self.verdict.feasible
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict by the limits; joint motions need no margin."""
+        return verdict_on(self.motion, self.limit_results)
 
     @property
     def reason(self) -> str:
         """What the motion is, or which limit it violates."""
-        for result in violated(self.limit_results):
-            where = f"{result.where} at t = {result.time:.4g} s"
-            return f"{result.limit} of {where} is {result.worst:.4g}, {result.allowed:.4g} allowed"
-        return "all limits are kept"
+        return str(self.verdict)
 
     @property
     def duration(self) -> float:
@@ -85,7 +91,7 @@ def joint_motion(
     """
     limits = limits.without_turn
     motion = integrate_transfer(problem, transfer, attitude, duration)
-    return JointMotion(transfer, motion, limits, check_limits(motion, limits))
+    return JointMotion(motion, limits, check_limits(motion, limits))
 
 
 def earlier(problem: Problem, duration: float) -> Problem:

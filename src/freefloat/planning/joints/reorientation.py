@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +15,7 @@ from freefloat.limits.limits import LimitResult, Limits
 from freefloat.motion.joint_loops import JointLoops
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem, require_problem
+from freefloat.planning.answer import Answer, PhaseResult
 from freefloat.planning.joints.loop_count import MOST_LOOPS, LoopCountSearch
 from freefloat.planning.joints.loop_motion import LoopMotions
 from freefloat.so3 import Array, angle_between, frozen
@@ -29,7 +30,7 @@ _FARTHEST = 1e3
 
 
 @dataclass(frozen=True, eq=False)
-class Reorientation:
+class Reorientation(Answer):
     """A motion of the arm that turns the spacecraft and ends where it began.
 
     Attributes:
@@ -43,10 +44,11 @@ class Reorientation:
         reason: Why this motion, or why none.
         needed: What would be enough: a ``duration`` [s], a number of ``loops``, or ``range_factor``
             on the widths of the joint ranges; empty if it was reached, or nothing is known.
-        loops: The loops of the joints; None where none were found.
-        motion: Along them; None where none was found.
+        motion: The motion along loops of the joints; None where none was found.
         limit_results: Limits along the motion.
     """
+
+    kind: ClassVar[str] = "reorientation"
 
     problem: Problem = field(repr=False)
     start: Array
@@ -57,13 +59,27 @@ class Reorientation:
     reached: bool
     reason: str
     needed: dict[str, float] = field(default_factory=dict)
-    loops: JointLoops | None = field(default=None, repr=False)
     motion: Motion | None = field(default=None, repr=False)
     limit_results: tuple[LimitResult, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         for name in ("start", "goal", "joints"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    @property
+    def feasible(self) -> bool:
+        """The same as ``reached``."""
+        return self.reached
+
+    @property
+    def loops(self) -> JointLoops | None:
+        """The loops of the joints; None where none were found."""
+        return None if self.motion is None else cast(JointLoops, self.motion.curve)
+
+    @property
+    def phases(self) -> tuple[PhaseResult, ...]:
+        """The reorientation as the only phase."""
+        return (PhaseResult("reorientation", "reorientation", self),)
 
     @property
     def duration(self) -> float | None:
@@ -179,8 +195,8 @@ def reorient(
     if not kept:
         reason += f", but {duration:g} s are allowed"
     return replace(
-        outcome, problem=found.motion.problem, reached=kept, reason=reason, loops=found.loops,
-        motion=found.motion, limit_results=found.results,
+        outcome, problem=found.motion.problem, reached=kept, reason=reason, motion=found.motion,
+        limit_results=found.results,
         needed={} if kept else {"duration": found.duration},
     )  # fmt: skip
 

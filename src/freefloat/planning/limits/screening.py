@@ -14,7 +14,8 @@ from math import tau
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.ensemble.feasibility import BranchResults, FeasibilityEvaluator
+from freefloat.ensemble.branch_results import BranchResults
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.limits import LimitKind, Limits
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.problem import Problem

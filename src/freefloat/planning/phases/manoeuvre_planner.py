@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from freefloat.concurrency import Progress, step_of
 from freefloat.errors import InputError, require_type
 from freefloat.limits.limits import Limits
-from freefloat.motion.joint_transfer import JointTransfer
 from freefloat.motion.problem import Problem, require_problem
-from freefloat.planning.joints.joint_motion import JointMotion, joint_motion, settling
+from freefloat.planning.answer import PhaseResult
+from freefloat.planning.joints.joint_motion import settling
 from freefloat.planning.joints.reorientation import reorient
 from freefloat.planning.phases.expected_state import keys_within
-from freefloat.planning.phases.manoeuvre import Manoeuvre, PlannedPhase
-from freefloat.planning.phases.path_continuation import continued
-from freefloat.planning.phases.phases import CapturePhase, JointPhase, Phase, checked_phases
-from freefloat.planning.phases.state import Handover
-from freefloat.planning.plan import Plan
+from freefloat.planning.phases.manoeuvre import Manoeuvre
+from freefloat.planning.phases.phase import Phase, checked_phases
+from freefloat.planning.phases.state import SystemState
 from freefloat.planning.planner import plan
 from freefloat.planning.settings import Search
 from freefloat.so3 import Array, angle_between
@@ -84,16 +81,17 @@ def plan_manoeuvre(
     share = 0.5 if reorient else 0.9
     step = step_of(progress, 0.0, share)
     first = plan(problem, search, limits, threads=threads, progress=step)
+    path = PhaseResult("path", "path", first)
     if first.chosen is None or not first.feasible:
-        return Manoeuvre((PlannedPhase("path", 0.0, np.zeros(3), first),), first.reason)
-    state = Handover.at_start(first.chosen.motion)
-    done: list[PlannedPhase] = []
+        return Manoeuvre(first, (path,), first.reason)
+    state = SystemState.at_start(first.chosen.motion)
+    done: list[PhaseResult] = []
     if present is not None:
         done += _to_start(state, search, present, limits, step_of(progress, share, 0.9))
-    done.append(PlannedPhase("path", 0.0, np.zeros(3), first))
+    done.append(path)
     if all(phase.feasible for phase in done):
         done += _following(state.after(first.chosen.motion), following, limits)
-    return _assembled(done)
+    return Manoeuvre.of(first, done)
 
 
 def _present_joints(problem: Problem, search: Search) -> Array:
@@ -119,61 +117,35 @@ def _require_directions(problem: Problem, limits: Limits) -> None:
             raise InputError(key, given, "a direction, or no drift")
 
 
-def _assembled(phases: Sequence[PlannedPhase]) -> Manoeuvre:
-    """The manoeuvre, with its reason."""
-    failed = next((phase for phase in phases if not phase.feasible), None)
-    reason = f"all {len(phases)} phases succeed"
-    if failed is not None:
-        reason = f"{failed.name}: {failed.reason}"
-    return Manoeuvre(tuple(phases), reason)
-
-
 def _to_start(
-    state: Handover, search: Search, joints: Array, limits: Limits, progress: Progress | None
-) -> list[PlannedPhase]:
+    state: SystemState, search: Search, joints: Array, limits: Limits, progress: Progress | None
+) -> list[PhaseResult]:
     """Reorientation and settling that end with a state; none that are not needed."""
-    problem, done = state.problem, list[PlannedPhase]()
+    problem, done = state.problem, list[PhaseResult]()
     attitude, begin = state.attitude, 0.0
     if max(np.abs(joints - state.joints).max(), np.abs(state.joint_rates).max()) > _SAME:
         settled = settling(problem, joints, attitude, state.joints, state.joint_rates, limits)
         begin = -settled.duration
         centre = begin * problem.path.drift
-        done.append(PlannedPhase("settling", begin, centre, settled))
+        done.append(PhaseResult("settling", "joints", settled, begin, centre))
         attitude = settled.motion.initial.attitude
     present = problem.attitude(search.from_attitude)
     if angle_between(present, attitude) > _SAME:
         turned = reorient(problem, present, attitude, limits, joints=joints, progress=progress)
         begin -= turned.duration or 0.0
-        done.insert(0, PlannedPhase("reorientation", begin, begin * problem.path.drift, turned))
+        centre = begin * problem.path.drift
+        done.insert(0, PhaseResult("reorientation", "reorientation", turned, begin, centre))
     return done
 
 
-def _following(state: Handover, phases: Sequence[Phase], limits: Limits) -> Iterable[PlannedPhase]:
+def _following(
+    state: SystemState, phases: Sequence[Phase], limits: Limits
+) -> Iterable[PhaseResult]:
     """The phases after the first path, up to the first that fails."""
     for number, phase in enumerate(phases):
-        start, centre = state.time, state.centre
-        if isinstance(phase, CapturePhase):
-            state, found = state.captured(phase)
-            yield PlannedPhase(phase.name, start, centre, found)
-            continue
-        here = limits.seen_from(centre)
-        if isinstance(phase, JointPhase):
-            result: JointMotion | Plan = _joints(state, phase, here)
-        else:
-            with keys_within(f"phases.{number}"):
-                result = continued(state, phase, here)
-        planned = PlannedPhase(phase.name, start, centre, result)
-        yield planned
-        motion = planned.motion
-        if not planned.feasible or motion is None:
+        with keys_within(f"phases.{number}"):
+            result = phase.run(state, limits.seen_from(state.centre))
+        yield PhaseResult(phase.name, phase.kind, result, state.time, state.centre)
+        if not result.feasible:
             return
-        state = state.after(motion)
-
-
-def _joints(state: Handover, phase: JointPhase, limits: Limits) -> JointMotion:
-    problem = replace(state.problem, scene=state.scene)
-    end = problem.model.joint_vector(phase.joints, "joints")
-    transfer = JointTransfer.between(
-        state.joints, state.joint_rates, end, np.zeros_like(end), phase.duration
-    )
-    return joint_motion(problem, transfer, state.attitude, phase.duration, limits)
+        state = phase.end(state, result)

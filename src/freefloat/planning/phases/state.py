@@ -1,31 +1,22 @@
-"""The state that one phase of a manoeuvre hands on to the next."""
+"""The state of the system between two phases of a manoeuvre."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
-from freefloat.dynamics.capture import Capture, capture
 from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
-from freefloat.dynamics.summary import frames_at
-from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.paths.timing import TimedPath
-from freefloat.paths.transfer import transfer
-from freefloat.planning.phases.phases import CapturePhase, PathPhase, PoseGoal
-from freefloat.planning.phases.prescribed_path import (
-    moved_to_begin_at,
-    prescribed_path,
-    require_continuous,
-)
 from freefloat.scene.scene import Scene
-from freefloat.so3 import Array, Pose, frozen, rotation_matrix
+from freefloat.so3 import Array, Pose, frozen
 
 
 @dataclass(frozen=True, eq=False)
-class Handover:
+class SystemState:
     """The system at the end of a phase.
 
     Attributes:
@@ -52,7 +43,7 @@ class Handover:
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
     @classmethod
-    def at_start(cls, motion: Motion) -> Handover:
+    def at_start(cls, motion: Motion) -> SystemState:
         """The state at the beginning of a motion along the first path."""
         problem, start = replace(motion.problem, start_joints=None), motion.initial
         rates = motion.law.rates(0.0, start.attitude, start.joints)
@@ -75,7 +66,7 @@ class Handover:
         J = end_effector_jacobian(model, self.joints, self.attitude)
         return np.asarray(J @ np.concatenate([linear, rates]))
 
-    def after(self, motion: Motion) -> Handover:
+    def after(self, motion: Motion) -> SystemState:
         """The state at the end of a motion that begins with this one."""
         law, final = motion.law, motion.final
         duration = law.duration
@@ -86,71 +77,16 @@ class Handover:
             centre=self.centre + duration * self.problem.path.drift,
         )  # fmt: skip
 
-    def problem_of(self, phase: PathPhase) -> Problem:
-        """The problem of a phase that begins now, from the present centre of mass.
+    def problem_for(self, path: TimedPath, **changes: Any) -> Problem:
+        """The problem of a motion that begins now, from the present centre of mass.
 
-        Raises:
-            InputError: If the end-effector would jump, or change its twist at once.
+        Args:
+            path: In the frame of the motion, whose origin is the present centre of mass.
+            **changes: Other attributes of the problem.
         """
-        return self.problem.replace(
-            path=self.path_of(phase), margin=Margin(self.problem.margin.measure, phase.margin),
-            redundancy=phase.redundancy, scene=self.scene, start_joints=None,
-        )  # fmt: skip
+        return self.problem.replace(path=path, scene=self.scene, **changes)
 
     @property
     def scene(self) -> Scene:
         """The scene now, from the present centre of mass."""
         return self.problem.scene.later(self.time, -self.centre)
-
-    def path_of(self, phase: PathPhase) -> TimedPath:
-        """The path of a phase that begins now, from the present centre of mass.
-
-        Raises:
-            InputError: If the end-effector would jump, or change its twist at once.
-        """
-        drift, task = self.problem.path.drift, self.problem.task
-        if isinstance(phase.path, PoseGoal):
-            return transfer(self.pose, self.twist, self._goal(phase.path), phase.path.duration,
-                            drift)  # fmt: skip
-        path = prescribed_path(phase.path, self.scene.bodies, self.centre, drift)
-        require_continuous(path, self.pose, self.twist, task)
-        return moved_to_begin_at(path, self.pose, task)
-
-    def _goal(self, goal: PoseGoal) -> Pose:
-        """The pose from the present centre of mass, inertial axes."""
-        if goal.frame == "inertial":
-            return Pose(goal.pose.position - self.centre, goal.pose.rotation)
-        if goal.frame == "end_effector":
-            return self.pose @ goal.pose
-        return frames_at(self.problem.model, self.attitude, self.joints)[goal.frame] @ goal.pose
-
-    def captured(self, phase: CapturePhase) -> tuple[Handover, Capture]:
-        """The state after a body is fixed to the end-effector, and the capture."""
-        body = next(body for body in self.scene.bodies if body.name == phase.body)
-        grapple = body.pose.inverse() @ self.pose
-        problem, axes = self.problem, rotation_matrix(self.attitude)
-        result = capture(
-            problem.model, phase.client(body, grapple), self.attitude, self.joints,
-            self.joint_rates, problem.momentum, problem.path.drift, problem.wheel_momentum,
-        )  # fmt: skip
-        before, links = problem.model.description.links_by_name, result.model.description.links
-        payload = next(link.name for link in links if link.name not in before)
-        held = replace(
-            body, position=grapple.inverse().position, orientation=grapple.inverse().rotation,
-            motion="target", touch_links=(*body.touch_links, problem.model.end_effector),
-            payload=payload,
-        )  # fmt: skip
-        others = (b for b in problem.scene.bodies if b.name != phase.body)
-        corridor = problem.scene.corridor
-        if corridor is not None and corridor.body == phase.body:
-            corridor = None  # the end-effector does not move in it any more
-        scene = Scene((*others, held), corridor)
-        following = problem.replace(
-            model=result.model, momentum=result.momentum, scene=scene,
-            path=replace(problem.path, drift=result.velocity),
-        )  # fmt: skip
-        state = replace(
-            self, problem=following, joint_rates=result.joint_rates,
-            base_rate=axes.T @ result.base_rate, centre=self.centre + result.centre_of_mass,
-        )  # fmt: skip
-        return state, result

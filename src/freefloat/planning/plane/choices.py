@@ -11,7 +11,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.limits import Limits
 from freefloat.planning.objectives.objective import Comparison
 from freefloat.planning.plane.arcs import HeadingRange
-from freefloat.planning.plane.heading_map import best_headings
+from freefloat.planning.plane.heading_search import best_headings
 from freefloat.planning.settings import Search
 from freefloat.so3 import IntArray, heading_of, wrapped
 

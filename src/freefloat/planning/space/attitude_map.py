@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.ensemble.branch_results import has_wrist_flipped_branches
 from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
-from freefloat.ensemble.feasibility import has_wrist_flipped_branches
 from freefloat.ensemble.result import is_regular
 from freefloat.motion.reach import reach_message
 from freefloat.planning.candidates import Ball, BoundaryPoint, NearAttitude, Peak, Region
@@ -35,6 +35,8 @@ class AttitudeMap(MarginMap):
         boundary: Points on the boundary by bisection; None where none were asked for.
         tangency: Points on the boundary from tangency points; None where none were asked for.
     """
+
+    kind: ClassVar[str] = "attitude map"
 
     regions: tuple[Region, ...] = field(default=(), repr=False)
     best: Peak | None = None

@@ -16,14 +16,16 @@ import numpy.typing as npt
 
 from freefloat.attitude_grids import attitudes_within
 from freefloat.concurrency import Progress, require_memory, step_of
-from freefloat.ensemble.feasibility import BranchResults, FeasibilityEvaluator
+from freefloat.ensemble.branch_results import BranchResults
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.errors import InputError, require_type, whole_number
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.candidates import BoundaryPoint
 from freefloat.planning.evaluator import evaluator_for
-from freefloat.planning.plane.heading_map import HeadingMap, sample_headings
+from freefloat.planning.plane.heading_map import HeadingMap
+from freefloat.planning.plane.heading_search import sample_headings
 from freefloat.planning.settings import FEWEST_SAMPLES, HEADINGS, Search
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.climbing import EXACT, bisect, edge, feasible_peaks, nearest_feasible

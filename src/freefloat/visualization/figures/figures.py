@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import tau
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from freefloat.concurrency import Progress
-from freefloat.errors import UnreachableError, require_type
+from freefloat.errors import InputError, UnreachableError
 from freefloat.limits.limits import Limits
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
+from freefloat.planning.answer import Answer
 from freefloat.planning.evaluator import evaluator_for
+from freefloat.planning.joints.reorientation import Reorientation
+from freefloat.planning.margin_map import MarginMap
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.arcs import BranchRanges
-from freefloat.planning.plane.heading_map import HeadingMap, sample_headings
+from freefloat.planning.plane.heading_map import HeadingMap
+from freefloat.planning.plane.heading_search import sample_headings
 from freefloat.planning.simulation import Simulation, simulate
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.singularities.planar_regions import has_two_angle_form
@@ -53,21 +56,20 @@ _TITLES = {
     "slices": "Singularities in slices of the joint space",
     "manoeuvre": "Manoeuvre",
 }
-_ACCEPTED = "a Plan, Manoeuvre, AttitudeMap, HeadingMap, SingularityMap, Simulation or Motion"
 _TITLE_HEIGHT = 0.15
 """Height that a title takes [inch]."""
 
 
 def figures(
-    result: Plan | Manoeuvre | AttitudeMap | HeadingMap | Simulation | Motion | SingularityMap,
+    result: Answer | MarginMap | SingularityMap | Motion,
     *,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Figures:
     """Return the figures of a result by name; a notebook shows them.
 
-    Motions and simulations: ``snapshots``, ``motion``, ``margin`` and ``momentum``; where the
-    spacecraft's turn or the pointing of axes is limited ``angles``. Maps:
+    Motions, simulations and reorientations: ``snapshots``, ``motion``, ``margin`` and
+    ``momentum``; where the spacecraft's turn or the pointing of axes is limited ``angles``. Maps:
     ``headings``, or ``map_slices`` and ``map_histogram``. Plans: ``workspace``, the figures of
     their motion and map, and in the plane ``headings`` (if a heading reaches the path) and
     ``joint_space`` (if S depends on two joint angles). Maps of the joint space:
@@ -87,7 +89,10 @@ def figures(
         >>> sorted(ff.figures(plan))
         ['headings', 'joint_space', 'margin', 'momentum', 'motion', 'snapshots', 'workspace']
     """
-    drawn = Figures(_figures(result, threads, progress))
+    if type(result) not in _FIGURES:
+        accepted = ", ".join(kind.__name__ for kind in _FIGURES)
+        raise InputError("result", f"a {type(result).__name__} was given", accepted)
+    drawn = Figures(_FIGURES[type(result)](result, threads, progress))
     for name, figure in drawn.items():
         _add_title(figure, _TITLES[name])
     return drawn
@@ -99,27 +104,45 @@ def _add_title(figure: Figure, title: str) -> None:
     figure.suptitle(title)
 
 
-def _figures(result: Any, threads: int | None, progress: Progress | None) -> dict[str, Figure]:
-    if isinstance(result, Simulation):
-        motion = result.chosen.motion
-        return _figures(motion, threads, progress) | _angles(motion, result.limits)
-    if isinstance(result, Motion):
-        motion = with_drawn_path(result)
-        areas = workspace_regions(motion.problem)
-        closest = closest_approach(motion, motion.problem.margin.measure)
-        return {"snapshots": snapshots_figure(motion, areas)} | motion_figures(motion, closest)
-    if isinstance(result, AttitudeMap):
-        return _map_figures(result, map_marks(result), threads, progress)
-    if isinstance(result, HeadingMap):
-        return {"headings": headings_figure(result)} if result.branches else {}
-    if isinstance(result, SingularityMap):
-        return singularity_figures(result)
-    if isinstance(result, Manoeuvre):
-        return {"manoeuvre": manoeuvre_figure(result)} | _plan_figures(
-            result.path, threads, progress
-        )
-    require_type("result", result, Plan, _ACCEPTED)
-    return _plan_figures(result, threads, progress)
+def _motion_figures(motion: Motion, _: int | None, __: Progress | None) -> dict[str, Figure]:
+    drawn = with_drawn_path(motion)
+    areas = workspace_regions(drawn.problem)
+    closest = closest_approach(drawn, drawn.problem.margin.measure)
+    return {"snapshots": snapshots_figure(drawn, areas)} | motion_figures(drawn, closest)
+
+
+def _answer_figures(
+    answer: Simulation | Reorientation, threads: int | None, progress: Progress | None
+) -> dict[str, Figure]:
+    if answer.motion is None:
+        return {}
+    drawn = _motion_figures(answer.motion, threads, progress)
+    return drawn | _angles(answer.motion, answer.limits)
+
+
+def _manoeuvre_figures(
+    manoeuvre: Manoeuvre, threads: int | None, progress: Progress | None
+) -> dict[str, Figure]:
+    drawn = {"manoeuvre": manoeuvre_figure(manoeuvre)}
+    return drawn | _plan_figures(manoeuvre.path, threads, progress)
+
+
+def _attitude_map_figures(
+    result: AttitudeMap, threads: int | None, progress: Progress | None
+) -> dict[str, Figure]:
+    return _map_figures(result, map_marks(result), threads, progress)
+
+
+def _heading_map_figures(
+    result: HeadingMap, _: int | None, __: Progress | None
+) -> dict[str, Figure]:
+    return {"headings": headings_figure(result)} if result.branches else {}
+
+
+def _singularity_map_figures(
+    result: SingularityMap, _: int | None, __: Progress | None
+) -> dict[str, Figure]:
+    return singularity_figures(result)
 
 
 def _map_figures(
@@ -191,3 +214,16 @@ def _infeasible_motion(problem: Problem, entry: BranchRanges) -> Motion | None:
     except UnreachableError:
         return None
     return next((b.motion for b in branches if b.branch.index == entry.branch), None)
+
+
+_FIGURES: dict[type, Callable[..., dict[str, Figure]]] = {
+    Plan: _plan_figures,
+    Manoeuvre: _manoeuvre_figures,
+    Simulation: _answer_figures,
+    Reorientation: _answer_figures,
+    Motion: _motion_figures,
+    AttitudeMap: _attitude_map_figures,
+    HeadingMap: _heading_map_figures,
+    SingularityMap: _singularity_map_figures,
+}
+"""Functions of a result, a number of threads and the progress, by the class of the result."""

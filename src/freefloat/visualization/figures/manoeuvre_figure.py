@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from freefloat.motion.motion import Motion
-from freefloat.planning.phases.manoeuvre import Manoeuvre, PlannedPhase
+from freefloat.planning.answer import PhaseResult
+from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.so3 import Array, angle_between
 from freefloat.visualization.figure_style import styled
 
@@ -46,7 +47,7 @@ def _sampled(motion: Motion) -> tuple[Array, Array, Array]:
     return motion.evaluate(np.linspace(0.0, motion.panels, _SAMPLES))
 
 
-def _mark(figure: Figure, phases: tuple[PlannedPhase, ...]) -> None:
+def _mark(figure: Figure, phases: tuple[PhaseResult, ...]) -> None:
     """Mark the beginnings of phases, and name them above the first axes."""
     for number, phase in enumerate(phases):
         for axes in figure.axes:

@@ -13,38 +13,27 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import meshcat
 import numpy as np
 
-from freefloat.errors import InputError, require_type
+from freefloat.errors import InputError
 from freefloat.io.files import written_beside
 from freefloat.motion.motion import Motion
-from freefloat.planning.joints.reorientation import Reorientation
-from freefloat.planning.phases.manoeuvre import Manoeuvre
-from freefloat.planning.plan import Plan
-from freefloat.planning.simulation import Simulation
+from freefloat.planning.answer import Answer
+from freefloat.planning.margin_map import MarginMap
+from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.visualization.page.server import open_browser
 from freefloat.visualization.scenes.description import Samples
-from freefloat.visualization.scenes.manoeuvre_scene import manoeuvre_scene
-from freefloat.visualization.scenes.scene import motion_scene
+from freefloat.visualization.scenes.result_scenes import result_scene
 from freefloat.visualization.scenes.scene_builder import ROOT, Scene
-
-if TYPE_CHECKING:  # imports compiled kernels
-    from freefloat.planning.plane.heading_map import HeadingMap
-    from freefloat.planning.space.attitude_map import AttitudeMap
-    from freefloat.singularities.singularity_map import SingularityMap
 
 SIDE_BY_SIDE, ALL_PHASES = "side by side", "all phases"
 _HERE = Path(__file__).parent
 _MESHCAT = Path(meshcat.viewer_assets_path())
 VIEWER, PLAYER = _MESHCAT / "dist" / "main.min.js", _HERE / "player.js"
 """Scripts of pages: MeshCat's viewer, and what plays a scene with it."""
-_ACCEPTED = (
-    "a Motion, Plan, Manoeuvre, Simulation, Reorientation, AttitudeMap, HeadingMap or "
-    "SingularityMap, or a Motion for each name"
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,17 +187,7 @@ def show(result: Any, title: str = "freefloat", *, height: int = 600) -> None:
 
 
 def playback(
-    result: (
-        Motion
-        | Plan
-        | Simulation
-        | Reorientation
-        | Manoeuvre
-        | AttitudeMap
-        | HeadingMap
-        | SingularityMap
-        | Mapping[str, Motion]
-    ),
+    result: Answer | MarginMap | SingularityMap | Motion | Mapping[str, Motion],
     title: str = "freefloat",
 ) -> Playback:
     """Return the playback of a result.
@@ -229,46 +208,4 @@ def playback(
         >>> playback.titles
         ('branch 0 elbow+', 'branch 1 elbow-')
     """
-    if isinstance(result, Manoeuvre):
-        return Playback(manoeuvre_scene(result, title))
-    if isinstance(result, Motion | Plan | Simulation | Reorientation | Mapping):
-        limits = result.limits if isinstance(result, Plan | Simulation) else None
-        pointing = () if limits is None else limits.pointing
-        return Playback(motion_scene(_named_motions(result), title, pointing))
-    from freefloat.planning.plane.heading_map import HeadingMap
-    from freefloat.planning.space.attitude_map import AttitudeMap
-    from freefloat.singularities.singularity_map import SingularityMap
-    from freefloat.visualization.scenes.heading_scene import heading_scene
-    from freefloat.visualization.scenes.map_scene import map_scene
-    from freefloat.visualization.scenes.singularity_scene import singularity_scene
-
-    if isinstance(result, HeadingMap):
-        return Playback(heading_scene(result, title))
-    if isinstance(result, SingularityMap):
-        return Playback(singularity_scene(result, title))
-    require_type("result", result, AttitudeMap, _ACCEPTED)
-    return Playback(map_scene(result, title))
-
-
-def _named_motions(result: Any) -> dict[str, Motion]:
-    """Return the motions of a result by name; the chosen motion of a simulation first."""
-    if isinstance(result, Reorientation):
-        if result.motion is None:
-            accepted = "a reorientation with a motion"
-            raise InputError("result", f"it has no motion: {result.reason}", accepted)
-        return {"reorientation": result.motion}
-    if isinstance(result, Motion):
-        return {"motion": result}
-    if isinstance(result, Mapping):
-        for name, motion in result.items():
-            accepted = "a Motion for each name, such as simulate(...).chosen.motion"
-            require_type(f"motions.{name}", motion, Motion, accepted)
-        return dict(result)
-    if result.chosen is None:
-        problem = f"the plan has no motion: {result.reason}"
-        raise InputError("plan", problem, "a plan with a motion")
-    if not isinstance(result, Simulation) and not result.feasible:
-        return {f"{result.chosen.title}, {result.violation}": result.chosen.motion}
-    branches = result.branches if isinstance(result, Simulation) else (result.chosen,)
-    chosen_first = sorted(branches, key=lambda branch: branch is not result.chosen)
-    return {branch.title: branch.motion for branch in chosen_first}
+    return Playback(result_scene(result, title))

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 from freefloat.errors import InputError
 from freefloat.motion.motion import Motion
-from freefloat.planning.phases.manoeuvre import Manoeuvre, PlannedPhase
+from freefloat.planning.answer import PhaseResult
+from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.visualization.scenes.scene import Place, motion_scene
 from freefloat.visualization.scenes.scene_builder import Scene
 
@@ -32,7 +33,7 @@ def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> Scene:
     return motion_scene(motions, title, pointing, places)
 
 
-def _with_scene(phase: PlannedPhase, manoeuvre: Manoeuvre) -> Motion | None:
+def _with_scene(phase: PhaseResult, manoeuvre: Manoeuvre) -> Motion | None:
     """The motion of a phase: that of joints without a margin, a reorientation with its scene."""
     motion = phase.motion
     if motion is None or phase.kind == "path":

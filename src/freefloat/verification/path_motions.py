@@ -1,34 +1,29 @@
-"""The checks of the chosen motion of a plan or a simulation."""
+"""The checks of motions along paths: of plans, and of the chosen motions of simulations."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
-from typing import Any
-
-import numpy as np
 
 from freefloat.certificate.certificate import Certificate, certify
-from freefloat.errors import FreeFloatError
 from freefloat.limits.check import check_limits
-from freefloat.limits.limits import LimitKind, LimitResult, Limits
+from freefloat.limits.limits import Limits
 from freefloat.motion.extrema import closest_approach
-from freefloat.planning.phases.path_continuation import branch_at
+from freefloat.planning.phases.kinds.path_phase import branch_at
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import SimulatedBranch, Simulation
 from freefloat.verification.comparisons import (
     Check,
     certificate_checks,
     comparison_check,
+    completed,
     magnitude_range,
     span_check,
 )
 from freefloat.verification.engine_runs import EngineRuns, engine_checks, engine_runs
 from freefloat.verification.gravity import CircularOrbit
+from freefloat.verification.limit_checks import limit_checks
 from freefloat.verification.report import PINOCCHIO, CheckReport
 
-_CLEARANCE = 2e-4
-"""Accuracy of distances [m]."""
 _RELATIVE = 1e-4
 """Relative deviation of extrema, which are found by search."""
 _BOUND = 1.0 / 9.0
@@ -40,81 +35,78 @@ _EXACT = 1e-6
 """Relative deviation of all other numbers: rounding."""
 
 
-def verify_motion(
-    result: Plan | Simulation,
-    engine: str,
-    orbit: CircularOrbit | None = None,
-    *,
-    chosen: bool = True,
+def plan_report(
+    plan: Plan, engine: str = PINOCCHIO, orbit: CircularOrbit | None = None
 ) -> CheckReport:
-    """All checks of the motion of a plan or simulation.
+    """All checks of a plan.
 
     Args:
-        result: The plan or simulation.
+        plan: The record, computed or loaded from a file.
         engine: As for :func:`~freefloat.verification.check.check`.
         orbit: Report the effect of gravity gradient there.
-        chosen: Whether a plan chose its initial attitude, and states how robust that is.
     """
-    kind = "plan" if isinstance(result, Plan) else "motion"
-    if result.chosen is None:
-        return CheckReport(kind, (Check("motion", False, "the plan has none"),))
-    if not (span := span_check(result.chosen.motion)).passed:
-        return CheckReport(kind, (span,))
-    robust = chosen and isinstance(result, Plan)
-    runs = EngineRuns()
-    if engine != PINOCCHIO:
-        runs = engine_runs(engine, result.chosen.motion, orbit)
-    report = _verified(result, result.chosen, kind, robust=robust)
-    checks = (*report.checks, *engine_checks(engine, result.chosen.motion, runs))
-    return replace(
-        report, checks=checks, inverse=runs.inverse, forward=runs.forward, gravity=runs.gravity,
-        engine=engine,
-    )  # fmt: skip
+    chosen = plan.chosen
+    if chosen is None:
+        return CheckReport(plan.kind, (Check("motion", False, "the plan has none"),))
 
-
-def _verified(
-    result: Plan | Simulation, chosen: SimulatedBranch, kind: str, *, robust: bool
-) -> CheckReport:
-    motion = chosen.motion
-    certificate = certify(motion)
-    limits = check_limits(motion, result.limits or Limits())
-    keeps_margin = result.feasible or isinstance(result, Plan)
-    checks = [
-        *completed("certificate", certificate_checks, certificate, motion, keeps_margin),
-        *completed("limits", _limit_checks, result, limits),
-        *completed("closest approach", _branch_checks, chosen),
-    ]
-    if isinstance(result, Plan):
-        checks += completed("certificate", _same_certificate, result, certificate)
-        if robust:
+    def stated(certificate: Certificate) -> Iterator[Check]:
+        yield from completed("certificate", _same_certificate, plan, certificate)
+        if plan.searched:
             from freefloat.verification.range_checks import robustness_checks  # compiled kernels
 
-            checks += completed("robustness", robustness_checks, result, chosen)
-        if not result.feasible:
-            checks.append(Check("feasible", False, f"the plan is {result.violation}", False))
-    return CheckReport(kind, tuple(checks), certificate, limits)
+            yield from completed("robustness", robustness_checks, plan, chosen)
+        if not plan.feasible:
+            yield Check("feasible", False, f"the plan is {plan.violation}", False)
+
+    return _report(plan, chosen, plan.feasible, True, stated, engine, orbit)
 
 
-def completed(
-    name: str, checks: Callable[..., Iterable[Check]], *arguments: Any
-) -> Iterator[Check]:
-    """Some checks; one that cannot be completed counts as failed."""
-    try:
-        yield from checks(*arguments)
-    except (FreeFloatError, np.linalg.LinAlgError) as error:
-        yield Check(name, False, f"it cannot be checked ({error})")
+def simulation_report(
+    simulation: Simulation, engine: str = PINOCCHIO, orbit: CircularOrbit | None = None
+) -> CheckReport:
+    """All checks of the chosen motion of a simulation; arguments as for :func:`plan_report`."""
+    chosen = simulation.chosen
+    keeps = chosen.feasible
+    return _report(simulation, chosen, keeps, keeps, lambda _: (), engine, orbit)
 
 
-def _limit_checks(
-    result: Plan | Simulation, recomputed: tuple[LimitResult, ...]
-) -> Iterator[Check]:
-    """Every limit is kept, and its stated value is the recomputed one."""
-    stated = {entry.limit: entry for entry in result.limit_results}
-    for limit in stated.keys() - {entry.limit for entry in recomputed}:
-        yield Check(f"limit {limit}", False, "it is stated, but it is not a limit of the file")
-    for entry in recomputed:
-        checked = result.limits is not None
-        yield _limit_check(entry, stated.get(entry.limit), checked, result.feasible)
+def _report(
+    result: Plan | Simulation,
+    chosen: SimulatedBranch,
+    keeps_limits: bool,
+    keeps_margin: bool,
+    stated: Callable[[Certificate], Iterable[Check]],
+    engine: str,
+    orbit: CircularOrbit | None,
+) -> CheckReport:
+    """The checks of a motion, of what else its result states, and by another engine.
+
+    Args:
+        result: The result.
+        chosen: Its motion.
+        keeps_limits: Whether the motion is to keep its limits.
+        keeps_margin: Whether it is to keep its margin.
+        stated: Checks of what the result states beyond the motion, given the new certificate.
+        engine: Name of the engine.
+        orbit: Report the effect of gravity gradient there.
+    """
+    motion = chosen.motion
+    if not (span := span_check(motion)).passed:
+        return CheckReport(result.kind, (span,))
+    runs = EngineRuns() if engine == PINOCCHIO else engine_runs(engine, motion, orbit)
+    certificate = certify(motion)
+    limits = check_limits(motion, result.limits or Limits())
+    required = result.limits is not None
+    checks = (
+        *completed("certificate", certificate_checks, certificate, motion, keeps_margin),
+        *completed("limits", limit_checks, result.limit_results, limits, keeps_limits, required),
+        *completed("closest approach", _branch_checks, chosen),
+        *stated(certificate),
+        *engine_checks(engine, motion, runs),
+    )
+    return CheckReport(
+        result.kind, checks, certificate, limits, runs.inverse, runs.forward, runs.gravity, engine
+    )
 
 
 def _branch_checks(chosen: SimulatedBranch) -> Iterator[Check]:
@@ -127,30 +119,6 @@ def _branch_checks(chosen: SimulatedBranch) -> Iterator[Check]:
         start = motion.initial
         branch = branch_at(problem, start.attitude, start.joints)
         yield comparison_check("branch", chosen.branch.index, branch.index, 0.0)
-
-
-def _limit_check(
-    recomputed: LimitResult, stated: LimitResult | None, checked: bool, feasible: bool
-) -> Check:
-    worst = recomputed.worst
-    time = recomputed.time
-    where = recomputed.where
-    accuracy = _CLEARANCE if recomputed.limit is LimitKind.CLEARANCE else _ABSOLUTE
-    allowed = accuracy + _RELATIVE * abs(worst)
-    passed, detail = True, where
-    if feasible and (checked or stated is None) and not recomputed.kept:
-        passed, detail = False, f"{where} violates it: {worst:.6g} at t = {time:.6g} s"
-    elif checked and stated is None:
-        passed, detail = False, "its value is not stated"
-    elif stated is not None and (
-        stated.kept is not recomputed.kept
-        or (np.isfinite(worst) and not abs(stated.worst - worst) <= allowed)
-    ):
-        passed, detail = False, f"{stated.worst:.6g} is stated, but it is {worst:.6g}"
-    name = f"limit {recomputed.limit}".replace("_", " ")
-    value = None if stated is None else stated.worst
-    relation = "≤" if (worst <= recomputed.allowed) == recomputed.kept else "≥"
-    return Check(name, passed, detail, value, worst, recomputed.allowed, "", time, relation)
 
 
 def _same_certificate(plan: Plan, recomputed: Certificate) -> Iterator[Check]:

@@ -1,0 +1,146 @@
+"""Answers of planning: phases after one another, one unless the answer is a manoeuvre."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+
+import numpy as np
+
+from freefloat.limits.limits import LimitResult, Limits
+from freefloat.motion.motion import Motion
+from freefloat.motion.problem import Problem
+from freefloat.so3 import Array, frozen
+
+
+def _zeros() -> Array:
+    return np.zeros(3)
+
+
+class Finding(Protocol):
+    """What a phase found: its motion, the verdict, and whatever is special to its kind."""
+
+    @property
+    def motion(self) -> Motion | None:
+        """Motion of the phase; None where there is none."""
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the motion completes and keeps margin and limits."""
+
+    @property
+    def reason(self) -> str:
+        """Why this motion was chosen, or why there is none that is feasible."""
+
+    @property
+    def limits(self) -> Limits | None:
+        """Limits in addition to the joint ranges; None where none were checked."""
+
+    @property
+    def limit_results(self) -> Sequence[LimitResult]:
+        """Limits along the motion."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document."""
+
+
+@dataclass(frozen=True, eq=False)
+class PhaseResult:
+    """What was found for a phase, and when and where it begins.
+
+    Attributes:
+        name: Name of the phase.
+        kind: ``path``, ``reorientation``, ``joints`` or ``capture``.
+        result: What was found.
+        start: Time at which it begins, that of the first path being zero [s].
+        centre: Centre of mass at this time in the frame of the manoeuvre [m], shape (3,).
+    """
+
+    name: str
+    kind: str
+    result: Finding = field(repr=False)
+    start: float = 0.0
+    centre: Array = field(default_factory=_zeros)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "centre", frozen(self.centre))
+
+    @property
+    def motion(self) -> Motion | None:
+        """Its motion; None for a capture, and where none was found."""
+        return self.result.motion
+
+    @property
+    def feasible(self) -> bool:
+        """Whether it succeeds and keeps margin and limits."""
+        return self.result.feasible
+
+    @property
+    def reason(self) -> str:
+        """Why this motion, or why none; empty for a capture."""
+        return self.result.reason
+
+    @property
+    def limits(self) -> Limits | None:
+        """Limits that were required; None where none were checked."""
+        return self.result.limits
+
+    @property
+    def limit_results(self) -> Sequence[LimitResult]:
+        """Limits along the motion."""
+        return self.result.limit_results
+
+    @property
+    def duration(self) -> float:
+        """Duration [s]; zero for a capture, and where there is no motion."""
+        motion = self.motion
+        return 0.0 if motion is None else abs(float(motion.times[-1] - motion.times[0]))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The phase as a JSON document."""
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "start": self.start,
+            "duration": self.duration,
+            "feasible": self.feasible,
+            "start_centre_of_mass": self.centre.tolist(),
+            **self.result.to_dict(),
+        }
+
+
+class Answer:
+    """A result of planning.
+
+    Attributes:
+        kind: Kind of the result, of its file and of the report of its check.
+    """
+
+    kind: ClassVar[str]
+
+    if TYPE_CHECKING:  # fields of some answers, properties of others
+
+        @property
+        def problem(self) -> Problem:
+            """The problem of the first path."""
+
+        @property
+        def feasible(self) -> bool:
+            """Whether all phases succeed, and keep margin and limits."""
+
+        @property
+        def reason(self) -> str:
+            """Why this answer, or why there is none that is feasible."""
+
+        @property
+        def phases(self) -> tuple[PhaseResult, ...]:
+            """The phases in order."""
+
+        def to_dict(self) -> dict[str, Any]:
+            """The JSON document."""
+
+    @property
+    def violation(self) -> str:
+        """What a motion violates that is nevertheless shown; empty where nothing is."""
+        return ""

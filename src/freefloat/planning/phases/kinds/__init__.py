@@ -1,0 +1,1 @@
+"""Kinds of phases: a module for each."""

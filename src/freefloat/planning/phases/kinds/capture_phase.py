@@ -1,0 +1,151 @@
+"""Phases in which the end-effector captures a body of the scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from freefloat.dynamics.capture import Capture, Client, capture
+from freefloat.dynamics.summary import roll_pitch_yaw
+from freefloat.errors import InputError, finite_number, finite_vector, require_type
+from freefloat.limits.limits import LimitResult, Limits
+from freefloat.motion.problem import Problem
+from freefloat.planning.phases.expected_state import ExpectedState
+from freefloat.planning.phases.phase import Phase
+from freefloat.planning.phases.state import SystemState
+from freefloat.robot.parts import Mount, inertia_matrix
+from freefloat.scene.scene import Scene
+from freefloat.scene.scene_body import SceneBody
+from freefloat.scene.tumbling import Tumbling
+from freefloat.so3 import Array, Pose, frozen, rotation_matrix
+
+_SAME = 1e-6
+"""Relative difference of inertias, and difference of centres of mass [m], that are the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedCapture(Capture):
+    """A capture as a phase: nothing moves, and there is nothing that could fail."""
+
+    motion: ClassVar[None] = None
+    feasible: ClassVar[bool] = True
+    reason: ClassVar[str] = ""
+    limits: ClassVar[Limits | None] = None
+    limit_results: ClassVar[tuple[LimitResult, ...]] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class CapturePhase(Phase):
+    """A body of the scene is fixed to the end-effector, and becomes a payload of the robot.
+
+    Attributes:
+        body: Name of the body.
+        mass: [kg].
+        inertia: About its centre of mass, axes of its frame [kg m²], in the forms of
+            :class:`~freefloat.robot.parts.Spacecraft`; by default that of its tumbling.
+        com: Centre of mass in its frame [m], shape (3,); by default that of its tumbling, or zero.
+        name: Name of the phase; by default ``"capture"``, with a number where another has that.
+
+    Example:
+        >>> ff.CapturePhase("client", mass=150.0, inertia=[28.0, 25.0, 30.0]).mass
+        150.0
+    """
+
+    kind: ClassVar[str] = "capture"
+
+    body: str
+    mass: float
+    inertia: Array | None = field(default=None, repr=False)
+    com: Array | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        require_type("body", self.body, str, "the name of a body of the scene")
+        require_type("name", self.name, str, "a name")
+        finite_number("mass", self.mass, "a mass above zero [kg]", np.finfo(float).tiny)
+        if self.inertia is not None:
+            object.__setattr__(self, "inertia", inertia_matrix("inertia", self.inertia))
+        if self.com is not None:
+            object.__setattr__(self, "com", frozen(finite_vector("com", self.com, 3)))
+
+    def expected_after(self, state: ExpectedState) -> ExpectedState:
+        """See :class:`~freefloat.planning.phases.phase.Phase`."""
+        body = state.body(self.body, "body")
+        tumbling = body.motion
+        if isinstance(tumbling, Tumbling):
+            self._require_consistent(tumbling)
+        elif self.inertia is None:
+            raise InputError(
+                "inertia", "it is missing", "an inertia, or one in the body's tumbling"
+            )
+        return state.without(body)
+
+    def _require_consistent(self, tumbling: Tumbling) -> None:
+        """Raise an InputError unless inertia and centre of mass are those of the body's rotation.
+
+        Else capture would change the momentum of a body that nothing touches.
+        """
+        if self.com is not None and np.abs(self.com - tumbling.com).max() > _SAME:
+            problem = f"{self.com.tolist()} is not the point about which the body tumbles"
+            raise InputError("com", problem, f"{tumbling.com.tolist()}, or none: it is the default")
+        if self.inertia is not None:
+            factor = np.trace(self.inertia) / np.trace(tumbling.inertia)
+            if not np.allclose(self.inertia, factor * tumbling.inertia, _SAME, _SAME * factor):
+                problem = "it is not proportional to that of the body's tumbling"
+                moments = tumbling.inertia.tolist()
+                raise InputError("inertia", problem, f"a multiple of {moments}, or none")
+
+    def client(self, body: SceneBody, grapple: Pose) -> Client:
+        """The body as a client, grasped at a pose in its frame."""
+        inertia, com, rate = self.inertia, self.com, np.zeros(3)
+        if isinstance(body.motion, Tumbling):
+            inertia = body.motion.inertia if inertia is None else inertia
+            com, rate = body.motion.com, body.motion.rate
+        mount = Mount(grapple.position, roll_pitch_yaw(grapple.rotation))
+        com = np.zeros(3) if com is None else com
+        return Client(self.mass, inertia, mount, rate, com=com)  # type: ignore[arg-type]
+
+    def _grasp(self, state: SystemState) -> tuple[SceneBody, Pose]:
+        """The body, and the pose of the end-effector in its frame."""
+        body = next(body for body in state.scene.bodies if body.name == self.body)
+        return body, body.pose.inverse() @ state.pose
+
+    def problem_at(self, state: SystemState) -> Problem:
+        """See :class:`~freefloat.planning.phases.phase.Phase`."""
+        return state.problem_for(state.problem.path)
+
+    def run(self, state: SystemState, limits: Limits) -> PlannedCapture:
+        """The capture; its limits are those of the phases before and after it."""
+        problem = state.problem
+        result = capture(
+            problem.model, self.client(*self._grasp(state)), state.attitude, state.joints,
+            state.joint_rates, problem.momentum, problem.path.drift, problem.wheel_momentum,
+        )  # fmt: skip
+        return PlannedCapture(**vars(result))
+
+    def end(self, state: SystemState, result: Any) -> SystemState:
+        """The state just after the capture: the body is held."""
+        problem = state.problem
+        body, grapple = self._grasp(state)
+        before, links = problem.model.description.links_by_name, result.model.description.links
+        payload = next(link.name for link in links if link.name not in before)
+        held = replace(
+            body, position=grapple.inverse().position, orientation=grapple.inverse().rotation,
+            motion="target", touch_links=(*body.touch_links, problem.model.end_effector),
+            payload=payload,
+        )  # fmt: skip
+        others = (b for b in problem.scene.bodies if b.name != self.body)
+        corridor = problem.scene.corridor
+        if corridor is not None and corridor.body == self.body:
+            corridor = None  # the end-effector does not move in it any more
+        following = problem.replace(
+            model=result.model, momentum=result.momentum, scene=Scene((*others, held), corridor),
+            path=replace(problem.path, drift=result.velocity),
+        )  # fmt: skip
+        return replace(
+            state, problem=following, joint_rates=result.joint_rates,
+            base_rate=rotation_matrix(state.attitude).T @ result.base_rate,
+            centre=state.centre + result.centre_of_mass,
+        )  # fmt: skip

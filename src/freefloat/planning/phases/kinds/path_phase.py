@@ -1,0 +1,161 @@
+"""Phases in which the end-effector follows a further path, without a search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from freefloat.certificate.certificate import certify
+from freefloat.dynamics.redundancy import Redundancy
+from freefloat.errors import finite_number, require_type
+from freefloat.ik.branches import ArmBranch
+from freefloat.ik.numbering import MAX_BRANCHES
+from freefloat.limits.check import LimitChecker
+from freefloat.limits.contact import self_contact
+from freefloat.limits.limits import LimitResult, Limits
+from freefloat.motion.extrema import closest_approach
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.margin import Margin
+from freefloat.motion.problem import Problem
+from freefloat.paths.relative_path import RelativePath
+from freefloat.paths.timing import TimedPath
+from freefloat.paths.transfer import transfer
+from freefloat.planning.phases.expected_state import ExpectedState
+from freefloat.planning.phases.phase import Phase
+from freefloat.planning.phases.pose_goal import PoseGoal
+from freefloat.planning.phases.prescribed_path import (
+    JUMP,
+    moved_to_begin_at,
+    prescribed_path,
+    require_continuous,
+)
+from freefloat.planning.phases.state import SystemState
+from freefloat.planning.plan import Plan
+from freefloat.planning.reasons import Cause, Verdict
+from freefloat.planning.settings import Search
+from freefloat.planning.simulation import SimulatedBranch
+from freefloat.so3 import Array, frozen
+
+_NEAR = 1e-6
+"""Distance of joints from those of their arm branch [rad, m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class PathPhase(Phase):
+    """A further path of the end-effector, from the state at which the phase before ends.
+
+    Attributes:
+        path: In the frame of the manoeuvre, in that of a body of the scene, or to a pose. It begins
+            with the pose and the twist of the end-effector at the end of the phase before.
+        name: Its name; by default ``"to"`` for a pose, else ``"path"``, with a number where another
+            phase has that name.
+        margin: Required magnitude of the first path's measure.
+        redundancy: Null-space motion of redundant arms.
+
+    Example:
+        >>> goal = ff.PoseGoal(ff.so3.Pose([0.0, 0.0, -0.02], np.eye(3)), 15.0, "end_effector")
+        >>> ff.PathPhase(goal, "stop").name
+        'stop'
+    """
+
+    kind: ClassVar[str] = "path"
+
+    path: TimedPath | RelativePath | PoseGoal = field(repr=False)
+    name: str = ""
+    margin: float = 0.0
+    redundancy: Redundancy | None = None
+
+    def __post_init__(self) -> None:
+        accepted = "a TimedPath, a RelativePath or a PoseGoal"
+        require_type("path", self.path, TimedPath | RelativePath | PoseGoal, accepted)
+        require_type("name", self.name, str, "a name")
+        finite_number("margin", self.margin, "a magnitude of at least zero", 0.0)
+        accepted = "Redundancy, such as Redundancy(metric='energy')"
+        require_type("redundancy", self.redundancy, Redundancy | None, accepted)
+
+    @property
+    def default_name(self) -> str:
+        """``to`` for a pose, else ``path``."""
+        return "to" if isinstance(self.path, PoseGoal) else "path"
+
+    def expected_after(self, state: ExpectedState) -> ExpectedState:
+        """See :class:`~freefloat.planning.phases.phase.Phase`."""
+        given, drift = self.path, state.problem.path.drift
+        if isinstance(given, PoseGoal):
+            path, end = state.resting(given.duration), None
+            if given.frame == "inertial":
+                end = given.pose
+                if state.pose is not None and state.twist is not None:
+                    path = transfer(state.pose, state.twist, end, given.duration, drift)
+            return state.after(path, self.redundancy, end, np.zeros(6))
+        if isinstance(given, RelativePath):
+            state.body(given.body.name, "path.frame")
+        path = prescribed_path(given, state.bodies_now, np.zeros(3), drift)
+        if state.pose is not None:
+            require_continuous(path, state.pose, state.twist, state.problem.task)
+        end, twist = path.path.pose(1.0), path.twist(path.duration) + path.drift_twist
+        return state.after(path, self.redundancy, end, twist)
+
+    def problem_at(self, state: SystemState) -> Problem:
+        """See :class:`~freefloat.planning.phases.phase.Phase`.
+
+        Raises:
+            InputError: If the end-effector would jump, or change its twist at once.
+        """
+        margin = Margin(state.problem.margin.measure, self.margin)
+        return state.problem_for(
+            self._path_at(state), margin=margin, redundancy=self.redundancy, start_joints=None
+        )
+
+    def _path_at(self, state: SystemState) -> TimedPath:
+        """The path from the present centre of mass."""
+        drift, task = state.problem.path.drift, state.problem.task
+        if isinstance(self.path, PoseGoal):
+            end = self.path.pose_at(state)
+            return transfer(state.pose, state.twist, end, self.path.duration, drift)
+        path = prescribed_path(self.path, state.scene.bodies, state.centre, drift)
+        require_continuous(path, state.pose, state.twist, task)
+        return moved_to_begin_at(path, state.pose, task)
+
+    def run(self, state: SystemState, limits: Limits) -> Plan:
+        """The motion along the path from a state, exactly as it is."""
+        problem = self.problem_at(state)
+        motion = integrate_motion(problem, state.attitude, state.joints)
+        approach = closest_approach(motion, problem.margin.measure)
+        branch = branch_at(problem, state.attitude, state.joints)
+        chosen = SimulatedBranch(branch, motion, approach)
+        results = LimitChecker(problem, limits).results(motion)
+        verdict = _verdict(state, chosen, results)
+        reason = "the state at the end of the phase before" if verdict.feasible else str(verdict)
+        return Plan(
+            problem, Search(), verdict.feasible, reason, chosen=chosen, limits=limits,
+            limit_results=results, certificate=certify(motion),
+            contact=self_contact(motion, results),
+        )  # fmt: skip
+
+
+def branch_at(problem: Problem, attitude: Array, joints: Array) -> ArmBranch:
+    """The arm branch at the start of a path that joints (n,) belong to, modulo 2 pi.
+
+    It has these joints. Where inverse kinematics finds no such branch, which is always so for
+    redundant arms, its label is ``given``.
+    """
+    index, label = MAX_BRANCHES, "given"
+    if not problem.redundant:
+        for branch in problem.branches(attitude):
+            if problem.model.joint_distance(branch.joints, joints) < _NEAR:
+                index, label = branch.index, branch.label
+    return ArmBranch(index, label, frozen(joints))
+
+
+def _verdict(
+    state: SystemState, chosen: SimulatedBranch, results: tuple[LimitResult, ...]
+) -> Verdict:
+    """The verdict on a motion that begins with a state, whose joint rates must not jump."""
+    motion = chosen.motion
+    if not motion.completed:
+        return chosen.verdict()
+    change = float(np.abs(SystemState.at_start(motion).joint_rates - state.joint_rates).max())
+    return Verdict(Cause.JUMP, value=change) if change > JUMP else chosen.verdict(results)

@@ -1,0 +1,80 @@
+"""The checks of motions with prescribed joints: reorientations and motions of the joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from freefloat.limits.check import check_limits
+from freefloat.motion.joint_loops import integrate_loops
+from freefloat.motion.joint_transfer import integrate_transfer
+from freefloat.motion.motion import Motion
+from freefloat.planning.joints.joint_motion import JointMotion
+from freefloat.planning.joints.reorientation import Reorientation
+from freefloat.so3 import angle_between
+from freefloat.verification.comparisons import Check, completed, error_check
+from freefloat.verification.engine_runs import forward_checks
+from freefloat.verification.gravity import CircularOrbit
+from freefloat.verification.limit_checks import limit_checks
+from freefloat.verification.report import PINOCCHIO, CheckReport
+
+_SAME, _GOAL, _ENGINE = 1e-8, 1e-6, 1e-4
+"""Errors of integrating again [rad, m, s], of the attitude at the end, and of an engine's [rad]."""
+_STEPS = 12_000
+"""Steps of the simulation, per loop: its error falls with their square."""
+
+
+def reorientation_report(
+    result: Reorientation, engine: str = PINOCCHIO, orbit: CircularOrbit | None = None
+) -> CheckReport:
+    """All checks of a reorientation.
+
+    Args:
+        result: The record, computed or loaded from a file.
+        engine: As for :func:`~freefloat.verification.check.check`.
+        orbit: None: gravity gradient is not simulated.
+    """
+    return CheckReport(result.kind, tuple(completed("motion", _turn_checks, result, engine)))
+
+
+def joint_motion_report(
+    result: JointMotion, engine: str = PINOCCHIO, orbit: CircularOrbit | None = None
+) -> CheckReport:
+    """All checks of a motion of the joints; arguments as for :func:`reorientation_report`."""
+    return CheckReport("joints", tuple(completed("motion", _joint_checks, result, engine)))
+
+
+def _turn_checks(result: Reorientation, engine: str) -> Iterator[Check]:
+    """The motion is integrated again and ends at the goal; its limits are recomputed."""
+    motion, loops = result.motion, result.loops
+    if motion is None or loops is None:
+        yield Check("motion", False, "the reorientation has none")
+        return
+    again = integrate_loops(motion.problem, loops, result.start)
+    yield _same_motion(again, motion)
+    error = float(angle_between(again.final.attitude, result.goal))
+    yield error_check("final attitude", error, _GOAL, "rad", float(again.times[-1]))
+    recomputed = check_limits(again, result.limits)
+    yield from limit_checks(result.limit_results, recomputed, result.reached)
+    yield from forward_checks(engine, motion, _STEPS * loops.count, _ENGINE)
+
+
+def _joint_checks(result: JointMotion, engine: str) -> Iterator[Check]:
+    """The motion is integrated again; its limits are recomputed."""
+    motion, start = result.motion, result.motion.initial.attitude
+    again = integrate_transfer(motion.problem, result.transfer, start, result.duration)
+    yield _same_motion(again, motion)
+    recomputed = check_limits(motion, result.limits)
+    yield from limit_checks(result.limit_results, recomputed, result.feasible)
+    yield from forward_checks(engine, motion, _STEPS, _ENGINE)
+
+
+def _same_motion(again: Motion, motion: Motion) -> Check:
+    """A motion that was integrated again is the recorded one."""
+    difference = np.inf
+    if again.times.shape == motion.times.shape:
+        angles = angle_between(again.attitudes, motion.attitudes)
+        joints, times = np.abs(again.joints - motion.joints), np.abs(again.times - motion.times)
+        difference = float(max(angles.max(), joints.max(), times.max()))
+    return error_check("integrated again", difference, _SAME, "rad, m, s", None)

@@ -1,0 +1,82 @@
+"""The scene of any result: a function for each kind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from freefloat.errors import InputError, require_type
+from freefloat.limits.limits import Limits
+from freefloat.motion.motion import Motion
+from freefloat.planning.joints.reorientation import Reorientation
+from freefloat.planning.phases.manoeuvre import Manoeuvre
+from freefloat.planning.plan import Plan
+from freefloat.planning.plane.heading_map import HeadingMap
+from freefloat.planning.simulation import Simulation
+from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.singularities.singularity_map import SingularityMap
+from freefloat.visualization.scenes.heading_scene import heading_scene
+from freefloat.visualization.scenes.manoeuvre_scene import manoeuvre_scene
+from freefloat.visualization.scenes.map_scene import map_scene
+from freefloat.visualization.scenes.scene import motion_scene
+from freefloat.visualization.scenes.scene_builder import Scene
+from freefloat.visualization.scenes.singularity_scene import singularity_scene
+
+
+def result_scene(result: Any, title: str) -> Scene:
+    """Return the scene of a result, or of motions by name.
+
+    Raises:
+        InputError: If the result is of another class, or without a motion.
+    """
+    if isinstance(result, Mapping):
+        for name, motion in result.items():
+            accepted = "a Motion for each name, such as simulate(...).chosen.motion"
+            require_type(f"motions.{name}", motion, Motion, accepted)
+        return motion_scene(dict(result), title)
+    if type(result) not in _SCENES:
+        accepted = ", ".join(kind.__name__ for kind in _SCENES)
+        raise InputError("result", f"a {type(result).__name__} was given", accepted)
+    return _SCENES[type(result)](result, title)
+
+
+def _motion_scene(motion: Motion, title: str) -> Scene:
+    return motion_scene({"motion": motion}, title)
+
+
+def _simulation_scene(simulation: Simulation, title: str) -> Scene:
+    """Return the scene of all arm branches, the chosen one first."""
+    branches = sorted(simulation.branches, key=lambda branch: branch is not simulation.chosen)
+    motions = {branch.title: branch.motion for branch in branches}
+    return motion_scene(motions, title, _pointing(simulation.limits))
+
+
+def _plan_scene(plan: Plan, title: str) -> Scene:
+    if plan.chosen is None:
+        raise InputError("plan", f"it has no motion: {plan.reason}", "a plan with a motion")
+    name = plan.chosen.title + (f", {plan.violation}" if plan.violation else "")
+    return motion_scene({name: plan.chosen.motion}, title, _pointing(plan.limits))
+
+
+def _turn_scene(turn: Reorientation, title: str) -> Scene:
+    if turn.motion is None:
+        accepted = "a reorientation with a motion"
+        raise InputError("result", f"it has no motion: {turn.reason}", accepted)
+    return motion_scene({"reorientation": turn.motion}, title, _pointing(turn.limits))
+
+
+def _pointing(limits: Limits | None) -> tuple[Any, ...]:
+    return () if limits is None else limits.pointing
+
+
+_SCENES: dict[type, Callable[[Any, str], Scene]] = {
+    Motion: _motion_scene,
+    Plan: _plan_scene,
+    Manoeuvre: manoeuvre_scene,
+    Simulation: _simulation_scene,
+    Reorientation: _turn_scene,
+    AttitudeMap: map_scene,
+    HeadingMap: heading_scene,
+    SingularityMap: singularity_scene,
+}
+"""Functions that return the scene of a result and a title, by the class of the result."""
