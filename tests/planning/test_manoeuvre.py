@@ -11,7 +11,7 @@ import freefloat as ff
 from freefloat.dynamics.momentum import momentum_map
 from freefloat.errors import InputError
 from freefloat.planning.phases.manoeuvre import Manoeuvre
-from freefloat.planning.phases.state import Handover
+from freefloat.planning.phases.state import SystemState
 from freefloat.so3 import Pose, angle_between, heading_quaternion, rotation_matrix
 
 GRAPPLE = np.array([0.5, 1.2, 0.0])
@@ -97,7 +97,7 @@ def test_joint_rates_are_handed_on_after_an_impulse(manoeuvre) -> None:
 @pytest.mark.parametrize("frame", ["inertial", "spacecraft", "base", "end_effector"])
 def test_a_pose_goal_is_reached_in_its_frame(problem: ff.Problem, frame: str) -> None:
     motion = ff.simulate(problem, heading=0.45).chosen.motion
-    state = Handover.at_start(motion).after(motion)
+    state = SystemState.at_start(motion).after(motion)
     model, R = problem.model, rotation_matrix(state.attitude)
     axes = np.eye(3) if frame == "inertial" else R
     origin = np.zeros(3) if frame == "inertial" else model.base_position(
@@ -106,7 +106,7 @@ def test_a_pose_goal_is_reached_in_its_frame(problem: ff.Problem, frame: str) ->
         origin, axes = state.pose.position, state.pose.rotation
     point = axes.T @ (state.pose.position - origin + np.array([0.05, -0.02, 0.0]))
     goal = ff.PoseGoal(Pose(point, axes.T), 10.0, frame)
-    path = state.path_of(ff.PathPhase(goal))
+    path = ff.PathPhase(goal).problem_at(state).path
     np.testing.assert_allclose(path.pose(10.0).position, origin + axes @ point, atol=1e-12)
     np.testing.assert_allclose(path.twist(10.0), 0.0, atol=1e-12)
 

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from freefloat.planning.phases.path_continuation import continued
 
 import freefloat as ff
 from freefloat.errors import InputError
-from freefloat.planning.phases.state import Handover
+from freefloat.planning.phases.state import SystemState
 from freefloat.so3 import Pose
 
 GRAPPLE = np.array([0.5, 1.2, 0.0])
@@ -107,9 +106,9 @@ def test_a_capture_agrees_with_how_its_body_tumbles(problem, changes, key) -> No
 
 def test_the_inertia_of_a_tumbling_is_known_up_to_a_factor(problem: ff.Problem) -> None:
     motion = ff.simulate(problem, heading=0.45).chosen.motion
-    state = Handover.at_start(motion).after(motion)
+    state = SystemState.at_start(motion).after(motion)
     given = replace(CAPTURE, inertia=10.0 * TUMBLING.inertia, com=TUMBLING.com)
-    (_, light), (_, heavy) = state.captured(CAPTURE), state.captured(given)
+    light, heavy = CAPTURE.run(state, ff.Limits()), given.run(state, ff.Limits())
     np.testing.assert_allclose(heavy.mismatch, light.mismatch, atol=1e-15)
 
 
@@ -131,9 +130,9 @@ def test_unnamed_phases_have_distinct_names() -> None:
 
 def test_a_path_that_begins_within_rounding_is_moved_there(problem: ff.Problem) -> None:
     motion = ff.simulate(problem, heading=0.45).chosen.motion
-    state = Handover.at_start(motion).after(motion)
+    state = SystemState.at_start(motion).after(motion)
     rounded = line(GRAPPLE + np.array([4e-7, -3e-7, 0.0]), [0.9, 1.0, 0.0])
-    path = state.path_of(ff.PathPhase(ff.TimedPath(rounded, ff.Timing(10.0))))
+    path = ff.PathPhase(ff.TimedPath(rounded, ff.Timing(10.0))).problem_at(state).path
     np.testing.assert_allclose(path.pose(0.0).position, state.pose.position, atol=1e-14)
     np.testing.assert_allclose(path.pose(10.0).position, [0.9, 1.0, 0.0], atol=1e-6)
 
@@ -143,11 +142,11 @@ def test_joint_rates_of_a_redundant_arm_do_not_jump() -> None:
     posed = ff.load_scenario("planar_3dof/parabola").problem()
     problem, attitude = posed.replace(task="planar-position"), posed.attitude(heading=2.4)
     motion = ff.integrate_motion(problem, attitude, posed.branches(attitude)[1].joints)
-    state = Handover.at_start(motion).after(motion)
+    state = SystemState.at_start(motion).after(motion)
     back = ff.PathPhase(ff.PoseGoal(Pose([-0.05, 0.0, 0.0], np.eye(3)), 20.0, "end_effector"))
-    assert continued(state, back, ff.Limits()).feasible
+    assert back.run(state, ff.Limits()).feasible
     moving = replace(state, joint_rates=state.joint_rates + np.array([0.0, 0.01, -0.01]))
-    found = continued(moving, back, ff.Limits())
+    found = back.run(moving, ff.Limits())
     assert not found.feasible
     assert "joint rates" in found.reason
 
@@ -157,5 +156,6 @@ def test_a_corridor_remains_after_a_capture_unless_it_is_that_of_the_captured_bo
         corridor = ff.Corridor([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], radius=9.0, body=body)
         scene = ff.Scene(BODIES, corridor)
         motion = ff.simulate(replace(problem, scene=scene), heading=0.45).chosen.motion
-        state, _ = Handover.at_start(motion).after(motion).captured(CAPTURE)
+        before = SystemState.at_start(motion).after(motion)
+        state = CAPTURE.end(before, CAPTURE.run(before, ff.Limits()))
         assert (state.problem.scene.corridor is not None) is remains

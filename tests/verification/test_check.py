@@ -49,7 +49,7 @@ margin: {fraction: 0.01}
 def certified_once():
     """The certificate of a motion, recomputed once for all checks of the same motion."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("freefloat.verification.motion.certify", cache(certify))
+        patch.setattr("freefloat.verification.path_motions.certify", cache(certify))
         yield
 
 

@@ -36,7 +36,6 @@ from freefloat.errors import InputError
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from freefloat.planning.reasons import Verdict
     from freefloat.planning.simulation import Simulation
 
 _Heading = Annotated[
@@ -128,7 +127,7 @@ def _tables(name: str, simulation: Simulation, mark: str) -> Iterator[Renderable
         branches.add_row(
             f"{number} {short_label(entry.branch.label)}",
             decimals(entry.branch.joints, 3), f"{entry.minimum_margin:.4g}",
-            _cell(simulation.violations.get(entry.branch.index, entry.verdict())),
+            _verdict(simulation, entry),
         )  # fmt: skip
     yield branches
     yield from motion_lines(simulation.chosen, mark)
@@ -139,7 +138,10 @@ def _tables(name: str, simulation: Simulation, mark: str) -> Iterator[Renderable
     yield from contact_lines(simulation)
 
 
-def _cell(verdict: Verdict) -> Text:
-    """The verdict on an arm branch in a table."""
+def _verdict(simulation: Simulation, entry: SimulatedBranch) -> Text:
+    """The verdict on an arm branch: by margin and limits, or by the margin alone."""
+    verdict = simulation.verdicts.get(entry.branch.index)
+    words = "keeps the margin" if verdict is None else "keeps margin and limits"
+    verdict = verdict or entry.verdict()
     style = {"kept": "green", "singular": "red"}.get(verdict.cause, "yellow")
-    return Text(str(verdict), style)
+    return Text(words if verdict.feasible else str(verdict), style)

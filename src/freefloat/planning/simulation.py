@@ -106,8 +106,8 @@ class Simulation(Answer):
         limits: Limits checked in addition to the joint ranges; None where none were checked.
         limit_results: Limits along the chosen motion.
         contact: The deepest contact of bodies along the chosen motion; None without contact.
-        violations: Verdicts on motions that violate limits, by the number of their arm branch, of
-            those branches that were checked; not stored in files.
+        verdicts: Verdicts on motions whose limits were checked, by the number of their arm branch;
+            not stored in files.
     """
 
     kind: ClassVar[str] = "motion"
@@ -117,7 +117,7 @@ class Simulation(Answer):
     limits: Limits | None = None
     limit_results: tuple[LimitResult, ...] = ()
     contact: Contact | None = None
-    violations: Mapping[int, Verdict] = field(default_factory=dict, repr=False)
+    verdicts: Mapping[int, Verdict] = field(default_factory=dict, repr=False)
 
     @property
     def problem(self) -> Problem:
@@ -232,12 +232,8 @@ def simulate(
         checked = _within_limits(candidates, checker)
     chosen, results = checked[0]
     contact = self_contact(chosen.motion, results)
-    violations = {
-        entry.branch.index: entry.verdict(results)
-        for entry, results in checked
-        if violated(results)
-    }
-    return Simulation(tuple(simulated), chosen, limits, results, contact, violations)
+    verdicts = {entry.branch.index: entry.verdict(results) for entry, results in checked if results}
+    return Simulation(tuple(simulated), chosen, limits, results, contact, verdicts)
 
 
 def integrate_branch(problem: Problem, attitude: Array, branch: int) -> SimulatedBranch:
