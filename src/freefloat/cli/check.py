@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import RenderableType
@@ -62,7 +62,8 @@ def check(
     with console.progress("integrating the motion again"):
         try:
             radius = None if gravity is None else 1000.0 * gravity
-            report = verify(load(file), engine or PINOCCHIO, gravity=radius)
+            result: Any = load(file)
+            report = verify(result, engine or PINOCCHIO, gravity=radius)
         except AlteredFileError as error:
             report = CheckReport("file", (Check(error.key, False, error.problem),))
     console.json({"file": str(file), **report.to_dict()})

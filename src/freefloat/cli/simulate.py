@@ -36,7 +36,7 @@ from freefloat.errors import InputError
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from freefloat.planning.simulation import Simulation
+    from freefloat.planning.simulation import SimulatedBranch, Simulation
 
 _Heading = Annotated[
     float | None, typer.Option(metavar="DEG", help="The same for planar tasks, in degrees.")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from freefloat.errors import InputError
+from freefloat.planning.answer import Answer
 from freefloat.planning.joints.reorientation import Reorientation
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
@@ -30,7 +31,7 @@ _IN_ORBIT = Plan, Simulation
 
 
 def check(
-    result: Plan | Simulation | Reorientation | Manoeuvre | SingularityMap,
+    result: Answer | SingularityMap,
     engine: str = PINOCCHIO,
     *,
     gravity: float | None = None,
