@@ -96,6 +96,47 @@ for name, fastest, count in (("planar_2dof/line", 0.5, 72), ("spatial_6dof/above
     open("quick.yaml", "w").write(yaml.safe_dump(content | {"limits": {}}))
     assert run("plan", "quick.yaml", "--json")[0] == 2
 """,
+    "phase kind": """
+import json
+import freefloat as ff
+import numpy as np
+import yaml
+from freefloat.dynamics.momentum import inertia_matrices
+from freefloat.so3 import heading_of
+from typer.testing import CliRunner
+from freefloat.cli.app import app
+
+def run(*words):
+    done = CliRunner().invoke(app, words)
+    return done.exit_code, done.stdout
+
+content = yaml.safe_load(ff.load_scenario("planar_2dof/line").text)
+content["robot"]["urdf"] = "planar_2dof"
+content["momentum"] = [0, 0, 0.5]
+rest = {"joints": [0.4, 1.2], "duration": 30}
+content["phases"] = [rest, {"hold": 20}, {"hold": 5, "name": "wait"}, {"joints": [0.2, 1.0], "duration": 30}]
+open("hold.yaml", "w").write(yaml.safe_dump(content))
+outputs = ["-o", "hold.h5", "--html", "hold.html", "--plots", "figures"]
+code, shown = run("plan", "hold.yaml", "--json", *outputs)
+phases = json.loads(shown)["phases"]
+assert code == 0, shown
+assert [phase["kind"] for phase in phases] == ["path", "joints", "hold", "hold", "joints"]
+assert phases[3]["name"] == "wait" and phases[2]["duration"] == 20
+loaded = ff.load("hold.h5")
+hold = loaded.phases[2].motion
+np.testing.assert_allclose(hold.joints, np.tile([0.4, 1.2], (len(hold.times), 1)), atol=1e-12)
+D = inertia_matrices(hold.problem.model, hold.joints[0])[0]
+angle = heading_of(hold.final.attitude) - heading_of(hold.initial.attitude)
+assert abs(np.angle(np.exp(1j * (angle - 20 * 0.5 / D[2, 2])))) < 1e-9
+assert "wait" in " ".join(run("plan", "hold.yaml")[1].split())
+assert run("check", "hold.h5")[0] == 0
+assert run("export", "hold.h5", "-o", "hold.csv")[0] == 0
+assert "3 hold" in ff.playback(loaded).titles
+content["phases"][1]["hold"] = -1
+open("hold.yaml", "w").write(yaml.safe_dump(content))
+assert run("plan", "hold.yaml")[0] == 2
+assert "hold" in run("schema")[1]
+""",
     "command": """
 import json
 import freefloat as ff
@@ -158,6 +199,7 @@ def execute(folder: Path, *words: str) -> None:
 @pytest.mark.parametrize("recipe", USES)
 def test_a_recipe_adds_what_it_says(recipe: str, extended: Path) -> None:
     assert set(RECIPES) == set(USES)
+    assert RECIPES[recipe].count("+++ b/src/") <= 3
     execute(extended, "-c", USES[recipe])
 
 
