@@ -1,0 +1,127 @@
+"""Every kind of result can be saved, exported, shown, drawn and checked, or says that it cannot."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+import freefloat as ff
+
+IDENTITY = [0.0, 0.0, 0.0, 1.0]
+ANSWERS = "plan", "motion", "reorientation", "manoeuvre"
+MAPS = "map", "attitude map", "singularity map"
+
+
+@cache
+def scenario() -> Any:
+    """A path, limits and a phase after it."""
+    content = yaml.safe_load(ff.load_scenario("planar_2dof/line").text)
+    phases = [{"joints": [0.4, 1.2], "duration": 60}]
+    return ff.load_scenario({**content, "phases": phases, "limits": {"base_rate": 1.0}})
+
+
+@cache
+def result(kind: str) -> Any:
+    """A result of a kind."""
+    problem, limits = scenario().problem(), scenario().limits()
+    match kind:
+        case "plan":
+            return ff.plan(problem, limits=limits)
+        case "motion":
+            return ff.simulate(problem, heading=0.45, limits=limits)
+        case "reorientation":
+            return ff.reorient(problem, IDENTITY, problem.attitude(heading=0.3), limits)
+        case "manoeuvre":
+            return ff.plan_manoeuvre(problem, scenario().phases(), limits=limits)
+        case "map":
+            return ff.attitude_map(problem, 36)
+        case "attitude map":
+            spatial = ff.load_scenario("spatial_6dof/line").problem()
+            return ff.attitude_map(spatial, 64, refine=False)
+    return ff.singularity_map(problem.model, problem.task)
+
+
+@pytest.fixture(params=[*ANSWERS, *MAPS])
+def kind(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+def test_a_result_has_its_kind(kind: str) -> None:
+    assert result(kind).kind == kind
+
+
+def test_a_result_is_saved_and_loaded(kind: str, tmp_path: Path) -> None:
+    given = scenario() if kind == "manoeuvre" else None
+    ff.save(result(kind), tmp_path / "result.h5", given)
+    loaded = ff.load(tmp_path / "result.h5")
+    assert type(loaded) is type(result(kind))
+    assert loaded.to_dict() == result(kind).to_dict()
+    ff.save(loaded, tmp_path / "again.h5", given)
+    assert ff.load(tmp_path / "again.h5").to_dict() == loaded.to_dict()
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_each_motion_of_an_answer_is_exported(name: str, tmp_path: Path) -> None:
+    ff.export(result(name), tmp_path / "motion.csv", times=3)
+    moving = [phase for phase in result(name).phases if phase.motion is not None]
+    files = sorted(tmp_path.glob("motion*.csv"))
+    assert len(files) == len(moving)
+    for file, phase in zip(files, moving, strict=True):
+        table = np.loadtxt(file, delimiter=",", skiprows=1)
+        np.testing.assert_allclose(table[[0, -1], 0], phase.start + phase.motion.times[[0, -1]])
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_a_map_is_not_exported(name: str, tmp_path: Path) -> None:
+    with pytest.raises(ff.InputError) as raised:
+        ff.export(result(name), tmp_path / "map.csv")
+    assert raised.value.key == "result"
+
+
+def test_a_result_has_a_page(kind: str) -> None:
+    playback = ff.playback(result(kind))
+    assert playback.titles
+    assert "<!doctype html" in playback.html().lower()
+
+
+def test_a_result_has_figures(kind: str) -> None:
+    figures = ff.figures(result(kind))
+    assert figures
+    assert all(figure.axes for figure in figures.values())
+
+
+@pytest.mark.parametrize("name", [*ANSWERS, "singularity map"])
+def test_a_result_passes_its_check(name: str) -> None:
+    report = ff.check(result(name))
+    assert report.passed, [check.reason for check in report.discrepancies]
+    assert (report.kind, len(report.checks) > 1) == (name, True)
+
+
+@pytest.mark.parametrize("name", MAPS[:2])
+def test_a_map_of_attitudes_is_not_checked(name: str) -> None:
+    with pytest.raises(ff.InputError) as raised:
+        ff.check(result(name))
+    assert raised.value.key == "result"
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_limits_of_a_phase_are_those_of_its_motion(name: str) -> None:
+    for phase in result(name).phases:
+        again = ff.check_limits(phase.motion, phase.limits)
+        assert [limit.to_dict() for limit in phase.limit_results] == [
+            limit.to_dict() for limit in again
+        ]
+        assert phase.feasible is all(limit.kept for limit in again)
+
+
+def test_a_phase_begins_where_the_one_before_ends() -> None:
+    first, second = result("manoeuvre").phases
+    before, after = first.motion.final, second.motion.initial
+    np.testing.assert_array_equal(after.joints, before.joints)
+    np.testing.assert_allclose(after.attitude, before.attitude, atol=1e-12)
+    assert second.start == first.start + first.duration
