@@ -114,7 +114,8 @@ content = yaml.safe_load(ff.load_scenario("planar_2dof/line").text)
 content["robot"]["urdf"] = "planar_2dof"
 content["momentum"] = [0, 0, 0.5]
 rest = {"joints": [0.4, 1.2], "duration": 30}
-content["phases"] = [rest, {"hold": 20}, {"hold": 5, "name": "wait"}, {"joints": [0.2, 1.0], "duration": 30}]
+holds = [{"hold": 20}, {"hold": 5, "name": "wait"}]
+content["phases"] = [rest, *holds, {"joints": [0.2, 1.0], "duration": 30}]
 open("hold.yaml", "w").write(yaml.safe_dump(content))
 outputs = ["-o", "hold.h5", "--html", "hold.html", "--plots", "figures"]
 code, shown = run("plan", "hold.yaml", "--json", *outputs)

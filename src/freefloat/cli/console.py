@@ -9,7 +9,6 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from pathlib import Path
 from threading import Timer
 from typing import TYPE_CHECKING, Any
 
@@ -24,13 +23,9 @@ from freefloat.errors import FreeFloatError
 
 if TYPE_CHECKING:  # the command line shows its help without NumPy
     from freefloat.limits.limits import LimitResult
-    from freefloat.planning.phases.manoeuvre import Manoeuvre
     from freefloat.planning.plan import Plan
-    from freefloat.planning.plane.heading_map import HeadingMap
     from freefloat.planning.settings import Search
     from freefloat.planning.simulation import SimulatedBranch, Simulation
-    from freefloat.planning.space.attitude_map import AttitudeMap
-    from freefloat.singularities.singularity_map import SingularityMap
 
 DONE, NO, BAD_INPUT, INTERNAL_ERROR, INTERRUPTED = 0, 1, 2, 3, 130
 _PIPE_WIDTH = 120
@@ -170,23 +165,6 @@ def short_label(label: str) -> str:
     """``s+ e- w+`` for ``shoulder+ elbow- wrist+``; nothing for numbers and words."""
     words = [word for word in label.split() if word[-1] in "+-" or re.fullmatch("[a-z]", word)]
     return " ".join(word[0] + word[1:][-1:] for word in words)
-
-
-def draw(
-    console: Console,
-    folder: Path,
-    result: Plan | Manoeuvre | AttitudeMap | HeadingMap | SingularityMap,
-    threads: int | None,
-) -> list[str]:
-    """Draw the figures of a result into a folder; print and return their files."""
-    from freefloat.visualization.figure_style import save_figures
-    from freefloat.visualization.figures.figures import figures
-
-    with console.progress("drawing") as progress:
-        files = save_figures(folder, figures(result, threads=threads, progress=progress))
-    names = ", ".join(dict.fromkeys(file.stem for file in files))
-    console.tables([f"Figures in {folder}, as PDF and PNG: {names}"])
-    return [str(file) for file in files]
 
 
 def search_lines(search: Search) -> Iterator[str]:

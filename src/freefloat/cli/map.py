@@ -16,11 +16,11 @@ from freefloat.cli.console import (
     NO,
     Console,
     decimals,
-    draw,
     search_lines,
     short_label,
     table,
 )
+from freefloat.cli.delivery import Delivery
 from freefloat.cli.options import (
     Json,
     Plots,
@@ -29,7 +29,6 @@ from freefloat.cli.options import (
     ResultFile,
     ScenarioName,
     Threads,
-    prepare_outputs,
 )
 
 if TYPE_CHECKING:
@@ -102,23 +101,16 @@ def map_(
     loaded = load_scenario(scenario)
     problem = loaded.problem()
     search = loaded.search()
-    prepare_outputs(loaded.source, output=output, folder=plots)
+    delivery = Delivery(console, output, plots=plots, threads=threads)
+    delivery.prepare(loaded.source)
     with loaded.error_context(), console.progress("integrating motions") as progress:
         result = attitude_map(
             problem, samples, search=search if seed is None else replace(search, seed=seed),
             limits=loaded.limits(), nearest=nearest, boundary=boundary or 0,
             tangency=touch or 0, threads=threads, progress=progress,
         )  # fmt: skip
-    document = result.to_dict()
     tables: Any = _heading_tables if problem.task.planar else _attitude_tables
-    console.tables(tables(scenario, result))
-    if output is not None:
-        from freefloat.io.records.results import save  # HDF5 is slow to import
-
-        save(result, output, loaded)
-    if plots is not None:
-        document["plots"] = draw(console, plots, result, threads)
-    console.json(document)
+    delivery.deliver(result, tables(scenario, result), scenario, loaded)
     raise typer.Exit(DONE if result.feasible_found else NO)
 
 

@@ -16,14 +16,13 @@ from freefloat.cli.console import (
     NO,
     Console,
     contact_lines,
-    draw,
     limit_tables,
     motion_lines,
-    say,
     search_lines,
     short_label,
     table,
 )
+from freefloat.cli.delivery import Delivery
 from freefloat.cli.manoeuvre import manoeuvre_tables
 from freefloat.cli.options import (
     Json,
@@ -33,14 +32,12 @@ from freefloat.cli.options import (
     ResultFile,
     ScenarioName,
     Threads,
-    prepare_outputs,
 )
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from freefloat.io.scenario.scenario import Scenario
+    from freefloat.planning.phases.manoeuvre import Manoeuvre
     from freefloat.planning.plan import Plan
     from freefloat.planning.plane.arcs import BranchRanges
 
@@ -72,77 +69,50 @@ def plan(
     Example: freefloat plan spatial_6dof/line --json
     """
     from freefloat.io.scenario.scenario import load_scenario
-    from freefloat.planning.planner import plan as find_plan
 
     console = Console(as_json, quiet)
+    delivery = Delivery(console, output, html, plots, threads)
     loaded = load_scenario(scenario)
     if loaded.has_phases:
         if stretch:
             accepted = "longer durations in the scenario"
             raise InputError("stretch", "phases have given durations", accepted)
-        return _plan_phases(console, loaded, scenario, output, html, plots, threads)
-    problem = loaded.problem()
-    limits = loaded.limits()
-    prepare_outputs(loaded.source, output=output, html=html, folder=plots)
-    with loaded.error_context(), console.progress("integrating motions") as progress:
-        result = find_plan(
-            problem, loaded.search(), limits, stretch=stretch, threads=threads, progress=progress
-        )
-    document = result.to_dict()
-    console.tables(_tables(scenario, result))
-    if output is not None:
-        from freefloat.io.records.results import save  # HDF5 is slow to import
-
-        save(result, output, loaded)
-        if result.contact is not None and not (quiet or as_json):
-            say(f"{output} was written, although {result.contact}")
-    if html is not None:
-        document["html"] = None
-        if result.chosen is not None:
-            from freefloat.visualization.page.playback import playback
-
-            document["html"] = str(playback(result, output.stem if output else scenario).save(html))
-        console.tables([f"Page: {document['html'] or 'none, there is no motion to show'}"])
-    if plots is not None:
-        document["plots"] = draw(console, plots, result, threads)
-    console.json(document)
-    raise typer.Exit(DONE if result.feasible else NO)
+        manoeuvre = _plan_phases(delivery, loaded)
+        feasible = manoeuvre.feasible
+        delivery.deliver(manoeuvre, manoeuvre_tables(scenario, manoeuvre), scenario, loaded)
+    else:
+        found = _plan_path(delivery, loaded, stretch)
+        feasible = found.feasible
+        delivery.deliver(found, _tables(scenario, found), scenario, loaded)
+    raise typer.Exit(DONE if feasible else NO)
 
 
-def _plan_phases(
-    console: Console,
-    loaded: Scenario,
-    name: str,
-    output: Path | None,
-    html: Path | None,
-    plots: Path | None,
-    threads: int | None,
-) -> None:
+def _plan_path(delivery: Delivery, loaded: Scenario, stretch: bool) -> Plan:
+    """Plan a path."""
+    from freefloat.planning.planner import plan as find_plan
+
+    problem, limits = loaded.problem(), loaded.limits()
+    delivery.prepare(loaded.source)
+    progress = delivery.console.progress("integrating motions")
+    with loaded.error_context(), progress as update:
+        return find_plan(
+            problem, loaded.search(), limits, stretch=stretch, threads=delivery.threads,
+            progress=update,
+        )  # fmt: skip
+
+
+def _plan_phases(delivery: Delivery, loaded: Scenario) -> Manoeuvre:
     """Plan a manoeuvre."""
     from freefloat.planning.phases.manoeuvre_planner import plan_manoeuvre
 
     phases, limits = loaded.phases(), loaded.limits()
-    prepare_outputs(loaded.source, output=output, html=html, folder=plots)
-    with loaded.error_context(), console.progress("planning the phases") as progress:
-        result = plan_manoeuvre(
+    delivery.prepare(loaded.source)
+    progress = delivery.console.progress("planning the phases")
+    with loaded.error_context(), progress as update:
+        return plan_manoeuvre(
             loaded.problem(), phases, loaded.search(), limits,
-            reorient=loaded.content.search.reorient, threads=threads, progress=progress,
+            reorient=loaded.content.search.reorient, threads=delivery.threads, progress=update,
         )  # fmt: skip
-    document = result.to_dict()
-    console.tables(manoeuvre_tables(name, result))
-    if output is not None:
-        from freefloat.io.records.results import save  # HDF5 is slow to import
-
-        save(result, output, loaded)
-    if html is not None:
-        from freefloat.visualization.page.playback import playback
-
-        document["html"] = str(playback(result, output.stem if output else name).save(html))
-        console.tables([f"Page: {document['html']}"])
-    if plots is not None:
-        document["plots"] = draw(console, plots, result, threads)
-    console.json(document)
-    raise typer.Exit(DONE if result.feasible else NO)
 
 
 def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:

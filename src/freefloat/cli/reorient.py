@@ -10,6 +10,7 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from freefloat.cli.console import DONE, NO, Console, decimals, limit_tables
+from freefloat.cli.delivery import Delivery
 from freefloat.cli.options import (
     Json,
     Page,
@@ -18,7 +19,6 @@ from freefloat.cli.options import (
     ResultFile,
     ScenarioName,
     comma_separated,
-    prepare_outputs,
 )
 
 if TYPE_CHECKING:
@@ -75,23 +75,15 @@ def reorient(
     console = Console(as_json, quiet)
     loaded = load_scenario(scenario)
     problem = loaded.problem()
-    prepare_outputs(loaded.source, output=output, html=html)
+    delivery = Delivery(console, output, html)
+    delivery.prepare(loaded.source)
     rest = loaded.search().joints if joints is None else comma_separated("joints", joints)
     with console.progress("looking for loops") as progress:
         result = find_motion(
             problem, start, goal, loaded.limits(), joints=rest, duration=duration, loops=loops,
             seed=seed, progress=progress,
         )  # fmt: skip
-    console.tables(_tables(scenario, result))
-    if output is not None:
-        from freefloat.io.records.results import save  # HDF5 is slow to import
-
-        save(result, output, loaded)
-    if html is not None and result.motion is not None:
-        from freefloat.visualization.page.playback import playback
-
-        playback(result.motion, output.stem if output else scenario).save(html)
-    console.json(result.to_dict())
+    delivery.deliver(result, _tables(scenario, result), scenario, loaded)
     raise typer.Exit(DONE if result.reached else NO)
 
 

@@ -11,8 +11,9 @@ import typer
 from rich.console import RenderableType
 from rich.text import Text
 
-from freefloat.cli.console import DONE, NO, Console, draw, limit_tables, motion_lines, table
-from freefloat.cli.options import Json, Plots, Quiet, ResultFile, Threads, prepare_outputs
+from freefloat.cli.console import DONE, NO, Console, limit_tables, motion_lines, table
+from freefloat.cli.delivery import Delivery
+from freefloat.cli.options import Json, Plots, Quiet, ResultFile, Threads
 from freefloat.errors import require_type
 
 if TYPE_CHECKING:
@@ -41,23 +42,19 @@ def retime(
 
     Example: freefloat retime plan.h5 -o fast.h5
     """
-    from freefloat.io.records.results import load, save
+    from freefloat.io.records.results import load
     from freefloat.planning.plan import Plan
     from freefloat.planning.timing.retiming import retime as find_timing
 
     console = Console(as_json, quiet)
-    prepare_outputs(plan, output=output, folder=plots)
+    delivery = Delivery(console, output, plots=plots, threads=threads)
+    delivery.prepare(plan)
     loaded: Any = load(plan)
     require_type("plan", loaded, Plan, "a file of freefloat plan -o")
     with console.progress("planning again") as progress:
         result = find_timing(loaded, threads=threads, progress=progress)
-    document = result.to_dict()
-    console.tables(_tables(str(plan), loaded, result))
-    if output is not None:
-        save(result.plan, output)
-    if plots is not None:
-        document["plots"] = draw(console, plots, result.plan, threads)
-    console.json(document)
+    tables = _tables(str(plan), loaded, result)
+    delivery.deliver(result.plan, tables, str(plan), document=result.to_dict())
     raise typer.Exit(DONE if result.plan.feasible and result.agrees else NO)
 
 

@@ -21,6 +21,7 @@ from freefloat.cli.console import (
     short_label,
     table,
 )
+from freefloat.cli.delivery import Delivery
 from freefloat.cli.options import (
     Attitude,
     Json,
@@ -29,7 +30,6 @@ from freefloat.cli.options import (
     ResultFile,
     ScenarioName,
     comma_separated,
-    prepare_outputs,
 )
 from freefloat.errors import InputError
 
@@ -81,7 +81,8 @@ def simulate(
 
     console = Console(as_json, quiet)
     loaded = load_scenario(scenario)
-    prepare_outputs(loaded.source, output=output, html=html)
+    delivery = Delivery(console, output, html)
+    delivery.prepare(loaded.source)
     problem = loaded.problem()
     limits = loaded.limits()
     if (attitude is None) is (heading is None):
@@ -100,16 +101,7 @@ def simulate(
             problem, start, branch=branch, joints=near, others=True, limits=limits,
             stop_at_margin=stop_at_margin,
         )  # fmt: skip
-    console.tables(_tables(scenario, simulation, mark))
-    if output is not None:
-        from freefloat.io.records.results import save  # HDF5 is slow to import
-
-        save(simulation, output, loaded)
-    if html is not None:
-        from freefloat.visualization.page.playback import playback
-
-        playback(simulation, output.stem if output else scenario).save(html)
-    console.json(simulation.to_dict())
+    delivery.deliver(simulation, _tables(scenario, simulation, mark), scenario, loaded)
     kept = not violated(simulation.limit_results)
     raise typer.Exit(DONE if kept and simulation.chosen.motion.completed else NO)
 

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import RenderableType
 
-from freefloat.cli.console import Console, decimals, draw, short_label, table
-from freefloat.cli.options import Json, Plots, Quiet, ResultFile, comma_separated, prepare_outputs
+from freefloat.cli.console import Console, decimals, short_label, table
+from freefloat.cli.delivery import Delivery
+from freefloat.cli.options import Json, Plots, Quiet, ResultFile, comma_separated
 from freefloat.cli.robots import EndEffector, Packages, RobotName, Root, load_robot
 from freefloat.errors import InputError, finite_number
 
@@ -74,7 +75,8 @@ def singularities(
     console = Console(as_json, quiet)
     loaded = load_robot(console, robot, end_effector, root, package)
     model, task, measure = loaded.model, loaded.task, loaded.measure
-    prepare_outputs(output=output, html=html, folder=plots)
+    delivery = Delivery(console, output, html, plots)
+    delivery.prepare()
     width = None
     if resolution is not None:
         accepted = "0.0001 to 180, in degrees"
@@ -101,19 +103,8 @@ def singularities(
         },
         "seconds": seconds,
     }
-    console.tables(_tables(robot, found, components, largest, seconds))
-    if output is not None:
-        from freefloat.io.records.results import save  # HDF5 is slow to import
-
-        save(found, output)
-    if html is not None:
-        from freefloat.visualization.page.playback import playback  # figures are slow to import
-
-        playback(found, robot).save(html)
-        document["html"] = str(html)
-    if plots is not None:
-        document["plots"] = draw(console, plots, found, None)
-    console.json(document)
+    tables = _tables(robot, found, components, largest, seconds)
+    delivery.deliver(found, tables, robot, document=document)
 
 
 def _fixed(options: Sequence[str]) -> dict[str, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from math import tau
 
 import numpy as np
@@ -12,6 +13,7 @@ from freefloat.concurrency import Progress
 from freefloat.errors import InputError, UnreachableError
 from freefloat.limits.limits import Limits
 from freefloat.motion.extrema import closest_approach
+from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.answer import Answer
@@ -111,13 +113,22 @@ def _motion_figures(motion: Motion, _: int | None, __: Progress | None) -> dict[
     return {"snapshots": snapshots_figure(drawn, areas)} | motion_figures(drawn, closest)
 
 
-def _answer_figures(
-    answer: Simulation | Reorientation, threads: int | None, progress: Progress | None
+def _simulation_figures(
+    simulation: Simulation, threads: int | None, progress: Progress | None
 ) -> dict[str, Figure]:
-    if answer.motion is None:
+    motion = simulation.motion
+    return _motion_figures(motion, threads, progress) | _angles(motion, simulation.limits)
+
+
+def _turn_figures(
+    turn: Reorientation, threads: int | None, progress: Progress | None
+) -> dict[str, Figure]:
+    if turn.motion is None:
         return {}
-    drawn = _motion_figures(answer.motion, threads, progress)
-    return drawn | _angles(answer.motion, answer.limits)
+    problem = turn.motion.problem
+    without_margin = problem.replace(margin=Margin(problem.margin.measure, 0.0))
+    motion = replace(turn.motion, problem=without_margin)
+    return _motion_figures(motion, threads, progress) | _angles(motion, turn.limits)
 
 
 def _manoeuvre_figures(
@@ -219,8 +230,8 @@ def _infeasible_motion(problem: Problem, entry: BranchRanges) -> Motion | None:
 _FIGURES: dict[type, Callable[..., dict[str, Figure]]] = {
     Plan: _plan_figures,
     Manoeuvre: _manoeuvre_figures,
-    Simulation: _answer_figures,
-    Reorientation: _answer_figures,
+    Simulation: _simulation_figures,
+    Reorientation: _turn_figures,
     Motion: _motion_figures,
     AttitudeMap: _attitude_map_figures,
     HeadingMap: _heading_map_figures,

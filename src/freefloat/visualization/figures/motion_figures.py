@@ -178,30 +178,34 @@ def _margin_figure(motion: Motion, trajectory: Trajectory, closest: ClosestAppro
 
 @styled
 def _momentum_figure(motion: Motion) -> Figure:
-    """Return the figure of momentum and end-effector errors at the integration nodes."""
-    figure = new_figure(height=3.2)
-    momentum, pose = figure.subplots(2, 1, sharex=True)
-    oriented = motion.problem.task.prescribes_orientation
-    position, orientation = motion.end_effector_errors.T
-    curves = [
-        (momentum, "momentum", motion.momentum_errors(motion.node_coordinates), "."),
-        (pose, "end-effector position", position, "."),
-    ]
-    if oriented:
-        curves.append((pose, "end-effector orientation", orientation, "x"))
-    for axes, name, errors, marker in curves:
+    """Return the figure of momentum and end-effector errors at the integration nodes.
+
+    With prescribed joints there is no path that the end-effector could leave.
+    """
+    follows = motion.curve is None
+    figure = new_figure(height=3.2 if follows else 1.8)
+    panels = figure.subplots(2 if follows else 1, 1, sharex=True, squeeze=False)[:, 0]
+    curves = [(0, "momentum", motion.momentum_errors(motion.node_coordinates), ".")]
+    units = ["N m s"]
+    if follows:
+        oriented = motion.problem.task.prescribes_orientation
+        position, orientation = motion.end_effector_errors.T
+        curves.append((1, "end-effector position", position, "."))
+        if oriented:
+            curves.append((1, "end-effector orientation", orientation, "x"))
+        units.append("m, rad" if oriented else "m")
+    for panel, name, errors, marker in curves:
         shown = np.where(errors > 0.0, errors, np.nan)
         colour = BLUE if marker == "." else VERMILION
-        axes.plot(
+        panels[panel].plot(
             motion.times, shown, color=colour, linestyle="none", marker=marker, markersize=2.2,
             markeredgewidth=0.6, label=name,
         )  # fmt: skip
-    momentum.set_ylabel(axis_label("error", "N m s"))
-    pose.set_ylabel(axis_label("error", "m, rad" if oriented else "m"))
-    pose.set_xlabel(axis_label("time", "s"))
-    for axes in (momentum, pose):
+    for axes, unit in zip(panels, units, strict=True):
+        axes.set_ylabel(axis_label("error", unit))
         axes.set_yscale("log")
         mark_times(axes, motion)
         legend_above(axes)
+    panels[-1].set_xlabel(axis_label("time", "s"))
     figure.align_ylabels()
     return figure

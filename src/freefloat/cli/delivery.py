@@ -1,0 +1,97 @@
+"""Delivery of results: tables, files, pages, figures and the JSON document of a command."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import RenderableType
+
+from freefloat.cli.console import Console, say
+from freefloat.cli.options import prepare_outputs
+
+if TYPE_CHECKING:
+    from freefloat.io.scenario.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """The console, and the files that a command is to write; None for those not wanted.
+
+    Attributes:
+        console: Where tables or the JSON document are printed.
+        output: Result file.
+        html: Page.
+        plots: Folder of figures.
+        threads: Number of cores that draw them; all when left out.
+    """
+
+    console: Console
+    output: Path | None = None
+    html: Path | None = None
+    plots: Path | None = None
+    threads: int | None = None
+
+    def prepare(self, *inputs: Path) -> None:
+        """Check the files before the work, see :func:`~freefloat.cli.options.prepare_outputs`."""
+        prepare_outputs(*inputs, output=self.output, html=self.html, folder=self.plots)
+
+    def deliver(
+        self,
+        result: Any,
+        tables: Iterable[RenderableType],
+        name: str,
+        scenario: Scenario | None = None,
+        document: dict[str, Any] | None = None,
+    ) -> None:
+        """Print a result and write its files.
+
+        Args:
+            result: The result.
+            tables: Its tables and lines.
+            name: Title of the page without a result file.
+            scenario: What it was computed from.
+            document: Its JSON document; by default its own.
+        """
+        document = result.to_dict() if document is None else document
+        self.console.tables(tables)
+        if self.output is not None:
+            self._save(result, self.output, scenario)
+        if self.html is not None:
+            title = name if self.output is None else self.output.stem
+            document["html"] = self._write_page(result, self.html, title)
+            page = document["html"] or "none, there is no motion to show"
+            self.console.tables([f"Page: {page}"])
+        if self.plots is not None:
+            document["plots"] = self._draw(result, self.plots)
+        self.console.json(document)
+
+    def _save(self, result: Any, output: Path, scenario: Scenario | None) -> None:
+        from freefloat.io.records.results import save  # HDF5 is slow to import
+
+        save(result, output, scenario)
+        contact = getattr(result, "contact", None)
+        if contact is not None and not (self.console.quiet or self.console.as_json):
+            say(f"{output} was written, although {contact}")
+
+    def _write_page(self, result: Any, html: Path, title: str) -> str | None:
+        """Write the page of a result; None where it has no motion."""
+        from freefloat.visualization.page.playback import playback
+
+        phases = getattr(result, "phases", None)
+        if phases is not None and all(phase.motion is None for phase in phases):
+            return None
+        return str(playback(result, title).save(html))
+
+    def _draw(self, result: Any, folder: Path) -> list[str]:
+        """Draw the figures of a result into a folder; print and return their files."""
+        from freefloat.visualization.figure_style import save_figures
+        from freefloat.visualization.figures.figures import figures
+
+        with self.console.progress("drawing") as progress:
+            files = save_figures(folder, figures(result, threads=self.threads, progress=progress))
+        names = ", ".join(dict.fromkeys(file.stem for file in files))
+        self.console.tables([f"Figures in {folder}, as PDF and PNG: {names}"])
+        return [str(file) for file in files]
