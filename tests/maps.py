@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from freefloat.ensemble.endings import COMPLETED, UNREACHED
-from freefloat.ensemble.feasibility import BranchResults
-from freefloat.ensemble.result import EnsembleResult
+from freefloat.ensemble.result import BranchResults, EnsembleResult
 
 
 def branch_results(

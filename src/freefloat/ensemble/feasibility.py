@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from freefloat.attitude_grids import attitude_grid
 from freefloat.concurrency import Progress, require_memory
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ensemble.endings import COMPLETED, UNREACHED
+from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator
-from freefloat.ensemble.result import REGULAR_RATIO, EnsembleResult
-from freefloat.ik.branches import ClosedForm, closed_form
+from freefloat.ensemble.result import REGULAR_RATIO, BranchResults, EnsembleResult
+from freefloat.ensemble.wrist_flips import WRIST_BODIES, flip_wrists, has_wrist_flipped_branches
+from freefloat.ik.branches import closed_form
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem, require_problem
@@ -24,52 +23,11 @@ _REDUCTION = 4
 """Reduction of the number of attitudes in searches whose arm branches have no closed form."""
 _AMPLE = 1e9
 """Largest multiple of a margin, which may be zero."""
-_NEGLIGIBLE = 1e-7
-"""Fraction of the system's mass and inertia below which a body counts as massless."""
 _ATTITUDE_SIZE, _MOTION_SIZE, _JOINT_SIZE = 500, 200, 40
 """Memory of a map for an attitude, for each of its motions, and for each joint of these, with the
 copies made of it [bytes]."""
-_WRIST_BODIES = 4, 5
-"""The bodies that wrist-flipped branches place differently."""
-_FLIPPED_JOINT = 4
-"""The joint of a spherical wrist whose sign differs between wrist-flipped branches."""
-
 Branch = int | IntArray | None
 """Number of an arm branch, or one for each attitude, shape (K,); None for the best of all."""
-
-
-@dataclass(frozen=True, eq=False)
-class BranchResults:
-    """Results of the motions from K attitudes along B arm branches each.
-
-    Attributes:
-        attitudes: Initial attitudes, quaternions x, y, z, w, shape (K, 4).
-        joints: Initial joint values of each arm branch, NaN where it does not exist, (K, B, n).
-        motions: Results of their motions, arrays of leading shape (K, B).
-    """
-
-    attitudes: Array = field(repr=False)
-    joints: Array = field(repr=False)
-    motions: EnsembleResult = field(repr=False)
-
-    @property
-    def exist(self) -> npt.NDArray[np.bool_]:
-        """Where an arm branch exists, shape (K, B)."""
-        return np.asarray(self.motions.endings != UNREACHED)
-
-    @property
-    def margins(self) -> Array:
-        """Minimum magnitudes of the measure, zero for motions that do not complete, (K, B)."""
-        return np.where(self.motions.endings == COMPLETED, self.motions.minimum, 0.0)
-
-    @property
-    def existing_margins(self) -> Array:
-        """As :attr:`margins`, but nan where there is no such arm branch."""
-        return np.where(self.exist, self.margins, np.nan)
-
-    def columns(self, numbers: IntArray) -> BranchResults:
-        """The results of some of the columns."""
-        return BranchResults(self.attitudes, self.joints[:, numbers], self.motions.columns(numbers))
 
 
 class FeasibilityEvaluator:
@@ -110,7 +68,7 @@ class FeasibilityEvaluator:
     def _on_wrist(self) -> bool:
         """Whether an axis moves differently along wrist-flipped branches."""
         places = self.problem.model.link_places
-        return any(places[limit.body][0] in _WRIST_BODIES for limit in self.limits.pointing)
+        return any(places[limit.body][0] in WRIST_BODIES for limit in self.limits.pointing)
 
     @property
     def threads(self) -> int:
@@ -161,7 +119,7 @@ class FeasibilityEvaluator:
         selected = np.searchsorted(integrated, sources)
         table = table.columns(selected)
         if flipped:
-            _flip_wrists(table, columns % 2 == 1, joints[:, sources], joints[:, columns])
+            flip_wrists(table, columns % 2 == 1, joints[:, sources], joints[:, columns])
         joints = joints[:, columns]
         for values in (joints, *table):
             values.setflags(write=False)
@@ -231,48 +189,3 @@ def regularity(motions: EnsembleResult, threshold: float) -> Array:
 def is_kept(values: Array) -> npt.NDArray[np.bool_]:
     """Which motions, by their :func:`regularity` (..., 2), keep the rule, shape (...)."""
     return keeps_threshold(values.min(axis=-1), 1.0)
-
-
-def has_wrist_flipped_branches(problem: Problem) -> bool:
-    """Whether branches that differ by the wrist flip alone have the same motion.
-
-    They do when adjacent wrist axes are perpendicular and the bodies between them are massless:
-    rotating the fourth and sixth joints by pi and reversing the fifth gives the same end-effector
-    pose and moves no mass. Branch 2 k + 1 is then the wrist-flipped branch of branch 2 k.
-    """
-    virtual, model = VirtualManipulator.of(problem.model), problem.model
-    if closed_form(model, problem.task) is not ClosedForm.ELBOW_AND_WRIST:
-        return False
-    if problem.start_joints is not None:  # of two wrist-flipped branches one is considered
-        return False
-    h4, h5, h6 = virtual.axes_at(np.zeros(6))[3:]
-    heaviest = max(np.abs(body.inertia).max() for body in model.bodies)
-    massless = all(
-        body.mass < _NEGLIGIBLE * model.total_mass
-        and np.abs(body.inertia).max() < _NEGLIGIBLE * heaviest
-        for body in model.bodies[4:6]
-    )
-    return massless and bool(max(abs(h4 @ h5), abs(h5 @ h6)) < _NEGLIGIBLE)
-
-
-def _flip_wrists(
-    table: EnsembleResult, odd: npt.NDArray[np.bool_], integrated: Array, flipped: Array
-) -> None:
-    """Replace results of branches 2 k by those of their wrist-flipped branches, in place.
-
-    Args:
-        table: Results, arrays of leading shape (K, B).
-        odd: The columns to change, shape (B,).
-        integrated: Initial joint values of the integrated branches, shape (K, B, 6).
-        flipped: Those of the branches of the columns, shape (K, B, 6).
-    """
-    sign = np.ones(6)
-    sign[_FLIPPED_JOINT] = -1.0
-    start, offset = integrated[:, odd], flipped[:, odd]
-    final, low, high = (
-        offset + sign * (values[:, odd] - start)
-        for values in (table.joints, table.lower, table.upper)
-    )
-    table.joints[:, odd] = final
-    table.lower[:, odd], table.upper[:, odd] = np.minimum(low, high), np.maximum(low, high)
-    table.evaluations[:, odd] = 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -31,12 +32,15 @@ class SimulatedBranch:
     Attributes:
         branch: The arm at the start.
         motion: Its motion along the path.
-        closest_approach: To a dynamic singularity, by the problem's measure.
     """
 
     branch: ArmBranch
     motion: Motion = field(repr=False)
-    closest_approach: ClosestApproach
+
+    @cached_property
+    def closest_approach(self) -> ClosestApproach:
+        """The closest approach to a dynamic singularity, by the problem's measure."""
+        return closest_approach(self.motion, self.motion.problem.margin.measure)
 
     @property
     def title(self) -> str:
@@ -102,7 +106,7 @@ class Simulation:
         limit_results: Limits along the chosen motion.
         contact: The deepest contact of bodies along the chosen motion; None without contact.
         violations: Limits that motions violate, by the number of their arm branch, of those
-            branches that were checked; not stored in files.
+            branches that were checked.
     """
 
     branches: tuple[SimulatedBranch, ...]
@@ -223,8 +227,7 @@ def _simulated(
     problem: Problem, attitude: Array, start: ArmBranch, **options: Any
 ) -> SimulatedBranch:
     motion = unwrapped(integrate_motion(problem, attitude, start.joints, **options))
-    approach = closest_approach(motion, problem.margin.measure)
-    return SimulatedBranch(replace(start, joints=motion.initial.joints), motion, approach)
+    return SimulatedBranch(replace(start, joints=motion.initial.joints), motion)
 
 
 def _branches(

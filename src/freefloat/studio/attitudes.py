@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
-from freefloat.ensemble.feasibility import BranchResults
+from freefloat.ensemble.result import BranchResults
 from freefloat.motion.problem import Problem
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.heading_map import HeadingMap

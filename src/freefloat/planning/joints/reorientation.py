@@ -17,6 +17,7 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.joints.loop_count import MOST_LOOPS, LoopCountSearch
 from freefloat.planning.joints.loop_motion import LoopMotions
+from freefloat.records import Joints, Quaternions
 from freefloat.so3 import Array, angle_between, frozen
 
 _SAME = 1e-9
@@ -49,9 +50,9 @@ class Reorientation:
     """
 
     problem: Problem = field(repr=False)
-    start: Array
-    goal: Array
-    joints: Array
+    start: Quaternions
+    goal: Quaternions
+    joints: Joints
     limits: Limits = field(repr=False)
     allowed: float | None
     reached: bool
@@ -64,6 +65,7 @@ class Reorientation:
     def __post_init__(self) -> None:
         for name in ("start", "goal", "joints"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
+        object.__setattr__(self, "limits", self.limits.without_turn)
 
     @property
     def duration(self) -> float | None:

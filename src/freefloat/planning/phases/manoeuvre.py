@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 from freefloat.dynamics.capture import Capture
 from freefloat.motion.motion import Motion
@@ -27,7 +27,7 @@ class PlannedPhase:
 
     name: str
     start: float
-    centre: Array
+    centre: Annotated[Array, "m"]
     result: Plan | Reorientation | JointMotion | Capture = field(repr=False)
 
     def __post_init__(self) -> None:

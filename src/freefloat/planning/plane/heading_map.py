@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from freefloat.concurrency import Progress
-from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import EnsembleResult
-from freefloat.errors import whole_number
+from freefloat.errors import InputError, whole_number
 from freefloat.motion.reach import reach_message
 from freefloat.planning.margin_map import MarginMap
 from freefloat.planning.settings import FEWEST_SAMPLES, Search
+from freefloat.records import Angles
 from freefloat.so3 import Array, IntArray, frozen, heading_quaternion
+
+if TYPE_CHECKING:  # compiled kernels are slow to import
+    from freefloat.ensemble.feasibility import FeasibilityEvaluator
 
 _TRIED = 24
 """Headings tried in each range when the largest margin is searched for."""
@@ -83,8 +86,14 @@ class HeadingMap(MarginMap):
         branches: Numbers of the arm branches, which are the columns of the results, shape (B,).
     """
 
-    headings: Array = field(repr=False)
+    headings: Angles = field(repr=False)
     branches: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        shape = len(self.headings), len(self.branches)
+        if self.results.exist.shape != shape or not np.isfinite(self.headings).all():
+            raise InputError("headings", f"{shape} headings and branches", "those of the results")
 
     @property
     def step(self) -> float:
