@@ -97,10 +97,10 @@ def _fields(kind: Any) -> dict[str, _Hint]:
 @cache
 def _derived(kind: Any) -> dict[str, str]:
     """Units of the derived properties of a record class."""
-    properties = {name: getattr(kind, name) for name in dir(kind) if name in vars(kind)}
     return {
         name: _parsed(get_type_hints(value.func, include_extras=True)["return"]).unit
-        for name, value in properties.items()
+        for base in kind.__mro__
+        for name, value in vars(base).items()
         if isinstance(value, derived)
     }
 
