@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.ensemble.branch_results import BranchResults
 from freefloat.ensemble.endings import COMPLETED, UNREACHED
-from freefloat.ensemble.result import EnsembleResult
+from freefloat.ensemble.result import BranchResults, EnsembleResult
 
 
 def branch_results(

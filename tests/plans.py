@@ -14,12 +14,12 @@ from freefloat.limits.limits import Limits
 from freefloat.planning import spatial_planner
 from freefloat.planning.plan import Plan
 from freefloat.planning.planner import plan
-from freefloat.planning.searches.adversary import Effort
 from freefloat.planning.settings import Search
 from freefloat.planning.space import climbing as search
 from freefloat.planning.space import deepest_ball as deepest
 from freefloat.planning.space import disturbances as tolerance
 from freefloat.planning.space import robust_radius as robustness
+from freefloat.planning.tolerance import Effort
 
 IDENTITY = [0.0, 0.0, 0.0, 1.0]
 

@@ -47,7 +47,7 @@ def _remove(random: Random, file: Any, name: str) -> None:
 
 
 def _rename(random: Random, file: Any, name: str) -> None:
-    other = random.choice([*file, "branch_x", "ranges/branch_x", "motion/odd"])
+    other = random.choice([*file, "odd", "result/odd", "result/chosen/odd", "result/ranges/7"])
     if other not in file:
         file.move(name, other)
 
@@ -99,7 +99,7 @@ def _elsewhere(random: Random, file: Any, name: str) -> None:
     if change == 0:
         file[name] = h5py.ExternalLink(random.choice(["other.h5", "/etc/passwd", "fifo"]), "/x")
     elif change == 1:
-        file[name] = h5py.SoftLink(random.choice(["/", name, "/nowhere", "/motion", "/held"]))
+        file[name] = h5py.SoftLink(random.choice(["/", name, "/nowhere", "/result", "/held"]))
     elif change == 2:
         file[name] = file["/"]
     else:

@@ -263,7 +263,6 @@ def test_every_dataset_of_a_file_is_described(in_folder: Path) -> None:
             file.visit(found.add)
             found |= set(file.attrs)
     names = {re.sub(r"\d+", lambda _: "K", name) for name in found}
-    names = {name.replace("segments/K", "segments/I") for name in names}
     groups = {name.partition("/")[0] for name in described}
     unknown = {name for name in names if name.partition("/")[0] not in described | groups}
     assert " ".join(sorted(unknown)) == ""

@@ -12,11 +12,9 @@ from scipy.spatial.transform import Rotation
 from freefloat.attitude_grids import attitude_grid
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.ensemble.endings import COMPLETED, SINGULAR, UNREACHED
-from freefloat.ensemble.feasibility import (
-    BranchResults,
-    FeasibilityEvaluator,
-    has_wrist_flipped_branches,
-)
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.result import BranchResults
+from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
 from freefloat.errors import UnreachableError
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem

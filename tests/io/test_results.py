@@ -3,9 +3,7 @@
 import json
 import os
 import shutil
-from dataclasses import replace
 from importlib.metadata import version
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -13,41 +11,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.attitude_grids import attitude_grid
 from freefloat.errors import InputError
 from freefloat.io.files import written_beside
-from freefloat.io.records.differences import differences
 from freefloat.io.records.hdf5 import AlteredFileError
-from freefloat.planning.candidates import Ball, BoundaryPoint, NearAttitude, Peak, Region
-from freefloat.planning.plan import Plan
-from freefloat.planning.plane.arcs import RangeLimitCause
-from freefloat.planning.plane.heading_map import HeadingMap
-from freefloat.planning.simulation import Simulation
-from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.robot.names import find_robot
-from freefloat.so3 import heading_quaternion
 from tests.errors import error_key
 from tests.hostile_samples import plans
-from tests.maps import branch_results
-from tests.plans import planar_plan, smaller_searches
 from tests.result_files import altered, replaced, with_digest
 
 pytestmark = pytest.mark.usefixtures("kernels")
-
-
-def assert_same(document, other, key=""):
-    """Assert that JSON documents agree but for the last digits of converted angles."""
-    if isinstance(document, dict):
-        assert document.keys() == other.keys(), key
-        for name in document:
-            assert_same(document[name], other[name], f"{key}.{name}")
-    elif isinstance(document, list):
-        for index, pair in enumerate(zip(document, other, strict=True)):
-            assert_same(*pair, f"{key}[{index}]")
-    elif isinstance(document, float):
-        assert other == pytest.approx(document, rel=1e-12, abs=1e-12), key
-    else:
-        assert document == other, key
 
 
 def assert_same_motion(motion, other):
@@ -64,123 +36,14 @@ def saved(tmp_path_factory):
     return path
 
 
-def causes(entries):
-    return [part.causes for entry in entries for part in entry.ranges]
-
-
-@pytest.mark.slow
-def test_a_plan_comes_back_as_it_was(tmp_path):
-    plan = planar_plan()
-    ff.save(plan, tmp_path / "plan.h5")
-    loaded = ff.load(tmp_path / "plan.h5")
-    assert isinstance(loaded, Plan)
-    assert_same(loaded.to_dict(), plan.to_dict())
-    assert_same_motion(loaded.chosen.motion, plan.chosen.motion)
-    for loaded_segment, segment in zip(loaded.segments, plan.segments, strict=True):
-        for name in ("at_start", "at_end", "joined_at_end"):
-            assert causes(getattr(loaded_segment, name)) == causes(getattr(segment, name))
-    stored = {cause for s in loaded.segments for pair in causes(s.at_end) for cause in pair}
-    assert RangeLimitCause.REACH in stored
-    assert [entry.ranges for entry in loaded.ranges] == [entry.ranges for entry in plan.ranges]
-    assert (loaded.search.objective, loaded.stretch) == (plan.search.objective, 1.0)
-    assert loaded.certificate == plan.certificate
-    assert os.listdir(tmp_path) == ["plan.h5"]
-    assert ff.check(loaded).passed
-
-
-@pytest.mark.slow
-def test_a_plan_in_space_comes_back_with_its_map(tmp_path):
-    with smaller_searches():
-        plan = ff.plan(ff.load_scenario("spatial_6dof/line").problem(), ff.Search(samples=64))
-    ff.save(plan, tmp_path / "plan.h5")
-    loaded = ff.load(tmp_path / "plan.h5")
-    assert_same(loaded.to_dict(), plan.to_dict())
-    assert np.array_equal(loaded.map.margins, plan.map.margins)
-    assert loaded.tolerance == plan.tolerance
-    assert loaded.limits is None
-
-
-def test_an_infeasible_plan_comes_back_without_a_motion(tmp_path):
-    problem = ff.load_scenario("planar_3dof/parabola").problem()
-    ff.save(Plan(problem, ff.Search(), False, "no attitude is feasible"), tmp_path / "plan.h5")
-    loaded = ff.load(tmp_path / "plan.h5")
-    assert (loaded.feasible, loaded.chosen) == (False, None)
-    assert loaded.reason == "no attitude is feasible"
-    assert loaded.problem.margin.threshold == 5.0
-
-
-def test_a_simulation_comes_back_with_all_branches(tmp_path):
-    """One of them ends in a singularity."""
-    problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
-    simulation = ff.simulate(problem, heading_quaternion(np.radians(140.0)), branch=0)
-    ff.save(simulation, tmp_path / "motion.h5")
-    loaded = ff.load(tmp_path / "motion.h5")
-    assert isinstance(loaded, Simulation)
-    for branch, other in zip(loaded.branches, simulation.branches, strict=True):
-        assert_same_motion(branch.motion, other.motion)
-        assert (branch.branch.index, branch.title) == (other.branch.index, other.title)
-        assert branch.closest_approach == other.closest_approach
-    assert loaded.chosen is loaded.branches[simulation.branches.index(simulation.chosen)]
-
-
-def test_limits_and_the_text_of_the_scenario_come_back(tmp_path):
-    scenario = ff.load_scenario("planar_2dof/line")
-    simulation = ff.simulate(scenario.problem(), [0.0, 0.0, 0.0, 1.0], limits=scenario.limits())
-    ff.save(simulation, tmp_path / "motion.h5", scenario)
-    loaded = ff.load(tmp_path / "motion.h5")
-    assert [result.limit for result in loaded.limit_results] == [
-        result.limit for result in simulation.limit_results
-    ]
-    assert_same(loaded.to_dict(), simulation.to_dict())
-    with h5py.File(tmp_path / "motion.h5") as file:
-        assert file["scenario"].asstr()[()] == scenario.text
-
-
-def test_a_map_over_headings_comes_back(tmp_path):
-    computed = ff.attitude_map(ff.load_scenario("planar_3dof/parabola").problem(), 12)
-    ff.save(computed, tmp_path / "map.h5")
-    loaded = ff.load(tmp_path / "map.h5")
-    assert isinstance(loaded, HeadingMap)
-    assert_same(loaded.to_dict(), computed.to_dict())
-    with pytest.raises(ValueError, match="read-only"):
-        loaded.results.motions.minimum[0, 0] = 1.0
-
-
-def test_a_map_in_space_comes_back(tmp_path):
-    random, attitudes = np.random.default_rng(5), attitude_grid(8)
-    margins, joints = random.random((8, 8)), random.random((8, 8, 6))
-    computed = AttitudeMap(
-        ff.load_scenario("spatial_6dof/line").problem(),
-        replace(branch_results(attitudes, margins, determinant_ratios=margins / 2), joints=joints),
-        regions=(Region(1, 0.5, 0.1, attitudes[0], 0.3),),
-        best=Peak(attitudes[1], 2, 7.0),
-        robust=Ball(attitudes[2], 1, 0.2),
-        nearest_to=attitudes[3],
-        nearest=NearAttitude(attitudes[4], 0, 0.1),
-        boundary=(BoundaryPoint(attitudes[5], 3, None),),
-        tangency=(BoundaryPoint(attitudes[6], 3, 0.01),),
-        search=ff.Search(seed=5),
-        seconds=1.5,
-    )  # fmt: skip
-    ff.save(computed, tmp_path / "map.h5")
-    loaded = ff.load(tmp_path / "map.h5")
-    assert isinstance(loaded, AttitudeMap)
-    assert_same(loaded.to_dict(), computed.to_dict())
-    for name in ("attitudes", "margins", "nearest_to"):
-        assert np.array_equal(getattr(loaded, name), getattr(computed, name))
-    for values, other in zip(loaded.results.motions, computed.results.motions, strict=True):
-        assert np.array_equal(values, other, equal_nan=True)
-    assert np.array_equal(loaded.results.joints, joints)
-
-
 def test_plain_hdf5_tools_can_read_it(saved):
     """Only arrays of numbers, texts and attributes with units."""
     with h5py.File(saved) as file:
         kinds = []
         file.visititems(lambda _, item: kinds.append(getattr(item, "dtype", None)))
         assert {str(kind) for kind in kinds if kind is not None} <= {"float64", "int64", "object"}
-        assert file["motion/time"].attrs["unit"] == "s"
-        assert file["motion"].attrs["joint_names"].tolist() == ["q1", "q2", "q3"]
+        assert file["result/chosen/motion/times"].attrs["unit"] == "s"
+        assert file.attrs["joint_names"].tolist() == ["q1", "q2", "q3"]
         assert json.loads(file["document"].asstr()[()])["feasible"] is True
         assert file.attrs["software_freefloat"] == version("freefloat")
 
@@ -224,27 +87,6 @@ def test_a_file_suffices_when_scenario_robot_and_samples_are_gone(tmp_path, monk
     assert loaded.residuals().end_effector_position < 1e-7
 
 
-@pytest.mark.parametrize(
-    ("name", "kind"),
-    [
-        ("plan", Plan),
-        ("motion", Simulation),
-        ("heading_map", HeadingMap),
-        ("attitude_map", AttitudeMap),
-    ],
-)
-def test_files_of_version_0_1_0_are_loaded(name, kind):
-    """The files and documents in version_0_1_0 were written by that version."""
-    folder = Path(__file__).parent / "version_0_1_0"
-    loaded = ff.load(folder / f"{name}.h5")
-    assert isinstance(loaded, kind)
-    document = {} if kind is Simulation else loaded.to_dict()
-    stated = json.loads((folder / f"{name}.json").read_text())
-    for key in ("min_margin", "initial", "final", "best", "tolerance", "attitude_ranges_deg"):
-        if key in document:
-            assert not list(differences(stated[key], document[key], key))
-
-
 # --- broken files -----------------------------------------------------------------------------
 
 
@@ -255,6 +97,7 @@ def attribute(name, value, group="/"):
 KINDS = {
     "format": attribute("format", "other"),
     "future": attribute("version", 99),
+    "past": attribute("version", 2),
     "link": lambda file: file.__setitem__("odd", h5py.SoftLink("/motion")),
     "external": lambda file: file.__setitem__("odd", h5py.ExternalLink("x.h5", "/x")),
     "huge": lambda file: file.create_dataset("odd", (10**9,), "f8"),
@@ -271,17 +114,27 @@ def test_files_of_another_kind_are_input_errors(saved, tmp_path, name):
     assert caught.value.source == str(path)
 
 
+MOTION = "result/chosen/motion"
+SHORTER = [replaced(f"{MOTION}/{name}", lambda values: values[:-1])
+           for name in ("times", "attitudes", "joints", "base_positions")]  # fmt: skip
 BROKEN = {
-    "ending": attribute("ending", "LOST", "motion"),
-    "no joints": lambda file: file.__delitem__("motion/joints"),
-    "nan": replaced("motion/joints", lambda q: q * np.nan),
-    "back": replaced("motion/time", lambda t: t[np.argsort(np.sin(t))]),
-    "base": replaced("motion/base_position", lambda p: p + 1e-6),
+    "class": attribute("class", "Capture", "result/chosen"),
+    "ending": attribute("ending", "LOST", MOTION),
+    "no joints": lambda file: file.__delitem__(f"{MOTION}/joints"),
+    "unknown": lambda file: file.create_group(f"{MOTION}/odd"),
+    "text": attribute("stretch", "1.0", "result"),
+    "whole numbers": replaced(f"{MOTION}/joints", lambda q: q.astype(int)),
+    "nan": replaced(f"{MOTION}/joints", lambda q: q * np.nan),
+    "columns": replaced(f"{MOTION}/joints", lambda q: q[:, :2]),
+    "panels": lambda file: [change(file) for change in SHORTER],
+    "norm": replaced(f"{MOTION}/attitudes", lambda a: 1.001 * a),
+    "back": replaced(f"{MOTION}/times", lambda t: t[np.argsort(np.sin(t))]),
+    "base": replaced(f"{MOTION}/base_positions", lambda p: p + 1e-6),
     "document": replaced("document", lambda _: "[1, 2"),
     "scenario": replaced("scenario", lambda _: "task: dance"),
     "robot": replaced("robot", lambda _: "<robot/>"),
     "end-effector": attribute("end_effector", "link_3"),
-    "ranges": lambda file: file.__delitem__("ranges/branch_0"),
+    "ranges": lambda file: file.__delitem__("result/ranges/0/ranges/0"),
 }
 
 
@@ -319,7 +172,7 @@ RESTATED = {
     "attitude_ranges_deg[0].ranges[0][1]": restated(
         "attitude_ranges_deg", 0, "ranges", 0, 1, by=lambda high: high - 1.0
     ),
-    "feasible": attribute("feasible", False),
+    "feasible": attribute("feasible", False, "result"),
     "duration": replaced("scenario", lambda text: text.replace("duration: 5", "duration: 6")),
     "min_margin.required": replaced("scenario", lambda text: text.replace("value: 5", "value: 50")),
 }

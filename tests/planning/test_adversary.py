@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from freefloat.planning.searches.adversary import BEYOND, Effort, confirmed_radius, violations
+from freefloat.planning.searches.adversary import BEYOND, confirmed_radius, violations
+from freefloat.planning.tolerance import Effort
 
 EFFORT = Effort(samples=512, descents=12)
 

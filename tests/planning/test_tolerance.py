@@ -17,7 +17,8 @@ from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
 from freefloat.paths.timing import TimedPath
 from freefloat.planning.simulation import simulate
-from freefloat.planning.space.disturbances import Tolerance, tolerance
+from freefloat.planning.space.disturbances import tolerance
+from freefloat.planning.tolerance import Tolerance
 from tests.motions import GOOD, bundled
 
 

@@ -446,10 +446,3 @@ def test_maps_unknown_engines_and_a_missing_mujoco_are_input_errors(simulated, m
     assert error_key(ff.check, simulated, "bullet") == "engine"
     monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
     assert error_key(ff.check, simulated, "mujoco") == "engine"
-
-
-@pytest.mark.slow
-def test_a_plan_of_version_0_1_0_is_verified():
-    """Its proof took other intervals, and its flat minimum is elsewhere."""
-    file = Path(__file__).parents[1] / "io" / "version_0_1_0" / "plan.h5"
-    assert ff.check(ff.load(file)).passed

@@ -9,7 +9,7 @@ change.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -90,17 +90,17 @@ class Capture:
     """
 
     model: FreeFloatingModel = field(repr=False)
-    mismatch: Array
-    impulse: Array
-    joint_rates: Array
-    base_rate: Array
-    momentum: Array
-    velocity: Array
-    centre_of_mass: Array
-    locked_rate: Array
+    mismatch: Annotated[Array, "m/s, rad/s"]
+    impulse: Annotated[Array, "N s, N m s"]
+    joint_rates: Annotated[Array, "rad/s or m/s"]
+    base_rate: Annotated[Array, "rad/s"]
+    momentum: Annotated[Array, "N m s"]
+    velocity: Annotated[Array, "m/s"]
+    centre_of_mass: Annotated[Array, "m"]
+    locked_rate: Annotated[Array, "rad/s"]
     smallest_rate: float
     largest_rate: float
-    wheel_momentum: Array
+    wheel_momentum: Annotated[Array, "N m s"]
 
     def to_dict(self) -> dict[str, Any]:
         """The capture as a JSON document."""

@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from freefloat.attitude_grids import attitude_grid
 from freefloat.concurrency import Progress, require_memory
-from freefloat.ensemble.branch_results import BranchResults, has_wrist_flipped_branches
 from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator
-from freefloat.ensemble.result import REGULAR_RATIO, EnsembleResult
+from freefloat.ensemble.result import REGULAR_RATIO, BranchResults, EnsembleResult
+from freefloat.ensemble.wrist_flips import WRIST_BODIES, flip_wrists, has_wrist_flipped_branches
 from freefloat.ik.branches import closed_form
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.pointing import AttitudeLimits
@@ -26,11 +26,6 @@ _AMPLE = 1e9
 _ATTITUDE_SIZE, _MOTION_SIZE, _JOINT_SIZE = 500, 200, 40
 """Memory of a map for an attitude, for each of its motions, and for each joint of these, with the
 copies made of it [bytes]."""
-_WRIST_BODIES = 4, 5
-"""The bodies that wrist-flipped branches place differently."""
-_FLIPPED_JOINT = 4
-"""The joint of a spherical wrist whose sign differs between wrist-flipped branches."""
-
 Branch = int | IntArray | None
 """Number of an arm branch, or one for each attitude, shape (K,); None for the best of all."""
 
@@ -73,7 +68,7 @@ class FeasibilityEvaluator:
     def _on_wrist(self) -> bool:
         """Whether an axis moves differently along wrist-flipped branches."""
         places = self.problem.model.link_places
-        return any(places[limit.body][0] in _WRIST_BODIES for limit in self.limits.pointing)
+        return any(places[limit.body][0] in WRIST_BODIES for limit in self.limits.pointing)
 
     @property
     def threads(self) -> int:
@@ -124,7 +119,7 @@ class FeasibilityEvaluator:
         selected = np.searchsorted(integrated, sources)
         table = table.columns(selected)
         if flipped:
-            _flip_wrists(table, columns % 2 == 1, joints[:, sources], joints[:, columns])
+            flip_wrists(table, columns % 2 == 1, joints[:, sources], joints[:, columns])
         joints = joints[:, columns]
         for values in (joints, *table):
             values.setflags(write=False)
@@ -194,26 +189,3 @@ def regularity(motions: EnsembleResult, threshold: float) -> Array:
 def is_kept(values: Array) -> npt.NDArray[np.bool_]:
     """Which motions, by their :func:`regularity` (..., 2), keep the rule, shape (...)."""
     return keeps_threshold(values.min(axis=-1), 1.0)
-
-
-def _flip_wrists(
-    table: EnsembleResult, odd: npt.NDArray[np.bool_], integrated: Array, flipped: Array
-) -> None:
-    """Replace results of branches 2 k by those of their wrist-flipped branches, in place.
-
-    Args:
-        table: Results, arrays of leading shape (K, B).
-        odd: The columns to change, shape (B,).
-        integrated: Initial joint values of the integrated branches, shape (K, B, 6).
-        flipped: Those of the branches of the columns, shape (K, B, 6).
-    """
-    sign = np.ones(6)
-    sign[_FLIPPED_JOINT] = -1.0
-    start, offset = integrated[:, odd], flipped[:, odd]
-    final, low, high = (
-        offset + sign * (values[:, odd] - start)
-        for values in (table.joints, table.lower, table.upper)
-    )
-    table.joints[:, odd] = final
-    table.lower[:, odd], table.upper[:, odd] = np.minimum(low, high), np.maximum(low, high)
-    table.evaluations[:, odd] = 0

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass, field
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from freefloat.ensemble.endings import COMPLETED, UNREACHED
+from freefloat.errors import InputError
 from freefloat.motion.margin import keeps_threshold
+from freefloat.records import Joints, Quaternions, Times
 from freefloat.so3 import Array, IntArray
 
 REGULAR_RATIO = 0.01
 """Smallest ratio of the minimum and maximum magnitude of det S* along a regular motion."""
+_ENDINGS = (
+    "code: 0 completed, 1 singular, 2 margin violated, 3 step limit reached, 4 limited, "
+    "-1 no such branch"
+)
 
 
 class EnsembleResult(NamedTuple):
@@ -37,16 +44,16 @@ class EnsembleResult(NamedTuple):
             where they are violated, shape (K, L).
     """
 
-    endings: npt.NDArray[np.int8]
-    ended_at: Array
-    minimum: Array
-    minimum_at: Array
-    attitudes: Array
-    joints: Array
-    rates: Array
-    lower: Array
-    upper: Array
-    determinant_ratios: Array
+    endings: Annotated[npt.NDArray[np.int8], _ENDINGS]
+    ended_at: Times
+    minimum: Annotated[Array, "that of the measure"]
+    minimum_at: Times
+    attitudes: Quaternions
+    joints: Joints
+    rates: Annotated[Array, "rad/s or m/s"]
+    lower: Joints
+    upper: Joints
+    determinant_ratios: Annotated[Array, "1, smallest over largest det S*"]
     evaluations: IntArray
     slacks: Array
 
@@ -74,6 +81,50 @@ class EnsembleResult(NamedTuple):
     def keeps(self, margin: float) -> npt.NDArray[np.bool_]:
         """Which motions complete and keep a margin, shape (K,)."""
         return np.asarray((self.endings == COMPLETED) & keeps_threshold(self.minimum, margin))
+
+
+@dataclass(frozen=True, eq=False)
+class BranchResults:
+    """Results of the motions from K attitudes along B arm branches each.
+
+    Attributes:
+        attitudes: Initial attitudes, quaternions x, y, z, w, shape (K, 4).
+        joints: Initial joint values of each arm branch, NaN where it does not exist, (K, B, n).
+        motions: Results of their motions, arrays of leading shape (K, B).
+
+    Raises:
+        InputError: If the shapes are others.
+    """
+
+    attitudes: Quaternions = field(repr=False)
+    joints: Joints = field(repr=False)
+    motions: EnsembleResult = field(repr=False)
+
+    def __post_init__(self) -> None:
+        (*shape, n), motions = self.joints.shape, self.motions
+        shapes = {values.shape[:2] for values in motions}
+        widths = {values.shape[2] for values in (motions.rates, motions.lower, motions.upper)}
+        if self.attitudes.shape != (shape[0], 4) or shapes != {(*shape,)} or widths != {n}:
+            raise InputError("results", f"shapes {shapes} were given", "a table of motions")
+
+    @property
+    def exist(self) -> npt.NDArray[np.bool_]:
+        """Where an arm branch exists, shape (K, B)."""
+        return np.asarray(self.motions.endings != UNREACHED)
+
+    @property
+    def margins(self) -> Array:
+        """Minimum magnitudes of the measure, zero for motions that do not complete, (K, B)."""
+        return np.where(self.motions.endings == COMPLETED, self.motions.minimum, 0.0)
+
+    @property
+    def existing_margins(self) -> Array:
+        """As :attr:`margins`, but nan where there is no such arm branch."""
+        return np.where(self.exist, self.margins, np.nan)
+
+    def columns(self, numbers: IntArray) -> BranchResults:
+        """The results of some of the columns."""
+        return BranchResults(self.attitudes, self.joints[:, numbers], self.motions.columns(numbers))
 
 
 def is_regular(determinant_ratios: Array) -> npt.NDArray[np.bool_]:

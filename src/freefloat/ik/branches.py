@@ -26,6 +26,7 @@ from freefloat.ik.chain import Chain
 from freefloat.ik.configurations import isolated_configurations, spread_configurations
 from freefloat.ik.numbering import MAX_BRANCHES, numbered_branches
 from freefloat.ik.parallel_axes import solve_parallel_axes
+from freefloat.records import Joints
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, Pose, frozen
 
@@ -62,7 +63,7 @@ class ArmBranch:
 
     index: int
     label: str
-    joints: Array
+    joints: Joints
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ from freefloat.errors import InputError
 from freefloat.motion.joint_integration import integrate_joints
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
+from freefloat.records import Joints
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen
 
@@ -49,9 +50,9 @@ class JointLoops:
         array([-0.3,  0.7])
     """
 
-    joints: Array
-    cosines: Array
-    sines: Array
+    joints: Joints
+    cosines: Joints
+    sines: Joints
     count: int
 
     def __post_init__(self) -> None:

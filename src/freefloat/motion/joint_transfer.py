@@ -13,6 +13,7 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.paths.timing import TimedPath, TimeLaw, Timing
 from freefloat.paths.transfer import quintic
+from freefloat.records import Joints
 from freefloat.so3 import Array, frozen
 
 _PANELS = 24
@@ -26,7 +27,7 @@ class JointTransfer:
         coefficients: Lowest power first [rad or m], shape (6, n).
     """
 
-    coefficients: Array
+    coefficients: Joints
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "coefficients", frozen(self.coefficients))

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,9 +21,14 @@ from freefloat.motion.law import JointCurve, JointLaw, Law, PathLaw
 from freefloat.motion.panels import DEGREE, NODES, TO_COEFFICIENTS
 from freefloat.motion.problem import Problem
 from freefloat.motion.residuals import momentum_errors, path_errors
+from freefloat.records import Joints, Quaternions, Times, derived
 from freefloat.so3 import Array, IntArray, frozen
 
 _BISECTIONS = 60
+_LARGEST = 1e12
+"""Largest number in a motion."""
+_ROUNDING = 1e-9
+"""Deviation of the norm of a quaternion from 1."""
 
 
 class Ending(Enum):
@@ -99,18 +104,40 @@ class Motion:
         joints: Joint values [rad or m], shape (N, n).
         curve: The joints by s where they are prescribed; None where the path of the problem is
             followed.
+
+    Raises:
+        InputError: If these are not the nodes of whole panels, with finite numbers, unit
+            quaternions of which neighbours are near, and times that rise or fall.
     """
 
     problem: Problem = field(repr=False)
     ending: Ending
-    times: Array = field(repr=False)
-    attitudes: Array = field(repr=False)
-    joints: Array = field(repr=False)
+    times: Times = field(repr=False)
+    attitudes: Quaternions = field(repr=False)
+    joints: Joints = field(repr=False)
     curve: JointCurve | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("times", "attitudes", "joints"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
+        self._require_nodes()
+
+    def _require_nodes(self) -> None:
+        times, attitudes, joints = self.times, self.attitudes, self.joints
+        shapes, count = (times.shape, attitudes.shape, joints.shape), times.size
+        accepted = (count,), (count, 4), (count, self.problem.model.dof)
+        if shapes != accepted or count % DEGREE != 1:
+            raise InputError("motion", f"shapes {shapes} were given", "8 k + 1 nodes of its robot")
+        if not all((np.abs(values) <= _LARGEST).all() for values in (times, attitudes, joints)):
+            accepted_numbers = "finite numbers up to 1e12"
+            raise InputError("motion", "it has numbers that are not finite", accepted_numbers)
+        error = np.abs(np.linalg.norm(attitudes, axis=1) - 1.0)
+        if error.max() > _ROUNDING or ((attitudes[1:] * attitudes[:-1]).sum(axis=1) < 0.0).any():
+            problem = f"node {error.argmax()} has the norm 1 + {error.max():.3g}, or signs change"
+            raise InputError("motion.attitudes", problem, "unit quaternions, neighbours near")
+        steps = np.diff(times)
+        if not ((steps >= 0.0).all() or (steps <= 0.0).all()):
+            raise InputError("motion.times", "they rise and fall", "times that rise, or fall")
 
     @property
     def law(self) -> Law:
@@ -134,8 +161,8 @@ class Motion:
         """Whether the whole path was followed."""
         return self.ending is Ending.COMPLETED
 
-    @cached_property
-    def base_positions(self) -> Array:
+    @derived
+    def base_positions(self) -> Annotated[Array, "m"]:
         """Root link relative to the centre of mass, at the nodes [m], shape (N, 3)."""
         base_position = self.problem.model.base_position
         nodes = zip(self.attitudes, self.joints, strict=True)

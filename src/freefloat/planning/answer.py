@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -61,7 +61,7 @@ class PhaseResult:
     kind: str
     result: Finding = field(repr=False)
     start: float = 0.0
-    centre: Array = field(default_factory=_zeros)
+    centre: Annotated[Array, "m"] = field(default_factory=_zeros)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "centre", frozen(self.centre))

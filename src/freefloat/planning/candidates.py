@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from freefloat.limits.limits import LimitKind
-from freefloat.so3 import Array, angle_between
+from freefloat.records import Quaternions
+from freefloat.so3 import angle_between
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +22,7 @@ class Candidate:
         branch: Number of the arm branch; None for the best of a redundant arm.
     """
 
-    attitude: Array
+    attitude: Quaternions
     branch: int | None
 
     def is_near(self, others: Sequence[Candidate], angle: float) -> bool:
@@ -124,7 +125,7 @@ class Region:
     branch: int | None
     fraction: float
     error: float
-    centre: Array
+    centre: Quaternions
     depth: float
     searched: float = 1.0
 

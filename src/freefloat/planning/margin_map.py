@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.ensemble.branch_results import BranchResults
+from freefloat.ensemble.result import BranchResults
+from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
 from freefloat.planning.settings import Search
 from freefloat.so3 import Array
@@ -22,12 +23,20 @@ class MarginMap:
         results: Results of the motions, in a row for each attitude and a column for each branch.
         search: Objective and domain of the search; the attitudes are in the domain.
         seconds: Computing time [s].
+
+    Raises:
+        InputError: If the results are not those of the robot.
     """
 
     problem: Problem = field(repr=False)
     results: BranchResults = field(repr=False)
     search: Search = field(default_factory=Search, repr=False, kw_only=True)
     seconds: float = field(default=0.0, kw_only=True)
+
+    def __post_init__(self) -> None:
+        count = self.results.joints.shape[2]
+        if count != self.problem.model.dof:
+            raise InputError("results", f"they have {count} joints", "those of the robot")
 
     @property
     def attitudes(self) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from html import escape
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from freefloat.certificate.certificate import Certificate
 from freefloat.limits.contact import Contact
@@ -13,17 +13,14 @@ from freefloat.limits.limits import LimitResult, Limits, violated
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.answer import Answer, PhaseResult
+from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.plane.arcs import BranchRanges, covered_angle
 from freefloat.planning.plane.segment import Segment
 from freefloat.planning.settings import Search
 from freefloat.planning.simulation import SimulatedBranch
+from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.planning.tolerance import Effort, Tolerance
 from freefloat.so3 import angle_between, degrees, heading_of
-
-if TYPE_CHECKING:  # compiled kernels take half a second to import
-    from freefloat.planning.candidates import ScreenedCandidate
-    from freefloat.planning.searches.adversary import Effort
-    from freefloat.planning.space.attitude_map import AttitudeMap
-    from freefloat.planning.space.disturbances import Tolerance
 
 _MOTION_KEYS = (
     "singular", "min_margin", "branch", "initial", "final", "residuals", "redundancy",
@@ -58,7 +55,7 @@ class Plan(Answer):
         excluded: How many candidates violated which limit first.
         needed_stretch: Factor on the duration with which a candidate keeps margin and limits, where
             the duration alone is too short and such a factor is known.
-        stretch_candidate: Attitude and arm branch of that candidate; not stored in files.
+        stretch_candidate: Attitude and arm branch of that candidate.
         stretch: Factor by which the duration was stretched.
         certificate: Bounds and errors of the chosen motion.
         contact: The deepest contact of bodies along the chosen motion; None without contact.

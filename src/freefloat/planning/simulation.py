@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -33,12 +34,15 @@ class SimulatedBranch:
     Attributes:
         branch: The arm at the start.
         motion: Its motion along the path.
-        closest_approach: To a dynamic singularity, by the problem's measure.
     """
 
     branch: ArmBranch
     motion: Motion = field(repr=False)
-    closest_approach: ClosestApproach
+
+    @cached_property
+    def closest_approach(self) -> ClosestApproach:
+        """The closest approach to a dynamic singularity, by the problem's measure."""
+        return closest_approach(self.motion, self.motion.problem.margin.measure)
 
     @property
     def title(self) -> str:
@@ -106,8 +110,7 @@ class Simulation(Answer):
         limits: Limits checked in addition to the joint ranges; None where none were checked.
         limit_results: Limits along the chosen motion.
         contact: The deepest contact of bodies along the chosen motion; None without contact.
-        verdicts: Verdicts on motions whose limits were checked, by the number of their arm branch;
-            not stored in files.
+        verdicts: Verdicts on motions whose limits were checked, by the number of their arm branch.
     """
 
     kind: ClassVar[str] = "motion"
@@ -246,8 +249,7 @@ def _simulated(
     problem: Problem, attitude: Array, start: ArmBranch, **options: Any
 ) -> SimulatedBranch:
     motion = unwrapped(integrate_motion(problem, attitude, start.joints, **options))
-    approach = closest_approach(motion, problem.margin.measure)
-    return SimulatedBranch(replace(start, joints=motion.initial.joints), motion, approach)
+    return SimulatedBranch(replace(start, joints=motion.initial.joints), motion)
 
 
 def _branches(

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from numpy.polynomial import chebyshev
 
 from freefloat.dynamics.joint_space import configurations
+from freefloat.errors import InputError
 from freefloat.so3 import Array, IntArray
 
 _ROUNDINGS, _EPSILON = 10.0, 1e-15
@@ -106,11 +107,20 @@ class JointPolynomial:
         coefficients: Coefficients of products of these functions, an axis for each joint.
         residual: Largest deviation from the function that it represents, relative to the largest
             magnitude, at configurations that were not used to determine the coefficients.
+
+    Raises:
+        InputError: If the coefficients are not those of products of these functions.
     """
 
     bases: tuple[JointBasis, ...]
     coefficients: Array = field(repr=False)
     residual: float
+
+    def __post_init__(self) -> None:
+        sizes = tuple(basis.size for basis in self.bases)
+        if self.coefficients.shape != sizes:
+            problem = f"coefficients of shape {self.coefficients.shape} were given"
+            raise InputError("polynomial", problem, f"shape {sizes}")
 
     @property
     def degrees(self) -> tuple[int, ...]:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -39,6 +39,8 @@ _BOXES, _MOST_BOXES = 2**15, 50_000_000
 """Boxes that are processed together, and the largest number of all, which takes minutes."""
 _SAMPLE = 2**13
 """Number of boxes of a coarse map from which that of a finer one is estimated."""
+_NODES = "joint of a cut, or 252 positive, 253 negative, 254 singular, 255 undecided"
+"""Unit of nodes in files."""
 
 
 class Kind(IntEnum):
@@ -68,16 +70,26 @@ class SingularityMap:
         resolution: Boxes that are not free of singularities are at most this wide across the joint
             that changes det A most [rad]; a prismatic joint's range counts as a revolution.
         nodes: The tree of boxes, see the module, shape (N,).
+
+    Raises:
+        InputError: If the polynomial is not of the robot, or the nodes are no tree of boxes.
     """
 
     kind: ClassVar[str] = "singularity map"
 
     model: FreeFloatingModel = field(repr=False)
     task: Task
-    polynomial: JointPolynomial = field(repr=False)
+    polynomial: SingularityPolynomial = field(repr=False)
     fixed: Mapping[str, float]
     resolution: float
-    nodes: npt.NDArray[np.uint8] = field(repr=False)
+    nodes: Annotated[npt.NDArray[np.uint8], _NODES] = field(repr=False)
+
+    def __post_init__(self) -> None:
+        codes = [*self.joints, *Kind]
+        if len(self.polynomial.bases) != self.model.dof:
+            raise InputError("polynomial", "it has other joints", "those of the robot")
+        if self.levels[-1].stop != len(self.nodes) or not np.isin(self.nodes, codes).all():
+            raise InputError("nodes", "they are no tree of boxes", "those of singularity_map")
 
     @property
     def joints(self) -> list[int]:

@@ -74,7 +74,7 @@ class Check:
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document."""
-        keys = {"detail": "told", "recomputed": "found"}  # unchanged since 0.1.0
+        keys = {"detail": "told", "recomputed": "found"}
         return {
             keys.get(key, key): None
             if isinstance(value, float) and not np.isfinite(value)

@@ -27,8 +27,7 @@ from freefloat.verification.report import PINOCCHIO, CheckReport
 _RELATIVE = 1e-4
 """Relative deviation of extrema, which are found by search."""
 _BOUND = 1.0 / 9.0
-"""Relative deviation of a proven bound: a proof stops at nine tenths of the minimum or above,
-and that of 0.1.0 took other intervals."""
+"""Relative deviation of a proven bound: a proof stops at nine tenths of the minimum or above."""
 _ABSOLUTE = 1e-9
 """Absolute deviation of all numbers: rounding."""
 _EXACT = 1e-6

@@ -9,31 +9,27 @@ from __future__ import annotations
 
 import hashlib
 import io
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import h5py
-import numpy.typing as npt
+import numpy as np
 
 from freefloat.errors import InputError
 from freefloat.io.files import written_beside
+from freefloat.records import Quantity, Tree
 
-Document = dict[str, Any]
-"""JSON document of a record."""
 TEXT = h5py.string_dtype()
 """Type of texts."""
-QUATERNION = "1, quaternion x y z w"
-"""Unit of attitudes."""
 _BLOCK = 512
 """Bytes of the user block."""
 _MARK = b"freefloat SHA-256 "
-_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _UNREADABLE = (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError)
 """Errors that h5py raises for content that is missing or of another kind."""
-_MAX_DEPTH = 8
-"""Nested groups; result files have five."""
+_MAX_DEPTH = 16
+"""Nested groups; result files have ten."""
 _MAX_RATIO, _MAX_SMALL = 20, 50_000_000
 """An array has at most so many bytes in memory for each byte on disk, or so many bytes."""
 
@@ -62,10 +58,8 @@ def write_hdf5(path: Path, build: Callable[[Any], None]) -> None:
 def open_hdf5(path: Path, accepted: str) -> Iterator[Any]:
     """Context with an HDF5 file that was verified and is open for reading.
 
-    Files of freefloat 0.1.0 have no user block; they are read as they are.
-
     Raises:
-        InputError: If it is no HDF5 file.
+        InputError: If it is no result file.
         AlteredFileError: If its digest is not that of its content.
     """
     try:
@@ -73,14 +67,13 @@ def open_hdf5(path: Path, accepted: str) -> Iterator[Any]:
             raise InputError("file", "no such file", accepted, str(path))
         with path.open("rb") as stream:
             block = stream.read(_BLOCK)
-            if block.startswith(_MARK):
-                stated = block[len(_MARK) :].split(b"\n")[0].decode("ascii", "replace")
-                stream.seek(_BLOCK)
-                if hashlib.file_digest(stream, "sha256").hexdigest() != stated:
-                    problem = "it was altered: its SHA-256 is not the stated one"
-                    raise AlteredFileError("file", problem, accepted, str(path))
-            elif not block.startswith(_SIGNATURE):
+            if not block.startswith(_MARK):
                 raise InputError("file", "it is not a result file", accepted, str(path))
+            stated = block[len(_MARK) :].split(b"\n")[0].decode("ascii", "replace")
+            stream.seek(_BLOCK)
+            if hashlib.file_digest(stream, "sha256").hexdigest() != stated:
+                problem = "it was altered: its SHA-256 is not the stated one"
+                raise AlteredFileError("file", problem, accepted, str(path))
         with h5py.File(path, "r") as file:
             _require_plain(file)
             yield file
@@ -105,19 +98,43 @@ def _require_plain(group: Any) -> None:
             raise ValueError(f"its part {name} states a size that the file does not hold")
 
 
-def write_arrays(group: Any, arrays: Mapping[str, tuple[npt.ArrayLike, str]]) -> None:
-    """Write arrays with their units."""
-    for name, (values, unit) in arrays.items():
-        group.create_dataset(name, data=values).attrs["unit"] = unit
+def write_tree(group: Any, tree: Tree, known: dict[int, Any] | None = None) -> None:
+    """Write a tree: groups for dictionaries, datasets with units for arrays, else attributes.
+
+    A dictionary in two places is one group with two names.
+    """
+    known = {} if known is None else known
+    known[id(tree)] = group
+    for name, value in tree.items():
+        if isinstance(value, dict) and id(value) in known:
+            group[name] = known[id(value)]
+        elif isinstance(value, dict):
+            write_tree(group.create_group(name), value, known)
+        elif isinstance(value, Quantity):
+            values, unit = value
+            packed = "gzip" if values.dtype == np.uint8 else None
+            text = TEXT if values.dtype == object else None
+            data = group.create_dataset(name, data=values, dtype=text, compression=packed)
+            if unit:
+                data.attrs["unit"] = unit
+        elif value is not None:
+            group.attrs[name] = value
 
 
-def read_numbers(group: Any, *names: str) -> tuple[Any, ...]:
-    """Arrays of an open file; ValueError where it holds something else."""
-    arrays = tuple(group[name][()] for name in names)
-    for name, values in zip(names, arrays, strict=True):
-        if getattr(values, "dtype", None) is None or values.dtype.kind not in "fiu":
-            raise ValueError(f"its part {name} contains no numbers")
-    return arrays
+def read_tree(group: Any, known: dict[int, Tree] | None = None) -> Tree:
+    """The tree that :func:`write_tree` wrote to a group."""
+    known = {} if known is None else known
+    place = h5py.h5o.get_info(group.id).addr
+    if place not in known:
+        values = {name: group.attrs[name] for name in group.attrs}
+        known[place] = {k: v.item() if isinstance(v, np.generic) else v for k, v in values.items()}
+        for name, item in group.items():
+            if isinstance(item, h5py.Group):
+                known[place][name] = read_tree(item, known)
+            else:
+                text = h5py.check_string_dtype(item.dtype) is not None
+                known[place][name] = Quantity(np.asarray(item.asstr()[()] if text else item[()]))
+    return known[place]
 
 
 def read_text(file: Any, name: str) -> str:

@@ -9,77 +9,44 @@ from __future__ import annotations
 import json
 import os
 import platform
-from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from freefloat.errors import InputError
-from freefloat.io.records import plan_file
 from freefloat.io.records.differences import differences
 from freefloat.io.records.hdf5 import (
     TEXT,
     AlteredFileError,
-    Document,
     open_hdf5,
     read_text,
+    read_tree,
     write_hdf5,
+    write_tree,
 )
-from freefloat.io.records.singularity_file import read_singularity_map, write_singularity_map
+from freefloat.io.records.kinds import CODEC, KINDS, Result
+from freefloat.io.records.manoeuvres import decode_manoeuvre
 from freefloat.io.scenario.scenario import Scenario, parse_scenario, scenario_of
 from freefloat.io.scenario.scene_section import file_shapes, parse_shapes, shapes_text
-from freefloat.planning.plan import Plan
-from freefloat.planning.simulation import Simulation
+from freefloat.limits.limits import Limits
+from freefloat.motion.problem import Problem
+from freefloat.planning.phases.manoeuvre import Manoeuvre
+from freefloat.planning.settings import Search
+from freefloat.records import Tree
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import read_urdf
 from freefloat.singularities.singularity_map import SingularityMap
+from freefloat.verification.singularity_map import singularity_map_checks
 
-if TYPE_CHECKING:  # compiled kernels are slow to import
-    from freefloat.planning.joints.reorientation import Reorientation
-    from freefloat.planning.phases.manoeuvre import Manoeuvre
-    from freefloat.planning.plane.heading_map import HeadingMap
-    from freefloat.planning.space.attitude_map import AttitudeMap
-
-    Result = (
-        Plan | Simulation | Reorientation | Manoeuvre | AttitudeMap | HeadingMap | SingularityMap
-    )
-
-FORMAT_VERSION = 2
-_SINGULARITIES = "singularity map"
-_KINDS = {
-    "Plan": "plan", "Simulation": "motion", "HeadingMap": "map", "AttitudeMap": "attitude map",
-    "SingularityMap": _SINGULARITIES, "Reorientation": "reorientation", "Manoeuvre": "manoeuvre",
-}  # fmt: skip
-"""Kinds of files by the class of the record."""
+FORMAT_VERSION = 3
 _PREFIX = "freefloat "
 _SOFTWARE = ("freefloat", "pin", "numpy", "scipy")
 _ACCEPTED = f"a plan, motion or map file of freefloat (-o), format {FORMAT_VERSION}"
 _INVALID = (InputError, KeyError, ValueError, IndexError, TypeError, OSError)
 """Errors of reading a file whose content does not fit together; HDF5 raises OSError."""
-
-
-def _functions(kind: str) -> tuple[Callable[..., None], Callable[..., Result]]:
-    """Writer and reader of a kind of file."""
-    if kind == "plan":
-        return plan_file.write_plan, plan_file.read_plan
-    if kind == "motion":
-        return plan_file.write_simulation, plan_file.read_simulation
-    if kind == _SINGULARITIES:
-        return write_singularity_map, read_singularity_map
-    if kind == "reorientation":
-        from freefloat.io.records.reorientation_file import read_reorientation, write_reorientation
-
-        return write_reorientation, read_reorientation
-    if kind == "manoeuvre":
-        from freefloat.io.records.manoeuvre_file import read_manoeuvre, write_manoeuvre
-
-        return write_manoeuvre, read_manoeuvre
-    from freefloat.io.records import map_file  # compiled kernels are slow to import
-
-    if kind == "map":
-        return map_file.write_heading_map, map_file.read_heading_map
-    return map_file.write_attitude_map, map_file.read_attitude_map
 
 
 def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> None:
@@ -102,32 +69,34 @@ def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> 
     """
     if not str(path):
         raise InputError("output", "an empty name was given", "the name of a file")
-    if type(result).__name__ not in _KINDS:
-        problem = f"a {type(result).__name__} was given"
-        accepted = (
-            "a Plan, Manoeuvre, Simulation, Reorientation, AttitudeMap, HeadingMap or "
-            "SingularityMap"
-        )
-        raise InputError("result", problem, accepted)
-    kind = _KINDS[type(result).__name__]
-    described = None if isinstance(result, SingularityMap) else _describe(result, scenario)
-    model = result.model if isinstance(result, SingularityMap) else result.problem.model
-    document = result.to_dict()
+    _require_result(result)
+    problem = getattr(result, "problem", None)
+    described = None if problem is None else _describe(result, scenario)
+    holder: Any = problem or result
+    model = holder.model
 
     def build(file: Any) -> None:
-        file.attrs["format"], file.attrs["version"] = _PREFIX + kind, FORMAT_VERSION
+        file.attrs["format"], file.attrs["version"] = _PREFIX + result.kind, FORMAT_VERSION
         _write_origin(file, model, described)
-        text = json.dumps(document, allow_nan=False)
+        text = json.dumps(result.to_dict(), allow_nan=False)
         file.create_dataset("document", data=text, dtype=TEXT)
-        _functions(kind)[0](file, result, document)
+        write_tree(file.create_group("result"), CODEC.encode(result))
 
     write_hdf5(Path(path), build)
+
+
+def _require_result(result: object) -> None:
+    """Raise an InputError unless this is a record of one of the kinds."""
+    if type(result) not in KINDS.values():
+        *others, last = (entry.__name__ for entry in KINDS.values())
+        problem = f"a {type(result).__name__} was given"
+        raise InputError("result", problem, f"a {', '.join(others)} or {last}")
 
 
 def _describe(result: Any, scenario: Scenario | None) -> Scenario:
     """The given scenario if it poses the problem of a result, else a description of the problem."""
     problem = result.problem
-    if _KINDS[type(result).__name__] == "manoeuvre":
+    if result.kind == Manoeuvre.kind:
         if scenario is None:
             raise InputError("scenario", "it is missing, for a manoeuvre", "that of its phases")
         return replace(scenario, shapes=file_shapes(problem.scene))
@@ -152,6 +121,7 @@ def _write_origin(file: Any, model: FreeFloatingModel, scenario: Scenario | None
         file.attrs[f"software_{package}"] = version(package)
     file.attrs["software_python"] = platform.python_version()
     file.attrs["end_effector"] = model.end_effector
+    file.attrs["joint_names"] = np.array(model.joint_names, dtype=TEXT)
     texts = {
         "scenario": scenario and scenario.text,
         "scenario_file": scenario and str(scenario.source),
@@ -193,43 +163,47 @@ def load(path: str | Path) -> Result:
             raise AlteredFileError(key, problem, _ACCEPTED, str(path)) from error
 
 
-def _kind_of(file: Any, path: Path) -> str:
-    """The kind of a file."""
+def _kind_of(file: Any, path: Path) -> type[Result]:
+    """The class of the result of a file."""
     name, number = file.attrs.get("format"), file.attrs.get("version")
     problem = "it is an HDF5 file of another kind"
     if isinstance(name, str) and name.startswith(_PREFIX):
         kind = name.removeprefix(_PREFIX)
-        if kind in _KINDS.values() and number == FORMAT_VERSION:
-            return kind
+        if kind in KINDS and number == FORMAT_VERSION:
+            return KINDS[kind]
         problem = f"it is a {name} file, format {number}"
     raise InputError("file", problem, _ACCEPTED, str(path))
 
 
-def _load_record(file: Any, kind: str) -> Result:
-    document: Document = json.loads(read_text(file, "document"))
-    if kind == "motion":
-        document = _upgraded(file, document)
-    read = _functions(kind)[1]
-    result: Result
-    if kind == _SINGULARITIES:
-        result = read(file, _read_robot(file))
+def _load_record(file: Any, kind: type[Result]) -> Result:
+    model, tree = _read_robot(file), read_tree(file["result"])
+    if kind is SingularityMap:
+        result: Result = _decode_singularity_map(tree, model)
     else:
-        result = read(file, _read_scenario(file), document)
+        result = _decode(kind, tree, _read_scenario(file, model))
+    document = json.loads(read_text(file, "document"))
     for key, stated, recomputed in differences(document, json.loads(json.dumps(result.to_dict()))):
         problem = f"its document states {stated}, but it is {recomputed}"
         raise InputError(key, problem, _ACCEPTED)
     return result
 
 
-def _upgraded(file: Any, document: Document) -> Document:
-    """Document of a simulation as it is written today.
+def _decode(kind: type[Result], tree: Tree, scenario: Scenario) -> Result:
+    if kind is Manoeuvre:
+        return decode_manoeuvre(tree, scenario)
+    problem, search, limits = scenario.problem(), scenario.search(), scenario.limits()
+    if "search" in kind.__dataclass_fields__:
+        problem = search.applied_to(problem)
+    return CODEC.decode(kind, tree, {Problem: problem, Search: search, Limits: limits})
 
-    Files of version 0.1.0 list all arm branches, but hold the chosen motion alone.
-    """
-    if "chosen" in file.attrs:
-        return document
-    branches = [entry for entry in document["branches"] if entry["branch"] == document["branch"]]
-    return {**document, "branches": branches}
+
+def _decode_singularity_map(tree: Tree, model: FreeFloatingModel) -> SingularityMap:
+    """A map of the joint space, compared with the robot."""
+    result = CODEC.decode(SingularityMap, tree, {FreeFloatingModel: model})
+    for check in singularity_map_checks(result):
+        if not check.passed:
+            raise ValueError(f"it is no map of its robot: {check.reason}")
+    return result
 
 
 def _read_robot(file: Any) -> FreeFloatingModel:
@@ -239,9 +213,8 @@ def _read_robot(file: Any) -> FreeFloatingModel:
     return FreeFloatingModel(description, str(file.attrs["end_effector"]), held)
 
 
-def _read_scenario(file: Any) -> Scenario:
+def _read_scenario(file: Any, model: FreeFloatingModel) -> Scenario:
     """The scenario of a file, with the robot of the file."""
-    model = _read_robot(file)
     samples = read_text(file, "samples") if "samples" in file else ""
     shapes = parse_shapes(read_text(file, "scene")) if "scene" in file else {}
     source = Path(read_text(file, "scenario_file"))

@@ -39,6 +39,9 @@ class JointMotion:
     limits: Limits = field(repr=False)
     limit_results: tuple[LimitResult, ...]
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "limits", self.limits.without_turn)
+
     @property
     def transfer(self) -> JointTransfer:
         """The joints."""
@@ -89,9 +92,8 @@ def joint_motion(
 
     ``base_turn`` is none of them: the attitude that the joints lead to is the one that is wanted.
     """
-    limits = limits.without_turn
     motion = integrate_transfer(problem, transfer, attitude, duration)
-    return JointMotion(motion, limits, check_limits(motion, limits))
+    return JointMotion(motion, limits, check_limits(motion, limits.without_turn))
 
 
 def earlier(problem: Problem, duration: float) -> Problem:

@@ -26,7 +26,7 @@ _CLOSE = 0.98
 _SPARE = 1.005
 """Factor on the duration of these: other loops are needed at another duration."""
 _HARMONICS = 2
-_LAW = TimeLaw.TRAPEZOIDAL
+LAW = TimeLaw.TRAPEZOIDAL
 """The law that is fastest within limits of rates."""
 
 
@@ -136,11 +136,11 @@ class LoopMotions:
         """Duration that limits of joint rates permit, or that of the problem's path [s]."""
         if self._limits.joint_rate is None:
             return self._problem.path.duration
-        fastest = max(Timing(1.0, _LAW).s(t, 1) for t in np.linspace(0.0, 1.0, 101).tolist())
+        fastest = max(Timing(1.0, LAW).s(t, 1) for t in np.linspace(0.0, 1.0, 101).tolist())
         return float(2.0 * np.pi * effort * count * fastest)
 
     def _with_duration(self, duration: float, *, still: bool = False) -> Problem:
-        path = replace(self._problem.path, timing=Timing(duration, _LAW))
+        path = replace(self._problem.path, timing=Timing(duration, LAW))
         if not still:
             return replace(self._problem, path=path)
         return replace(self._problem, path=path, momentum=np.zeros(3), wheel_momentum=np.zeros(3))

@@ -18,6 +18,7 @@ from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.answer import Answer, PhaseResult
 from freefloat.planning.joints.loop_count import MOST_LOOPS, LoopCountSearch
 from freefloat.planning.joints.loop_motion import LoopMotions
+from freefloat.records import Joints, Quaternions
 from freefloat.so3 import Array, angle_between, frozen
 
 _SAME = 1e-9
@@ -51,9 +52,9 @@ class Reorientation(Answer):
     kind: ClassVar[str] = "reorientation"
 
     problem: Problem = field(repr=False)
-    start: Array
-    goal: Array
-    joints: Array
+    start: Quaternions
+    goal: Quaternions
+    joints: Joints
     limits: Limits = field(repr=False)
     allowed: float | None
     reached: bool
@@ -65,6 +66,7 @@ class Reorientation(Answer):
     def __post_init__(self) -> None:
         for name in ("start", "goal", "joints"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
+        object.__setattr__(self, "limits", self.limits.without_turn)
 
     @property
     def feasible(self) -> bool:

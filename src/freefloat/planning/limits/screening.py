@@ -14,8 +14,8 @@ from math import tau
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.ensemble.branch_results import BranchResults
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.result import BranchResults
 from freefloat.limits.limits import LimitKind, Limits
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.problem import Problem

@@ -47,7 +47,7 @@ class Phase(ABC):
 
     @abstractmethod
     def problem_at(self, state: SystemState) -> Problem:
-        """The problem of the motion of a phase that begins with a state.
+        """The problem of the motion of a phase that begins with a state; files do not hold it.
 
         Raises:
             InputError: If the phase cannot begin there.

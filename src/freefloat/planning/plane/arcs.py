@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from itertools import groupby
 from math import tau
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -71,7 +71,7 @@ class BranchRanges:
     branch: int
     label: str
     ranges: tuple[HeadingRange, ...]
-    limits: tuple[float, ...]
+    limits: Annotated[tuple[float, ...], "rad"]
 
     def depth(self, heading: float) -> float:
         """Distance of a heading from the nearer end of its range, negative outside [rad]."""

@@ -7,9 +7,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from freefloat.errors import InputError
 from freefloat.motion.reach import reach_message
 from freefloat.planning.margin_map import MarginMap
-from freefloat.so3 import Array, heading_quaternion
+from freefloat.records import Angles
+from freefloat.so3 import heading_quaternion
 
 
 @dataclass(frozen=True)
@@ -71,8 +73,14 @@ class HeadingMap(MarginMap):
 
     kind: ClassVar[str] = "map"
 
-    headings: Array = field(repr=False)
+    headings: Angles = field(repr=False)
     branches: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        shape = len(self.headings), len(self.branches)
+        if self.results.exist.shape != shape or not np.isfinite(self.headings).all():
+            raise InputError("headings", f"{shape} headings and branches", "those of the results")
 
     @property
     def step(self) -> float:

@@ -13,9 +13,8 @@ from math import tau
 import numpy as np
 
 from freefloat.concurrency import Progress
-from freefloat.ensemble.branch_results import BranchResults
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.result import EnsembleResult
+from freefloat.ensemble.result import BranchResults, EnsembleResult
 from freefloat.motion.problem import Problem
 from freefloat.planning.domain import SearchDomain
 from freefloat.planning.plane.arcs import (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.ranges import RangeLimit, Span
@@ -22,7 +22,7 @@ class Segment:
             that follow.
     """
 
-    span: Span
+    span: Annotated[Span, "s"]
     limits: tuple[RangeLimit, ...] = field(repr=False)
     at_start: tuple[BranchRanges, ...] = field(repr=False)
     at_end: tuple[BranchRanges, ...] = field(repr=False)

@@ -21,6 +21,7 @@ from scipy.optimize import root
 
 from freefloat.motion.problem import Problem
 from freefloat.planning.plane.candidates import PathState, PlanarCandidates
+from freefloat.records import Joints
 from freefloat.singularities.planar_regions import MarginCurve
 from freefloat.so3 import Array, frozen, wrapped
 
@@ -59,7 +60,7 @@ class PlanarTangencyPoint:
     s: float
     level: float
     heading: float
-    joints: Array
+    joints: Joints
 
 
 def planar_tangency_points(

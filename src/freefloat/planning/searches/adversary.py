@@ -8,7 +8,7 @@ determinants: a narrow valley of one may lie where the other is smaller all arou
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from freefloat.attitude_grids import low_discrepancy, sphere_directions
 from freefloat.ensemble.feasibility import is_kept
 from freefloat.planning.searches import pattern_search
 from freefloat.planning.searches.pattern_search import Searches, spread
+from freefloat.planning.tolerance import Effort
 from freefloat.so3 import Array, IntArray
 
 _ON_SPHERE = 0.5
@@ -40,27 +41,6 @@ _SEARCHES, _CONE = 4, 0.25
 
 Regularity = Callable[[Array], Array]
 """Margin and ratio of determinants of deviations (K, 3), over the required ones, shape (K, 2)."""
-
-
-@dataclass(frozen=True)
-class Effort:
-    """How hard a claim about all deviations in a ball was tried to be broken.
-
-    Attributes:
-        samples: Deviations spread in the ball and on its sphere.
-        descents: Searches for worse ones, from the worst of these, at most.
-    """
-
-    samples: int
-    descents: int
-
-    def __str__(self) -> str:
-        """For tables."""
-        return f"confirmed against {self.samples:,} samples and {self.descents} descents"
-
-    def to_dict(self) -> dict[str, int]:
-        """The JSON document."""
-        return asdict(self)
 
 
 def confirmed_radius(

@@ -8,12 +8,13 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.ensemble.branch_results import has_wrist_flipped_branches
 from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
 from freefloat.ensemble.result import is_regular
+from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
 from freefloat.motion.reach import reach_message
 from freefloat.planning.candidates import Ball, BoundaryPoint, NearAttitude, Peak, Region
 from freefloat.planning.margin_map import MarginMap
+from freefloat.records import Quaternions
 from freefloat.so3 import Array, degrees
 from freefloat.statistics import percentage
 
@@ -41,7 +42,7 @@ class AttitudeMap(MarginMap):
     regions: tuple[Region, ...] = field(default=(), repr=False)
     best: Peak | None = None
     robust: Ball | None = None
-    nearest_to: Array | None = None
+    nearest_to: Quaternions | None = None
     nearest: NearAttitude | None = None
     boundary: tuple[BoundaryPoint, ...] | None = field(default=None, repr=False)
     tangency: tuple[BoundaryPoint, ...] | None = field(default=None, repr=False)

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
-
 import numpy as np
 
 from freefloat.attitude_grids import even_directions
@@ -15,13 +11,13 @@ from freefloat.ensemble.feasibility import is_kept, regularity
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.planning.searches.adversary import (
     CAUTION,
-    Effort,
     Regularity,
     closest,
     confirmed_radius,
 )
 from freefloat.planning.searches.line_search import Function, Samples, resolved
 from freefloat.planning.searches.pattern_search import Flags
+from freefloat.planning.tolerance import Effort, Tolerance
 from freefloat.so3 import Array, IntArray
 
 _FEW, _CONE = 24, 0.3
@@ -40,38 +36,6 @@ _FINEST, _EXACT, _LEVELS = 1e-5, 1e-6, 8
 shortest and the longest one, as fractions, and how often an interval is divided in a round."""
 _LONGEST = 10.0
 """Largest ratio of durations, longer or shorter than planned, that is tried."""
-
-
-@dataclass(frozen=True)
-class Tolerance:
-    """Tolerated deviations of momentum and duration, with the planned initial state.
-
-    Attributes:
-        momentum: Deviation of the angular momentum, in any direction, with which the margin is kept
-            and all singularities are avoided, by the rule of the robust radius [N m s].
-        momentum_limit: The largest deviation tried [N m s]: it rotates the locked system once
-            during the motion. ``momentum`` equal to it means at least that.
-        shortest: Shortest duration with which the same rule is kept, of those around the planned
-            one [s].
-        longest: Longest such duration [s]. Durations from a tenth to ten times the planned one are
-            tried; without momentum and drift all of them are feasible.
-        momentum_effort: What the tolerated deviation of momentum was confirmed against.
-    """
-
-    momentum: float
-    momentum_limit: float
-    shortest: float
-    longest: float
-    momentum_effort: Effort
-
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON document."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, document: Mapping[str, Any]) -> Tolerance:
-        """The tolerance of a JSON document."""
-        return cls(**{**document, "momentum_effort": Effort(**document["momentum_effort"])})
 
 
 def tolerance(integrator: EnsembleIntegrator, attitude: Array, joints: Array) -> Tolerance:

@@ -16,9 +16,8 @@ import numpy.typing as npt
 
 from freefloat.attitude_grids import attitudes_within
 from freefloat.concurrency import Progress, require_memory, step_of
-from freefloat.ensemble.branch_results import BranchResults
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.result import EnsembleResult
+from freefloat.ensemble.result import BranchResults, EnsembleResult
 from freefloat.errors import InputError, require_type, whole_number
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem, require_problem

@@ -21,13 +21,13 @@ from freefloat.planning.candidates import Ball, Candidate
 from freefloat.planning.searches.adversary import (
     BEYOND,
     CAUTION,
-    Effort,
     closest,
     confirmed_radius,
     violations,
 )
 from freefloat.planning.searches.pattern_search import ROUNDS, Flags, shortest
 from freefloat.planning.space.climbing import branch_numbers
+from freefloat.planning.tolerance import Effort
 from freefloat.so3 import Array, IntArray, rotated, rotation_vector_to
 
 _WIDE = 512

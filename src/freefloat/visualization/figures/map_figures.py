@@ -11,8 +11,8 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch
 
-from freefloat.ensemble.branch_results import has_wrist_flipped_branches
 from freefloat.ensemble.endings import COMPLETED, LIMITED, SINGULAR, UNREACHED
+from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
 from freefloat.ik.branches import branch_name
 from freefloat.motion.margin import keeps_threshold
 from freefloat.planning.space.attitude_map import AttitudeMap

@@ -38,7 +38,7 @@ class Section:
     @cached_property
     def polynomial(self) -> JointPolynomial:
         """Det A by the joints that vary."""
-        polynomial = self.found.polynomial
+        polynomial: JointPolynomial = self.found.polynomial
         for joint in set(polynomial.moving) - set(self.joints):
             polynomial = polynomial.fixed(joint, float(self.at[joint]))
         return polynomial

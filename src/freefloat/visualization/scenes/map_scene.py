@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 from meshcat import geometry as g
 
-from freefloat.ensemble.branch_results import has_wrist_flipped_branches
+from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
 from freefloat.ik.branches import branch_name
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import Array, Pose

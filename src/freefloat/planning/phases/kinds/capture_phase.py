@@ -113,8 +113,8 @@ class CapturePhase(Phase):
         return body, body.pose.inverse() @ state.pose
 
     def problem_at(self, state: SystemState) -> Problem:
-        """See :class:`~freefloat.planning.phases.phase.Phase`."""
-        return state.problem_for(state.problem.path)
+        """The problem just after the capture: nothing moves during it."""
+        return self.end(state, self.run(state, Limits())).problem
 
     def run(self, state: SystemState, limits: Limits) -> PlannedCapture:
         """The capture; its limits are those of the phases before and after it."""

@@ -15,7 +15,6 @@ from freefloat.ik.numbering import MAX_BRANCHES
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.contact import self_contact
 from freefloat.limits.limits import LimitResult, Limits
-from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
@@ -123,9 +122,8 @@ class PathPhase(Phase):
         """The motion along the path from a state, exactly as it is."""
         problem = self.problem_at(state)
         motion = integrate_motion(problem, state.attitude, state.joints)
-        approach = closest_approach(motion, problem.margin.measure)
         branch = branch_at(problem, state.attitude, state.joints)
-        chosen = SimulatedBranch(branch, motion, approach)
+        chosen = SimulatedBranch(branch, motion)
         results = LimitChecker(problem, limits).results(motion)
         verdict = _verdict(state, chosen, results)
         reason = "the state at the end of the phase before" if verdict.feasible else str(verdict)

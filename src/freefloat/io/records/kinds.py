@@ -1,0 +1,39 @@
+"""Kinds of results that are saved, and what their files do not hold."""
+
+from __future__ import annotations
+
+from freefloat.limits.limits import Limits
+from freefloat.motion.joint_loops import JointLoops
+from freefloat.motion.joint_transfer import JointTransfer
+from freefloat.motion.law import JointCurve
+from freefloat.motion.problem import Problem
+from freefloat.planning.answer import Finding
+from freefloat.planning.joints.joint_motion import JointMotion
+from freefloat.planning.joints.reorientation import Reorientation
+from freefloat.planning.phases.kinds.capture_phase import PlannedCapture
+from freefloat.planning.phases.manoeuvre import Manoeuvre
+from freefloat.planning.plan import Plan
+from freefloat.planning.plane.heading_map import HeadingMap
+from freefloat.planning.settings import Search
+from freefloat.planning.simulation import Simulation
+from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.records import Codec
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.singularities.singularity_map import SingularityMap
+
+Result = Plan | Simulation | Reorientation | Manoeuvre | AttitudeMap | HeadingMap | SingularityMap
+KINDS: dict[str, type[Result]] = {
+    result.kind: result
+    for result in (
+        Plan, Simulation, Reorientation, Manoeuvre, AttitudeMap, HeadingMap, SingularityMap,
+    )
+}  # fmt: skip
+"""Classes of results by the kind of their files."""
+CODEC = Codec(
+    context=(Problem, Search, Limits, FreeFloatingModel),
+    members={
+        JointCurve: (JointLoops, JointTransfer),
+        Finding: (Plan, Reorientation, JointMotion, PlannedCapture),
+    },
+)
+"""Codec of results: scenario and robot are stored as texts."""

@@ -1,0 +1,82 @@
+"""Manoeuvres of files: the problem of each phase follows from the state at its beginning."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any, cast
+
+from freefloat.io.records.kinds import CODEC
+from freefloat.io.scenario.scenario import Scenario
+from freefloat.limits.limits import Limits
+from freefloat.motion.problem import Problem
+from freefloat.paths.timing import TimeLaw, Timing
+from freefloat.planning.answer import PhaseResult
+from freefloat.planning.joints.joint_motion import earlier
+from freefloat.planning.joints.loop_motion import LAW
+from freefloat.planning.phases.manoeuvre import Manoeuvre
+from freefloat.planning.phases.state import SystemState
+from freefloat.planning.plan import Plan
+from freefloat.planning.settings import Search
+from freefloat.records import Tree
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.scene.scene import Scene
+
+
+def decode_manoeuvre(tree: Tree, scenario: Scenario) -> Manoeuvre:
+    """The manoeuvre of a scenario."""
+    entries: dict[str, Tree] = tree["phases"]
+    trees = [entries[str(number)] for number in range(len(entries))]
+    first = [entry["result"]["class"] for entry in trees].index(Plan.__name__)
+    search, limits = scenario.search(), scenario.limits()
+    problem = search.applied_to(scenario.problem())
+    path = _decoded(trees[first], problem, limits, search)
+    plan, phases = cast(Plan, path.result), [path]
+    if plan.motion is not None:
+        state = SystemState.at_start(plan.motion)
+        phases = [
+            *(_before(entry, state.problem, limits) for entry in trees[:first]),
+            path,
+            *_following(trees[first + 1 :], scenario, limits, state.after(plan.motion)),
+        ]
+    return Manoeuvre(plan, tuple(phases), str(tree["reason"]))
+
+
+def _following(
+    trees: Sequence[Tree], scenario: Scenario, limits: Limits, state: SystemState
+) -> Iterator[PhaseResult]:
+    """The phases after the first path, each from the state at which the one before ends."""
+    for tree, phase in zip(trees, scenario.phases(), strict=False):
+        planned = _decoded(tree, phase.problem_at(state), limits.seen_from(state.centre))
+        yield planned
+        if planned.feasible:
+            state = phase.end(state, planned.result)
+
+
+def _before(tree: Tree, problem: Problem, limits: Limits) -> PhaseResult:
+    """A phase before the first path."""
+    if tree["result"]["class"] == "JointMotion":
+        duration = -tree["start"]
+        limits = limits.seen_from(-duration * problem.path.drift)
+        return _decoded(tree, _timed(earlier(problem, duration), duration, TimeLaw.UNIFORM), limits)
+    if "motion" in tree["result"]:
+        duration = float(tree["result"]["motion"]["times"].values[-1])
+        problem = _timed(replace(problem, scene=Scene()), duration, LAW)
+    return _decoded(tree, problem, limits)
+
+
+def _timed(problem: Problem, duration: float, law: TimeLaw) -> Problem:
+    return replace(problem, path=replace(problem.path, timing=Timing(duration, law)))
+
+
+def _decoded(
+    tree: Tree,
+    problem: Problem,
+    limits: Limits,
+    search: Search | None = None,
+) -> PhaseResult:
+    context: dict[type, Any] = {
+        Problem: problem, Limits: limits, Search: search or Search(),
+        FreeFloatingModel: problem.model,
+    }  # fmt: skip
+    return CODEC.decode(PhaseResult, tree, context)
