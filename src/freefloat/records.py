@@ -105,14 +105,6 @@ def _derived(kind: Any) -> dict[str, str]:
     }
 
 
-@cache
-def _is_flat(kind: Any) -> bool:
-    """Whether a record class has values and arrays alone."""
-    hints = _fields(kind).values()
-    return all(hint.container in (None, np.ndarray) and not _is_record(hint.kinds[0])
-               for hint in hints)  # fmt: skip
-
-
 @dataclass(frozen=True)
 class Codec:
     """Encoder and decoder of records.
@@ -154,8 +146,11 @@ class Codec:
         return hint.kinds[0] in self.context
 
     def is_table(self, classes: tuple[type, ...]) -> bool:
-        """Whether tuples of records of these classes are tables."""
-        return len(classes) == 1 and _is_flat(classes[0])
+        """Whether tuples of records of these classes, of values and arrays alone, are tables."""
+        return len(classes) == 1 and all(
+            hint.container in (None, np.ndarray) and not self.classes(hint)
+            for hint in _fields(classes[0]).values()
+        )
 
 
 class _Encoder:
