@@ -36,7 +36,6 @@ from freefloat.errors import InputError
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from freefloat.limits.limits import LimitKind
     from freefloat.planning.simulation import SimulatedBranch, Simulation
 
 _Heading = Annotated[
@@ -77,7 +76,7 @@ def simulate(
     Example: freefloat simulate spatial_6dof/line --attitude 0.46008 0.09337 0.73519 -0.48898
     """
     from freefloat.io.scenario.scenario import load_scenario
-    from freefloat.limits.limits import violated
+    from freefloat.limits.result import violated
     from freefloat.planning.simulation import simulate as simulate_branches
 
     console = Console(as_json, quiet)
@@ -139,7 +138,7 @@ def _tables(name: str, simulation: Simulation, mark: str) -> Iterator[Renderable
     yield from contact_lines(simulation)
 
 
-def _verdict(entry: SimulatedBranch, violations: Sequence[LimitKind]) -> Text:
+def _verdict(entry: SimulatedBranch, violations: Sequence[str]) -> Text:
     from freefloat.motion.motion import Ending
 
     motion = entry.motion

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.limits.limits import LimitKind
 from freefloat.so3 import Array, angle_between
 
 
@@ -99,7 +98,7 @@ class ScreenedCandidate(Candidate):
     """
 
     branch: int
-    violation: LimitKind | None = None
+    violation: str | None = None
     rate_ratio: float = 0.0
     clearance_deficit: float = 0.0
 

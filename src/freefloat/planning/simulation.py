@@ -14,7 +14,8 @@ from freefloat.errors import InputError, UnreachableError
 from freefloat.ik.branches import ArmBranch
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.contact import Contact, self_contact
-from freefloat.limits.limits import LimitKind, LimitResult, Limits, violated
+from freefloat.limits.limits import Limits
+from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.extrema import ClosestApproach, closest_approach, unwrapped
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending, Motion
@@ -110,7 +111,7 @@ class Simulation:
     limits: Limits | None = None
     limit_results: tuple[LimitResult, ...] = ()
     contact: Contact | None = None
-    violations: Mapping[int, tuple[LimitKind, ...]] = field(default_factory=dict, repr=False)
+    violations: Mapping[int, tuple[str, ...]] = field(default_factory=dict, repr=False)
 
     @property
     def problem(self) -> Problem:

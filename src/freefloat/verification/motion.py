@@ -10,8 +10,9 @@ import numpy as np
 
 from freefloat.certificate.certificate import Certificate, certify
 from freefloat.errors import FreeFloatError
-from freefloat.limits.check import check_limits
-from freefloat.limits.limits import LimitKind, LimitResult, Limits
+from freefloat.limits.check import LimitChecker
+from freefloat.limits.limits import Limits
+from freefloat.limits.result import LimitResult
 from freefloat.motion.extrema import closest_approach
 from freefloat.planning.phases.path_continuation import branch_at
 from freefloat.planning.plan import Plan
@@ -27,8 +28,6 @@ from freefloat.verification.engine_runs import EngineRuns, engine_checks, engine
 from freefloat.verification.gravity import CircularOrbit
 from freefloat.verification.report import PINOCCHIO, CheckReport
 
-_CLEARANCE = 2e-4
-"""Accuracy of distances [m]."""
 _RELATIVE = 1e-4
 """Relative deviation of extrema, which are found by search."""
 _BOUND = 1.0 / 9.0
@@ -77,11 +76,12 @@ def _verified(
 ) -> CheckReport:
     motion = chosen.motion
     certificate = certify(motion)
-    limits = check_limits(motion, result.limits or Limits())
+    checker = LimitChecker(motion.problem, result.limits or Limits())
+    limits = checker.results(motion)
     keeps_margin = result.feasible or isinstance(result, Plan)
     checks = [
         *completed("certificate", certificate_checks, certificate, motion, keeps_margin),
-        *completed("limits", _limit_checks, result, limits),
+        *completed("limits", _limit_checks, result, checker, limits),
         *completed("closest approach", _branch_checks, chosen),
     ]
     if isinstance(result, Plan):
@@ -106,15 +106,15 @@ def completed(
 
 
 def _limit_checks(
-    result: Plan | Simulation, recomputed: tuple[LimitResult, ...]
+    result: Plan | Simulation, checker: LimitChecker, recomputed: tuple[LimitResult, ...]
 ) -> Iterator[Check]:
     """Every limit is kept, and its stated value is the recomputed one."""
     stated = {entry.limit: entry for entry in result.limit_results}
-    for limit in stated.keys() - {entry.limit for entry in recomputed}:
-        yield Check(f"limit {limit}", False, "it is stated, but it is not a limit of the file")
-    for entry in recomputed:
-        checked = result.limits is not None
-        yield _limit_check(entry, stated.get(entry.limit), checked, result.feasible)
+    for name in stated.keys() - {limit.name for limit in checker.limits}:
+        yield Check(f"limit {name}", False, "it is stated, but it is not a limit of the file")
+    for limit, entry in zip(checker.limits, recomputed, strict=True):
+        checked, allowed = result.limits is not None, limit.accuracy + _RELATIVE * abs(entry.worst)
+        yield _limit_check(entry, stated.get(limit.name), allowed, checked, result.feasible)
 
 
 def _branch_checks(chosen: SimulatedBranch) -> Iterator[Check]:
@@ -130,13 +130,14 @@ def _branch_checks(chosen: SimulatedBranch) -> Iterator[Check]:
 
 
 def _limit_check(
-    recomputed: LimitResult, stated: LimitResult | None, checked: bool, feasible: bool
+    recomputed: LimitResult,
+    stated: LimitResult | None,
+    allowed: float,
+    checked: bool,
+    feasible: bool,
 ) -> Check:
-    worst = recomputed.worst
-    time = recomputed.time
-    where = recomputed.where
-    accuracy = _CLEARANCE if recomputed.limit is LimitKind.CLEARANCE else _ABSOLUTE
-    allowed = accuracy + _RELATIVE * abs(worst)
+    """Check of a limit whose stated value may deviate from the recomputed one as allowed."""
+    worst, time, where = recomputed.worst, recomputed.time, recomputed.where
     passed, detail = True, where
     if feasible and (checked or stated is None) and not recomputed.kept:
         passed, detail = False, f"{where} violates it: {worst:.6g} at t = {time:.6g} s"
@@ -147,10 +148,12 @@ def _limit_check(
         or (np.isfinite(worst) and not abs(stated.worst - worst) <= allowed)
     ):
         passed, detail = False, f"{stated.worst:.6g} is stated, but it is {worst:.6g}"
-    name = f"limit {recomputed.limit}".replace("_", " ")
     value = None if stated is None else stated.worst
-    relation = "≤" if (worst <= recomputed.allowed) == recomputed.kept else "≥"
-    return Check(name, passed, detail, value, worst, recomputed.allowed, "", time, relation)
+    relation = "≥" if recomputed.at_least else "≤"
+    return Check(
+        f"limit {recomputed.label}", passed, detail, value, worst, recomputed.allowed,
+        recomputed.unit, time, relation,
+    )  # fmt: skip
 
 
 def _same_certificate(plan: Plan, recomputed: Certificate) -> Iterator[Check]:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from freefloat.limits.check import check_limits
-from freefloat.limits.limits import LimitResult
+from freefloat.limits.result import LimitResult
 from freefloat.motion.joint_loops import integrate_loops
 from freefloat.planning.joints.reorientation import Reorientation
 from freefloat.so3 import angle_between
@@ -53,7 +53,7 @@ def limit_checks(
     """Every limit is stated as recomputed, and kept where it is ``claimed`` to be."""
     known = {entry.limit: entry for entry in stated}
     for entry in recomputed:
-        name = f"limit {entry.limit}".replace("_", " ")
+        name = f"limit {entry.label}"
         value = known[entry.limit].worst if entry.limit in known else None
         check = comparison_check(name, value, entry.worst, 1e-6 + _RELATIVE * abs(entry.worst))
         violated = claimed and not entry.kept

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
-from math import inf, tau
+from math import tau
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,8 @@ from freefloat.ik.branches import ArmBranch
 from freefloat.io.records.hdf5 import QUATERNION, TEXT, Document, read_numbers, write_arrays
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.contact import Contact
-from freefloat.limits.limits import LimitKind, LimitResult, Limits
+from freefloat.limits.limits import Limits
+from freefloat.limits.result import LimitResult
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.law import JointCurve
 from freefloat.motion.motion import Ending, Motion
@@ -146,9 +147,9 @@ def _write_causes(item: Any, name: str, entries: Iterable[BranchRanges]) -> None
         item.attrs[name] = np.array(causes, dtype=TEXT)
 
 
-def _read_causes(item: Any, name: str) -> Iterator[RangeLimitCause]:
+def _read_causes(item: Any, name: str) -> Iterator[str]:
     """The causes of an attribute; none in files without."""
-    return (RangeLimitCause(str(cause)) for cause in item.attrs.get(name, ()))
+    return (str(cause) for cause in item.attrs.get(name, ()))
 
 
 def _read_ranges(group: Any, documents: list[Document]) -> tuple[BranchRanges, ...]:
@@ -199,7 +200,7 @@ def _spans(degrees: list[list[float]]) -> list[tuple[float, float]]:
 
 
 def _with_causes(
-    spans: Iterable[Sequence[float]], causes: Iterator[RangeLimitCause]
+    spans: Iterable[Sequence[float]], causes: Iterator[str]
 ) -> tuple[HeadingRange, ...]:
     """Ranges between headings [rad]; each but full circles takes the next two causes."""
     ranges = []
@@ -214,13 +215,7 @@ def read_limits(
     file: Any, scenario: Scenario, document: Document
 ) -> tuple[Limits | None, tuple[LimitResult, ...], Contact | None]:
     """Limits of a file, their results, contact; version 0.1.0 always checked the scenario's."""
-    results = []
-    for entry in document["limits"]:
-        bounds = {key: inf if entry[key] is None else entry[key]
-                  for key in ("worst", "allowed", "ratio")}  # fmt: skip
-        kind = LimitKind(entry["limit"])
-        notes = tuple(entry["notes"])
-        results.append(LimitResult(**{**entry, **bounds, "limit": kind, "notes": notes}))
+    results = map(LimitResult.from_dict, document["limits"])
     checked = bool(file.attrs.get("limits_checked", True))
     contact = document.get("contact")
     if contact is not None:

@@ -9,7 +9,8 @@ from freefloat.ik.branches import ArmBranch
 from freefloat.ik.numbering import MAX_BRANCHES
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.contact import self_contact
-from freefloat.limits.limits import LimitResult, Limits, violated
+from freefloat.limits.limits import Limits
+from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Problem
