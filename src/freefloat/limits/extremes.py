@@ -30,6 +30,18 @@ def peak(motion: Motion, values: Function, nodes: Array | None = None) -> Extrem
     return maximum(at_nodes(motion, values) if nodes is None else nodes, values)
 
 
+def largest_magnitude(motion: Motion, vectors: Function) -> tuple[float, float]:
+    """The largest magnitude of a vector that depends on rates, and its time [s]."""
+
+    def squared(panel: int, x: float) -> Array:
+        """Smooth also where the vector passes through zero."""
+        vector = vectors(panel, x)
+        return np.array([vector @ vector])
+
+    place = peak(motion, squared)
+    return float(np.sqrt(place.value)), motion.time_at(place.u)
+
+
 def rates_along(motion: Motion) -> Callable[[int, float], Rates]:
     """The rates along a motion, by panel and its parameter."""
     law = motion.law
