@@ -1,6 +1,7 @@
 """Limits along a motion: closed forms, each violated in turn, the stretch that keeps them."""
 
-from dataclasses import replace
+import json
+from dataclasses import fields, replace
 from functools import partial
 
 import numpy as np
@@ -10,7 +11,8 @@ from freefloat.errors import InputError
 from freefloat.io.formats.trajectory import Trajectory
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.limits.check import LimitChecker, check_limits
-from freefloat.limits.limits import Limits
+from freefloat.limits.kinds import KINDS
+from freefloat.limits.limits import GIVEN, Limits
 from freefloat.limits.result import LimitResult, needed_stretch
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending, Motion
@@ -50,7 +52,7 @@ def test_the_fastest_rate_is_that_of_the_time_law(law, peak, where):
                     Limits(joint_rate=np.full(3, 0.05)), "joint_rate")  # fmt: skip
     assert_close(result.worst, peak * RELATIVE / DURATION, atol=1e-9)
     assert_close(result.ratio, result.worst / 0.05, atol=1e-12)
-    assert result.where == "x"
+    assert (result.where, result.unit) == ("x", "m/s")
     assert not result.kept
     if where is not None:
         assert_close(result.time, where * DURATION, atol=1e-3)
@@ -69,7 +71,7 @@ def test_the_largest_force_is_that_of_the_time_law(law, peak, places):
     motion = prismatic_motion(prismatic_robot(), law=law)
     result = result_of(motion, Limits(joint_torque=np.array([0.2, 1, 1])), "joint_torque")
     assert_close(abs(result.worst), TOOL * LENGTH * peak / DURATION**2, atol=1e-9)
-    assert result.where == "x"
+    assert (result.where, result.unit) == ("x", "N")
     assert result.base_wrench < 1e-9
     if places is not None:
         assert min(abs(result.time / DURATION - place) for place in places) < 1e-3
@@ -92,9 +94,18 @@ def test_joint_ranges_count_without_being_asked_for():
     motion = prismatic_motion(prismatic_robot(limits=(0.5, 1.5)))
     (result,) = check_limits(motion, Limits())
     assert (result.limit, result.where, result.allowed) == ("joint_range", "x", 1.5)
+    assert (result.unit, result.at_least) == ("m", False)
     assert_close([result.worst, result.time], [2.0, DURATION], atol=1e-9)
     assert_close(result.ratio, 2.0, atol=1e-9)
     assert not result.kept
+
+
+def test_the_lower_end_of_a_range_is_a_lower_bound():
+    motion = prismatic_motion(prismatic_robot(limits=(1.5, 2.5)))
+    (result,) = check_limits(motion, Limits())
+    assert (result.allowed, result.at_least, result.kept) == (1.5, True, False)
+    assert_close([result.worst, result.time], [1.0, 0.0], atol=1e-9)
+    assert_close(result.ratio, 2.0, atol=1e-9)
 
 
 def test_robots_without_ranges_have_no_such_result():
@@ -131,6 +142,7 @@ def test_rates_are_the_largest_of_fine_sampling(spatial):
     assert abs(joint.worst) >= rates.max() - 1e-12
     k, i = np.unravel_index(rates.argmax(), rates.shape)
     assert joint.where == spatial.problem.model.joint_names[i]
+    assert joint.unit == base.unit == "rad/s"
     assert_close(joint.time, series.times[k], atol=0.01)
     speeds = np.linalg.norm(series.angular_velocities, axis=1)
     assert_close(base.worst, speeds.max(), atol=1e-7)
@@ -241,6 +253,9 @@ def test_a_motion_that_ends_where_it_begins_keeps_no_rate():
     for kind in ("joint_rate", "base_rate", "joint_torque"):
         assert result[kind].worst == np.inf
         assert not result[kind].kept
+        document = json.loads(json.dumps(result[kind].to_dict(), allow_nan=False))
+        assert document["worst"] is None
+        assert LimitResult.from_dict(document) == result[kind]
 
 
 def test_results_are_those_of_the_reversed_motion(spatial):
@@ -256,11 +271,18 @@ def test_results_are_those_of_the_reversed_motion(spatial):
 @pytest.mark.parametrize(
     ("key", "value"),
     [("joint_rate", [1.0, 0.0]), ("joint_torque", [-1.0]), ("base_rate", 0.0), ("clearance", -0.1),
-     ("clearance", np.nan), ("base_rate", np.nan)],
+     ("clearance", np.nan), ("base_rate", np.nan), ("base_rate", np.inf), ("base_turn", 0.0),
+     ("base_turn", 3.2), ("pointing", ["antenna"])],
 )  # fmt: skip
 def test_limits_that_are_none_are_refused(key, value):
     with pytest.raises(InputError, match=f"limits.{key}"):
         Limits(**{key: value})
+
+
+def test_every_attribute_is_a_limit_with_a_bound_of_its_own():
+    assert [kind.name for kind in GIVEN] == [field.name for field in fields(Limits)]
+    names = [kind.name for kind in KINDS]
+    assert len({*names}) == len(names)
 
 
 def test_limits_of_another_number_of_joints_are_refused(spatial):
