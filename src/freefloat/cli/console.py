@@ -227,7 +227,7 @@ def limit_tables(results: Iterable[LimitResult]) -> Iterator[RenderableType]:
     limits = table("limit", "worst", "allowed", "at [s]", "where", "verdict")
     for result in results:
         limits.add_row(
-            Text(f"{result.label} [{result.unit}]"),
+            Text(f"{result.label} [{result.unit}]".removesuffix(" []")),
             _number(result.worst),
             _number(result.allowed),
             f"{result.time:.4f}",

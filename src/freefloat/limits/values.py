@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -22,18 +22,6 @@ from freefloat.errors import (
 from freefloat.motion.pointing import PointingLimit
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen
-
-
-class Value(Protocol):
-    """What the bound of a limit is."""
-
-    def checked(self, key: str, value: Any) -> Any:
-        """The value, converted; an InputError that names a key unless it is one."""
-        ...
-
-    def require_applicable(self, key: str, value: Any, model: FreeFloatingModel) -> None:
-        """Raise an InputError that names a key unless a checked value is one of a robot."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -51,7 +39,7 @@ class Number:
     angle: bool = False
 
     def checked(self, key: str, value: Any) -> float:
-        """See :class:`Value`."""
+        """The value as a float; an InputError that names a key unless it is such a number."""
         least = 0.0 if self.zero else float(np.finfo(float).tiny)
         accepted = f"a number {'from' if self.zero else 'above'} 0, up to {self.most:g}"
         return finite_number(key, value, accepted, least, self.most)
@@ -72,7 +60,7 @@ class PerJoint:
     rated: str | None = None
 
     def checked(self, key: str, value: Any) -> Array:
-        """See :class:`Value`."""
+        """The values, read-only; an InputError that names a key unless they are magnitudes."""
         accepted = "a number above zero for each joint"
         values = number_array(key, value, accepted)
         if values.ndim != 1 or not (values > 0.0).all():
@@ -80,7 +68,7 @@ class PerJoint:
         return frozen(values)
 
     def require_applicable(self, key: str, value: Array, model: FreeFloatingModel) -> None:
-        """See :class:`Value`."""
+        """Raise an InputError that names a key unless there is one for each joint of a robot."""
         if value.shape != (model.dof,):
             accepted = f"for {', '.join(model.joint_names)}"
             raise InputError(key, f"shape {value.shape} was given", accepted)
@@ -91,7 +79,7 @@ class Axes:
     """Axes of links with the cones inside or outside which they stay; any number of them."""
 
     def checked(self, key: str, value: Iterable[PointingLimit]) -> tuple[PointingLimit, ...]:
-        """See :class:`Value`."""
+        """The axes; an InputError that names a key unless they are limits of pointing."""
         axes = tuple(value)
         for number, axis in enumerate(axes):
             accepted = "PointingLimit(body, axis, angle, direction=...)"
@@ -101,6 +89,10 @@ class Axes:
     def require_applicable(
         self, key: str, value: tuple[PointingLimit, ...], model: FreeFloatingModel
     ) -> None:
-        """See :class:`Value`."""
+        """Raise an InputError that names a key unless the axes are those of a robot's links."""
         for number, axis in enumerate(value):
             axis.require_body(model, f"{key}.{number}.body")
+
+
+Value = Number | PerJoint | Axes
+"""What the bound of a limit is."""
