@@ -10,7 +10,7 @@ one, others are tried.
 from dataclasses import replace
 
 import freefloat as ff
-from freefloat.limits.limits import LimitResult, needed_stretch
+from freefloat.limits.result import LimitResult, needed_stretch
 
 scenario = ff.load_scenario("planar_2dof/line")
 problem = scenario.problem()

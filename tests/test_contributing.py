@@ -57,6 +57,73 @@ assert abs(best.minimum_margin / chosen.minimum_margin - 1.0) < 1e-4
 (minimum,) = (entry for entry in certify(chosen.motion).minima if entry.measure == "relative")
 assert 0.89 < minimum.bound / minimum.value <= 1.0
 """,
+    "limit": """
+import json
+import freefloat as ff
+import numpy as np
+import yaml
+from typer.testing import CliRunner
+from freefloat.cli.app import app
+
+def run(*words):
+    done = CliRunner().invoke(app, words)
+    return done.exit_code, done.stdout
+
+def write(name, **changes):
+    open(name, "w").write(yaml.safe_dump(content | changes))
+
+def limit(results):
+    (result,) = (r for r in results if r["limit"] == "end_effector_speed")
+    assert result["unit"] == "m/s"
+    return result
+
+speed = 15 / 8 * np.hypot(1.4, 1.0) / 30
+content = {
+    "robot": {"urdf": "planar_2dof", "end_effector": "end_effector"},
+    "task": "planar-position",
+    "path": {"line": {"from": [1.9, 0.2, 0], "to": [0.5, 1.2, 0]}},
+    "timing": {"duration": 30},
+    "margin": {"measure": "system", "fraction": 0.1},
+    "limits": {"end_effector_speed": 0.11},
+    "phases": [{"joints": {"q1": 0.4, "q2": 1.2}, "duration": 30}],
+}
+write("path.yaml", phases=[])
+code, shown = run("plan", "path.yaml", "--json", "-o", "path.h5", "--html", "path.html")
+result = limit(json.loads(shown)["limits"])
+assert code == 0 and result["kept"] and abs(result["worst"] - speed) < 1e-9
+assert abs(result["time"] - 15) < 1e-3
+loaded = ff.load("path.h5")
+assert loaded.limits.end_effector_speed == 0.11
+assert limit(r.to_dict() for r in loaded.limit_results) == result
+assert run("check", "path.h5")[0] == 0
+assert "end effector speed [m/s]" in run("plan", "path.yaml")[1]
+assert run("retime", "path.h5")[0] == 2
+
+write("fast.yaml", phases=[], limits={"end_effector_speed": 0.1})
+code, shown = run("plan", "fast.yaml", "--json", "-o", "fast.h5")
+found = json.loads(shown)
+assert code == 1 and set(found["excluded"]) == {"end_effector_speed"}
+code, shown = run("plan", "fast.yaml", "--json", "--stretch")
+assert code == 0 and abs(json.loads(shown)["stretch"] / (speed / 0.1) - 1) < 1e-3
+code, shown = run("simulate", "fast.yaml", "--json", "--heading", "25")
+assert code == 1 and not limit(json.loads(shown)["limits"])["kept"]
+
+search = {"objective": "nearest", "from_attitude": [0, 0, 0, 1], "joints": [0.5, 0.8],
+          "reorient": True}
+write("phases.yaml", search=search)
+code, shown = run("plan", "phases.yaml", "--json", "-o", "phases.h5")
+assert code == 0
+for phase in json.loads(shown)["phases"]:
+    assert limit(phase["limits"])["kept"]
+assert run("check", "phases.h5")[0] == 0
+motion = ff.load("phases.h5").phases[-1].motion
+t = np.linspace(0.01, motion.final.time - 0.01, 500)
+positions = [[motion.problem.model.end_effector_pose(s.attitude, s.joints).position
+              for s in motion.sample(t + step)] for step in (1e-4, -1e-4)]
+speeds = np.linalg.norm(np.subtract(*positions), axis=1) / 2e-4
+found = limit(r.to_dict() for r in ff.load("phases.h5").phases[-1].result.limit_results)
+assert abs(found["worst"] - speeds.max()) < 1e-5
+""",
     "objective": """
 import json
 import freefloat as ff
@@ -202,6 +269,12 @@ def test_a_recipe_adds_what_it_says(recipe: str, extended: Path) -> None:
     assert set(RECIPES) == set(USES)
     assert RECIPES[recipe].count("+++ b/src/") <= 3
     execute(extended, "-c", USES[recipe])
+
+
+def test_a_limit_touches_three_files_at_most() -> None:
+    files = set(re.findall(r"^\+\+\+ b/(.+)$", RECIPES["limit"], re.MULTILINE))
+    assert len(files) <= 3
+    assert all(file.startswith("src/freefloat/limits/") for file in files)
 
 
 @pytest.mark.slow

@@ -19,6 +19,8 @@ if TYPE_CHECKING:  # the command line shows its help without NumPy
     import numpy as np
     import numpy.typing as npt
 
+LARGEST_NUMBER = 1e9
+"""No length, time or momentum of a spacecraft comes near; squares beyond it lose all digits."""
 LARGEST_SEED = 2**53
 """Largest integer that every reader of JSON keeps."""
 _Words = TypeVar("_Words", bound=StrEnum)

@@ -1,6 +1,7 @@
 """Limits along a motion: closed forms, each violated in turn, the stretch that keeps them."""
 
-from dataclasses import replace
+import json
+from dataclasses import fields, replace
 from functools import partial
 
 import numpy as np
@@ -10,7 +11,9 @@ from freefloat.errors import InputError
 from freefloat.io.formats.trajectory import Trajectory
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.limits.check import LimitChecker, check_limits
-from freefloat.limits.limits import LimitKind, LimitResult, Limits, needed_stretch
+from freefloat.limits.kinds import KINDS
+from freefloat.limits.limits import GIVEN, Limits
+from freefloat.limits.result import LimitResult, needed_stretch
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending, Motion
 from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
@@ -46,10 +49,10 @@ def result_of(motion, limits, kind):
 )
 def test_the_fastest_rate_is_that_of_the_time_law(law, peak, where):
     result = result_of(prismatic_motion(prismatic_robot(), law=law),
-                    Limits(joint_rate=np.full(3, 0.05)), LimitKind.JOINT_RATE)  # fmt: skip
+                    Limits(joint_rate=np.full(3, 0.05)), "joint_rate")  # fmt: skip
     assert_close(result.worst, peak * RELATIVE / DURATION, atol=1e-9)
     assert_close(result.ratio, result.worst / 0.05, atol=1e-12)
-    assert result.where == "x"
+    assert (result.where, result.unit) == ("x", "m/s")
     assert not result.kept
     if where is not None:
         assert_close(result.time, where * DURATION, atol=1e-3)
@@ -66,9 +69,9 @@ def test_the_fastest_rate_is_that_of_the_time_law(law, peak, where):
 def test_the_largest_force_is_that_of_the_time_law(law, peak, places):
     """Also where accelerations jump: inside the ramps of the trapezoid, at rest in the cubic."""
     motion = prismatic_motion(prismatic_robot(), law=law)
-    result = result_of(motion, Limits(joint_torque=np.array([0.2, 1, 1])), LimitKind.JOINT_TORQUE)
+    result = result_of(motion, Limits(joint_torque=np.array([0.2, 1, 1])), "joint_torque")
     assert_close(abs(result.worst), TOOL * LENGTH * peak / DURATION**2, atol=1e-9)
-    assert result.where == "x"
+    assert (result.where, result.unit) == ("x", "N")
     assert result.base_wrench < 1e-9
     if places is not None:
         assert min(abs(result.time / DURATION - place) for place in places) < 1e-3
@@ -82,7 +85,7 @@ def test_the_largest_force_just_before_it_jumps_is_found():
     problem = replace(problem, path=TimedPath(problem.path.path, timing))
     joints = [(start + half / 2.0) * RELATIVE / LENGTH, 0.0, 0.0]
     motion = integrate_motion(problem, [0.0, 0.0, 0.0, 1.0], joints, start=2.5)
-    result = result_of(motion, Limits(joint_torque=np.ones(3)), LimitKind.JOINT_TORQUE)
+    result = result_of(motion, Limits(joint_torque=np.ones(3)), "joint_torque")
     assert_close(result.worst, -6.0 * TOOL * half / 25.0, atol=1e-9)
     assert_close(result.time, 5.0, atol=1e-9)
 
@@ -90,10 +93,19 @@ def test_the_largest_force_just_before_it_jumps_is_found():
 def test_joint_ranges_count_without_being_asked_for():
     motion = prismatic_motion(prismatic_robot(limits=(0.5, 1.5)))
     (result,) = check_limits(motion, Limits())
-    assert (result.limit, result.where, result.allowed) == (LimitKind.JOINT_RANGE, "x", 1.5)
+    assert (result.limit, result.where, result.allowed) == ("joint_range", "x", 1.5)
+    assert (result.unit, result.at_least) == ("m", False)
     assert_close([result.worst, result.time], [2.0, DURATION], atol=1e-9)
     assert_close(result.ratio, 2.0, atol=1e-9)
     assert not result.kept
+
+
+def test_the_lower_end_of_a_range_is_a_lower_bound():
+    motion = prismatic_motion(prismatic_robot(limits=(1.5, 2.5)))
+    (result,) = check_limits(motion, Limits())
+    assert (result.allowed, result.at_least, result.kept) == (1.5, True, False)
+    assert_close([result.worst, result.time], [1.0, 0.0], atol=1e-9)
+    assert_close(result.ratio, 2.0, atol=1e-9)
 
 
 def test_robots_without_ranges_have_no_such_result():
@@ -121,8 +133,8 @@ def spatial():
 def test_rates_are_the_largest_of_fine_sampling(spatial):
     n = spatial.problem.model.dof
     limits = Limits(joint_rate=np.full(n, WIDE), base_rate=WIDE)
-    joint = result_of(spatial, limits, LimitKind.JOINT_RATE)
-    base = result_of(spatial, limits, LimitKind.BASE_RATE)
+    joint = result_of(spatial, limits, "joint_rate")
+    base = result_of(spatial, limits, "base_rate")
     near = [np.linspace(peak - 0.1, peak + 0.1, 41) for peak in (joint.time, base.time)]
     series = Trajectory.of(spatial, np.unique([*np.linspace(0.0, 100.0, 501), *np.ravel(near)]))
     rates = np.abs(series.joint_rates)
@@ -130,6 +142,7 @@ def test_rates_are_the_largest_of_fine_sampling(spatial):
     assert abs(joint.worst) >= rates.max() - 1e-12
     k, i = np.unravel_index(rates.argmax(), rates.shape)
     assert joint.where == spatial.problem.model.joint_names[i]
+    assert joint.unit == base.unit == "rad/s"
     assert_close(joint.time, series.times[k], atol=0.01)
     speeds = np.linalg.norm(series.angular_velocities, axis=1)
     assert_close(base.worst, speeds.max(), atol=1e-7)
@@ -138,9 +151,9 @@ def test_rates_are_the_largest_of_fine_sampling(spatial):
 
 def test_every_joint_has_its_own_limit(spatial):
     """The joint named is the one that uses up most of its own limit, not the fastest."""
-    free = result_of(spatial, Limits(joint_rate=np.full(6, 1.0)), LimitKind.JOINT_RATE)
+    free = result_of(spatial, Limits(joint_rate=np.full(6, 1.0)), "joint_rate")
     tight = np.where(np.array(spatial.problem.model.joint_names) == free.where, np.inf, 1.0)
-    other = result_of(spatial, Limits(joint_rate=tight), LimitKind.JOINT_RATE)
+    other = result_of(spatial, Limits(joint_rate=tight), "joint_rate")
     assert other.where != free.where
     assert other.ratio < free.ratio
 
@@ -151,10 +164,10 @@ def all_limits(motion):
     wide = Limits(np.full(n, WIDE), np.full(n, WIDE), WIDE, 0.0)
     result = {result.limit: abs(result.worst) for result in check_limits(motion, wide)}
     return Limits(
-        np.full(n, result[LimitKind.JOINT_RATE]),
-        np.full(n, result[LimitKind.JOINT_TORQUE]),
-        result[LimitKind.BASE_RATE],
-        result[LimitKind.CLEARANCE],
+        np.full(n, result["joint_rate"]),
+        np.full(n, result["joint_torque"]),
+        result["base_rate"],
+        result["clearance"],
     )
 
 
@@ -182,7 +195,7 @@ def test_each_limit_violated_alone():
 def test_contact_is_violated_even_where_no_distance_is_asked_for():
     ball = shape_text('<sphere radius="0.6"/>')
     motion = prismatic_motion(prismatic_robot(shape_text('<box size="1 1 1"/>'), ball))
-    result = result_of(motion, Limits(clearance=0.0), LimitKind.CLEARANCE)
+    result = result_of(motion, Limits(clearance=0.0), "clearance")
     assert_close(result.worst, -0.1, atol=1e-6)
     assert result.where == "bus - hand"
     assert not result.kept
@@ -207,11 +220,11 @@ def test_the_stretched_motion_just_keeps_the_limit(name):
 
 
 def test_stretch_is_that_of_the_tightest_limit():
-    def used(limit, ratio):
-        return LimitResult(limit, 1.0, 1.0, 0.0, "", ratio <= 1.0, ratio)
+    def used(ratio, exponent):
+        return LimitResult(limit="", worst=1.0, allowed=1.0, time=0.0, where="", ratio=ratio,
+                           kept=ratio <= 1.0, exponent=exponent)  # fmt: skip
 
-    results = [used(LimitKind.JOINT_RATE, 2.0), used(LimitKind.JOINT_TORQUE, 9.0),
-                used(LimitKind.CLEARANCE, 50.0), used(LimitKind.JOINT_RANGE, 50.0)]  # fmt: skip
+    results = [used(2.0, 1), used(9.0, 2), used(50.0, 0)]
     assert needed_stretch(results) == 3.0
     assert needed_stretch(results[:1]) == 2.0
     assert needed_stretch(results[2:]) == 1.0
@@ -225,7 +238,7 @@ def test_rates_towards_a_singularity_have_no_bound():
         integrate_motion(problem, attitude, result.joints) for result in problem.branches(attitude)
     )
     motion = next(result for result in motions if result.ending is Ending.SINGULAR)
-    result = result_of(motion, Limits(joint_rate=np.full(6, 1.0)), LimitKind.JOINT_RATE)
+    result = result_of(motion, Limits(joint_rate=np.full(6, 1.0)), "joint_rate")
     assert result.ratio > 1e3
     assert_close(result.time, motion.final.time, atol=1e-6)
     assert not result.kept
@@ -237,9 +250,12 @@ def test_a_motion_that_ends_where_it_begins_keeps_no_rate():
                    motion.joints[:1])  # fmt: skip
     checker = LimitChecker(motion.problem, Limits(np.ones(6), np.ones(6), 1.0, 0.0))
     result = {result.limit: result for result in checker.results(still)}
-    for kind in (LimitKind.JOINT_RATE, LimitKind.BASE_RATE, LimitKind.JOINT_TORQUE):
+    for kind in ("joint_rate", "base_rate", "joint_torque"):
         assert result[kind].worst == np.inf
         assert not result[kind].kept
+        document = json.loads(json.dumps(result[kind].to_dict(), allow_nan=False))
+        assert document["worst"] is None
+        assert LimitResult.from_dict(document) == result[kind]
 
 
 def test_results_are_those_of_the_reversed_motion(spatial):
@@ -255,11 +271,18 @@ def test_results_are_those_of_the_reversed_motion(spatial):
 @pytest.mark.parametrize(
     ("key", "value"),
     [("joint_rate", [1.0, 0.0]), ("joint_torque", [-1.0]), ("base_rate", 0.0), ("clearance", -0.1),
-     ("clearance", np.nan), ("base_rate", np.nan)],
+     ("clearance", np.nan), ("base_rate", np.nan), ("base_rate", np.inf), ("base_turn", 0.0),
+     ("base_turn", 3.2), ("pointing", ["antenna"])],
 )  # fmt: skip
 def test_limits_that_are_none_are_refused(key, value):
     with pytest.raises(InputError, match=f"limits.{key}"):
         Limits(**{key: value})
+
+
+def test_every_attribute_is_a_limit_with_a_bound_of_its_own():
+    assert [kind.name for kind in GIVEN] == [field.name for field in fields(Limits)]
+    names = [kind.name for kind in KINDS]
+    assert len({*names}) == len(names)
 
 
 def test_limits_of_another_number_of_joints_are_refused(spatial):

@@ -6,7 +6,6 @@ import trimesh
 
 import freefloat as ff
 from freefloat.limits.contact import self_contact
-from freefloat.limits.limits import LimitKind
 from freefloat.motion.motion import Motion
 from tests.prismatic import prismatic_motion, prismatic_robot, shape_text
 from tests.robots import joint_text
@@ -23,7 +22,7 @@ def simulation():
 def test_the_deepest_contact_is_that_of_the_limit(simulation):
     motion = simulation.chosen.motion
     results = ff.check_limits(motion, ff.Limits(clearance=0.0))
-    limit = next(entry for entry in results if entry.limit is LimitKind.CLEARANCE)
+    limit = next(entry for entry in results if entry.limit == "clearance")
     contact = simulation.contact
     assert " - ".join(contact.bodies) == limit.where
     np.testing.assert_allclose([contact.depth, contact.time], [-limit.worst, limit.time])

@@ -7,7 +7,7 @@ import pytest
 
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.limits.check import check_limits
-from freefloat.limits.limits import LimitKind, Limits
+from freefloat.limits.limits import Limits
 from freefloat.planning.planner import plan
 from freefloat.planning.settings import Search
 from freefloat.robot.shapes import Sphere
@@ -24,7 +24,7 @@ def corridor_result(*arguments, bodies=(), **options):
     motion = prismatic_motion(prismatic_robot())
     scene = Scene(bodies, Corridor(*arguments, **options))
     motion = replace(motion, problem=motion.problem.replace(scene=scene))
-    (result,) = (r for r in check_limits(motion, Limits()) if r.limit is LimitKind.CORRIDOR)
+    (result,) = (r for r in check_limits(motion, Limits()) if r.limit == "corridor")
     return result
 
 
@@ -66,9 +66,9 @@ def test_a_plan_whose_path_leaves_the_corridor_is_infeasible_at_once():
     problem = scenario.problem().replace(scene=Scene((), corridor))
     result = plan(problem, Search(), scenario.limits())
     assert not result.feasible
-    assert result.excluded == {LimitKind.CORRIDOR: 1}
+    assert result.excluded == {"corridor": 1}
     assert "corridor, 1.176 of 0.5 allowed" in result.reason  # atan2(1.2, 0.5)
     wide = replace(corridor, half_angle=1.2)
     kept = plan(problem.replace(scene=Scene((), wide)), Search(), scenario.limits())
     assert kept.feasible
-    assert {entry.limit for entry in kept.limit_results} >= {LimitKind.CORRIDOR}
+    assert {entry.limit for entry in kept.limit_results} >= {"corridor"}

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.limits.limits import LimitKind, Limits
+from freefloat.limits.kinds import KINDS
+from freefloat.limits.limits import Limits
 from freefloat.planning.plan import Plan
 from freefloat.so3 import angle_between
 from tests.tutorials import MISSION, completed
@@ -32,7 +33,7 @@ def script(folder: Path) -> dict[str, Any]:
 
 def worst(plan: Plan, limits: Limits) -> list[float]:
     """Extreme values of the limits of attitude along the motion of a plan [rad]."""
-    kinds = (LimitKind.POINTING, LimitKind.BASE_TURN)
+    kinds = ("pointing", "base_turn")
     results = ff.check_limits(plan.chosen.motion, limits)
     return [result.worst for result in results if result.limit in kinds]
 
@@ -42,7 +43,7 @@ def test_the_plan_of_the_mission_is_verified(script: dict[str, Any], folder: Pat
     """The script verifies it with MuJoCo."""
     plan = script["plan"]
     assert plan.feasible, plan.reason
-    assert {result.limit for result in plan.limit_results} == set(LimitKind)
+    assert {result.limit for result in plan.limit_results} == {kind.name for kind in KINDS}
     assert all(result.kept for result in plan.limit_results)
     loaded = ff.load(folder / "plan.h5")
     assert ff.check(loaded).passed

@@ -10,7 +10,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.io.scenario.scenario import parse_scenario
-from freefloat.limits.limits import LimitKind
+from freefloat.limits.kinds import KINDS
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.so3 import rotation_matrix
 
@@ -24,11 +24,11 @@ LIMITS = ff.Limits(
     clearance=0.01,
     pointing=[ff.PointingLimit("end_effector", [0, 0, 1], 0.1, direction=[0, 0, 1])],
 )
-EVERY = set(LimitKind) - {LimitKind.JOINT_RANGE}  # its joints are continuous
+EVERY = {kind.name for kind in KINDS} - {"joint_range"}  # its joints are continuous
 EXPECTED = {
     "path": EVERY,
-    "joints": EVERY - {LimitKind.BASE_TURN},
-    "reorientation": EVERY - {LimitKind.BASE_TURN, LimitKind.CORRIDOR},
+    "joints": EVERY - {"base_turn"},
+    "reorientation": EVERY - {"base_turn", "corridor"},
 }
 PRESENT = ff.Search("nearest", [0.0, 0.0, 0.0, 1.0], joints=[0.5, 0.8])
 
@@ -64,7 +64,7 @@ def test_a_turn_is_checked_where_it_is_limited(manoeuvre: Manoeuvre) -> None:
     motion = manoeuvre.phases[-1].motion
     turn = np.abs(2.0 * np.arcsin(motion.attitudes @ turned(motion.attitudes[0])))
     results = ff.check_limits(motion, ff.Limits(base_turn=1e-3))
-    (found,) = (entry for entry in results if entry.limit is LimitKind.BASE_TURN)
+    (found,) = (entry for entry in results if entry.limit == "base_turn")
     assert not found.kept
     assert found.worst == pytest.approx(turn.max(), abs=1e-4)
 
@@ -115,7 +115,7 @@ def test_axes_point_at_the_same_place_while_the_centre_of_mass_drifts(tmp_path: 
     ff.save(found, tmp_path / "pointing.h5", scenario)
     assert ff.check(ff.load(tmp_path / "pointing.h5")).passed
     for phase in found.phases:
-        (result,) = (e for e in phase.result.limit_results if e.limit is LimitKind.POINTING)
+        (result,) = (e for e in phase.result.limit_results if e.limit == "pointing")
         angles = []
         for state in phase.motion.sample(np.linspace(0.0, phase.duration, 401)):
             base = phase.centre + state.time * drift + state.base_position
@@ -150,7 +150,7 @@ def test_a_motion_of_joints_out_of_the_corridor_is_infeasible(
     (left,) = (phase for phase in found.phases if not phase.feasible)
     assert left.name == name
     (result,) = ff.check_limits(left.motion, ff.Limits())
-    assert result.limit is LimitKind.CORRIDOR
+    assert result.limit == "corridor"
     assert result.worst > 0.1
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.limits.limits import LimitKind
 
 pytestmark = pytest.mark.usefixtures("kernels")
 LIMITS = ff.Limits(clearance=0.02)
@@ -27,12 +26,12 @@ def test_another_arm_branch_is_chosen_where_a_body_is_in_the_way():
     free, plan = beside(ff.SceneBody("client", ff.Sphere(0.1), PLACE))
     assert (free.chosen.branch.label, plan.chosen.branch.label) == ("elbow-", "elbow+")
     assert plan.feasible
-    assert plan.excluded[LimitKind.CLEARANCE] > free.excluded[LimitKind.CLEARANCE]
+    assert plan.excluded["clearance"] > free.excluded["clearance"]
     assert plan.chosen.closest_approach.value < free.chosen.closest_approach.value
     assert ff.check(plan).passed
     attitude = free.chosen.motion.initial.attitude
     blocked = ff.simulate(plan.problem, attitude, branch=free.chosen.branch.index, limits=LIMITS)
-    (clearance,) = (r for r in blocked.limit_results if r.limit is LimitKind.CLEARANCE)
+    (clearance,) = (r for r in blocked.limit_results if r.limit == "clearance")
     assert clearance.where.endswith(" - client")
     assert clearance.worst < 0.0
 

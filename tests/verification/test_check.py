@@ -101,6 +101,18 @@ def test_ranges_of_headings_that_keep_limits_of_attitude_are_verified():
     assert "ranges of headings" in {entry.name for entry in ff.check(shifted).discrepancies}
 
 
+def test_a_limit_is_an_upper_or_a_lower_bound_whether_it_is_kept_or_not():
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    limits = ff.Limits(joint_rate=[np.inf, 0.01], clearance=0.01)
+    simulation = ff.simulate(problem, heading=0.4, limits=limits)
+    stated = {f"limit {result.limit}".replace("_", " "): result.worst
+              for result in simulation.limit_results}  # fmt: skip
+    assert stated["limit joint rate"] < 0.0
+    checks = {entry.name: entry for entry in ff.check(simulation).checks}
+    relations = {name: (checks[name].relation, checks[name].unit) for name in stated}
+    assert relations == {"limit joint rate": ("≤", "rad/s"), "limit clearance": ("≥", "m")}
+
+
 def with_motion(result, **changes):
     """A result whose chosen motion is another."""
     chosen = result.chosen

@@ -22,7 +22,7 @@ from rich.text import Text
 from freefloat.errors import FreeFloatError
 
 if TYPE_CHECKING:  # the command line shows its help without NumPy
-    from freefloat.limits.limits import LimitResult
+    from freefloat.limits.result import LimitResult
     from freefloat.planning.plan import Plan
     from freefloat.planning.settings import Search
     from freefloat.planning.simulation import SimulatedBranch, Simulation
@@ -34,16 +34,6 @@ _PATIENCE = 3.0
 """Time without progress after which kernels are probably being compiled [s]."""
 ANY = "any"
 """Label of all starting configurations of a redundant arm."""
-_LIMITS = {
-    "joint_range": "joint range [rad, m]",
-    "joint_rate": "joint rate [rad/s, m/s]",
-    "base_rate": "base rate [rad/s]",
-    "joint_torque": "joint torque [N m, N]",
-    "clearance": "clearance [m]",
-    "pointing": "pointing [rad]",
-    "base_turn": "base turn [rad]",
-    "corridor": "corridor [rad, m]",
-}
 
 
 @dataclass(frozen=True)
@@ -215,7 +205,7 @@ def limit_tables(results: Iterable[LimitResult]) -> Iterator[RenderableType]:
     limits = table("limit", "worst", "allowed", "at [s]", "where", "verdict")
     for result in results:
         limits.add_row(
-            Text(_LIMITS[result.limit]),
+            Text(f"{result.label} [{result.unit}]".removesuffix(" []")),
             _number(result.worst),
             _number(result.allowed),
             f"{result.time:.4f}",

@@ -76,7 +76,7 @@ def simulate(
     Example: freefloat simulate spatial_6dof/line --attitude 0.46008 0.09337 0.73519 -0.48898
     """
     from freefloat.io.scenario.scenario import load_scenario
-    from freefloat.limits.limits import violated
+    from freefloat.limits.result import violated
     from freefloat.planning.simulation import simulate as simulate_branches
 
     console = Console(as_json, quiet)

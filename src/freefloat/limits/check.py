@@ -2,28 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from functools import partial
-from typing import TYPE_CHECKING
-
-import numpy as np
+from collections.abc import Iterable
+from typing import Any
 
 from freefloat.errors import require_type
-from freefloat.limits import extremes
-from freefloat.limits.limits import (
-    LimitKind,
-    LimitResult,
-    Limits,
-    require_applicable,
-    violated,
-)
+from freefloat.limits.kinds import KINDS
+from freefloat.limits.kinds.clearance import ClearanceLimit
+from freefloat.limits.limit import Limit
+from freefloat.limits.limits import Limits, require_applicable
+from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.motion import Motion
+from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
-
-if TYPE_CHECKING:
-    from freefloat.limits.pairs import CollisionPairs
-
-_Check = Callable[[Motion], LimitResult]
 
 
 def check_limits(motion: Motion, limits: Limits) -> tuple[LimitResult, ...]:
@@ -49,10 +39,23 @@ def check_limits(motion: Motion, limits: Limits) -> tuple[LimitResult, ...]:
     return LimitChecker(motion.problem, limits).results(motion)
 
 
+def attitude_limits(problem: Problem, limits: AttitudeLimits) -> tuple[Limit[Any], ...]:
+    """Limits of attitude, prepared for the motions of a problem."""
+    return _prepared([kind for kind in KINDS if kind.of_attitude], problem, limits)
+
+
+def _prepared(
+    kinds: Iterable[type[Limit[Any]]], problem: Problem, limits: Limits | AttitudeLimits
+) -> tuple[Limit[Any], ...]:
+    bounds = ((kind, kind.bound_of(problem, limits)) for kind in kinds)
+    return tuple(kind(problem, bound) for kind, bound in bounds if bound is not None)
+
+
 class LimitChecker:
     """The limits of a robot and its scene, prepared for many motions, whatever moves the arm.
 
     Attributes:
+        limits: Those that apply, in the order in which they are checked.
         pairs: The pairs of shapes that may collide; None where no clearance is required.
     """
 
@@ -63,43 +66,19 @@ class LimitChecker:
             problem: The problem of the motions, whatever its duration.
             limits: The limits in addition to the joint ranges and the scene's corridor.
         """
-        model = problem.model
-        require_applicable(model, limits)
-        self.pairs: CollisionPairs | None = None
-        checks: dict[LimitKind, _Check] = {}
-        decisions: dict[LimitKind, _Check] = {}
-        if problem.scene.corridor is not None:
-            checks[LimitKind.CORRIDOR] = partial(extremes.corridor, problem.scene.corridor)
-        if np.isfinite(model.joint_ranges).any():
-            checks[LimitKind.JOINT_RANGE] = extremes.joint_range
-        if limits.joint_rate is not None:
-            checks[LimitKind.JOINT_RATE] = partial(extremes.joint_rate, limits.joint_rate)
-        if limits.base_rate is not None:
-            checks[LimitKind.BASE_RATE] = partial(extremes.base_rate, limits.base_rate)
-        if limits.base_turn is not None:
-            checks[LimitKind.BASE_TURN] = partial(extremes.base_turn, limits.base_turn)
-        if limits.pointing:
-            checks[LimitKind.POINTING] = partial(extremes.pointing, limits.pointing)
-        if limits.clearance is not None:
-            from freefloat.limits.pairs import CollisionPairs  # coal and trimesh import slowly
-
-            self.pairs = CollisionPairs(model, limits.clearance, scene=problem.scene)
-            check = partial(extremes.clearance, limits.clearance, self.pairs)
-            checks[LimitKind.CLEARANCE] = check
-            decisions[LimitKind.CLEARANCE] = partial(check, decide_only=True)
-        if limits.joint_torque is not None:
-            checks[LimitKind.JOINT_TORQUE] = partial(extremes.joint_torque, limits.joint_torque)
-        self._checks, self._decisions = checks, checks | decisions
+        require_applicable(problem.model, limits)
+        self.limits = _prepared(KINDS, problem, limits)
+        pairs = (limit.pairs for limit in self.limits if isinstance(limit, ClearanceLimit))
+        self.pairs = next(pairs, None)
 
     def results(self, motion: Motion, known: Iterable[LimitResult] = ()) -> tuple[LimitResult, ...]:
         """The results of all limits, of which some may be known already."""
         found = {result.limit: result for result in known}
-        checks = self._checks.items()
-        return tuple(found[kind] if kind in found else check(motion) for kind, check in checks)
+        return tuple(found.get(limit.name) or limit.worst(motion) for limit in self.limits)
 
     def timed(self, motion: Motion) -> tuple[LimitResult, ...]:
         """The results of limits that depend on the speed."""
-        return tuple(check(motion) for kind, check in self._checks.items() if kind.timed)
+        return tuple(limit.worst(motion) for limit in self.limits if limit.exponent)
 
     def results_unless_violated(
         self, motion: Motion
@@ -108,18 +87,19 @@ class LimitChecker:
 
         Of a violated clearance the distance is too small, but need not be the smallest one.
         """
-        decided = {}
-        for kind, decide in self._decisions.items():
-            decided[kind] = decide(motion)
-            if not decided[kind].kept:
-                return (), decided[kind]
-        again = {k: c(motion) for k, c in self._checks.items() if c is not self._decisions[k]}
-        return tuple((decided | again).values()), None
+        known = []
+        for limit in self.limits:
+            result = limit.decide(motion)
+            if not result.kept:
+                return (), result
+            if not limit.decides_sooner:
+                known.append(result)
+        return self.results(motion, known), None
 
     def violations(self, motion: Motion, *, timed: bool = True) -> tuple[LimitResult, ...]:
         """The results of all violated limits, clearances as :meth:`results_unless_violated` has.
 
         Those that depend on the speed may be left out.
         """
-        decisions = self._decisions.items()
-        return violated(decide(motion) for kind, decide in decisions if timed or not kind.timed)
+        checked = (limit for limit in self.limits if timed or not limit.exponent)
+        return violated(limit.decide(motion) for limit in checked)

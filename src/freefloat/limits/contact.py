@@ -8,8 +8,9 @@ from typing import Any
 
 from freefloat.errors import ModelError
 from freefloat.limits.clearance import TOLERANCE, clearance
-from freefloat.limits.limits import LimitKind, LimitResult
+from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.pairs import CollisionPairs
+from freefloat.limits.result import LimitResult
 from freefloat.motion.motion import Motion
 from freefloat.robot.description import LinkShape
 from freefloat.robot.model import FreeFloatingModel
@@ -52,7 +53,7 @@ def self_contact(motion: Motion, results: Iterable[LimitResult] = ()) -> Contact
         motion: The motion.
         results: Limits along it; the result of a clearance saves the search.
     """
-    known = next((entry for entry in results if entry.limit is LimitKind.CLEARANCE), None)
+    known = next((entry for entry in results if entry.limit == ClearanceLimit.name), None)
     if known is not None:
         depth, time, names = -known.worst, known.time, known.where
     else:

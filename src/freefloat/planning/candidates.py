@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.limits.limits import LimitKind
 from freefloat.records import Quaternions
 from freefloat.so3 import angle_between
 
@@ -100,7 +99,7 @@ class ScreenedCandidate(Candidate):
     """
 
     branch: int
-    violation: LimitKind | None = None
+    violation: str | None = None
     rate_ratio: float = 0.0
     clearance_deficit: float = 0.0
 

@@ -12,7 +12,8 @@ import numpy.typing as npt
 from freefloat.dynamics.momentum import Task
 from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.limits.limits import LimitKind, LimitResult, violated
+from freefloat.limits.kinds.corridor import CorridorLimit
+from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import (
     light_spacecraft_hint,
@@ -181,7 +182,7 @@ def violated_limits_message(
     """
     broken = violated(results)
     for result in broken:
-        if result.limit is LimitKind.CORRIDOR:  # which the path alone decides
+        if result.limit == CorridorLimit.name:  # which the path alone decides
             reached = (
                 f"{result.worst:.4g} of {result.allowed:.4g} allowed at t = {result.time:.4g} s"
             )

@@ -9,7 +9,8 @@ from typing import Any, ClassVar
 
 from freefloat.certificate.certificate import Certificate
 from freefloat.limits.contact import Contact
-from freefloat.limits.limits import LimitResult, Limits, violated
+from freefloat.limits.limits import Limits
+from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.answer import Answer, PhaseResult
@@ -172,7 +173,7 @@ class Plan(Answer):
         if self.robust_radius is not None:
             rows["attitude tolerance"] = f"{degrees(self.robust_radius):.4f} deg"
         rows |= {
-            str(result.limit): "kept" if result.kept else f"violated at {result.time:.4f} s"
+            result.limit: "kept" if result.kept else f"violated at {result.time:.4f} s"
             for result in self.limit_results
         }
         if self.contact is not None:

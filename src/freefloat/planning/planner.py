@@ -14,6 +14,7 @@ from freefloat.planning.limits.keeping import stretched_plan
 from freefloat.planning.path_planner import plan_within
 from freefloat.planning.plan import Plan
 from freefloat.planning.settings import Search
+from freefloat.planning.timing.speed_profile import require_considered
 
 
 def plan(
@@ -44,8 +45,8 @@ def plan(
         The plan; an infeasible one has the reason.
 
     Raises:
-        InputError: If an argument is of another type, or ``search.from_attitude`` does not suit the
-            problem.
+        InputError: If an argument is of another type, ``search.from_attitude`` does not suit the
+            problem, or the fastest timing under these limits is not known.
 
     Example:
         >>> plan = ff.plan(ff.load_scenario("planar_2dof/line").problem())
@@ -61,6 +62,8 @@ def plan(
     problem = search.applied_to(problem)
     timing = problem.path.timing
     to_retime = timing.law is TimeLaw.OPTIMAL and not timing.speeds
+    if to_retime:
+        require_considered(limits or Limits())
     plan_problem = partial(
         plan_within, search=search, limits=limits, threads=threads, progress=progress,
         to_retime=to_retime,

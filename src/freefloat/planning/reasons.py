@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
-from freefloat.limits.limits import LimitResult, violated
+from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.extrema import ClosestApproach
 from freefloat.motion.motion import Ending, Motion
 

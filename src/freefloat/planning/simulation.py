@@ -15,7 +15,8 @@ from freefloat.errors import InputError, UnreachableError
 from freefloat.ik.branches import ArmBranch
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.contact import Contact, self_contact
-from freefloat.limits.limits import LimitResult, Limits, violated
+from freefloat.limits.limits import Limits
+from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.extrema import ClosestApproach, closest_approach, unwrapped
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending, Motion

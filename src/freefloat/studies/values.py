@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from freefloat.limits.limits import LimitResult, violated
+from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.motion import Ending
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.heading_map import HeadingMap
@@ -139,7 +139,7 @@ def _motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
 def _limit_values(limits: Sequence[LimitResult]) -> dict[str, Any]:
     return {
         "limits_kept": not violated(limits) if limits else None,
-        "limits": {str(result.limit): result.ratio for result in limits},
+        "limits": {result.limit: result.ratio for result in limits},
     }
 
 

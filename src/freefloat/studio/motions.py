@@ -8,7 +8,8 @@ import numpy as np
 
 from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.limits.limits import LimitResult, Limits
+from freefloat.limits.limits import Limits
+from freefloat.limits.result import LimitResult
 from freefloat.motion.problem import Problem
 from freefloat.planning.limits.screening import screen
 from freefloat.planning.limits.trials import Trials
@@ -26,11 +27,6 @@ from freefloat.visualization.slices import rotation_vectors
 _TITLE = "motion"
 _MOST = 8
 """Precise motions that are compared with the limits before giving up."""
-_UNITS = {
-    "joint_range": "rad or m", "joint_rate": "rad/s or m/s", "base_rate": "rad/s",
-    "joint_torque": "N m or N", "clearance": "m", "pointing": "rad", "base_turn": "rad",
-    "corridor": "rad or m",
-}  # fmt: skip
 
 
 def best_motion(evaluator: FeasibilityEvaluator, attitude: Array) -> SimulatedBranch | None:
@@ -104,10 +100,10 @@ def limits_answer(results: tuple[LimitResult, ...]) -> list[dict[str, Any]]:
     """Limits along the motion, a line each."""
     return [
         {
-            "limit": str(result.limit).replace("_", " "),
+            "limit": result.label,
             "kept": result.kept,
             "time": result.time,
-            "text": f"{result.worst:.4g} of {result.allowed:.4g} {_UNITS[result.limit]}, "
+            "text": f"{result.worst:.4g} of {result.allowed:.4g} {result.unit}, "
             f"{result.where}, t = {result.time:.4g} s",
         }
         for result in results

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from freefloat.limits.check import check_limits
+from freefloat.limits.check import LimitChecker
 from freefloat.motion.joint_loops import integrate_loops
 from freefloat.motion.joint_transfer import integrate_transfer
 from freefloat.motion.motion import Motion
@@ -55,8 +55,8 @@ def _turn_checks(result: Reorientation, engine: str) -> Iterator[Check]:
     yield _same_motion(again, motion)
     error = float(angle_between(again.final.attitude, result.goal))
     yield error_check("final attitude", error, _GOAL, "rad", float(again.times[-1]))
-    recomputed = check_limits(again, result.limits)
-    yield from limit_checks(result.limit_results, recomputed, result.reached)
+    checker = LimitChecker(again.problem, result.limits)
+    yield from limit_checks(result.limit_results, checker, checker.results(again), result.reached)
     yield from forward_checks(engine, motion, _STEPS * loops.count, _ENGINE)
 
 
@@ -65,8 +65,8 @@ def _joint_checks(result: JointMotion, engine: str) -> Iterator[Check]:
     motion, start = result.motion, result.motion.initial.attitude
     again = integrate_transfer(motion.problem, result.transfer, start, result.duration)
     yield _same_motion(again, motion)
-    recomputed = check_limits(motion, result.limits)
-    yield from limit_checks(result.limit_results, recomputed, result.feasible)
+    checker = LimitChecker(motion.problem, result.limits)
+    yield from limit_checks(result.limit_results, checker, checker.results(motion), result.feasible)
     yield from forward_checks(engine, motion, _STEPS, _ENGINE)
 
 

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from freefloat.limits.limits import LimitKind, LimitResult
+from freefloat.limits.check import LimitChecker
+from freefloat.limits.result import LimitResult
 from freefloat.verification.comparisons import Check
 
-_CLEARANCE = 2e-4
-"""Accuracy of distances [m]."""
 _RELATIVE = 1e-4
 """Relative deviation of extrema, which are found by search."""
-_ABSOLUTE = 1e-9
-"""Absolute deviation of all other values: rounding."""
 
 
 def limit_checks(
     stated: Iterable[LimitResult],
-    recomputed: Iterable[LimitResult],
+    checker: LimitChecker,
+    recomputed: Sequence[LimitResult],
     claimed: bool,
     required: bool = True,
 ) -> Iterator[Check]:
@@ -27,26 +25,28 @@ def limit_checks(
 
     Args:
         stated: Limits along a motion as its result states them.
-        recomputed: The same limits recomputed.
+        checker: The limits of the motion.
+        recomputed: Their results.
         claimed: Whether the result claims that its motion keeps margin and limits.
         required: Whether all limits are to be stated.
     """
     known = {entry.limit: entry for entry in stated}
-    recomputed = tuple(recomputed)
-    for limit in known.keys() - {entry.limit for entry in recomputed}:
-        yield Check(f"limit {limit}", False, "it is stated, but it is not a limit of the file")
-    for entry in recomputed:
-        yield _limit_check(entry, known.get(entry.limit), required, claimed)
+    for name in known.keys() - {limit.name for limit in checker.limits}:
+        yield Check(f"limit {name}", False, "it is stated, but it is not a limit of the file")
+    for limit, entry in zip(checker.limits, recomputed, strict=True):
+        allowed = limit.accuracy + _RELATIVE * abs(entry.worst)
+        yield _limit_check(entry, known.get(limit.name), allowed, required, claimed)
 
 
 def _limit_check(
-    recomputed: LimitResult, stated: LimitResult | None, required: bool, claimed: bool
+    recomputed: LimitResult,
+    stated: LimitResult | None,
+    allowed: float,
+    required: bool,
+    claimed: bool,
 ) -> Check:
-    worst = recomputed.worst
-    time = recomputed.time
-    where = recomputed.where
-    accuracy = _CLEARANCE if recomputed.limit is LimitKind.CLEARANCE else _ABSOLUTE
-    allowed = accuracy + _RELATIVE * abs(worst)
+    """Check of a limit whose stated value may deviate from the recomputed one as allowed."""
+    worst, time, where = recomputed.worst, recomputed.time, recomputed.where
     passed, detail = True, where
     if claimed and (required or stated is None) and not recomputed.kept:
         passed, detail = False, f"{where} violates it: {worst:.6g} at t = {time:.6g} s"
@@ -57,7 +57,9 @@ def _limit_check(
         or (np.isfinite(worst) and not abs(stated.worst - worst) <= allowed)
     ):
         passed, detail = False, f"{stated.worst:.6g} is stated, but it is {worst:.6g}"
-    name = f"limit {recomputed.limit}".replace("_", " ")
     value = None if stated is None else stated.worst
-    relation = "≤" if (worst <= recomputed.allowed) == recomputed.kept else "≥"
-    return Check(name, passed, detail, value, worst, recomputed.allowed, "", time, relation)
+    relation = "≥" if recomputed.at_least else "≤"
+    return Check(
+        f"limit {recomputed.label}", passed, detail, value, worst, recomputed.allowed,
+        recomputed.unit, time, relation,
+    )  # fmt: skip

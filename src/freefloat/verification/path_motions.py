@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 
 from freefloat.certificate.certificate import Certificate, certify
-from freefloat.limits.check import check_limits
+from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits
 from freefloat.motion.extrema import closest_approach
 from freefloat.planning.phases.kinds.path_phase import branch_at
@@ -94,11 +94,14 @@ def _report(
         return CheckReport(result.kind, (span,))
     runs = EngineRuns() if engine == PINOCCHIO else engine_runs(engine, motion, orbit)
     certificate = certify(motion)
-    limits = check_limits(motion, result.limits or Limits())
-    required = result.limits is not None
+    checker = LimitChecker(motion.problem, result.limits or Limits())
+    limits = checker.results(motion)
+    claims = keeps_limits, result.limits is not None
     checks = (
         *completed("certificate", certificate_checks, certificate, motion, keeps_margin),
-        *completed("limits", limit_checks, result.limit_results, limits, keeps_limits, required),
+        *completed(
+            "limits", limit_checks, result.limit_results, checker, limits, keeps_limits, required
+        ),
         *completed("closest approach", _branch_checks, chosen),
         *stated(certificate),
         *engine_checks(engine, motion, runs),

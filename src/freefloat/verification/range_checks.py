@@ -10,8 +10,7 @@ import numpy as np
 
 from freefloat.attitude_grids import even_directions
 from freefloat.ensemble.feasibility import FeasibilityEvaluator, regularity
-from freefloat.limits import extremes
-from freefloat.limits.limits import violated
+from freefloat.limits.check import attitude_limits
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
@@ -141,10 +140,7 @@ def _keeps_margin(problem: Problem, limits: AttitudeLimits, attitude: Array, joi
     motion = integrate_motion(problem, attitude, joints, stop_at_margin=True, tolerance=_PRECISE)
     if not motion.completed:
         return False
-    results = [extremes.pointing(limits.pointing, motion)] if limits.pointing else []
-    if limits.base_turn is not None:
-        results.append(extremes.base_turn(limits.base_turn, motion))
-    return not violated(results)
+    return all(limit.decide(motion).kept for limit in attitude_limits(problem, limits))
 
 
 def _depth_check(plan: Plan, chosen: SimulatedBranch) -> Check:

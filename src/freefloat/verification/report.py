@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from freefloat.certificate.certificate import Certificate
-from freefloat.limits.limits import LimitResult
+from freefloat.limits.result import LimitResult
 from freefloat.verification.comparisons import Check
 
 if TYPE_CHECKING:

@@ -11,16 +11,13 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from freefloat.errors import LARGEST_SEED
-
-_MAX = 1e9
-"""No length, time or momentum of a spacecraft comes near; squares beyond it lose all digits."""
+from freefloat.errors import LARGEST_NUMBER, LARGEST_SEED
 
 Name = Annotated[str, Field(min_length=1)]
-Number = Annotated[float, Field(strict=True, ge=-_MAX, le=_MAX)]
+Number = Annotated[float, Field(strict=True, ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
 Factor = Annotated[float, Field(strict=True, ge=1e-6, le=1e6)]
-Positive = Annotated[float, Field(strict=True, gt=0.0, le=_MAX)]
-NotNegative = Annotated[float, Field(strict=True, ge=0.0, le=_MAX)]
+Positive = Annotated[float, Field(strict=True, gt=0.0, le=LARGEST_NUMBER)]
+NotNegative = Annotated[float, Field(strict=True, ge=0.0, le=LARGEST_NUMBER)]
 Seed = Annotated[int, Field(strict=True, ge=0, le=LARGEST_SEED)]
 Vector = tuple[Number, Number, Number]
 Moments = tuple[Number, Number, Number, Number, Number, Number]
@@ -59,8 +56,11 @@ class Section(BaseModel):
 
 
 def descriptions(section: type[BaseModel]) -> dict[str, str]:
-    """The strings below the fields of a section and its bases."""
-    found: dict[str, str] = {}
+    """The descriptions of the fields of a section, or the strings below them and its bases'."""
+    fields = section.model_fields.items()
+    found = {name: field.description for name, field in fields if field.description is not None}
+    if found:
+        return found
     for kind in reversed(section.__mro__[: section.__mro__.index(Section)]):
         (definition,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
         for field, below in pairwise(definition.body):  # type: ignore[attr-defined]

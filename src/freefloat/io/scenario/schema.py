@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
 
@@ -11,22 +11,20 @@ from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.redundancy import LARGEST_GAIN, Metric, Toward
 from freefloat.io.scenario.field_types import (
     Factor,
-    Name,
     NotNegative,
     Number,
-    Positive,
     Quaternion,
     Section,
     Seed,
     Vector,
     exactly_one_of,
 )
+from freefloat.io.scenario.limits_section import LimitsSection
 from freefloat.io.scenario.path_schema import PathSection
 from freefloat.io.scenario.phase_section import PhaseSection
 from freefloat.io.scenario.robot_section import RobotSection
 from freefloat.io.scenario.scene_section import SceneSection
 from freefloat.io.scenario.timing_section import TimingSection
-from freefloat.motion.pointing import Keep
 from freefloat.planning.objectives.objectives import NAMED
 from freefloat.planning.settings import FEWEST_SAMPLES
 
@@ -113,56 +111,6 @@ class SearchSection(Section):
     joints, to the initial attitude of the path."""
 
 
-class TargetSection(Section):
-    """What an axis is compared with; exactly one key."""
-
-    direction: Vector | None = None
-    """Direction of a target far away, inertial axes."""
-    point: Vector | None = None
-    """A point [m], inertial axes, about the centre of mass at time zero."""
-
-    _exactly_one = exactly_one_of("direction", "point")
-
-
-class PointingSection(Section):
-    """An axis that stays inside or outside a cone about the direction of a target."""
-
-    body: Name
-    """A link, which may be the root link of the spacecraft."""
-    axis: Vector
-    """Axis in the frame of the link; toward a point, it begins at the origin of that frame."""
-    target: TargetSection
-    """What it is compared with."""
-    keep: Keep = Keep.INSIDE
-    """``inside``: the target is seen; ``outside``: it is avoided."""
-    angle_deg: Annotated[float, Field(strict=True, gt=0.0, lt=180.0)]
-    """Half the opening angle of the cone [degrees]."""
-
-
-JointLimits = Positive | dict[str, Positive] | Literal["urdf"]
-
-
-class LimitsSection(Section):
-    """Limits of a motion, besides the joint ranges of the URDF."""
-
-    joint_rate: JointLimits | None = None
-    """Magnitudes of joint rates [rad/s, m/s]: a number for all joints, a map from joint to number,
-    or ``urdf``."""
-    joint_torque: JointLimits | None = None
-    """Magnitudes of joint torques and forces [N m, N]: a number for all joints, a map from joint to
-    number, or ``urdf``."""
-    base_rate: Positive | None = None
-    """Magnitude of the spacecraft's angular velocity [rad/s]."""
-    clearance: NotNegative | None = None
-    """Smallest distance [m] between bodies that are not neighbours, and between the robot and the
-    bodies of the scene; 0: no contact."""
-    pointing: list[PointingSection] = Field(default=[])
-    """Axes of links that stay inside or outside cones."""
-    base_turn_deg: Annotated[float, Field(strict=True, gt=0.0, le=180.0)] | None = None
-    """Largest angle between the attitudes of the spacecraft at the start and at any time
-    [degrees]."""
-
-
 class WheelsSection(Section):
     """Wheels of the spacecraft that turn with constant rates."""
 
@@ -189,7 +137,7 @@ class ScenarioFile(Section):
     redundancy: RedundancySection | None = None
     """For redundant arms only; default: joint rates of minimum norm."""
     search: SearchSection = SearchSection()
-    limits: LimitsSection = LimitsSection()
+    limits: LimitsSection = LimitsSection()  # type: ignore[valid-type] # made of the limits
     scene: SceneSection = SceneSection()
     phases: list[PhaseSection] = Field(default=[], max_length=100)
     """What follows the path; each begins with the state at which the one before ends."""

@@ -8,7 +8,8 @@ from typing import Any, cast
 import numpy as np
 
 from freefloat.limits.check import check_limits
-from freefloat.limits.limits import LimitResult, Limits, violated
+from freefloat.limits.limits import Limits
+from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.joint_transfer import (
     JointTransfer,
     attitude_before,
@@ -128,8 +129,7 @@ def settling(
         before = attitude_before(problem, transfer, attitude, duration)
         here = limits.seen_from(-duration * problem.path.drift)
         found = joint_motion(earlier(problem, duration), transfer, before, duration, here)
-        kinds = {result.limit for result in violated(found.limit_results)}
-        if not kinds & {"joint_rate", "joint_torque", "base_rate"}:
+        if not any(result.timed for result in violated(found.limit_results)):
             break
         duration *= _LONGER
     return found

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from freefloat.concurrency import Progress
-from freefloat.limits.limits import LimitResult, violated
+from freefloat.limits.result import LimitResult, violated
 from freefloat.planning.joints.loop_motion import LoopMotion, LoopMotions
 from freefloat.so3 import Array
 

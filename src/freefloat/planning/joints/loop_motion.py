@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.base_rates import base_rate_bound
 from freefloat.limits.check import LimitChecker
-from freefloat.limits.limits import LimitKind, LimitResult, Limits
+from freefloat.limits.limits import Limits
+from freefloat.limits.result import LimitResult
 from freefloat.motion.joint_loops import JointLoops, integrate_loops
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
@@ -126,7 +127,7 @@ class LoopMotions:
             coefficients, loops = exact, self.search.loops(exact, count)
             motion = integrate_loops(problem, loops, self._start)
             timed = self._checker.timed(motion)
-            usage = _usage(timed)
+            usage = max((result.stretch for result in timed), default=1.0)
             if not self.timed or not np.isfinite(usage) or close < usage <= 1.0:
                 break
             duration *= usage * spare
@@ -166,9 +167,3 @@ class LoopMotions:
                 return coefficients
             asked = asked * Rotation.from_rotvec(error / number)
         return None
-
-
-def _usage(results: tuple[LimitResult, ...]) -> float:
-    """Factor on the duration with which limits of rates and torques are just kept."""
-    roots = [r.ratio ** (0.5 if r.limit is LimitKind.JOINT_TORQUE else 1.0) for r in results]
-    return max(roots, default=1.0)

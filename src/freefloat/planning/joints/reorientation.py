@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from freefloat.concurrency import Progress
 from freefloat.errors import InputError, finite_number, seed_number, whole_number
-from freefloat.limits.limits import LimitResult, Limits
+from freefloat.limits.limits import Limits
+from freefloat.limits.result import LimitResult
 from freefloat.motion.joint_loops import JointLoops
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem, require_problem

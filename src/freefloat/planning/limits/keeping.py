@@ -10,7 +10,10 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.limits.limits import LimitKind, Limits
+from freefloat.limits.kinds.clearance import ClearanceLimit
+from freefloat.limits.kinds.corridor import CorridorLimit
+from freefloat.limits.kinds.joint_rate import JointRateLimit
+from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.diagnostics import (
@@ -91,7 +94,7 @@ def keep_limits(
         )  # fmt: skip
     if (passed := trials.check(plan.chosen)) is not None:
         return replace(plan, limit_results=passed[1])
-    if LimitKind.CORRIDOR in trials.violations:  # the path itself leaves it
+    if CorridorLimit.name in trials.violations:  # the path itself leaves it
         return _without_candidate(plan, trials)
     passed = _first_passing(evaluator, plan, limits, trials, progress)
     if passed is None and known is not None:
@@ -144,8 +147,8 @@ def _first_passing(
 
 def _nearest_to_passing(screened_out: list[ScreenedCandidate]) -> list[ScreenedCandidate]:
     """The candidates that exceed joint rates, and lack clearance, by the smallest amounts."""
-    fast = [entry for entry in screened_out if entry.violation is LimitKind.JOINT_RATE]
-    near = [entry for entry in screened_out if entry.violation is LimitKind.CLEARANCE]
+    fast = [entry for entry in screened_out if entry.violation == JointRateLimit.name]
+    near = [entry for entry in screened_out if entry.violation == ClearanceLimit.name]
     return _slowest(fast) + sorted(near, key=lambda entry: entry.clearance_deficit)[:_NEAREST]
 
 

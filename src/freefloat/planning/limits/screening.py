@@ -16,7 +16,10 @@ import numpy.typing as npt
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import BranchResults
-from freefloat.limits.limits import LimitKind, Limits
+from freefloat.limits.kinds.clearance import ClearanceLimit
+from freefloat.limits.kinds.joint_range import JointRangeLimit
+from freefloat.limits.kinds.joint_rate import JointRateLimit
+from freefloat.limits.limits import Limits
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import ScreenedCandidate
@@ -70,18 +73,18 @@ def _screened(
     distinct, rows = np.unique(attitudes, axis=0, return_inverse=True)
     results = evaluator.evaluate(distinct)
     entries = rows.ravel(), branches
-    violations = {LimitKind.JOINT_RANGE: _out_of_range(evaluator.problem, results, entries)}
+    violations = {JointRangeLimit.name: _out_of_range(evaluator.problem, results, entries)}
     rate_ratios, deficits = np.zeros((2, len(attitudes)))
     if limits.joint_rate is not None:
         rate_ratios = (results.motions.rates[entries] / limits.joint_rate).max(axis=1)
-    violations[LimitKind.JOINT_RATE] = rate_ratios > 1.0 + _SLACK
+    violations[JointRateLimit.name] = rate_ratios > 1.0 + _SLACK
     if limits.clearance is not None and pairs is not None:
         left = ~np.any([*violations.values()], axis=0)
         remaining = entries[0][left], entries[1][left]
         deficits[left] = clearance_deficits(evaluator, pairs, limits.clearance, results, remaining)
-    violations[LimitKind.CLEARANCE] = deficits > 0.0
+    violations[ClearanceLimit.name] = deficits > 0.0
     for k, attitude in enumerate(attitudes):
-        violation = next((kind for kind, violated in violations.items() if violated[k]), None)
+        violation = next((name for name, violated in violations.items() if violated[k]), None)
         yield ScreenedCandidate(
             attitude, int(branches[k]), violation, float(rate_ratios[k]), float(deficits[k])
         )

@@ -9,7 +9,8 @@ import numpy as np
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import InputError
 from freefloat.limits.check import LimitChecker
-from freefloat.limits.limits import LimitKind, LimitResult, Limits, needed_stretch
+from freefloat.limits.limits import Limits
+from freefloat.limits.result import LimitResult, needed_stretch
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.diagnostics import rounded_up
 from freefloat.planning.evaluator import evaluator_for
@@ -69,7 +70,7 @@ class Trials:
         if first is None:
             return simulated, results
         self.violations[first.limit] += 1
-        violated = self.checker.violations(motion) if first.limit.timed else (first,)
+        violated = self.checker.violations(motion) if first.timed else (first,)
         excess = _excess(violated)
         if self._nearest is None or excess < self._nearest[0]:
             self._nearest = excess, simulated
@@ -167,10 +168,10 @@ class Trials:
 
 def _is_too_fast(violated: tuple[LimitResult, ...]) -> bool:
     """Whether only rates and torques are violated, none of them without bound."""
-    return all(result.limit.timed and np.isfinite(result.ratio) for result in violated)
+    return all(result.timed and np.isfinite(result.ratio) for result in violated)
 
 
 def _excess(violated: tuple[LimitResult, ...]) -> tuple[float, float]:
-    """How far limits are violated: the largest ratio, and the deepest penetration [m]."""
-    depths = (-result.worst for result in violated if result.limit is LimitKind.CLEARANCE)
-    return max(result.ratio for result in violated), max(depths, default=0.0)
+    """How far limits are violated: the largest ratio, and the largest lack of a lower bound."""
+    lacks = (result.allowed - result.worst for result in violated if result.at_least)
+    return max(result.ratio for result in violated), max(lacks, default=0.0)

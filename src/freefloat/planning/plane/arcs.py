@@ -16,13 +16,11 @@ _EQUAL = 1e-9
 
 
 class RangeLimitCause(StrEnum):
-    """Cause of the end of a range."""
+    """Cause of the end of a range, beside limits of attitude."""
 
     MARGIN = "margin"
     REACH = "reach"
     SEARCH = "search"
-    POINTING = "pointing"
-    BASE_TURN = "base_turn"
 
 
 @dataclass(frozen=True)
@@ -32,12 +30,13 @@ class HeadingRange:
     Attributes:
         low: First heading [rad], in [0, 2 pi).
         high: Last heading [rad], above ``low``; beyond 2 pi where the range passes zero.
-        causes: Why it ends at ``low`` and at ``high``; empty for the full circle.
+        causes: Why it ends at ``low`` and at ``high``, a :class:`RangeLimitCause` or the name of a
+            limit of attitude; empty for the full circle.
     """
 
     low: float
     high: float
-    causes: tuple[RangeLimitCause, ...]
+    causes: tuple[str, ...]
 
     @property
     def width(self) -> float:
@@ -105,7 +104,7 @@ def covered_angle(ranges: Iterable[BranchRanges]) -> float:
     return float(np.radians(angle))
 
 
-def arcs_between(ends: Sequence[tuple[float, RangeLimitCause]]) -> Iterator[HeadingRange]:
+def arcs_between(ends: Sequence[tuple[float, str]]) -> Iterator[HeadingRange]:
     """Arcs round the circle between headings in order, each with the cause of a limit there."""
     if not ends:
         yield HeadingRange(0.0, tau, ())

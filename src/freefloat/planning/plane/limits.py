@@ -15,13 +15,12 @@ import numpy.typing as npt
 from scipy.optimize import brentq
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.limits.check import LimitChecker
-from freefloat.limits.limits import LimitKind, LimitResult, Limits
+from freefloat.limits.check import attitude_limits
+from freefloat.limits.result import LimitResult
 from freefloat.motion.integration import integrate_motion
 from freefloat.planning.plane.arcs import (
     BranchRanges,
     HeadingRange,
-    RangeLimitCause,
     arcs_between,
     branch_ranges,
 )
@@ -35,12 +34,9 @@ _PARTS, _LEVELS = 8, 4
 """Parts of an interval in which the slack may reach zero, and how often it is divided again."""
 _EXACT = 1e-10
 """Accuracy of the limits of ranges [rad]."""
-_CAUSES = {
-    LimitKind.POINTING: RangeLimitCause.POINTING,
-    LimitKind.BASE_TURN: RangeLimitCause.BASE_TURN,
-}
 
-_Edge = tuple[float, RangeLimitCause]
+_Edge = tuple[float, str]
+"""A heading and the name of the limit, or another cause, that ends a range there."""
 
 
 def limited_ranges(
@@ -71,10 +67,7 @@ class _Slack:
 
     def __init__(self, evaluator: FeasibilityEvaluator, branch: int) -> None:
         self._evaluator, self._branch = evaluator, branch
-        limits = evaluator.limits
-        self._checker = LimitChecker(
-            evaluator.problem, Limits(pointing=limits.pointing, base_turn=limits.base_turn)
-        )
+        self._limits = attitude_limits(evaluator.problem, evaluator.limits)
 
     def __call__(self, headings: Array) -> Array:
         """Slacks of compiled motions, differences of cosines; nan where there is none, (K,)."""
@@ -112,14 +105,14 @@ class _Slack:
             zero = float(brentq(lambda heading: self._precise(heading)[0], low, high, xtol=_EXACT))
         else:
             zero = min(ends, key=lambda heading: abs(ends[heading]))
-        return zero % tau, _CAUSES[self._precise(zero)[1].limit]
+        return zero % tau, self._precise(zero)[1].limit
 
     def _precise(self, heading: float) -> tuple[float, LimitResult]:
         """1 less the largest ratio of a limit along a precise motion, and that limit's result."""
         problem, attitude = self._evaluator.problem, heading_quaternion(heading)
         joints = next(b.joints for b in problem.branches(attitude) if b.index == self._branch)
         motion = integrate_motion(problem, attitude, joints)
-        results = (result for result in self._checker.results(motion) if result.limit in _CAUSES)
+        results = (limit.worst(motion) for limit in self._limits)
         worst = max(results, key=lambda result: result.ratio)
         return 1.0 - worst.ratio, worst
 

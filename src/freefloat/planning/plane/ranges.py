@@ -165,7 +165,7 @@ def heading_ranges(
         One entry for each arm branch.
     """
     domain = domain or SearchDomain()
-    edges: list[tuple[float, int | None, RangeLimitCause]]
+    edges: list[tuple[float, int | None, str]]
     edges = [(heading, None, RangeLimitCause.REACH) for heading in reach_limits(problem, at)]
     if not domain.whole:
         edges += [(end % tau, None, RangeLimitCause.SEARCH) for end in domain.heading_limits]

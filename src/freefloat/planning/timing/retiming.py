@@ -13,7 +13,8 @@ from freefloat.concurrency import Progress, step_of
 from freefloat.errors import InputError, require_type
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.contact import self_contact
-from freefloat.limits.limits import Limits, needed_stretch, violated
+from freefloat.limits.limits import Limits
+from freefloat.limits.result import needed_stretch, violated
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
@@ -26,7 +27,12 @@ from freefloat.planning.path_planner import plan_within
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import SimulatedBranch, simulate
 from freefloat.planning.space.disturbances import tolerance
-from freefloat.planning.timing.speed_profile import INTERVALS, fastest_speeds, limit_usage
+from freefloat.planning.timing.speed_profile import (
+    INTERVALS,
+    fastest_speeds,
+    limit_usage,
+    require_considered,
+)
 
 _MOST, _AGREE = 12, 5e-4
 """Plans with momentum or drift at most, and relative difference of durations that agree."""
@@ -89,8 +95,8 @@ def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None 
         progress: Called with the fraction done, in [0, 1], where the path is planned again.
 
     Raises:
-        InputError: If the plan is not feasible, has none of these limits, or its path has stops or
-            moves with a body.
+        InputError: If the plan is not feasible, has none of these limits or others that depend on
+            the timing, or its path has stops or moves with a body.
 
     Example:
         >>> scenario = ff.load_scenario("planar_2dof/line")
@@ -108,9 +114,7 @@ def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None 
         raise InputError("path.frame", f"it moves with {body}", accepted)
     if plan.problem.path.timing.stops:
         raise InputError("timing.stops", "the path has stops", "a path without stops")
-    if not limits.timed:
-        accepted = "joint_rate, joint_torque or base_rate"
-        raise InputError("limits", "none of them depends on the timing", accepted)
+    require_considered(limits)
     if plan.problem.depends_on_timing:
         return _iterated(plan, chosen, limits, threads, progress)
     problem = _retimed(plan.problem, fastest_speeds(chosen.motion, limits))
@@ -145,7 +149,7 @@ def _moved(plan: Plan, before: SimulatedBranch, problem: Problem, limits: Limits
     chosen = simulate(problem, start.attitude, joints=start.joints).chosen
     chosen = replace(chosen, branch=before.branch)
     results = LimitChecker(problem, limits).results(chosen.motion)
-    broken = ", ".join(str(result.limit) for result in violated(results))
+    broken = ", ".join(result.limit for result in violated(results))
     reason = f"its fastest timing violates {broken}" if broken else plan.reason
     samples = None if plan.map is None else replace(plan.map, problem=problem)
     return replace(

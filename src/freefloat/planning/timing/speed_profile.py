@@ -17,7 +17,11 @@ import numpy as np
 from scipy.optimize import linprog
 from scipy.sparse import csr_array
 
-from freefloat.limits.limits import Limits
+from freefloat.errors import InputError
+from freefloat.limits.kinds.base_rate import BaseRateLimit
+from freefloat.limits.kinds.joint_rate import JointRateLimit
+from freefloat.limits.kinds.joint_torque import JointTorqueLimit
+from freefloat.limits.limits import GIVEN, Limits
 from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Motion
 from freefloat.paths.time_segments import Speeds
@@ -42,6 +46,10 @@ _SLOW = 1e-2
 """Fraction of the largest speed below which terms of the momentum are linearized at it."""
 
 
+_CONSIDERED = (JointRateLimit.name, JointTorqueLimit.name, BaseRateLimit.name)
+"""Limits under which the fastest speeds are found."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Rows:
     """Limits at a place of the path: a u + b x <= c, and x <= most; shape (rows,) but for most."""
@@ -52,6 +60,18 @@ class _Rows:
     most: float
 
 
+def require_considered(limits: Limits) -> None:
+    """Raise an InputError unless some limits depend on the timing, and all of these are known."""
+    accepted = ", ".join(_CONSIDERED)
+    if not limits.timed:
+        raise InputError("limits", "none of them depends on the timing", accepted)
+    for kind in GIVEN:
+        known = kind.name in _CONSIDERED or not kind.exponent
+        if not known and getattr(limits, kind.name) is not None:
+            problem = "the fastest timing under this limit is not known"
+            raise InputError(f"limits.{kind.name}", problem, accepted)
+
+
 def fastest_speeds(
     motion: Motion, limits: Limits, scale: float = 1.0, intervals: int = INTERVALS
 ) -> Speeds:
@@ -59,7 +79,7 @@ def fastest_speeds(
 
     Args:
         motion: From rest to rest along the whole path.
-        limits: Of joint rates, joint torques or the spacecraft's rate.
+        limits: That pass :func:`require_considered`.
         scale: Factor on the limits.
         intervals: Number of intervals of s with constant u.
     """

@@ -10,7 +10,8 @@ import numpy as np
 from freefloat.dynamics.capture import Capture, Client, capture
 from freefloat.dynamics.summary import roll_pitch_yaw
 from freefloat.errors import InputError, finite_number, finite_vector, require_type
-from freefloat.limits.limits import LimitResult, Limits
+from freefloat.limits.limits import Limits
+from freefloat.limits.result import LimitResult
 from freefloat.motion.problem import Problem
 from freefloat.planning.phases.expected_state import ExpectedState
 from freefloat.planning.phases.phase import Phase

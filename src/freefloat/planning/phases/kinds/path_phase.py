@@ -14,7 +14,8 @@ from freefloat.ik.branches import ArmBranch
 from freefloat.ik.numbering import MAX_BRANCHES
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.contact import self_contact
-from freefloat.limits.limits import LimitResult, Limits
+from freefloat.limits.limits import Limits
+from freefloat.limits.result import LimitResult
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem

@@ -1,0 +1,25 @@
+"""The limit of the spacecraft's angular velocity."""
+
+from __future__ import annotations
+
+from freefloat.limits.extremes import largest_magnitude, rates_along
+from freefloat.limits.limit import Limit
+from freefloat.limits.result import LimitResult
+from freefloat.limits.values import Number
+from freefloat.motion.motion import Motion
+
+
+class BaseRateLimit(Limit[float]):
+    """Magnitude of the spacecraft's angular velocity."""
+
+    name = "base_rate"
+    unit = "rad/s"
+    exponent = 1
+    value = Number()
+    description = "Magnitude of the spacecraft's angular velocity [rad/s]."
+
+    def worst(self, motion: Motion) -> LimitResult:
+        """The largest angular velocity of the spacecraft."""
+        rates = rates_along(motion)
+        rate, time = largest_magnitude(motion, lambda panel, x: rates(panel, x).base)
+        return self.result(rate, self.bound, rate / self.bound, time, "spacecraft")

@@ -1,0 +1,28 @@
+"""The limit of joint rates."""
+
+from __future__ import annotations
+
+from freefloat.limits.extremes import rates_along
+from freefloat.limits.joint_limit import MagnitudeLimit
+from freefloat.limits.result import LimitResult
+from freefloat.limits.values import PerJoint
+from freefloat.motion.motion import Motion
+
+
+class JointRateLimit(MagnitudeLimit):
+    """Magnitudes of joint rates."""
+
+    name = "joint_rate"
+    unit = "rad/s"
+    prismatic_unit = "m/s"
+    exponent = 1
+    value = PerJoint("rated_speed")
+    description = (
+        "Magnitudes of joint rates [rad/s, m/s]: a number for all joints, a map from joint to "
+        "number, or ``urdf``."
+    )
+
+    def worst(self, motion: Motion) -> LimitResult:
+        """The joint whose rate is largest over its limit."""
+        rates = rates_along(motion)
+        return self.largest(motion, lambda panel, x: rates(panel, x).joints)

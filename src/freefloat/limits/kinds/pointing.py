@@ -1,0 +1,53 @@
+"""The limits of where axes of the robot point."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from freefloat.limits.extremes import place_of_maximum
+from freefloat.limits.limit import Limit
+from freefloat.limits.result import LimitResult
+from freefloat.limits.values import Axes
+from freefloat.motion.motion import Motion
+from freefloat.motion.pointing import Keep, PointingLimit, angle_of
+from freefloat.motion.problem import Problem
+from freefloat.so3 import Array
+
+
+class PointingLimits(Limit[tuple[PointingLimit, ...]]):
+    """Axes that stay inside or outside cones."""
+
+    name = "pointing"
+    unit = "rad"
+    of_attitude = True
+    value = Axes()
+    description = "Axes of links that stay inside or outside cones."
+
+    @classmethod
+    def bound_of(cls, problem: Problem, limits: object) -> tuple[PointingLimit, ...] | None:
+        """See :class:`~freefloat.limits.limit.Limit`."""
+        return super().bound_of(problem, limits) or None
+
+    def worst(self, motion: Motion) -> LimitResult:
+        """The result of the axis that is nearest to the edge of its cone, or farthest beyond it."""
+        results = (self._of_axis(axis, number, motion) for number, axis in enumerate(self.bound))
+        return max(results, key=lambda result: result.ratio)
+
+    def _of_axis(self, limit: PointingLimit, number: int, motion: Motion) -> LimitResult:
+        model, inside = motion.problem.model, limit.keep is Keep.INSIDE
+
+        def vectors(t: float, attitude: Array, joints: Array) -> tuple[Array, Array]:
+            return limit.vectors(model, attitude, joints, motion.problem.path.origin(t))
+
+        def cosine(panel: int, x: float) -> Array:
+            """The cosine of the angle; negative where that should be small."""
+            axis, target = vectors(*motion.at(panel, x))
+            return np.array([-axis @ target if inside else axis @ target])
+
+        place = place_of_maximum(motion, cosine)
+        times, attitudes, joints = motion.evaluate(place)
+        angle = angle_of(*vectors(times[0], attitudes[0], joints[0]))
+        with np.errstate(divide="ignore"):
+            ratio = float(angle / limit.angle if inside else np.divide(limit.angle, angle))
+        time, where = motion.time_at(place), f"{limit.body} (pointing.{number})"
+        return self.result(angle, limit.angle, ratio, time, where, at_least=not inside)

@@ -1,0 +1,88 @@
+"""Results of limits along a motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+_UNBOUNDED = ("worst", "allowed", "ratio")
+"""Values that may have no bound: null in JSON documents."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimitResult:
+    """A limit along a motion, at the instant closest to, or farthest beyond, its bound.
+
+    Attributes:
+        limit: Name of the limit.
+        worst: Value at that instant, signed [unit].
+        allowed: Bound of that value [unit]; of a range the nearer end.
+        unit: Unit of both; empty where they have none.
+        time: The instant [s].
+        where: The joint, the pair of links, or link and body of the scene, as ``"a - b"``, the link
+            that points with the number of its limit, ``"spacecraft"``, or of a corridor the
+            end-effector.
+        kept: Whether the motion keeps the limit.
+        ratio: 1 where the limit is just kept: worst over allowed; of a range the distance from its
+            middle over half its width; of a lower bound allowed over worst.
+        at_least: Whether the value must be at least the allowed one, not at most.
+        exponent: How the ratio falls with the duration of a motion without momentum, to this power:
+            0 for the shape of a motion, 1 for rates, 2 for torques.
+        base_wrench: Numerical error of joint torques: the largest component of the wrench [N, N m]
+            that inverse dynamics finds on the free base, where none acts, over the largest torque.
+            None for other limits, and where all torques are zero.
+        notes: Pairs of links and links that were left out, and why.
+    """
+
+    limit: str
+    worst: float
+    allowed: float
+    unit: str = ""
+    time: float
+    where: str
+    kept: bool
+    ratio: float
+    at_least: bool = False
+    exponent: int = 0
+    base_wrench: float | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """The name in words."""
+        return self.limit.replace("_", " ")
+
+    @property
+    def timed(self) -> bool:
+        """Whether the ratio depends on the speed of a motion, not on its shape alone."""
+        return self.exponent > 0
+
+    @property
+    def stretch(self) -> float:
+        """Factor on the duration with which the limit is just kept; 1 for shapes.
+
+        Exact without momentum: the path in joint space remains, rates are inversely proportional to
+        the duration, torques to its square. Infinite where rates have no bound.
+        """
+        return float(self.ratio ** (1.0 / self.exponent)) if self.timed else 1.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document; null for values without bound."""
+        values = asdict(self) | {"notes": list(self.notes)}
+        bounded = {key: values[key] if math.isfinite(values[key]) else None for key in _UNBOUNDED}
+        return values | bounded
+
+
+def violated(results: Iterable[LimitResult]) -> tuple[LimitResult, ...]:
+    """The results of limits that are not kept."""
+    return tuple(result for result in results if not result.kept)
+
+
+def needed_stretch(results: Iterable[LimitResult]) -> float:
+    """Factor on the duration, 1 or more, with which rates and torques just keep their limits.
+
+    Exact without momentum, see :attr:`LimitResult.stretch`.
+    """
+    return max([1.0, *(result.stretch for result in results)])
