@@ -99,9 +99,7 @@ def _report(
     claims = keeps_limits, result.limits is not None
     checks = (
         *completed("certificate", certificate_checks, certificate, motion, keeps_margin),
-        *completed(
-            "limits", limit_checks, result.limit_results, checker, limits, keeps_limits, required
-        ),
+        *completed("limits", limit_checks, result.limit_results, checker, limits, *claims),
         *completed("closest approach", _branch_checks, chosen),
         *stated(certificate),
         *engine_checks(engine, motion, runs),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from itertools import groupby
 from math import tau
 from typing import Annotated, Any
@@ -15,12 +14,9 @@ _EQUAL = 1e-9
 """Headings closer than this are the same limit [rad]."""
 
 
-class RangeLimitCause(StrEnum):
-    """Cause of the end of a range, beside limits of attitude."""
-
-    MARGIN = "margin"
-    REACH = "reach"
-    SEARCH = "search"
+REACH, MARGIN, SEARCH = "reach", "margin", "search"
+"""Causes of the end of a range besides limits of attitude: the start of the path leaves the reach,
+the margin is used up, the search or an arm branch ends."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +26,8 @@ class HeadingRange:
     Attributes:
         low: First heading [rad], in [0, 2 pi).
         high: Last heading [rad], above ``low``; beyond 2 pi where the range passes zero.
-        causes: Why it ends at ``low`` and at ``high``, a :class:`RangeLimitCause` or the name of a
-            limit of attitude; empty for the full circle.
+        causes: Why it ends at ``low`` and at ``high``, ``reach``, ``margin``, ``search`` or the
+            name of a limit of attitude; empty for the full circle.
     """
 
     low: float

@@ -19,9 +19,11 @@ from freefloat.dynamics.joint_space import largest_magnitude
 from freefloat.motion.problem import Problem
 from freefloat.planning.domain import SearchDomain, branch_changes
 from freefloat.planning.plane.arcs import (
+    MARGIN,
+    REACH,
+    SEARCH,
     BranchRanges,
     HeadingRange,
-    RangeLimitCause,
     arcs_between,
     branch_ranges,
 )
@@ -166,13 +168,13 @@ def heading_ranges(
     """
     domain = domain or SearchDomain()
     edges: list[tuple[float, int | None, str]]
-    edges = [(heading, None, RangeLimitCause.REACH) for heading in reach_limits(problem, at)]
+    edges = [(heading, None, REACH) for heading in reach_limits(problem, at)]
     if not domain.whole:
-        edges += [(end % tau, None, RangeLimitCause.SEARCH) for end in domain.heading_limits]
+        edges += [(end % tau, None, SEARCH) for end in domain.heading_limits]
     if problem.start_joints is not None and at == 0.0:
-        edges += [(heading, None, RangeLimitCause.SEARCH) for heading in branch_changes(problem)]
+        edges += [(heading, None, SEARCH) for heading in branch_changes(problem)]
     for heading, joints in states_at(problem, limits, at):
-        edges.append((heading, _branch_of(problem, heading, joints, at), RangeLimitCause.MARGIN))
+        edges.append((heading, _branch_of(problem, heading, joints, at), MARGIN))
 
     arcs = [
         list(arcs_between(sorted(

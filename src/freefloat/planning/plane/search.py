@@ -18,8 +18,9 @@ from freefloat.ensemble.result import BranchResults, EnsembleResult
 from freefloat.motion.problem import Problem
 from freefloat.planning.domain import SearchDomain
 from freefloat.planning.plane.arcs import (
+    MARGIN,
+    SEARCH,
     BranchRanges,
-    RangeLimitCause,
     arcs_between,
     branch_ranges,
 )
@@ -155,12 +156,12 @@ def _ranges_of(line: Samples, index: int, label: str, domain: SearchDomain) -> B
     return branch_ranges(index, label, [*arcs_between(ends)], feasible)
 
 
-def _cause(heading: float, domain: SearchDomain) -> RangeLimitCause:
+def _cause(heading: float, domain: SearchDomain) -> str:
     """Why a searched range ends."""
     for limit in () if domain.whole else domain.heading_limits:
         if abs(wrapped(heading - limit)) < _END:
-            return RangeLimitCause.SEARCH
-    return RangeLimitCause.MARGIN
+            return SEARCH
+    return MARGIN
 
 
 def _headings(problem: Problem, samples: int, domain: SearchDomain) -> Array:
