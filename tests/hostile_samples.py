@@ -16,7 +16,7 @@ from freefloat.certificate.certificate import certify
 from freefloat.io.records.results import save
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.planning.plan import Plan
-from freefloat.planning.plane.arcs import BranchRanges, HeadingRange, RangeLimitCause
+from freefloat.planning.plane.arcs import BranchRanges, HeadingRange
 from freefloat.planning.settings import Search
 from freefloat.planning.simulation import simulate
 from freefloat.robot.names import models_folder
@@ -106,7 +106,7 @@ def plans() -> tuple[bytes, bytes]:
         (Path(folder) / "base.yaml").write_text(yaml.safe_dump(SHORT, sort_keys=False))
         problem = load_scenario(Path(folder) / "base.yaml").problem()
     simulation = simulate(problem, heading_quaternion(np.radians(200.0)))
-    ranges = (HeadingRange(np.radians(10.0), np.radians(20.0), (RangeLimitCause.MARGIN,) * 2),)
+    ranges = (HeadingRange(np.radians(10.0), np.radians(20.0), ("margin",) * 2),)
     plan = Plan(
         problem, Search(), True, "", (BranchRanges(0, "0", ranges, ()),), (), simulation.chosen,
         certificate=certify(simulation.chosen.motion),

@@ -12,9 +12,10 @@ import freefloat as ff
 from freefloat.dynamics.joint_space import largest_magnitude
 from freefloat.dynamics.momentum import Task
 from freefloat.planning.plane.arcs import (
+    MARGIN,
+    REACH,
     BranchRanges,
     HeadingRange,
-    RangeLimitCause,
     arcs_between,
     branch_ranges,
 )
@@ -27,8 +28,6 @@ from freefloat.planning.plane.ranges import (
 )
 from freefloat.so3 import heading_of, heading_quaternion
 from tests.motions import Z, along, bundled, chain
-
-MARGIN, REACH = RangeLimitCause.MARGIN, RangeLimitCause.REACH
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from freefloat.io.scenario.scenario import load_scenario
 from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.planning.plane.arcs import BranchRanges, HeadingRange, RangeLimitCause
+from freefloat.planning.plane.arcs import BranchRanges, HeadingRange
 from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.simulation import simulate
 from freefloat.singularities.planar_regions import PlanarArm, point_3, two_angles
@@ -28,7 +28,7 @@ from tests.figures import labels, line
 from tests.maps import branch_results
 
 PLANAR = load_scenario("planar_3dof/parabola").problem()
-BOTH = (RangeLimitCause.MARGIN, RangeLimitCause.MARGIN)
+BOTH = ("margin", "margin")
 
 
 @pytest.fixture(scope="module")
