@@ -101,17 +101,6 @@ def test_pictures_and_a_video_show_the_motion_asked_for(files: Path, elsewhere: 
     assert sorted(os.listdir(elsewhere)) == ["bad_snapshots", "v.gif"]
 
 
-@pytest.mark.slow
-def test_pictures_need_playwright(
-    files: Path, elsewhere: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "playwright.sync_api", None)
-    for option, value in (("--snapshots", "3"), ("--video", "v.gif")):
-        key = error("view", files / "good.h5", "--html", "page.html", option, value)["key"]
-        assert key == option.removeprefix("--")
-    assert not (elsewhere / "page.html").exists()
-
-
 @pytest.mark.parametrize(
     ("words", "key"),
     [
