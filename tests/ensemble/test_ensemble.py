@@ -23,12 +23,9 @@ from freefloat.motion.margin import Margin, keeps_threshold
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Problem
 from freefloat.paths.curves import ArcCurve, Curve, PolynomialCurve, SplineCurve
-from freefloat.paths.orientation import (
-    DirectedOrientation,
-    OrientationLaw,
-    OrientationSpline,
-    SlerpOrientation,
-)
+from freefloat.paths.directed_orientation import DirectedOrientation
+from freefloat.paths.orientation import OrientationLaw, SlerpOrientation
+from freefloat.paths.orientation_spline import OrientationSpline
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
 from freefloat.robot.model import FreeFloatingModel

@@ -4,7 +4,7 @@ from freefloat.paths.curves import ArcCurve as ArcCurve
 from freefloat.paths.curves import Curve as Curve
 from freefloat.paths.curves import PolynomialCurve as PolynomialCurve
 from freefloat.paths.curves import SplineCurve as SplineCurve
-from freefloat.paths.orientation import DirectedOrientation as DirectedOrientation
+from freefloat.paths.directed_orientation import DirectedOrientation as DirectedOrientation
 from freefloat.paths.orientation import FixedOrientation as FixedOrientation
 from freefloat.paths.orientation import OrientationLaw as OrientationLaw
 from freefloat.paths.orientation import SlerpOrientation as SlerpOrientation
