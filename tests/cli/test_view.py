@@ -193,8 +193,8 @@ def test_plan_writes_a_page_and_figures_into_a_new_folder(
     elsewhere: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(figures, "figures", lambda *_, **__: {"name": new_figure()})
-    plan = document("plan", "planar_2dof/line", "--html", "page.html", "--plots", "b/c")
+    plan = document("plan", "planar_2dof/line", "--html", "page.html", "--plots", "b")
     assert plan["html"] == "page.html"
     assert len(scenes(elsewhere / "page.html")) == 1
-    assert plan["plots"] == ["b/c/name.pdf", "b/c/name.png"]
+    assert plan["plots"] == ["b/name.pdf", "b/name.png"]
     assert all(Path(file).stat().st_size > 500 for file in plan["plots"])

@@ -47,7 +47,7 @@ class LineSection(CurveSection):
     end: Vector = Field(alias="to")
     """Last point [m]."""
 
-    def to_curve(self) -> PolynomialCurve:
+    def to_curve(self) -> Curve:
         """See :class:`CurveSection`."""
         return PolynomialCurve.line(self.start, self.end)
 
@@ -62,7 +62,7 @@ class PolynomialSection(CurveSection):
     z: Coefficients
     """z coordinate [m]."""
 
-    def to_curve(self) -> PolynomialCurve:
+    def to_curve(self) -> Curve:
         """See :class:`CurveSection`."""
         return PolynomialCurve(np.array([*zip_longest(self.x, self.y, self.z, fillvalue=0.0)]))
 
@@ -86,7 +86,7 @@ class ArcSection(CurveSection):
     angle_deg: Number
     """Angle [degrees]."""
 
-    def to_curve(self) -> ArcCurve:
+    def to_curve(self) -> Curve:
         """See :class:`CurveSection`."""
         center, start, normal = map(np.array, (self.center, self.start, self.normal))
         return ArcCurve(center, start, normal, float(np.deg2rad(self.angle_deg)))
