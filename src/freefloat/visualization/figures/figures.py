@@ -66,7 +66,7 @@ def figures(
 ) -> Figures:
     """Return the figures of a result by name; a notebook shows them.
 
-    Motions and simulations: ``snapshots``, ``motion``, ``margin`` and ``momentum``; where the
+    Motions and simulations: ``snapshots`` and those of :func:`.motion_figures`; where the
     spacecraft's turn or the pointing of axes is limited ``angles``. Maps:
     ``headings``, or ``map_slices`` and ``map_histogram``. Plans: ``workspace``, the figures of
     their motion and map, and in the plane ``headings`` (if a heading reaches the path) and
@@ -84,8 +84,7 @@ def figures(
 
     Example:
         >>> plan = ff.plan(ff.load_scenario("planar_2dof/line").problem())
-        >>> sorted(ff.figures(plan))
-        ['headings', 'joint_space', 'margin', 'momentum', 'motion', 'snapshots', 'workspace']
+        >>> ff.figures(plan)["motion"].savefig("motion.pdf")
     """
     drawn = Figures(_figures(result, threads, progress))
     for name, figure in drawn.items():
