@@ -27,7 +27,8 @@ from freefloat.paths.directed_orientation import DirectedOrientation
 from freefloat.paths.orientation import OrientationLaw, SlerpOrientation
 from freefloat.paths.orientation_spline import OrientationSpline
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import Stop, TimedPath, Timing
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import angle_between, heading_quaternion
 from tests.ensembles import CODES, FINE, both, dense, headings, random_attitudes, states

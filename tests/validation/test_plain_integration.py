@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import Task
 from freefloat.motion.integration import integrate_motion
-from freefloat.paths.timing import TimeLaw, Timing
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import Timing
 from freefloat.robot.model import FreeFloatingModel
 from tests.motions import (
     GOOD,

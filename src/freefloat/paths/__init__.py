@@ -10,9 +10,9 @@ from freefloat.paths.orientation import OrientationLaw as OrientationLaw
 from freefloat.paths.orientation import SlerpOrientation as SlerpOrientation
 from freefloat.paths.path import EndEffectorPath as EndEffectorPath
 from freefloat.paths.relative_path import RelativePath as RelativePath
+from freefloat.paths.time_laws import TimeLaw as TimeLaw
 from freefloat.paths.timing import Stop as Stop
 from freefloat.paths.timing import TimedPath as TimedPath
-from freefloat.paths.timing import TimeLaw as TimeLaw
 from freefloat.paths.timing import Timing as Timing
 from freefloat.paths.transfer import PolynomialOrientation as PolynomialOrientation
 from freefloat.paths.transfer import transfer as transfer

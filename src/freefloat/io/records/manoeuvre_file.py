@@ -22,7 +22,8 @@ from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.limits import Limits
 from freefloat.motion.joint_transfer import JointTransfer
 from freefloat.motion.problem import Problem
-from freefloat.paths.timing import TimedPath, TimeLaw, Timing
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import TimedPath, Timing
 from freefloat.planning.joints.joint_motion import JointMotion, earlier
 from freefloat.planning.joints.reorientation import Reorientation
 from freefloat.planning.phases.manoeuvre import Manoeuvre, PlannedPhase

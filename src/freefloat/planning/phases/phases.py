@@ -14,7 +14,7 @@ from freefloat.dynamics.summary import roll_pitch_yaw
 from freefloat.errors import InputError, finite_number, finite_vector, require_type
 from freefloat.motion.problem import Problem
 from freefloat.paths.relative_path import RelativePath
-from freefloat.paths.time_segments import positive_duration
+from freefloat.paths.time_laws import positive_duration
 from freefloat.paths.timing import TimedPath
 from freefloat.paths.transfer import transfer
 from freefloat.planning.phases.expected_state import ExpectedState, keys_within

@@ -20,7 +20,7 @@ from scipy.sparse import csr_array
 from freefloat.limits.limits import Limits
 from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Motion
-from freefloat.paths.time_segments import Speeds
+from freefloat.paths.time_laws import Speeds
 from freefloat.so3 import Array
 
 _FRACTIONS = (0.0, 0.5, 1.0)
