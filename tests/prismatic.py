@@ -16,8 +16,7 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.time_laws import TimeLaw
-from freefloat.paths.timing import TimedPath, Timing
+from freefloat.paths.timing import TimedPath, TimeLaw, Timing
 from freefloat.robot.model import FreeFloatingModel
 from tests.robots import inertial_text, joint_text, link_text
 

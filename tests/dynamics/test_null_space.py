@@ -20,8 +20,7 @@ from freefloat.io.formats.trajectory import Trajectory
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
-from freefloat.paths.time_laws import TimeLaw
-from freefloat.paths.timing import Timing
+from freefloat.paths.timing import TimeLaw, Timing
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import angle_between
 from freefloat.verification.engines.mujoco_model import Engine

@@ -21,8 +21,7 @@ from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Ending
-from freefloat.paths.orientation import OrientationLaw
-from freefloat.paths.orientation_spline import OrientationSpline
+from freefloat.paths.orientation import OrientationLaw, OrientationSpline
 from freefloat.paths.path import EndEffectorPath
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import angle_between, without_jumps

@@ -24,8 +24,7 @@ from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Problem
 from freefloat.paths.curves import ArcCurve, Curve, PolynomialCurve, SplineCurve
 from freefloat.paths.directed_orientation import DirectedOrientation
-from freefloat.paths.orientation import OrientationLaw, SlerpOrientation
-from freefloat.paths.orientation_spline import OrientationSpline
+from freefloat.paths.orientation import OrientationLaw, OrientationSpline, SlerpOrientation
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import Stop, TimedPath, Timing

@@ -21,7 +21,7 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.paths.curves import Curve
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import TimeLaw
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
 from freefloat.so3 import Pose, unit_quaternion

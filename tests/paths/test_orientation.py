@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.errors import InputError
 from freefloat.paths.curves import ArcCurve, PolynomialCurve, SplineCurve
 from freefloat.paths.directed_orientation import DirectedOrientation
-from freefloat.paths.orientation import FixedOrientation, SlerpOrientation
-from freefloat.paths.orientation_spline import OrientationSpline
+from freefloat.paths.orientation import FixedOrientation, OrientationSpline, SlerpOrientation
 from tests.errors import error_key
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)

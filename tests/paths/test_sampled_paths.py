@@ -19,8 +19,7 @@ from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import DEGREE, Motion
 from freefloat.motion.problem import Problem
-from freefloat.paths.time_laws import TimeLaw
-from freefloat.paths.timing import Stop, Timing
+from freefloat.paths.timing import Stop, TimeLaw, Timing
 from freefloat.verification.comparisons import certificate_checks
 from tests.motions import compiled_motion
 

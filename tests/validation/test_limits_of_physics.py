@@ -15,8 +15,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.paths.curves import Curve
 from freefloat.paths.orientation import FixedOrientation
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.time_laws import TimeLaw
-from freefloat.paths.timing import Stop, TimedPath, Timing
+from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
 from freefloat.robot.model import FreeFloatingModel
 from tests.motions import (
     BAD,

@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import Task
 from freefloat.motion.integration import integrate_motion
-from freefloat.paths.time_laws import TimeLaw
-from freefloat.paths.timing import Timing
+from freefloat.paths.timing import TimeLaw, Timing
 from freefloat.robot.model import FreeFloatingModel
 from tests.motions import (
     GOOD,

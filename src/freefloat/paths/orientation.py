@@ -5,16 +5,25 @@ A law gives a rotation and the angular velocity per unit of s, which is its exac
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from typing import Self
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation, RotationSpline
 
-from freefloat.paths.curves import Segmented
-from freefloat.so3 import Array, attitude_axes, frozen, rotation_vector_between
+from freefloat.paths.curves import Segmented, segments_within, significant_breaks
+from freefloat.so3 import Array, attitude_axes, cross, frozen, rotation_vector_between
+
+_NEGLIGIBLE = 1e-8
+"""Rotation by jumps of derivatives [rad] that is ignored."""
+_SMALL = 1e-3
+"""Angle [rad] below which the coefficients of the left Jacobian are replaced by their limits."""
 
 
 class OrientationLaw(Segmented, ABC):
@@ -106,3 +115,66 @@ class SlerpOrientation(OrientationLaw):
     def rate(self, s: float) -> Array:
         """See :class:`OrientationLaw`."""
         return self._rotation_vector
+
+
+class OrientationSpline(OrientationLaw):
+    """A rotation spline with continuous angular acceleration, as SciPy's ``RotationSpline``.
+
+    On each segment it is the first rotation times the exponential of a cubic rotation vector. Here
+    it can be continued beyond its segments, and gives its rate in the inertial frame.
+
+    Attributes:
+        breaks: Values of s of significant jumps of the third derivative.
+    """
+
+    def __init__(self, quaternions: npt.ArrayLike, s: npt.ArrayLike) -> None:
+        """Interpolate quaternions x, y, z, w (N, 4) at ``s`` (N,)."""
+        self._knots = np.asarray(s, dtype=float)
+        self._rotations = rotations = Rotation.from_quat(quaternions)
+        self._starts = rotations.as_matrix()[:-1]
+        self._vectors = RotationSpline(self._knots, rotations).interpolator
+        rates = [[self.within(low, high).rate(low + k * (high - low) / 2.0) for k in range(3)]
+                 for low, high in pairwise(self._knots)]  # fmt: skip
+        seconds = np.diff(np.array(rates), 2, axis=1)[:, 0]
+        seconds /= (np.diff(self._knots)[:, None] / 2.0) ** 2
+        self.breaks = significant_breaks(self._knots, seconds, _NEGLIGIBLE)
+
+    def turned(self, rotation: Array) -> OrientationSpline:
+        """See :class:`OrientationLaw`."""
+        rotations = Rotation.from_matrix(rotation) * self._rotations
+        return OrientationSpline(rotations.as_quat(), self._knots)
+
+    def within(self, low: float, high: float) -> Self:
+        """See :class:`~freefloat.paths.curves.Segmented`."""
+        part = copy(self)
+        part._vectors = segments_within(self._vectors, low, high)
+        return part
+
+    def _start(self, s: float) -> Array:
+        """The rotation at the beginning of the segment that holds at s, shape (3, 3)."""
+        knots = self._vectors.x
+        inside = min(max(s, knots[0]), knots[-2])
+        return np.asarray(self._starts[np.searchsorted(self._knots, inside, side="right") - 1])
+
+    def rotation(self, s: float) -> Array:
+        """See :class:`OrientationLaw`."""
+        return np.asarray(self._start(s) @ Rotation.from_rotvec(self._vectors(s)).as_matrix())
+
+    def rate(self, s: float) -> Array:
+        """See :class:`OrientationLaw`."""
+        rate = exponential_rate(self._vectors(s), self._vectors(s, 1))
+        return np.asarray(self._start(s) @ rate)
+
+
+def exponential_rate(vector: Array, slope: Array) -> Array:
+    """Rate of the rotation exp([vector]x) for the derivative of the rotation vector (3,).
+
+    The derivative times the left Jacobian of SO(3), in closed form; in the axes of the vector.
+    """
+    angle = math.sqrt(vector @ vector)
+    half, third = 0.5, 1.0 / 6.0
+    if angle > _SMALL:
+        half = math.sin(angle / 2.0) / angle
+        third = (angle - math.sin(angle)) / angle**3
+    once = cross(vector, slope)
+    return np.asarray(slope + 2.0 * half**2 * once + third * cross(vector, once))

@@ -13,8 +13,7 @@ import numpy as np
 
 from freefloat.errors import InputError, require_type
 from freefloat.paths.curves import Curve, SplineCurve
-from freefloat.paths.orientation import FreeOrientation, OrientationLaw
-from freefloat.paths.orientation_spline import OrientationSpline
+from freefloat.paths.orientation import FreeOrientation, OrientationLaw, OrientationSpline
 from freefloat.robot.names import read_text
 from freefloat.so3 import Array, Pose, frozen, unit_quaternion
 

@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.errors import number_array
 from freefloat.paths.curves import PolynomialCurve
-from freefloat.paths.orientation import OrientationLaw
-from freefloat.paths.orientation_spline import exponential_rate
+from freefloat.paths.orientation import OrientationLaw, exponential_rate
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import TimedPath, Timing

@@ -29,9 +29,9 @@ from freefloat.paths.orientation import (
     FixedOrientation,
     FreeOrientation,
     OrientationLaw,
+    OrientationSpline,
     SlerpOrientation,
 )
-from freefloat.paths.orientation_spline import OrientationSpline
 from freefloat.paths.path import EndEffectorPath, parse_samples
 from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.motion.motion import Motion
 from freefloat.paths.curves import SplineCurve
-from freefloat.paths.orientation_spline import OrientationSpline
+from freefloat.paths.orientation import OrientationSpline
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import TimedPath
 
