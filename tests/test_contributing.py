@@ -14,11 +14,39 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 TEXT = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
 RECIPES = dict(re.findall(r"^### An? (.+?)\n.*?```diff\n(.*?)```", TEXT, re.MULTILINE | re.DOTALL))
+MOST_FILES = 3
+"""Files under ``src`` that a recipe may change."""
 SCRIPTS = re.findall(r"^python (scripts/.+)$", TEXT, re.MULTILINE)
-USES = {
-    "path kind": """
+TOUR = """
+import json
 import freefloat as ff
 import numpy as np
+import yaml
+from typer.testing import CliRunner
+from freefloat.cli.app import app
+
+def run(*words, code=0):
+    done = CliRunner().invoke(app, [str(word) for word in words])
+    assert done.exit_code == code, done.output
+    return done.stdout
+
+def tour(content):
+    # a scenario is planned, mapped, saved, loaded, checked, exported, printed and shown
+    open("new.yaml", "w").write(yaml.safe_dump(content))
+    planned = json.loads(
+        run("plan", "new.yaml", "--json", "-o", "new.h5", "--html", "new.html", "--plots", "drawn")
+    )
+    loaded = ff.load("new.h5")
+    assert loaded.to_dict().keys() <= planned.keys() and loaded.reason == planned["reason"]
+    assert len(open("new.html").read()) > 100_000 and len(planned["plots"]) > 6
+    run("check", "new.h5")
+    run("export", "new.h5", "-o", "new.csv", "--times", 9)
+    run("map", "new.yaml", "--samples", 16, "-o", "map.h5", "--quiet")
+    return loaded, run("plan", "new.yaml")
+"""
+"""Beginning of each use."""
+USES = {
+    "path kind": """
 from freefloat.io.scenario.path_section import section_of
 
 helix = {"center": [0, 0, 2], "normal": [0, 0, 1], "from": [0.7, 0, 2], "angle_deg": 180, "rise": 1}
@@ -34,13 +62,32 @@ for order in (1, 2):
     difference = (path.curve(0.4 + 1e-5, order - 1) - path.curve(0.4 - 1e-5, order - 1)) / 2e-5
     np.testing.assert_allclose(path.curve(0.4, order), difference, atol=1e-8)
 assert section_of(path) == ({"helix": helix}, None)
+tilted = scenario | {"path": {"helix": helix | {"from": [0.7, 0, 2.5]}}}
+try:
+    ff.load_scenario(tilted).problem()
+except ff.InputError as error:
+    assert error.key == "path.helix.from"
 scenario["path"]["frame"], scenario["search"] = "spacecraft", {"joints": [0, 1, -1, 0, 1, 0]}
 moved = ff.load_scenario(scenario).problem().path.path
 np.testing.assert_allclose(np.ptp([moved.curve(s) - path.curve(s) for s in (0, 0.5, 1)], axis=0), 0,
                            atol=1e-12)
+assert set(section_of(moved)[0]) == {"helix"}
+
+rising = {"center": [1.2, 0, 1.2], "normal": [0, 0, 1], "from": [0.9, -0.6, 1.2],
+          "angle_deg": -100, "rise": 0.1}
+loaded, table = tour({
+    "robot": {"urdf": "spatial_6dof", "end_effector": "end_effector"},
+    "task": "pose",
+    "momentum": [0.5, 0.3, 0.1],
+    "path": {"helix": rising, "attitude": {"fixed": {"axes": {"x": [0, 0, 1], "z": [1, 0.8, 0]}}}},
+    "timing": {"duration": 100},
+    "margin": {"measure": "gjm", "value": 0.01},
+    "search": {"samples": 64},
+})
+assert loaded.problem.path.path.curve.rise == 0.1
+assert "helix" in run("schema")
 """,
     "measure": """
-import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.certificate.certificate import certify
 
@@ -56,6 +103,12 @@ chosen = ff.simulate(problem, heading=best.heading, branch=best.branch).chosen
 assert abs(best.minimum_margin / chosen.minimum_margin - 1.0) < 1e-4
 (minimum,) = (entry for entry in certify(chosen.motion).minima if entry.measure == "relative")
 assert 0.89 < minimum.bound / minimum.value <= 1.0
+
+content = yaml.safe_load(ff.load_scenario("planar_2dof/line").text)
+content["robot"]["urdf"] = "planar_2dof"
+loaded, table = tour(content | {"margin": {"measure": "relative", "fraction": 0.1}})
+assert loaded.problem.margin.measure.name == "relative" and "relative" in table
+assert "relative" in run("schema")
 """,
     "limit": """
 import json
@@ -125,17 +178,7 @@ found = limit(r.to_dict() for r in ff.load("phases.h5").phases[-1].result.limit_
 assert abs(found["worst"] - speeds.max()) < 1e-5
 """,
     "objective": """
-import json
-import freefloat as ff
-import numpy as np
-import yaml
 from freefloat.planning.simulation import integrate_branch
-from typer.testing import CliRunner
-from freefloat.cli.app import app
-
-def run(*words):
-    done = CliRunner().invoke(app, words)
-    return done.exit_code, done.stdout
 
 def ratio(motion):
     (rate,) = (r for r in ff.check_limits(motion, rates) if r.limit == "joint_rate")
@@ -154,14 +197,11 @@ for name, fastest, count in (("planar_2dof/line", 0.5, 72), ("spatial_6dof/above
     content = yaml.safe_load(scenario.text)
     content["robot"]["urdf"] = name.split("/")[0]
     content["search"] = {"objective": "quick", "samples": 256}
-    open("quick.yaml", "w").write(yaml.safe_dump(content))
-    code, shown = run("plan", "quick.yaml", "--json", "-o", "quick.h5")
-    assert code == 0 and json.loads(shown)["search"]["objective"] == "quick"
-    assert "joint rates require" in " ".join(run("plan", "quick.yaml")[1].split())
-    assert ff.load("quick.h5").search.objective.name == "quick"
-    assert run("check", "quick.h5")[0] == 0
+    loaded, table = tour(content)
+    assert loaded.search.objective.name == "quick"
+    assert "joint rates require" in " ".join(table.split())
     open("quick.yaml", "w").write(yaml.safe_dump(content | {"limits": {}}))
-    assert run("plan", "quick.yaml", "--json")[0] == 2
+    run("plan", "quick.yaml", "--json", code=2)
 """,
     "phase kind": """
 import json
@@ -206,35 +246,45 @@ assert run("plan", "hold.yaml")[0] == 2
 assert "hold" in run("schema")[1]
 """,
     "command": """
-import json
-import freefloat as ff
-import numpy as np
-from typer.testing import CliRunner
-from freefloat.cli.app import app
-
 simulation = ff.simulate(ff.load_scenario("planar_2dof/line").problem(), heading=0.4)
 ff.save(simulation, "motion.h5")
-shown = json.loads(CliRunner().invoke(app, ["rotation", "motion.h5", "--json"]).stdout)
+shown = json.loads(run("rotation", "motion.h5", "--json"))
 z, w = simulation.chosen.motion.final.attitude[2:]
 assert abs(shown["final_deg"] - abs(np.degrees(2 * np.arctan2(z, w) - 0.4))) < 1e-6
-assert "Example: freefloat rotation" in CliRunner().invoke(app, ["rotation", "--help"]).stdout
+assert "Example: freefloat rotation" in run("rotation", "--help")
 """,
     "export format": """
-import freefloat as ff
-import numpy as np
-from typer.testing import CliRunner
-from freefloat.cli.app import app
-
 simulation = ff.simulate(ff.load_scenario("planar_2dof/line").problem(), heading=0.4)
 ff.save(simulation, "motion.h5")
 for name in ("motion.modelica", "motion.csv"):
-    words = ["export", "motion.h5", "-o", name, "--times", "5"]
-    assert CliRunner().invoke(app, words).exit_code == 0
+    run("export", "motion.h5", "-o", name, "--times", 5)
 lines = open("motion.modelica").read().splitlines()
 table = np.loadtxt("motion.csv", delimiter=",", skiprows=1)
 assert lines[0] == "#1"
 assert f"double trajectory(5,{table.shape[1]})" in lines
 np.testing.assert_array_equal(np.loadtxt(lines[-5:]), table)
+""",
+    "result view": """
+from freefloat.dynamics.momentum import mass_matrix
+from freefloat.io.formats.trajectory import Trajectory
+from freefloat.so3 import rotation_matrix
+
+problem = ff.load_scenario("spatial_6dof/line").problem()
+simulation = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0])
+(axes,) = ff.figures(simulation)["power"].axes
+times, power = next(line for line in axes.lines if line.get_label() == "sum").get_data()
+middle = len(times) // 3
+motion = Trajectory.of(simulation.chosen.motion, times[[0, middle]])
+energies = []
+for k, attitude in enumerate(motion.attitudes):
+    twist = np.array([motion.base_velocities[k], motion.angular_velocities[k]])
+    rates = np.concatenate([*twist @ rotation_matrix(attitude), motion.joint_rates[k]])
+    energies.append(rates @ mass_matrix(problem.model, motion.joints[k]) @ rates / 2.0)
+work = np.trapezoid(power[: middle + 1], times[: middle + 1])
+assert abs(work / np.diff(energies) - 1.0) < 1e-3
+ff.save(simulation, "motion.h5")
+names = json.loads(run("plot", "motion.h5", "-o", "drawn", "--json"))["figures"]
+assert {"drawn/power.pdf", "drawn/power.png"} <= set(names)
 """,
 }
 """What each recipe makes possible."""
@@ -266,15 +316,14 @@ def execute(folder: Path, *words: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("recipe", USES)
 def test_a_recipe_adds_what_it_says(recipe: str, extended: Path) -> None:
+    execute(extended, "-c", TOUR + USES[recipe])
+
+
+def test_every_recipe_changes_few_files() -> None:
     assert set(RECIPES) == set(USES)
-    assert RECIPES[recipe].count("+++ b/src/") <= 3
-    execute(extended, "-c", USES[recipe])
-
-
-def test_a_limit_touches_three_files_at_most() -> None:
-    files = set(re.findall(r"^\+\+\+ b/(.+)$", RECIPES["limit"], re.MULTILINE))
-    assert len(files) <= 3
-    assert all(file.startswith("src/freefloat/limits/") for file in files)
+    for name, recipe in RECIPES.items():
+        files = re.findall(r"^\+\+\+ b/(src/.+)$", recipe, re.MULTILINE)
+        assert 1 <= len(set(files)) <= MOST_FILES, name
 
 
 @pytest.mark.slow

@@ -24,8 +24,27 @@ is accepted. Results are frozen records with read-only arrays. The names are lis
 ``__init__.pyi`` and loaded on first use.
 """
 
-import lazy_loader
+import re
+from importlib import import_module
+from pathlib import Path
 
 __version__ = "0.2.0"
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_LISTED = Path(__file__).with_suffix(".pyi").read_text("utf-8")
+_MODULES = {name: module for module, name in re.findall(r"^from (\S+) import (\w+)", _LISTED, re.M)}
+__all__ = sorted(_MODULES)
+
+
+def __getattr__(name: str) -> object:
+    """A public name, imported when it is first used (PEP 562)."""
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module = _MODULES[name]
+    package = module == "."
+    value = import_module("." + name if package else module, __name__)
+    globals()[name] = value if package else getattr(value, name)
+    return globals()[name]
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -11,6 +11,7 @@ import sys
 import traceback
 from collections.abc import Iterable
 from enum import StrEnum
+from importlib.util import find_spec
 from pathlib import Path
 from types import UnionType
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -108,6 +109,22 @@ class ModelError(InputError):
     """The robot described by a URDF cannot float freely with an arm."""
 
 
+class MissingExtraError(InputError):
+    """An extra of freefloat, whose name is the key, is not installed."""
+
+    @classmethod
+    def of(cls, extra: str) -> MissingExtraError:
+        """The error of an extra."""
+        return cls(extra, "it needs an extra", f"pip install 'freefloat[{extra}]'")
+
+    def __str__(self) -> str:
+        return f"{self.key}: {self.problem}: {self.accepted}"
+
+    def found_in(self, source: str, prefix: str = "") -> InputError:
+        """The error itself, because no file is wrong."""
+        return self
+
+
 class UnreachableError(InputError):
     """No arm configuration reaches the start of the path from the attitude."""
 
@@ -142,6 +159,18 @@ def require_type(key: str, value: object, kind: type | UnionType, accepted: str)
         quoted = value is None or isinstance(value, str)
         description = repr(value) if quoted else type(value).__name__
         raise InputError(key, f"{description} was given", accepted)
+
+
+def require_extra(extra: str, module: str) -> None:
+    """Raise a MissingExtraError unless a module is installed, which is not imported.
+
+    Args:
+        extra: Name of the extra that installs the module.
+        module: Name of the module.
+    """
+    found = find_spec(module)
+    if found is None or found.origin is None:  # a folder of that name has no origin
+        raise MissingExtraError.of(extra)
 
 
 def member(key: str, kind: type[_Words], value: str) -> _Words:

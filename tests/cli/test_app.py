@@ -226,6 +226,7 @@ def test_places_of_outputs_are_checked(tmp_path: Path) -> None:
         ({"output": tmp_path / "dangling"}, "output"),
         ({"html": tmp_path / "missing" / "x.html"}, "html"),
         ({"folder": tmp_path / "file"}, "plots"),
+        ({"folder": tmp_path / "missing" / "figures"}, "plots"),
     ):
         assert error_key(prepare_outputs, **options) == key
     assert {path.name for path in tmp_path.iterdir()} == {"a", "c", "file", "loop", "dangling"}

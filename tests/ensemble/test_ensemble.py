@@ -23,14 +23,11 @@ from freefloat.motion.margin import Margin, keeps_threshold
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Problem
 from freefloat.paths.curves import ArcCurve, Curve, PolynomialCurve, SplineCurve
-from freefloat.paths.orientation import (
-    DirectedOrientation,
-    OrientationLaw,
-    OrientationSpline,
-    SlerpOrientation,
-)
+from freefloat.paths.directed_orientation import DirectedOrientation
+from freefloat.paths.orientation import OrientationLaw, OrientationSpline, SlerpOrientation
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import Stop, TimedPath, Timing
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import angle_between, heading_quaternion
 from tests.ensembles import CODES, FINE, both, dense, headings, random_attitudes, states

@@ -16,7 +16,8 @@ from freefloat.limits.limits import GIVEN, Limits
 from freefloat.limits.result import LimitResult, needed_stretch
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending, Motion
-from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import Stop, TimedPath, Timing
 from freefloat.so3 import heading_quaternion
 from tests.prismatic import (
     DURATION,

@@ -8,7 +8,7 @@ import pytest
 
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.motion.integration import integrate_motion
-from freefloat.paths.timing import TimeLaw
+from freefloat.paths.time_laws import TimeLaw
 from freefloat.so3 import heading_quaternion
 from tests.prismatic import DURATION, LENGTH, RELATIVE, TOOL, prismatic_motion, prismatic_robot
 

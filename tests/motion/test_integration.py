@@ -16,9 +16,11 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import Margin
 from freefloat.motion.motion import DEGREE, Ending
 from freefloat.paths.curves import ArcCurve, PolynomialCurve, SplineCurve
-from freefloat.paths.orientation import DirectedOrientation, FixedOrientation, SlerpOrientation
+from freefloat.paths.directed_orientation import DirectedOrientation
+from freefloat.paths.orientation import FixedOrientation, SlerpOrientation
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import Stop, TimedPath, Timing
 from freefloat.so3 import heading_of, rotation_matrix
 from tests.motions import (
     BAD,

@@ -8,12 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError
 from freefloat.paths.curves import ArcCurve, PolynomialCurve, SplineCurve
-from freefloat.paths.orientation import (
-    DirectedOrientation,
-    FixedOrientation,
-    OrientationSpline,
-    SlerpOrientation,
-)
+from freefloat.paths.directed_orientation import DirectedOrientation
+from freefloat.paths.orientation import FixedOrientation, OrientationSpline, SlerpOrientation
 from tests.errors import error_key
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)

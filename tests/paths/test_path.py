@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError
 from freefloat.paths.curves import ArcCurve, PolynomialCurve, SplineCurve
-from freefloat.paths.orientation import DirectedOrientation, FixedOrientation, SlerpOrientation
+from freefloat.paths.directed_orientation import DirectedOrientation
+from freefloat.paths.orientation import FixedOrientation, SlerpOrientation
 from freefloat.paths.path import EndEffectorPath, parse_samples, samples_text
 from freefloat.paths.timing import TimedPath, Timing
 

@@ -9,9 +9,11 @@ from hypothesis import strategies as st
 
 from freefloat.errors import InputError
 from freefloat.paths.curves import PolynomialCurve
-from freefloat.paths.orientation import DirectedOrientation, FixedOrientation, SlerpOrientation
+from freefloat.paths.directed_orientation import DirectedOrientation
+from freefloat.paths.orientation import FixedOrientation, SlerpOrientation
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import Stop, TimedPath, Timing
 from tests.errors import error_key
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)

@@ -250,7 +250,7 @@ def test_columns_of_parameters_have_the_units_of_the_schema(key: str, text: str)
 def test_tables_are_written_without_pyarrow(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("freefloat.studies.report.find_spec", lambda _: None)
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
     assert save_tables(tmp_path, study_table(ROWS)) == {
         "parquet": None,
         "csv": tmp_path / "cases.csv",

@@ -453,8 +453,6 @@ def test_files_that_are_no_plans_are_exit_code_2(tmp_path):
         assert error("check", path)["key"] == "file"
 
 
-def test_maps_unknown_engines_and_a_missing_mujoco_are_input_errors(simulated, monkeypatch):
+def test_maps_and_unknown_engines_are_input_errors(simulated):
     assert error_key(ff.check, simulated.chosen.motion.problem) == "result"
     assert error_key(ff.check, simulated, "bullet") == "engine"
-    monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
-    assert error_key(ff.check, simulated, "mujoco") == "engine"

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from freefloat.cli.console import DONE, NO, Console, say, table
 from freefloat.cli.options import Json, Quiet, study_names
-from freefloat.errors import InputError
+from freefloat.errors import InputError, MissingExtraError
 from freefloat.io.files import make_folder
 
 if TYPE_CHECKING:
@@ -146,6 +146,8 @@ def _result_lines(result: StudyResult) -> Iterator[str]:
     )
     names = (result.files.get(key) for key in ("csv", "parquet", "figure", "report"))
     yield f"written: {', '.join(str(name) for name in names if name)}"
+    if result.files.get("parquet") is None:
+        yield f"not written: cases.parquet; {MissingExtraError.of('parquet')}"
 
 
 def _combination_tables(combinations: list[Combination]) -> Iterator[RenderableType]:

@@ -56,8 +56,10 @@ def check(
     from freefloat.io.records.results import load
     from freefloat.verification.check import check as verify
     from freefloat.verification.comparisons import Check
+    from freefloat.verification.engine_runs import require_engine
     from freefloat.verification.report import PINOCCHIO, CheckReport
 
+    require_engine(engine or PINOCCHIO)
     console = Console(as_json, quiet)
     with console.progress("integrating the motion again"):
         try:

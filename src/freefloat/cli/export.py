@@ -71,6 +71,7 @@ def export(
     if output == _STDOUT and as_json:
         raise InputError("output", "both -o - and --json were given", "one of the two")
     kind, target = _format_and_file(file, format_, output)
+    kind.require()
     if target is not None:
         prepare_outputs(file, results=False, output=target)
     result = load_answer(file)

@@ -19,7 +19,7 @@ from freefloat.cli.options import (
     distinct_stems,
     prepare_outputs,
 )
-from freefloat.errors import InputError
+from freefloat.errors import InputError, require_extra
 from freefloat.io.files import make_folder
 
 if TYPE_CHECKING:
@@ -145,6 +145,8 @@ def view(
         size=(size, {"--snapshots": snapshots, "--video": video}),
         scene=(scene, {"--html": html, "--snapshots": snapshots, "--video": video}),
     )
+    if snapshots is not None or video is not None:
+        require_extra("video", "playwright")
     options: dict[str, Any] = {"size": _pixels(size), "scene": scene}
     console = Console(as_json, quiet)
     prepare_outputs(*files, html=html, video=video)

@@ -37,7 +37,7 @@ class SingularityMeasure:
     """A scalar function of the joints whose zeros are dynamic singularities.
 
     Attributes:
-        name: One of ``gjm``, ``system``, ``arm``, ``sigma``.
+        name: Its name in scenario files.
         definition: Definition with the paper's equation number.
         unit: Unit, as printed in tables.
         function: Measure of joint values of shape (n,); signed where it is a determinant.

@@ -19,7 +19,7 @@ _KEPT = 40
 _ABANDONED = 3600.0
 """Age of a temporary file whose process was killed [s]; writing takes seconds."""
 _FILE = "a file in an existing, writable folder with enough space"
-_FOLDER = "a folder that can be made or written to"
+_FOLDER = "a writable folder, or the name of one in an existing, writable folder"
 
 
 @contextmanager
@@ -62,13 +62,13 @@ def require_writable(key: str, path: Path) -> None:
 
 
 def make_folder(key: str, folder: Path) -> None:
-    """Make a folder and those above it.
+    """Make a folder in an existing one, unless it exists.
 
     Raises:
         InputError: If it cannot be made or written to.
     """
     with _errors_of(key, folder, _FOLDER):
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(exist_ok=True)
         _require_folder(folder)
 
 

@@ -11,7 +11,8 @@ from numpy.polynomial import polynomial
 from freefloat.motion.joint_integration import integrate_joints
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.paths.timing import TimedPath, TimeLaw, Timing
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import TimedPath, Timing
 from freefloat.paths.transfer import quintic
 from freefloat.records import Joints
 from freefloat.so3 import Array, frozen

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from scipy.interpolate import CubicSpline, PPoly
 
 from freefloat.errors import InputError, finite_number, finite_vector, number_array
-from freefloat.so3 import Array, cross, frozen, unit_vector
+from freefloat.so3 import Array, Pose, cross, frozen, unit_vector
 
 _NEGLIGIBLE = 1e-8
 """Displacement by jumps of derivatives, as a fraction of a spline's size, that is ignored."""
@@ -47,6 +47,29 @@ class Curve(Segmented, ABC):
     @abstractmethod
     def __call__(self, s: float, order: int = 0) -> Array:
         """Position, or its derivative of order 1 or 2 by s, shape (3,), inertial frame."""
+
+    def moved(self, pose: Pose) -> Curve:
+        """The curve in the frame in which its own frame has a pose; of its class where it can be.
+
+        A class of the user's need not define this.
+        """
+        return MovedCurve(self, pose)
+
+
+class MovedCurve(Curve):
+    """A curve in the frame in which its own frame has a pose."""
+
+    def __init__(self, curve: Curve, pose: Pose) -> None:
+        self._curve, self._pose, self.breaks = curve, pose, curve.breaks
+
+    def __call__(self, s: float, order: int = 0) -> Array:
+        """See :class:`Curve`."""
+        value = self._pose.rotation @ self._curve(s, order)
+        return np.asarray(value if order else value + self._pose.position)
+
+    def within(self, low: float, high: float) -> Self:
+        """See :class:`Segmented`."""
+        return type(self)(self._curve.within(low, high), self._pose)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +108,12 @@ class PolynomialCurve(Curve):
             x, y, z = x * s + a, y * s + b, z * s + c
         return np.array([x, y, z])
 
+    def moved(self, pose: Pose) -> PolynomialCurve:
+        """See :class:`Curve`."""
+        coefficients = self.coefficients @ pose.rotation.T
+        coefficients[0] += pose.position
+        return PolynomialCurve(coefficients)
+
 
 @dataclass(frozen=True, eq=False)
 class ArcCurve(Curve):
@@ -120,6 +149,11 @@ class ArcCurve(Curve):
         phase = self.angle * s + order * np.pi / 2
         rotated = np.cos(phase) * radius + np.sin(phase) * cross(self.normal, radius)
         return np.asarray(self.angle**order * rotated + (self.centre if order == 0 else 0.0))
+
+    def moved(self, pose: Pose) -> ArcCurve:
+        """See :class:`Curve`."""
+        p, R = pose.position, pose.rotation
+        return ArcCurve(p + R @ self.centre, p + R @ self.start, R @ self.normal, self.angle)
 
 
 class SplineCurve(Curve):
@@ -162,6 +196,10 @@ class SplineCurve(Curve):
     def __call__(self, s: float, order: int = 0) -> Array:
         """See :class:`Curve`."""
         return np.asarray(self._spline(s, order))
+
+    def moved(self, pose: Pose) -> SplineCurve:
+        """See :class:`Curve`."""
+        return SplineCurve(pose.position + self.points @ pose.rotation.T, self.knots)
 
     def within(self, low: float, high: float) -> Self:
         """See :class:`Segmented`."""

@@ -7,34 +7,19 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from typing import Self
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from freefloat.errors import InputError, finite_vector
-from freefloat.paths.curves import Curve, Segmented, segments_within, significant_breaks
-from freefloat.so3 import (
-    Array,
-    attitude_axes,
-    cross,
-    frozen,
-    rotation_vector_between,
-    unit_vector,
-)
+from freefloat.paths.curves import Segmented, segments_within, significant_breaks
+from freefloat.so3 import Array, attitude_axes, cross, frozen, rotation_vector_between
 
-_SAMPLES = np.linspace(0.0, 1.0, 201)
-"""Values of s at which a moving direction is checked."""
-_REFINED = 5  # minima between samples
-_GAP = 1e-6
-"""Fraction of its largest length below which a direction is undefined."""
 _NEGLIGIBLE = 1e-8
 """Rotation by jumps of derivatives [rad] that is ignored."""
 _SMALL = 1e-3
@@ -51,6 +36,29 @@ class OrientationLaw(Segmented, ABC):
     def rate(self, s: float) -> Array:
         """Angular velocity per unit of s [rad], inertial frame, shape (3,); zero by default."""
         return np.zeros(3)
+
+    def turned(self, rotation: Array) -> OrientationLaw:
+        """The orientation turned by a rotation (3, 3): given in axes which these are, in others."""
+        return TurnedOrientation(self, rotation)
+
+
+class TurnedOrientation(OrientationLaw):
+    """An orientation turned by a rotation, shape (3, 3)."""
+
+    def __init__(self, law: OrientationLaw, turn: Array) -> None:
+        self._law, self._turn, self.breaks = law, turn, law.breaks
+
+    def rotation(self, s: float) -> Array:
+        """See :class:`OrientationLaw`."""
+        return np.asarray(self._turn @ self._law.rotation(s))
+
+    def rate(self, s: float) -> Array:
+        """See :class:`OrientationLaw`."""
+        return np.asarray(self._turn @ self._law.rate(s))
+
+    def within(self, low: float, high: float) -> Self:
+        """See :class:`~freefloat.paths.curves.Segmented`."""
+        return type(self)(self._law.within(low, high), self._turn)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,141 +117,6 @@ class SlerpOrientation(OrientationLaw):
         return self._rotation_vector
 
 
-@dataclass(frozen=True, eq=False)
-class DirectedOrientation(OrientationLaw):
-    """One end-effector axis along a moving direction, a second as near as possible to a fixed one.
-
-    Attributes:
-        axis: Letter of the first axis, with a minus sign for the opposite direction.
-        second: Letter of the second axis.
-        reference: Unit vector for the second axis, inertial frame, shape (3,). The axis is its
-            component orthogonal to the first.
-        curve: Curve of the end-effector.
-        target: Point toward which the direction is [m], shape (3,); None for that of travel.
-    """
-
-    axis: str
-    second: str
-    reference: Array
-    curve: Curve
-    target: Array | None = None
-
-    @classmethod
-    def follow(cls, curve: Curve, axis: str, normal: npt.ArrayLike) -> DirectedOrientation:
-        """The orientation with one axis along the direction of travel and z near a normal.
-
-        Args:
-            curve: The curve of the end-effector.
-            axis: ``x``, ``-x``, ``y`` or ``-y``: along the direction of travel.
-            normal: Inertial direction of the z axis, made orthogonal to the direction of travel.
-
-        Raises:
-            InputError: If the direction of travel is undefined or along the normal somewhere.
-        """
-        if axis not in ("x", "-x", "y", "-y"):
-            raise InputError("axis", f"{axis!r} was given", "x, -x, y or -y")
-        law = cls(axis, "z", frozen(unit_vector("normal", normal)), curve)
-        law._require_defined(
-            "the path has no direction of travel", "normal lies along the path",
-            "a path with a nonzero derivative and a normal that is not parallel to it",
-        )  # fmt: skip
-        return law
-
-    @classmethod
-    def point_at(cls, curve: Curve, axis: str, target: npt.ArrayLike) -> DirectedOrientation:
-        """The orientation with one axis toward a fixed target.
-
-        The next axis (y after x, z after y, x after z) is as near as possible to the inertial axis
-        that is farthest from all lines of sight.
-
-        Args:
-            curve: The curve of the end-effector.
-            axis: ``x``, ``y``, ``z`` or one of them with a minus sign.
-            target: Inertial position of the target [m], shape (3,).
-
-        Raises:
-            InputError: If the curve passes through the target or no inertial axis is far enough
-                from the lines of sight.
-        """
-        if axis not in ("x", "-x", "y", "-y", "z", "-z"):
-            accepted = "x, y, z, -x, -y or -z"
-            raise InputError("axis", f"{axis!r} was given", accepted)
-        point = finite_vector("target", target, 3)
-        sights = np.array([point - curve(float(s)) for s in _SAMPLES])
-        sights /= np.maximum(np.linalg.norm(sights, axis=1, keepdims=True), 1e-12)
-        reference = np.eye(3)[np.argmin(np.abs(sights).max(axis=0))]
-        second = "yzx"["xyz".index(axis[-1])]
-        law = cls(axis, second, frozen(reference), curve, frozen(point))
-        law._require_defined(
-            "the path passes through the target",
-            "no inertial axis is far from all lines of sight",
-            "a target off the path, in directions within less than half a sphere",
-        )  # fmt: skip
-        return law
-
-    def _direction(self, s: float) -> tuple[Array, Array]:
-        """The moving direction and its derivative by s, not normalized, shape (3,) each."""
-        if self.target is None:
-            return self.curve(s, 1), self.curve(s, 2)
-        return self.target - self.curve(s), -self.curve(s, 1)
-
-    def rotation(self, s: float) -> Array:
-        """See :class:`OrientationLaw`."""
-        direction = self._direction(s)[0] * (-1.0 if self.axis.startswith("-") else 1.0)
-        first = direction / math.sqrt(direction @ direction)
-        second = self.reference - (self.reference @ first) * first
-        second /= math.sqrt(second @ second)
-        i, j = "xyz".index(self.axis[-1]), "xyz".index(self.second)
-        columns = np.empty((3, 3))
-        columns[:, i], columns[:, j] = first, second
-        columns[:, 3 - i - j] = cross(first, second) * (1.0 if (j - i) % 3 == 1 else -1.0)
-        return columns
-
-    def rate(self, s: float) -> Array:
-        """The rate w that carries the direction d, and one about d: see :class:`OrientationLaw`."""
-        d, change = self._direction(s)
-        w = cross(d, change) / (d @ d)
-        c = cross(d, self.reference)
-        return w + (self.reference @ d) * (self.reference @ w) / (c @ c) * d
-
-    @cached_property
-    def breaks(self) -> Array:
-        """Values of s at which high derivatives of the curve jump."""
-        return self.curve.breaks
-
-    def within(self, low: float, high: float) -> Self:
-        """See :class:`~freefloat.paths.curves.Segmented`."""
-        return replace(self, curve=self.curve.within(low, high))
-
-    def _require_defined(self, undefined: str, parallel: str, accepted: str) -> None:
-        """Raise an InputError where the direction vanishes or lies along the reference."""
-
-        def length(s: float) -> float:
-            return float(np.linalg.norm(self._direction(float(s))[0]))
-
-        def sine(s: float) -> float:
-            direction = self._direction(float(s))[0]
-            return float(np.linalg.norm(cross(direction, self.reference)) / length(s))
-
-        gap = _GAP * max(map(length, _SAMPLES))
-        for function, threshold, problem in ((length, gap, undefined), (sine, _GAP, parallel)):
-            value, s = _smallest(function)
-            if value <= threshold:
-                raise InputError("curve", f"{problem} at s = {s:.4g}", accepted)
-
-
-def _smallest(function: Callable[[float], float]) -> tuple[float, float]:
-    """The smallest value of a function on [0, 1], and where: the lowest samples, refined."""
-    values = np.array([function(s) for s in _SAMPLES])
-    best = [(float(values.min()), float(_SAMPLES[np.argmin(values)]))]
-    minima = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])) + 1
-    for i in minima[np.argsort(values[minima])][:_REFINED]:
-        bounds = _SAMPLES[[i - 1, i + 1]]
-        refined = minimize_scalar(function, bounds=bounds, options={"xatol": 1e-12})
-        best.append((float(refined.fun), float(refined.x)))
-    return min(best)
-
-
 class OrientationSpline(OrientationLaw):
     """A rotation spline with continuous angular acceleration, as SciPy's ``RotationSpline``.
 
@@ -257,7 +130,7 @@ class OrientationSpline(OrientationLaw):
     def __init__(self, quaternions: npt.ArrayLike, s: npt.ArrayLike) -> None:
         """Interpolate quaternions x, y, z, w (N, 4) at ``s`` (N,)."""
         self._knots = np.asarray(s, dtype=float)
-        rotations = Rotation.from_quat(quaternions)
+        self._rotations = rotations = Rotation.from_quat(quaternions)
         self._starts = rotations.as_matrix()[:-1]
         self._vectors = RotationSpline(self._knots, rotations).interpolator
         rates = [[self.within(low, high).rate(low + k * (high - low) / 2.0) for k in range(3)]
@@ -265,6 +138,11 @@ class OrientationSpline(OrientationLaw):
         seconds = np.diff(np.array(rates), 2, axis=1)[:, 0]
         seconds /= (np.diff(self._knots)[:, None] / 2.0) ** 2
         self.breaks = significant_breaks(self._knots, seconds, _NEGLIGIBLE)
+
+    def turned(self, rotation: Array) -> OrientationSpline:
+        """See :class:`OrientationLaw`."""
+        rotations = Rotation.from_matrix(rotation) * self._rotations
+        return OrientationSpline(rotations.as_quat(), self._knots)
 
     def within(self, low: float, high: float) -> Self:
         """See :class:`~freefloat.paths.curves.Segmented`."""

@@ -1,22 +1,21 @@
-"""Time laws s(t), and paths travelled by them."""
+"""Timing s(t) with its rests, and paths travelled by it."""
 
 from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
 
 from freefloat.errors import InputError, finite_number, finite_vector, member, require_type
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.time_segments import (
+from freefloat.paths.time_laws import (
     Speeds,
+    TimeLaw,
     TimeSegment,
     positive_duration,
     require_speeds,
@@ -24,43 +23,11 @@ from freefloat.paths.time_segments import (
 )
 from freefloat.so3 import Array, Pose, frozen
 
-_BLEND = 0.25
-"""Fraction of a trapezoidal profile spent accelerating, and again decelerating."""
 _APART = 1e-6
 """Smallest distance of breaks, as a fraction of the duration."""
 _STOPS = "a list of stops, such as [Stop(s=0.5, t=40)], t in seconds"
 _CLOSEST = 1e-9
 """Smallest distance of stops in s and in t over the duration."""
-
-
-class TimeLaw(StrEnum):
-    """How s rises from 0 to 1 with the dimensionless time between two rests."""
-
-    QUINTIC = "quintic"
-    CUBIC = "cubic"
-    TRAPEZOIDAL = "trapezoidal"
-    OPTIMAL = "optimal"
-    UNIFORM = "uniform"
-
-    @property
-    def polynomials(self) -> tuple[tuple[float, Polynomial], ...]:
-        """Segments of the law: end and s, a polynomial, both in dimensionless time.
-
-        That of ``optimal`` is quintic until the fastest timing is known.
-        """
-        if self in (TimeLaw.QUINTIC, TimeLaw.OPTIMAL):  # (18b)
-            return ((1.0, Polynomial([0, 0, 0, 10, -15, 6])),)
-        if self is TimeLaw.CUBIC:
-            return ((1.0, Polynomial([0, 0, 3, -2])),)
-        if self is TimeLaw.UNIFORM:
-            return ((1.0, Polynomial([0, 1])),)
-        cruise = 1.0 / (1.0 - _BLEND)
-        rise = Polynomial([0, 0, cruise / (2.0 * _BLEND)])
-        return (
-            (_BLEND, rise),
-            (1.0 - _BLEND, Polynomial([-cruise * _BLEND / 2.0, cruise])),
-            (1.0, 1.0 - rise(Polynomial([1, -1]))),
-        )
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ from freefloat.errors import number_array
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import OrientationLaw, exponential_rate
 from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.timing import TimedPath, TimeLaw, Timing
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import TimedPath, Timing
 from freefloat.so3 import Array, Pose, attitude_axes, frozen
 
 

@@ -9,7 +9,7 @@ from freefloat.concurrency import Progress
 from freefloat.errors import require_type
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem, require_problem
-from freefloat.paths.timing import TimeLaw
+from freefloat.paths.time_laws import TimeLaw
 from freefloat.planning.limits.keeping import stretched_plan
 from freefloat.planning.path_planner import plan_within
 from freefloat.planning.plan import Plan

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from freefloat.errors import InputError, ModelError, require_type
+from freefloat.errors import InputError, ModelError, require_extra, require_type
 from freefloat.robot.formats.reader_process import UrdfText, run_reader
 from freefloat.robot.names import is_file, read_text
 
@@ -76,6 +76,7 @@ class RobotSource:
         Raises:
             ValueError: If the file cannot be read.
             ModelError: If the reader of a xacro or MJCF file refuses it.
+            MissingExtraError: If this reader is not installed.
         """
         if self.is_text:
             return UrdfText(str(self.urdf))
@@ -86,9 +87,11 @@ class RobotSource:
             accepted = "nothing: its root is the link without parent"
             raise ModelError("root", problem, accepted, str(file))
         if file.suffix == ".xacro":
+            require_extra("xacro", "xacro")
             folders = {name: os.path.abspath(folder) for name, folder in self.packages.items()}
             return run_reader("freefloat.robot.formats.xacro", file, packages=folders)
         if _MJCF.match(text):
+            require_extra("mujoco", "mujoco")
             return run_reader("freefloat.robot.formats.mjcf", file, root=self.root)
         return UrdfText(text)
 

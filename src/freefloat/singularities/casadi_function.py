@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.errors import InputError
+from freefloat.errors import require_extra
 from freefloat.singularities.joint_polynomial import JointBasis, JointPolynomial
 
 
@@ -20,7 +20,7 @@ def casadi_function(polynomial: JointPolynomial) -> Any:
         Function ``singularity`` with the input ``q`` (n) and the output ``S``.
 
     Raises:
-        InputError: If CasADi is not installed.
+        MissingExtraError: If CasADi is not installed.
 
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
@@ -28,11 +28,9 @@ def casadi_function(polynomial: JointPolynomial) -> Any:
         >>> round(float(S([0.3, 0.7])), 6)
         3.753986
     """
-    try:
-        import casadi
-    except ModuleNotFoundError:
-        accepted = "after: pip install 'freefloat[casadi]'"
-        raise InputError("casadi", "it is not installed", accepted) from None
+    require_extra("casadi", "casadi")
+    import casadi
+
     q = casadi.MX.sym("q", len(polynomial.bases))
     rows = np.reshape(polynomial.coefficients, (polynomial.bases[0].size, -1))
     value = casadi.mtimes(casadi.DM(rows.T), _functions(casadi, polynomial.bases[0], q[0]))

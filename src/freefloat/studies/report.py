@@ -10,13 +10,12 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from datetime import UTC, datetime
 from importlib.metadata import version
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader
-from markupsafe import Markup
 
+from freefloat.errors import MissingExtraError, require_extra
 from freefloat.io.files import written_beside
 from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.io.scenario.yaml import section_at
@@ -68,7 +67,9 @@ def save_tables(folder: Path, table: Table) -> dict[str, Path | None]:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(table)
         writer.writerows([map(_csv_cell, row) for row in zip(*table.values(), strict=True)])
-    if find_spec("pyarrow") is None:
+    try:
+        require_extra("parquet", "pyarrow")
+    except MissingExtraError:
         return {"parquet": None, "csv": folder / CSV}
     import pyarrow
     import pyarrow.parquet
@@ -223,7 +224,7 @@ def _page(
         hidden=len(table["case"]) - _MAX_LISTED,
         linked=linked,
         text=json.dumps(content, indent=2, ensure_ascii=False),
-        script=Markup(script),
+        script=script,
         digest=digest,
     )
 

@@ -13,12 +13,12 @@ from typing import Any
 from distributed import KilledWorker, as_completed
 
 from freefloat.concurrency import available_cores, require_memory
-from freefloat.errors import InputError, require_type
+from freefloat.errors import InputError, require_extra, require_type
 from freefloat.studies.clients import REPETITIONS, local_client, remote_client
 from freefloat.studies.database import DATABASE, open_results
 from freefloat.studies.results import ERROR, Row, StudyResult
 from freefloat.studies.run import Run, RunResult, error_result, execute, study_files
-from freefloat.studies.study import Study
+from freefloat.studies.study import Command, Study
 from freefloat.studies.values import finite
 
 _WORKER_SIZE = 200_000_000
@@ -66,6 +66,8 @@ def run_study(
         raise InputError("workers", "a scheduler was given too: it has its workers", "one of both")
     if workers is not None:
         require_memory("workers", min(workers, study.count), _WORKER_SIZE, math.inf)
+    if scheduler is None and study.content.command is Command.TRACK:
+        require_extra("mujoco", "mujoco")
     begin = time.perf_counter()
     folder, files = Path(folder), study_files(study)
     with open_results(folder, study, files) as database:

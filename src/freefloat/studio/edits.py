@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from freefloat.errors import InputError
+from freefloat.io.scenario.path_schema import PathSection
 from freefloat.studio.messages import (
     Edit,
     MoveHandle,
@@ -21,7 +22,6 @@ from freefloat.studio.messages import (
 )
 
 Content = Mapping[str, Any]
-_CURVES = ("line", "polynomial", "arc", "waypoints", "samples")
 _DIGITS = 6
 """Decimals of edited numbers: micrometres, milliseconds."""
 
@@ -93,7 +93,7 @@ def _with_handle(path: Content, edit: MoveHandle, outline: Content) -> dict[str,
     if len(path.get("waypoints") or ()) == len(points):
         points = list(path["waypoints"])
     points[edit.handle] = point
-    kept = {key: value for key, value in path.items() if key not in _CURVES}
+    kept = {key: value for key, value in path.items() if key not in PathSection.kinds()}
     return {"waypoints": points, **kept}
 
 

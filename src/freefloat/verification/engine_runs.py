@@ -9,13 +9,13 @@ from functools import partial
 import numpy as np
 
 from freefloat.dynamics.momentum import inertia_matrices
-from freefloat.errors import InputError
+from freefloat.errors import InputError, require_extra
 from freefloat.motion.motion import Motion
 from freefloat.verification.comparisons import Check, error_check, path_tolerances
 from freefloat.verification.engines import basilisk, mujoco
 from freefloat.verification.engines.forward import ForwardRun, Reference
 from freefloat.verification.engines.mujoco import InverseRun
-from freefloat.verification.engines.mujoco_model import Engine, engine_module
+from freefloat.verification.engines.mujoco_model import Engine
 from freefloat.verification.gravity import CircularOrbit, GravityRun, gravity_run
 from freefloat.verification.report import BASILISK, ENGINES, MUJOCO
 
@@ -54,9 +54,9 @@ def require_engine(engine: str) -> None:
     if engine not in ENGINES:
         raise InputError("engine", f"{engine!r} was given", ", ".join(ENGINES))
     if engine == MUJOCO:
-        engine_module()
+        require_extra("mujoco", "mujoco")
     elif engine == BASILISK:
-        basilisk.require_basilisk()
+        require_extra("basilisk", "Basilisk")
 
 
 def engine_runs(engine: str, motion: Motion, orbit: CircularOrbit | None = None) -> EngineRuns:

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
-from freefloat.errors import InputError, finite_number, require_type, seed_number
+from freefloat.errors import InputError, finite_number, require_extra, require_type, seed_number
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
@@ -163,6 +163,7 @@ def track(
         >>> tracking.survived
         True
     """
+    require_extra("mujoco", "mujoco")
     motion = _whole_motion(result)
     deviations = {"mass_error": mass_error, "noise": noise, "friction": friction}
     for name, value in {**deviations, "tolerance": tolerance}.items():

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from freefloat.errors import InputError, require_type
+from freefloat.errors import InputError, require_extra, require_type
 from freefloat.io.files import written_beside
 from freefloat.io.formats.attitude_ephemeris import attitude_ephemeris_text
 from freefloat.io.formats.basilisk_script import basilisk_text
@@ -58,6 +58,11 @@ class Format(StrEnum):
         """Format by the suffix of a file name; None if it has none of them."""
         suffix = "" if file is None else file.suffix.lower().replace(".yml", ".yaml")
         return next((kind for kind in cls if kind.suffix == suffix), None)
+
+    def require(self) -> None:
+        """Raise a MissingExtraError unless what writes this format is installed."""
+        if self is Format.MCAP:
+            require_extra("mcap", "mcap_ros2")
 
 
 _SUFFIXES = {
@@ -262,6 +267,7 @@ def export(
         raise InputError(
             "file", f"{file} was given", f"a name in {', '.join(k.suffix for k in Format)}"
         )
+    kind.require()
     for name, trajectory in trajectories(result, times, rate, epoch).items():
         save_trajectory(path.with_stem(path.stem + name), trajectory, kind)
 

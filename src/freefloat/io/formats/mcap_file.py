@@ -7,7 +7,6 @@ from typing import Any
 
 from scipy.spatial.transform import Rotation
 
-from freefloat.errors import InputError
 from freefloat.io.formats.trajectory import Trajectory
 from freefloat.so3 import Array
 
@@ -43,14 +42,9 @@ _TOPICS = {
 def write_mcap(path: Path, trajectory: Trajectory) -> None:
     """Write joint states, transforms of all links, the URDF and the measure of the margin.
 
-    Raises:
-        InputError: If the package for MCAP is not installed.
+    The package for MCAP must be installed.
     """
-    try:
-        from mcap_ros2.writer import Writer
-    except ImportError:
-        accepted = "after: pip install 'freefloat[mcap]'"
-        raise InputError("format", "mcap-ros2-support is not installed here", accepted) from None
+    from mcap_ros2.writer import Writer
 
     model = trajectory.motion.problem.model
     zero = round(trajectory.epoch.timestamp()) * 10**9 + trajectory.epoch.microsecond * 1000

@@ -10,7 +10,8 @@ from freefloat.io.records.kinds import CODEC
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
-from freefloat.paths.timing import TimeLaw, Timing
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import Timing
 from freefloat.planning.answer import PhaseResult
 from freefloat.planning.joints.joint_motion import earlier
 from freefloat.planning.joints.loop_motion import LAW

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated, Literal
+from itertools import zip_longest
+from typing import Annotated, Any, Literal, get_args
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field, model_validator
 
+from freefloat.errors import InputError
 from freefloat.io.scenario.field_types import (
     Coefficients,
     Name,
@@ -16,9 +19,27 @@ from freefloat.io.scenario.field_types import (
     exactly_one_of,
 )
 from freefloat.io.scenario.orientation_section import Orientation
+from freefloat.io.scenario.yaml import file_keys
+from freefloat.paths.curves import ArcCurve, Curve, PolynomialCurve, SplineCurve
 
 
-class LineSection(Section):
+class CurveSection(Section):
+    """One kind of curve: its keys, the curve that they describe, and back.
+
+    Errors of a curve name its arguments; those that are called as a field get the key of that.
+    """
+
+    def to_curve(self) -> Curve:
+        """The curve, in the frame of the section."""
+        raise NotImplementedError
+
+    @classmethod
+    def content(cls, curve: Curve) -> dict[str, Any] | None:
+        """The section that describes a curve; None for a curve that another section describes."""
+        return None
+
+
+class LineSection(CurveSection):
     """A straight line."""
 
     start: Vector = Field(alias="from")
@@ -26,8 +47,12 @@ class LineSection(Section):
     end: Vector = Field(alias="to")
     """Last point [m]."""
 
+    def to_curve(self) -> Curve:
+        """See :class:`CurveSection`."""
+        return PolynomialCurve.line(self.start, self.end)
 
-class PolynomialSection(Section):
+
+class PolynomialSection(CurveSection):
     """Polynomials in s, coefficients [m] from the lowest power up."""
 
     x: Coefficients
@@ -37,8 +62,19 @@ class PolynomialSection(Section):
     z: Coefficients
     """z coordinate [m]."""
 
+    def to_curve(self) -> Curve:
+        """See :class:`CurveSection`."""
+        return PolynomialCurve(np.array([*zip_longest(self.x, self.y, self.z, fillvalue=0.0)]))
 
-class ArcSection(Section):
+    @classmethod
+    def content(cls, curve: Curve) -> dict[str, Any] | None:
+        """See :class:`CurveSection`."""
+        if not isinstance(curve, PolynomialCurve):
+            return None
+        return dict(zip("xyz", curve.coefficients.T.tolist(), strict=True))
+
+
+class ArcSection(CurveSection):
     """A circular arc."""
 
     center: Vector
@@ -49,6 +85,20 @@ class ArcSection(Section):
     """First point [m]."""
     angle_deg: Number
     """Angle [degrees]."""
+
+    def to_curve(self) -> Curve:
+        """See :class:`CurveSection`."""
+        center, start, normal = map(np.array, (self.center, self.start, self.normal))
+        return ArcCurve(center, start, normal, float(np.deg2rad(self.angle_deg)))
+
+    @classmethod
+    def content(cls, curve: Curve) -> dict[str, Any] | None:
+        """See :class:`CurveSection`."""
+        if not isinstance(curve, ArcCurve):
+            return None
+        vectors = {"center": curve.centre, "normal": curve.normal, "from": curve.start}
+        points = {name: vector.tolist() for name, vector in vectors.items()}
+        return {**points, "angle_deg": float(np.degrees(curve.angle))}
 
 
 class SlerpSection(Section):
@@ -116,4 +166,51 @@ class PathSection(Section):
     attitude: AttitudeSection | None = None
     """Orientation; not for position tasks or samples with quaternions."""
 
-    _exactly_one = exactly_one_of("line", "polynomial", "arc", "waypoints", "samples")
+    @classmethod
+    def kinds(cls) -> list[str]:
+        """The keys of which exactly one is given."""
+        return [name for name in cls.model_fields if name not in ("frame", "attitude")]
+
+    @property
+    def kind(self) -> str:
+        """The one that is given."""
+        return next(name for name in self.kinds() if getattr(self, name) is not None)
+
+    @model_validator(mode="after")
+    def _has_one_curve(self) -> PathSection:
+        if sum(getattr(self, name) is not None for name in self.kinds()) != 1:
+            raise ValueError(f"exactly one of {', '.join(self.kinds())}")
+        return self
+
+    def to_curve(self) -> Curve:
+        """The curve of any kind but samples, in the frame of the section."""
+        section = getattr(self, self.kind)
+        if not isinstance(section, CurveSection):
+            with file_keys(points="waypoints"):
+                return SplineCurve(section)
+        fields = type(section).model_fields.items()
+        with file_keys(**{name: f"{self.kind}.{field.alias or name}" for name, field in fields}):
+            return section.to_curve()
+
+
+def curve_content(curve: Curve) -> dict[str, Any]:
+    """Content of a ``path`` section: the key of a curve.
+
+    Raises:
+        InputError: If none describes it.
+    """
+    if isinstance(curve, SplineCurve):
+        return {"waypoints": curve.points.tolist()}
+    for name, field in PathSection.model_fields.items():
+        for kind in get_args(field.annotation):
+            if isinstance(kind, type) and issubclass(kind, CurveSection):
+                content = kind.content(curve)
+                if content is not None:
+                    return {name: content}
+    raise inexpressible("path.curve", curve)
+
+
+def inexpressible(key: str, value: object) -> InputError:
+    """The error of a part of a path that scenario files cannot describe."""
+    problem = f"scenario files cannot describe a {type(value).__name__}"
+    return InputError(key, problem, "a curve and an orientation law of freefloat.paths")

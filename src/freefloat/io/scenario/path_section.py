@@ -19,11 +19,13 @@ from freefloat.io.scenario.path_schema import (
     FollowSection,
     PathFrame,
     PathSection,
+    curve_content,
+    inexpressible,
 )
 from freefloat.io.scenario.yaml import file_keys
-from freefloat.paths.curves import ArcCurve, Curve, PolynomialCurve, SplineCurve
+from freefloat.paths.curves import Curve, SplineCurve
+from freefloat.paths.directed_orientation import DirectedOrientation
 from freefloat.paths.orientation import (
-    DirectedOrientation,
     FixedOrientation,
     FreeOrientation,
     OrientationLaw,
@@ -37,8 +39,6 @@ from freefloat.scene.scene import Scene
 from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Pose
 
-_CURVES = ("line", "polynomial", "arc", "waypoints", "samples")
-"""Keys of curves."""
 SAMPLES = "samples.csv"
 """Name of the CSV file in a scenario that was made from a path of samples."""
 _INERTIAL = Pose(np.zeros(3), np.eye(3))
@@ -97,9 +97,9 @@ def path_of(
     if section.samples is not None:
         curve, sampled = parse_samples(samples or "", folder / section.samples)
     else:
-        curve = _curve(section)
+        curve = section.to_curve()
     if frame is not None:
-        curve, sampled = _moved_curve(curve, frame), sampled and _rotated(sampled, curve, frame)
+        curve, sampled = curve.moved(frame), sampled and sampled.turned(frame.rotation)
     frame = frame or _INERTIAL
     law: OrientationLaw = sampled or FreeOrientation()
     if section.attitude is not None:
@@ -113,46 +113,8 @@ def path_of(
     elif sampled is None and task.prescribes_orientation:
         problem = f"it is missing, task {task} needs it"
         raise InputError("attitude", problem, "fixed, slerp, follow or point_at")
-    with file_keys(curve=next(key for key in _CURVES if getattr(section, key) is not None)):
+    with file_keys(curve=section.kind):
         return EndEffectorPath(curve, law)
-
-
-def _curve(section: PathSection) -> Curve:
-    if section.line is not None:
-        return PolynomialCurve.line(section.line.start, section.line.end)
-    if section.polynomial is not None:
-        columns = (section.polynomial.x, section.polynomial.y, section.polynomial.z)
-        coefficients = np.zeros((max(map(len, columns)), 3))
-        for axis, column in enumerate(columns):
-            coefficients[: len(column), axis] = column
-        return PolynomialCurve(coefficients)
-    if section.arc is not None:
-        arc = section.arc
-        angle = float(np.deg2rad(arc.angle_deg))
-        with file_keys(start="arc.from", normal="arc.normal"):
-            return ArcCurve(np.array(arc.center), np.array(arc.start), np.array(arc.normal), angle)
-    with file_keys(points="waypoints"):
-        return SplineCurve(section.waypoints or ())
-
-
-def _moved_curve(curve: Curve, frame: Pose) -> Curve:
-    """The curve in the inertial frame, given in another one."""
-    p, R = frame.position, frame.rotation
-    if isinstance(curve, PolynomialCurve):
-        coefficients = curve.coefficients @ R.T
-        coefficients[0] += p
-        return PolynomialCurve(coefficients)
-    if isinstance(curve, ArcCurve):
-        return ArcCurve(p + R @ curve.centre, p + R @ curve.start, R @ curve.normal, curve.angle)
-    spline = cast(SplineCurve, curve)
-    return SplineCurve(p + spline.points @ R.T, spline.knots)
-
-
-def _rotated(law: OrientationLaw, curve: Curve, frame: Pose) -> OrientationSpline:
-    """The orientations of samples in the inertial frame, given in another one."""
-    knots = cast(SplineCurve, curve).knots
-    axes = np.array([frame.rotation @ law.rotation(float(s)) for s in knots])
-    return OrientationSpline(Rotation.from_matrix(axes).as_quat(), knots)
 
 
 def _law(section: AttitudeSection, curve: Curve, frame: Pose) -> OrientationLaw:
@@ -186,7 +148,7 @@ def section_of(path: EndEffectorPath) -> tuple[dict[str, Any], str | None]:
         if sampled or not chords:
             attitude = {} if sampled else _attitude_section(law)
             return {"samples": SAMPLES, **attitude}, _csv_text(curve, law)
-    return _curve_section(curve) | _attitude_section(law), None
+    return curve_content(curve) | _attitude_section(law), None
 
 
 def _csv_text(curve: SplineCurve, law: OrientationLaw) -> str:
@@ -199,18 +161,6 @@ def _csv_text(curve: SplineCurve, law: OrientationLaw) -> str:
     stream = io.StringIO(newline="")
     csv.writer(stream, lineterminator="\n").writerows([names, *np.hstack(columns).tolist()])
     return stream.getvalue()
-
-
-def _curve_section(curve: Curve) -> dict[str, Any]:
-    if isinstance(curve, PolynomialCurve):
-        return {"polynomial": dict(zip("xyz", curve.coefficients.T.tolist(), strict=True))}
-    if isinstance(curve, ArcCurve):
-        vectors = {"center": curve.centre, "normal": curve.normal, "from": curve.start}
-        arc: dict[str, Any] = {name: value.tolist() for name, value in vectors.items()}
-        return {"arc": arc | {"angle_deg": float(np.degrees(curve.angle))}}
-    if isinstance(curve, SplineCurve):
-        return {"waypoints": curve.points.tolist()}
-    raise _inexpressible("path.curve", curve)
 
 
 def _attitude_section(law: OrientationLaw) -> dict[str, Any]:
@@ -226,10 +176,5 @@ def _attitude_section(law: OrientationLaw) -> dict[str, Any]:
     elif isinstance(law, DirectedOrientation):
         content = {"follow": {"axis": law.axis, "normal": law.reference.tolist()}}
     else:
-        raise _inexpressible("path.attitude", law)
+        raise inexpressible("path.attitude", law)
     return {"attitude": content}
-
-
-def _inexpressible(key: str, value: object) -> InputError:
-    problem = f"scenario files cannot describe a {type(value).__name__}"
-    return InputError(key, problem, "a curve and an orientation law of freefloat.paths")

@@ -44,7 +44,7 @@ class MarginSection(Section):
     """Required distance from dynamic singularities."""
 
     measure: MeasureName = "gjm"
-    """det S*, det A, the arm's in-plane factor, or the smallest singular value of S*."""
+    """Singularity measure that the margin is a value of."""
     value: Annotated[float, Field(strict=True, ge=0.0)] | None = None
     """Smallest allowed magnitude of the measure."""
     fraction: Annotated[float, Field(strict=True, ge=0.0, lt=1.0)] | None = None

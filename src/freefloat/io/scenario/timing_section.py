@@ -5,7 +5,8 @@ from __future__ import annotations
 from pydantic import Field
 
 from freefloat.io.scenario.field_types import Number, Section
-from freefloat.paths.timing import Stop, TimeLaw, Timing
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import Stop, Timing
 
 
 class StopSection(Section):

@@ -14,7 +14,8 @@ from freefloat.limits.result import LimitResult
 from freefloat.motion.joint_loops import JointLoops, integrate_loops
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.paths.timing import TimeLaw, Timing
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import Timing
 from freefloat.planning.joints.loop_search import LoopSearch
 from freefloat.scene.scene import Scene
 from freefloat.so3 import Array

@@ -11,7 +11,8 @@ import numpy as np
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
-from freefloat.paths.timing import TimedPath, TimeLaw, Timing
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import TimedPath, Timing
 from freefloat.scene.scene import Scene
 from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, Pose

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from freefloat.dynamics.summary import frames_at
 from freefloat.errors import InputError, require_type
-from freefloat.paths.time_segments import positive_duration
+from freefloat.paths.time_laws import positive_duration
 from freefloat.planning.phases.state import SystemState
 from freefloat.so3 import Pose
 

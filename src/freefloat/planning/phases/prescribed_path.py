@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Self
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError
-from freefloat.paths.curves import Curve
-from freefloat.paths.orientation import OrientationLaw
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.timing import TimedPath
@@ -39,8 +36,8 @@ def prescribed_path(
     if isinstance(given, RelativePath):
         body = next(body for body in bodies if body.name == given.body.name)
         return replace(given, body=body).timed(drift)
-    moved = EndEffectorPath(_Moved(given.path.curve, -centre), given.path.orientation)
-    return TimedPath(moved, given.timing, drift)
+    curve = given.path.curve.moved(Pose(-centre, np.eye(3)))
+    return TimedPath(EndEffectorPath(curve, given.path.orientation), given.timing, drift)
 
 
 def require_continuous(path: TimedPath, pose: Pose, twist: Array | None, task: Task) -> None:
@@ -71,9 +68,9 @@ def moved_to_begin_at(path: TimedPath, pose: Pose, task: Task) -> TimedPath:
     """
     offset = -_offset(path, pose, task)
     curve, orientation = path.path.curve, path.path.orientation
-    moved = _Moved(curve, offset[:3])
+    moved = curve.moved(Pose(offset[:3], np.eye(3)))
     if task.prescribes_orientation:
-        orientation = _Turned(orientation, Rotation.from_rotvec(offset[3:]).as_matrix())
+        orientation = orientation.turned(Rotation.from_rotvec(offset[3:]).as_matrix())
     return replace(path, path=EndEffectorPath(moved, orientation))
 
 
@@ -100,38 +97,3 @@ def _prescribed(vector: Array, pose: Pose, task: Task) -> Array:
     kept = np.zeros(6)
     kept[task.rows] = (vector.reshape(2, 3) @ axes).ravel()[task.rows]
     return np.asarray((kept.reshape(2, 3) @ axes.T).ravel())
-
-
-class _Moved(Curve):
-    """A curve moved by an offset [m], (3,)."""
-
-    def __init__(self, curve: Curve, offset: Array) -> None:
-        self._curve, self._offset, self.breaks = curve, offset, curve.breaks
-
-    def __call__(self, s: float, order: int = 0) -> Array:
-        """See :class:`~freefloat.paths.curves.Curve`."""
-        value = self._curve(s, order)
-        return value if order else value + self._offset
-
-    def within(self, low: float, high: float) -> Self:
-        """See :class:`~freefloat.paths.curves.Segmented`."""
-        return type(self)(self._curve.within(low, high), self._offset)
-
-
-class _Turned(OrientationLaw):
-    """An orientation turned by a rotation, shape (3, 3), inertial axes."""
-
-    def __init__(self, law: OrientationLaw, turn: Array) -> None:
-        self._law, self._turn, self.breaks = law, turn, law.breaks
-
-    def rotation(self, s: float) -> Array:
-        """See :class:`~freefloat.paths.orientation.OrientationLaw`."""
-        return np.asarray(self._turn @ self._law.rotation(s))
-
-    def rate(self, s: float) -> Array:
-        """See :class:`~freefloat.paths.orientation.OrientationLaw`."""
-        return np.asarray(self._turn @ self._law.rate(s))
-
-    def within(self, low: float, high: float) -> Self:
-        """See :class:`~freefloat.paths.curves.Segmented`."""
-        return type(self)(self._law.within(low, high), self._turn)

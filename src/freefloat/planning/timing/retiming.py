@@ -18,8 +18,8 @@ from freefloat.limits.result import needed_stretch, violated
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.paths.time_segments import Speeds
-from freefloat.paths.timing import TimeLaw, Timing
+from freefloat.paths.time_laws import Speeds, TimeLaw
+from freefloat.paths.timing import Timing
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.limits.trials import OVER

@@ -24,7 +24,7 @@ from freefloat.limits.kinds.joint_torque import JointTorqueLimit
 from freefloat.limits.limits import GIVEN, Limits
 from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Motion
-from freefloat.paths.time_segments import Speeds
+from freefloat.paths.time_laws import Speeds
 from freefloat.so3 import Array
 
 _FRACTIONS = (0.0, 0.5, 1.0)

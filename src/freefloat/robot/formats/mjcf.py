@@ -36,7 +36,7 @@ def read(file: str, root: str | None = None) -> UrdfText:
         root: The body that becomes the root link; default: see :func:`_root_body`.
 
     Raises:
-        ModelError: If MuJoCo is not installed or refuses the model, no body or several could be the
+        ModelError: If MuJoCo refuses the model, no body or several could be the
             root, or a body has several joints or a ball joint.
     """
     model = _load(file)
@@ -75,11 +75,8 @@ def _warnings(model: Any, start: int, *, named: bool) -> Iterator[tuple[str, str
 
 def _load(file: str) -> Any:
     """The model; MuJoCo's messages are dropped."""
-    try:
-        import mujoco
-    except ImportError:
-        accepted = "after: pip install 'freefloat[mujoco]', or a URDF"
-        raise ModelError("urdf", "mujoco is not installed here", accepted, file) from None
+    import mujoco
+
     mujoco.set_mju_user_warning(lambda _: None)  # it would write a log in the working folder
     try:
         return mujoco.MjModel.from_xml_path(file)

@@ -34,17 +34,13 @@ def read(file: str, packages: Mapping[str, str]) -> UrdfText:
         packages: Folders of packages, by name.
 
     Raises:
-        ModelError: If xacro is not installed, or the file has errors.
+        ModelError: If the file has errors.
     """
-    try:
-        import xacro
-        from xacro import process_file  # a folder called xacro has none
-    except ImportError:
-        accepted = "after: pip install 'freefloat[xacro]', or a URDF"
-        raise ModelError("urdf", "xacro is not installed here", accepted, file) from None
+    import xacro
+
     _confine(xacro, Path(file), packages)
     try:
-        return UrdfText(process_file(file, mappings={}, verbosity=0).toxml())
+        return UrdfText(xacro.process_file(file, mappings={}, verbosity=0).toxml())
     except MemoryError:
         raise
     except Exception as error:  # of any kind: macros evaluate expressions

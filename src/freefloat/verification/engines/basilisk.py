@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import mass_matrix
-from freefloat.errors import InputError, one_line
+from freefloat.errors import InputError, one_line, require_extra
 from freefloat.motion.motion import Motion, State
 from freefloat.robot.mjcf_writer import impossible_inertia, robot_mjcf
 from freefloat.so3 import Array
@@ -28,18 +27,14 @@ _EVALUATIONS = 4
 """Of the dynamics and of the servos in a step, which may therefore be longer than a reference's."""
 
 
-def require_basilisk(motion: Motion | None = None) -> None:
+def require_basilisk(motion: Motion) -> None:
     """Check that Basilisk is installed, and has a model of a motion's robot.
 
     Raises:
         InputError: If it is not, or the robot has wheels with momentum or an inertia that MuJoCo
             refuses.
     """
-    if find_spec("Basilisk") is None:
-        accepted = "after: pip install 'freefloat[basilisk]'"
-        raise InputError("engine", "basilisk is not installed here", accepted)
-    if motion is None:
-        return
+    require_extra("basilisk", "Basilisk")
     if motion.problem.wheel_momentum.any():
         accepted = "for basilisk a spacecraft whose wheels store no momentum"
         raise InputError("engine", "wheels store momentum", accepted)

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from freefloat.errors import InputError
+from freefloat.errors import InputError, require_extra
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 from freefloat.verification.gravity import CircularOrbit
@@ -32,11 +32,9 @@ def engine_module() -> Any:
     Raises:
         InputError: If it is not installed.
     """
-    try:
-        import mujoco
-    except ImportError:
-        accepted = "after: pip install 'freefloat[mujoco]'"
-        raise InputError("engine", "mujoco is not installed here", accepted) from None
+    require_extra("mujoco", "mujoco")
+    import mujoco
+
     mujoco.set_mju_user_warning(lambda _: None)  # it would write a log in the working folder
     return mujoco
 

@@ -70,8 +70,8 @@ def figures(
 ) -> Figures:
     """Return the figures of a result by name; a notebook shows them.
 
-    Motions, simulations and reorientations: ``snapshots``, ``motion``, ``margin`` and
-    ``momentum``; where the spacecraft's turn or the pointing of axes is limited ``angles``. Maps:
+    Motions, simulations and reorientations: ``snapshots`` and those of :func:`.motion_figures`;
+    where the spacecraft's turn or the pointing of axes is limited ``angles``. Maps:
     ``headings``, or ``map_slices`` and ``map_histogram``. Plans: ``workspace``, the figures of
     their motion and map, and in the plane ``headings`` (if a heading reaches the path) and
     ``joint_space`` (if S depends on two joint angles). Maps of the joint space:
@@ -88,8 +88,7 @@ def figures(
 
     Example:
         >>> plan = ff.plan(ff.load_scenario("planar_2dof/line").problem())
-        >>> sorted(ff.figures(plan))
-        ['headings', 'joint_space', 'margin', 'momentum', 'motion', 'snapshots', 'workspace']
+        >>> ff.figures(plan)["motion"].savefig("motion.pdf")
     """
     if type(result) not in _FIGURES:
         accepted = ", ".join(kind.__name__ for kind in _FIGURES)

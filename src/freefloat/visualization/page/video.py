@@ -19,7 +19,7 @@ import numpy as np
 from PIL import Image
 
 from freefloat.concurrency import Progress
-from freefloat.errors import InputError
+from freefloat.errors import InputError, require_extra
 from freefloat.io.files import make_folder, written_beside
 from freefloat.visualization.page.playback import Playback
 
@@ -171,11 +171,9 @@ def take_pictures(
 @contextmanager
 def _opened(html: str, size: tuple[int, int], key: str) -> Iterator[Page]:
     """Open a page in a headless browser without a network."""
-    try:
-        from playwright.sync_api import Error, ViewportSize, sync_playwright
-    except ModuleNotFoundError:
-        problem = "the package playwright is not installed"
-        raise InputError(key, problem, "pip install 'freefloat[video]'") from None
+    require_extra("video", "playwright")
+    from playwright.sync_api import Error, ViewportSize, sync_playwright
+
     program = find_browser()
     with sync_playwright() as playwright:
         if program is None and not Path(playwright.chromium.executable_path).exists():

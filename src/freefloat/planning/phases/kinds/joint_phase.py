@@ -12,8 +12,8 @@ from freefloat.errors import InputError, require_type
 from freefloat.limits.limits import Limits
 from freefloat.motion.joint_transfer import JointTransfer
 from freefloat.motion.problem import Problem
-from freefloat.paths.time_segments import positive_duration
-from freefloat.paths.timing import TimedPath, TimeLaw, Timing
+from freefloat.paths.time_laws import TimeLaw, positive_duration
+from freefloat.paths.timing import TimedPath, Timing
 from freefloat.planning.joints.joint_motion import JointMotion, joint_motion
 from freefloat.planning.phases.expected_state import ExpectedState
 from freefloat.planning.phases.phase import Phase

@@ -1,12 +1,14 @@
-"""Parts of a time law s(t), which are polynomials."""
+"""Time laws between two rests, and the segments of s(t), which are polynomials."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import StrEnum
 from itertools import pairwise
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from freefloat.errors import InputError, finite_number, number_array
 
@@ -14,9 +16,41 @@ _SHORTEST, _LONGEST = 1e-6, 1e12
 """Accepted durations [s]: rates and their squares neither overflow nor underflow."""
 _LENGTH = 1e-9
 """Deviation of the last s from 1."""
+_BLEND = 0.25
+"""Fraction of a trapezoidal profile spent accelerating, and again decelerating."""
 
 Speeds = tuple[tuple[float, float], ...]
 """Pairs of times [s] and speeds ds/dt [1/s]."""
+
+
+class TimeLaw(StrEnum):
+    """How s rises from 0 to 1 with the dimensionless time between two rests."""
+
+    QUINTIC = "quintic"
+    CUBIC = "cubic"
+    TRAPEZOIDAL = "trapezoidal"
+    OPTIMAL = "optimal"
+    UNIFORM = "uniform"
+
+    @property
+    def polynomials(self) -> tuple[tuple[float, Polynomial], ...]:
+        """Segments of the law: end and s, a polynomial, both in dimensionless time.
+
+        That of ``optimal`` is quintic until the fastest timing is known.
+        """
+        if self in (TimeLaw.QUINTIC, TimeLaw.OPTIMAL):  # (18b)
+            return ((1.0, Polynomial([0, 0, 0, 10, -15, 6])),)
+        if self is TimeLaw.CUBIC:
+            return ((1.0, Polynomial([0, 0, 3, -2])),)
+        if self is TimeLaw.UNIFORM:
+            return ((1.0, Polynomial([0, 1])),)
+        cruise = 1.0 / (1.0 - _BLEND)
+        rise = Polynomial([0, 0, cruise / (2.0 * _BLEND)])
+        return (
+            (_BLEND, rise),
+            (1.0 - _BLEND, Polynomial([-cruise * _BLEND / 2.0, cruise])),
+            (1.0, 1.0 - rise(Polynomial([1, -1]))),
+        )
 
 
 def positive_duration(key: str, value: float) -> float:

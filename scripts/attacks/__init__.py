@@ -1,0 +1,1 @@
+"""What ``scripts/attack_claims.py`` attacks, and how."""
