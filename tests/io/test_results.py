@@ -27,10 +27,10 @@ from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.robot.names import find_robot
 from freefloat.so3 import heading_quaternion
 from tests.errors import error_key
-from tests.hostile_samples import plans
 from tests.maps import branch_results
 from tests.plans import planar_plan, smaller_searches
 from tests.result_files import altered, replaced, with_digest
+from tests.samples import plans
 
 pytestmark = pytest.mark.usefixtures("kernels")
 

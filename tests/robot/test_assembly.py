@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
@@ -13,14 +12,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from typer.testing import CliRunner
 
-from freefloat.cli.app import app
 from freefloat.dynamics.momentum import momentum_map
 from freefloat.errors import InputError, ModelError
 from freefloat.io.scenario.scenario import load_scenario
-from freefloat.motion.extrema import closest_approach
-from freefloat.motion.integration import integrate_motion
 from freefloat.robot.assembly import assemble
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_robot
@@ -262,31 +257,6 @@ def test_impossible_bodies_are_refused(name: str, part: type) -> None:
     assert caught.value.key == f"{part.__name__.lower()}.{key}"
 
 
-@pytest.mark.parametrize(
-    ("make", "key"),
-    [
-        (lambda: Mount([0.0, 0.0]), "mount.xyz"),
-        (lambda: Mount(rpy=[0.0, 0.0, np.nan]), "mount.rpy"),
-        (lambda: Spacecraft(1.0, CUBE, size=[1.0, 1.0, 0.0]), "spacecraft.size"),
-        (lambda: Payload(1.0, CUBE, [0.0]), "payload.com"),
-    ],
-)
-def test_places_and_sizes_that_are_none_are_refused(make: Any, key: str) -> None:
-    with pytest.raises(InputError) as caught:
-        make()
-    assert caught.value.key == key
-
-
-def test_parts_cannot_be_changed_afterwards() -> None:
-    inertia = np.diag([1.0, 1.0, 1.0])
-    craft = Spacecraft(1.0, inertia, size=[1.0, 1.0, 1.0])
-    inertia[0, 0] = 2.0
-    assert craft.inertia[0, 0] == 1.0
-    for array in (craft.inertia, craft.size, craft.mount.xyz, Payload(1.0, inertia).com):
-        with pytest.raises(ValueError, match="read-only"):
-            array[0] = 5.0
-
-
 # ------------------------------------------------------------------------------ what is attached
 
 
@@ -417,31 +387,6 @@ def written(folder: Path, old: str = "", new: str = "") -> Path:
     return file
 
 
-def test_the_ur5_scenario_loads_as_it_is(tmp_path: Path) -> None:
-    model = load_scenario(written(tmp_path)).model()
-    assert model.dof == 6
-    assert np.isclose(model.total_mass, 200.0 + ARM_MASS, rtol=1e-12)
-    assert Path(model.description.source).name == "ur5_robot.urdf"
-    bundled = load_scenario("ur5_servicer/arc").model()
-    assert model.description.text == bundled.description.text
-
-
-@pytest.mark.slow
-def test_info_on_an_assembled_scenario(tmp_path: Path) -> None:
-    result = CliRunner().invoke(app, ["info", str(written(tmp_path)), "--json"])
-    assert result.exit_code == 0, result.output
-    document = json.loads(result.stdout)
-    assert np.isclose(document["total_mass"], 200.0 + ARM_MASS, rtol=1e-12)
-    assert (document["end_effector"], document["dof"]) == ("tool0", 6)
-    findings = [(f["severity"], f["line"], f["element"]) for f in document["findings"]]
-    assert findings == [
-        ("warning", 155, "link wrist_1_link"),
-        ("warning", 180, "link wrist_2_link"),
-        ("warning", 205, "link wrist_3_link"),
-    ]
-    assert all(Path(f["file"]).name == "ur5_robot.urdf" for f in document["findings"])
-
-
 def test_the_mount_of_a_scenario_rotates_the_arm(tmp_path: Path) -> None:
     rotated = written(tmp_path, "rpy: [0, 0, 0]", "rpy: [0, 1.5707963267948966, 0]")
     body = load_scenario(rotated).model().bodies[1]
@@ -465,24 +410,6 @@ def test_a_payload_of_a_scenario_is_fixed_to_the_tool(tmp_path: Path) -> None:
     assert np.allclose(last.inertia, expected, rtol=0, atol=1e-12)
 
 
-BAD = {
-    "no inertia": ("inertia: [35, 35, 35], ", "", "spacecraft.inertia"),
-    "a violated triangle inequality": ("[35, 35, 35]", "[35, 35, 71]", "spacecraft.inertia"),
-    "an unknown key": ("mass: 200", "weight: 1, mass: 2", "spacecraft.weight"),
-    "an unknown frame": ("tool0", "tool9", "end_effector"),
-    "an unknown link": ("tool0", "tool0\n  scale_mass: {bus: 2}", "scale_mass.bus"),
-}
-
-
-@pytest.mark.parametrize("name", BAD)
-def test_a_scenario_with_an_impossible_assembly_is_refused(name: str, tmp_path: Path) -> None:
-    old, new, key = BAD[name]
-    file = written(tmp_path, old, new)
-    with pytest.raises(InputError) as caught:
-        load_scenario(file).problem()
-    assert (caught.value.key, caught.value.source) == (f"robot.{key}", str(file))
-
-
 # --------------------------------------------------------------------------- a redundant arm
 
 
@@ -494,16 +421,3 @@ def test_the_panda_moves_seven_joints_and_holds_its_fingers() -> None:
     assert np.isclose(model.bodies[0].mass, 150.0 + 0.629769, rtol=1e-12)
     assert np.isclose(model.bodies[-1].mass, 0.735522 + 0.73 + 2 * 0.015, rtol=1e-12)
     assert [warning.element for warning in model.warnings] == ["joint panda_finger_joint2"]
-
-
-@pytest.mark.slow
-def test_the_panda_follows_its_line_from_the_identity_attitude() -> None:
-    """In a usual posture, every joint within its range at the start, the margin kept."""
-    problem = load_scenario("panda_servicer/line").problem()
-    posture = [0.15, -0.28, -0.33, -2.19, -0.10, 1.92, 0.64]
-    branch = problem.branch_near(IDENTITY, posture, problem.branches(IDENTITY))
-    for value, body in zip(branch.joints, problem.model.bodies[1:], strict=True):
-        assert body.lower < value < body.upper
-    motion = integrate_motion(problem, IDENTITY, branch.joints)
-    assert motion.completed
-    assert problem.margin.keeps(closest_approach(motion, problem.margin.measure).value)

@@ -19,9 +19,9 @@ from freefloat.verification import range_checks as robustness
 from freefloat.verification.comparisons import Check
 from tests.commands import document, error, run
 from tests.errors import error_key
-from tests.hostile_samples import plans
 from tests.plans import planar_plan, spatial_plan
 from tests.result_files import altered, replaced
+from tests.samples import plans
 
 pytestmark = pytest.mark.usefixtures("kernels")
 

@@ -1,4 +1,4 @@
-"""Valid files of every kind that is read, changed by :mod:`tests.mutations`."""
+"""Valid files of every kind that is read: robots, scenarios, studies, results, meshes."""
 
 from __future__ import annotations
 

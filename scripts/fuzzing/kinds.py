@@ -1,6 +1,6 @@
 """Hostile input: valid files of every kind, what is done with them, and the possible outcomes.
 
-A kind of file is mutated at random (:mod:`tests.mutations`) and read as the commands read it.
+A kind of file is mutated at random (:mod:`fuzzing.mutations`) and read as the commands read it.
 Either it is read, or refused with one message; see :func:`outcome` for all other outcomes.
 """
 
@@ -38,9 +38,9 @@ from freefloat.studies.run import study_files
 from freefloat.studies.study import load_study
 from freefloat.verification.check import check
 from freefloat.visualization.scenes.visuals import robot_visuals
-from tests import hostile_samples as good
-from tests.mutations import CSV, LINES, XML, YAML, Mutator, mutated
-from tests.result_mutations import HDF5, mutated_result
+from fuzzing.mutations import CSV, LINES, XML, YAML, Mutator, mutated
+from fuzzing.result_mutations import HDF5, mutated_result
+from tests import samples as good
 from tests.scenarios import PARABOLA
 
 READ, REFUSED = "read", "refused"
