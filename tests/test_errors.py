@@ -6,9 +6,7 @@ import importlib
 import pickle
 import pkgutil
 from collections.abc import Iterator
-from pathlib import Path
 
-import numpy as np
 import pytest
 
 import freefloat
@@ -19,8 +17,6 @@ from freefloat.errors import (
     ModelError,
     UnreachableError,
 )
-from freefloat.io.scenario.scenario import load_scenario
-from freefloat.planning.simulation import simulate
 
 INPUT = ("path.line.from", "[1, nan, 0] was given", "3 finite numbers", "scenario.yaml")
 
@@ -83,29 +79,3 @@ def test_found_in_adds_the_file_and_keeps_the_class(kind: type[InputError]) -> N
     assert type(located) is kind
     assert (located.key, located.source) == ("path.line.from", "scenario.yaml")
     assert located.found_in("other.yaml").source == "scenario.yaml"
-
-
-def test_error_of_a_file_keeps_the_file_when_pickled(tmp_path: Path) -> None:
-    file = tmp_path / "scenario.yaml"
-    file.write_text("robot: [1]\n")
-    with pytest.raises(InputError) as caught:
-        load_scenario(file)
-    again = pickle.loads(pickle.dumps(caught.value))
-    assert str(again) == str(caught.value)
-    assert again.source == str(file)
-
-
-def test_unreachable_error_keeps_its_class_when_pickled(tmp_path: Path) -> None:
-    file = tmp_path / "scenario.yaml"
-    file.write_text(
-        "robot: {urdf: planar_3dof, end_effector: end_effector}\n"
-        "task: planar-position\n"
-        "path: {line: {from: [9, 0, 0], to: [8, 0, 0]}}\n"
-        "timing: {duration: 10}\n"
-    )
-    with pytest.raises(UnreachableError) as caught:
-        simulate(load_scenario(file).problem(), np.array([0.0, 0.0, 0.0, 1.0]))
-    again = pickle.loads(pickle.dumps(caught.value))
-    assert type(again) is UnreachableError
-    assert vars(again) == vars(caught.value)
-    assert "[9.0, 0.0, 0.0]" in again.problem

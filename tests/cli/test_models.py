@@ -179,7 +179,7 @@ def test_info_says_why_contact_is_not_searched_for(tmp_path: Path) -> None:
     assert document("info", "planar_3dof")["contact_unchecked"] is None
 
 
-@pytest.mark.parametrize("name", ["nothing", "nothing.yaml", ".", "", "x" * 300, "ur5_servicer"])
+@pytest.mark.parametrize("name", ["nothing.yaml", "", "x" * 300])
 def test_info_of_an_unknown_name_is_an_error(name: str) -> None:
     assert error("info", name)["key"] in ("robot", "scenario")
 
@@ -232,15 +232,9 @@ def test_the_schemas_accept_what_is_bundled(schemas: dict[str, Any]) -> None:
     ("old", "new"),
     [
         ("task: pose", "task: dance"),
-        ("momentum:", "momentm:"),
         ("[0.5, 0.3, 0.1]", "[0.5, 0.3]"),
-        ("[0.5, 0.3, 0.1]", "[0.5, 0.3, 'x']"),
-        ("duration: 100", "duration: '100'"),
         ("value: 5", "value: -5"),
-        ("value: 5", "fraction: 1"),
         ("task: pose\n", ""),
-        ("task: pose\n", "task: pose\nsearch: {samples: 7}\n"),
-        ("end_effector}", "end_effector, scale_mass: 0}"),
     ],
 )
 def test_the_schema_refuses_what_commands_refuse(
