@@ -37,10 +37,9 @@ def few_headings(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A working folder with a feasible scenario, a large margin and a path out of reach."""
+    """A working folder with a feasible scenario and one with a large margin."""
     (tmp_path / "good.yaml").write_text(SCENARIO)
     (tmp_path / "strict.yaml").write_text(SCENARIO.replace("value: 5", "value: 120"))
-    (tmp_path / "far.yaml").write_text(SCENARIO.replace("x: [2, -3]", "x: [2, -6]"))
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -77,21 +76,12 @@ def test_a_planar_plan_has_all_figures(folder: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["strict.yaml", "far.yaml"])
-def test_plans_that_are_not_feasible_show_what_there_is(name: str, folder: Path) -> None:
-    result = planned(name)
+def test_plans_that_are_not_feasible_show_what_there_is(folder: Path) -> None:
+    result = planned("strict.yaml")
     assert not result.feasible
     drawings = figures(result)
     assert list(drawings) == ["workspace", "joint_space", "headings"]
     assert all(len(axes.patches) == 0 for axes in drawings["headings"].axes)
-
-
-@pytest.mark.slow
-def test_a_start_out_of_reach_leaves_no_headings(folder: Path) -> None:
-    (folder / "out.yaml").write_text(SCENARIO.replace("x: [2, -3]", "x: [9, -3]"))
-    assert list(figures(planned("out.yaml"))) == ["workspace", "joint_space"]
-    problem = load_scenario("out.yaml").problem()
-    assert figures(sample_headings(evaluator_for(problem), 8)) == {}
 
 
 @pytest.mark.slow

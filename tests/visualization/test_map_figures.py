@@ -138,12 +138,3 @@ def test_spatial_plans_show_their_map_and_the_present_attitude(problem, monkeypa
     assert list(figures) == ["workspace", "map_slices", "map_histogram"]
     assert figures["map_slices"].axes[0].get_title().startswith("now")
     assert list(ff.figures(result)) == ["map_slices", "map_histogram"]
-
-
-@pytest.mark.slow
-def test_a_redundant_arm_has_one_panel_for_all_its_configurations():
-    problem = ff.load_scenario("panda_servicer/line").problem()
-    result, _, figures = drawn(problem, [], 60)
-    (axes,) = figures["map_histogram"].axes
-    assert axes.get_title(loc="left").startswith("any: ")
-    assert f"{100.0 * result.feasible_fraction:.1f} % keep" in axes.get_title(loc="left")

@@ -42,21 +42,10 @@ def spatial() -> SimulatedBranch:
     return simulated("spatial_6dof/line", [0.46008, 0.09337, 0.73519, -0.48898], 2)
 
 
-@pytest.fixture(scope="module")
-def redundant() -> SimulatedBranch:
-    return simulated("panda_servicer/line", [0.0, 0.0, 0.0, 1.0], 0)
-
-
 Drawn = tuple[SimulatedBranch, dict[str, Figure]]
 
 
-@pytest.fixture(
-    scope="module",
-    params=[
-        *("planar", "singular", "spatial"),
-        pytest.param("redundant", marks=pytest.mark.slow),
-    ],
-)
+@pytest.fixture(scope="module", params=["planar", "singular", "spatial"])
 def drawn(request: pytest.FixtureRequest) -> Drawn:
     """A motion and its figures."""
     branch: SimulatedBranch = request.getfixturevalue(request.param)

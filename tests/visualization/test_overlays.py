@@ -26,15 +26,6 @@ def test_rings_lie_around_the_curve() -> None:
     assert faces.max() == len(vertices) - 1
 
 
-def test_neighbouring_rings_are_not_twisted() -> None:
-    s = np.linspace(0.0, 6.0, 300)
-    points = np.column_stack([np.sin(s), np.cos(2.0 * s), 0.2 * s])
-    vertices, _ = tube(points, 0.01)
-    rings = vertices.reshape(300, SIDES, 3) - points[:, None]
-    cosines = np.einsum("ki,ki->k", rings[1:, 0], rings[:-1, 0]) / 0.01**2
-    assert cosines.min() > 0.9
-
-
 def test_a_closed_tube_has_the_volume_of_its_prism() -> None:
     end = np.array([0.3, -0.4, 1.2])
     vertices, faces = rod(end, 0.1)

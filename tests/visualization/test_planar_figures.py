@@ -22,7 +22,6 @@ from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figures.planar_figures import (
     headings_figure,
     joint_space_figure,
-    wrapped,
 )
 from tests.figures import labels, line
 from tests.maps import branch_results
@@ -82,16 +81,6 @@ def test_levels_of_another_measure_are_not_drawn_as_s() -> None:
     )  # fmt: skip
     (axes,) = joint_space_figure(problem, []).axes
     assert [label for label in labels(axes) if "S" in label] == ["$S$ = 0 (singular)"]
-
-
-def test_curves_are_cut_where_they_leave_the_square() -> None:
-    rows = wrapped(np.array([[170.0, 0.0], [175.0, 10.0], [185.0, 20.0], [190.0, -10.0]]))
-    assert np.array_equal(
-        rows,
-        [[170.0, 0.0], [175.0, 10.0], [np.nan, np.nan], [-175.0, 20.0], [-170.0, -10.0]],
-        equal_nan=True,
-    )
-    assert np.array_equal(wrapped(np.array([[1.0, 2.0]])), [[1.0, 2.0]])
 
 
 def some_map() -> HeadingMap:

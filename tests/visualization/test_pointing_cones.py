@@ -67,25 +67,6 @@ def test_the_rim_is_at_the_angle_from_the_target_and_the_arrow_is_the_axis(
         assert pointed.apply(tip) / np.linalg.norm(tip) == pytest.approx(axis, abs=1e-5)
 
 
-def test_the_first_view_contains_arrows_that_reach_beyond_the_spacecraft(motion: Motion) -> None:
-    scene = motion_scene({"good": motion}, pointing=LIMITS.pointing)
-    arrow = vertices(scene, "/meshcat/good/Pointing limits/pointing.0/axis")
-    tip = arrow[np.linalg.norm(arrow, axis=1).argmax()]
-    box = [1.0, 1.0, 1.0]
-    assert (np.abs(tip) > 0.5 * np.array(box)).any()
-    shown = motion.base_positions[0] + Rotation.from_quat(ATTITUDE).apply(tip)
-    points = np.array(scene.description.view.points)
-    assert np.linalg.norm(points - shown, axis=1).min() < 1e-3
-
-
-@pytest.mark.slow
-def test_plans_and_simulations_without_limits_have_no_item(spatial: Problem) -> None:
-    plain = ff.simulate(spatial, ATTITUDE, branch=0)
-    assert "Pointing limits" not in ff.playback(plain).scene.description.items
-    limited = replace(plain, limits=LIMITS)
-    assert ff.playback(limited).scene.description.items["Pointing limits"]
-
-
 @pytest.mark.slow
 def test_a_page_shows_and_hides_them_with_labels_that_move(
     browser: Browser, motion: Motion, tmp_path: Path

@@ -28,6 +28,7 @@ from freefloat.visualization.scenes.sampled_motion import key_times
 from freefloat.visualization.scenes.scene import motion_scene
 from freefloat.visualization.scenes.scene_builder import Scene
 from freefloat.visualization.scenes.visuals import body_poses, robot_visuals
+from tests.scene_commands import commands, tracks
 
 GOOD, BAD = [0.46008, 0.09337, 0.73519, -0.48898], [0.1, 0.5, 0.2, -0.8367]
 
@@ -47,26 +48,13 @@ def scene(motion: Motion) -> Scene:
     return motion_scene({"good": motion}, "Example 2")
 
 
-def objects(scene: Scene) -> dict[str, dict[str, Any]]:
-    commands = map(umsgpack.unpackb, scene.objects)
-    return {c["path"]: c["object"] for c in commands if c["type"] == "set_object"}
-
-
 def attribute(item: dict[str, Any], name: str = "position") -> np.ndarray:
     packed = item["geometries"][0]["data"]["attributes"][name]["array"]
     return np.frombuffer(packed.data, dtype="<f4").reshape(-1, 3)
 
 
-def tracks(scene: Scene) -> dict[str, dict[str, np.ndarray]]:
-    """Times and values of float tracks by path and property."""
-    animation, values = umsgpack.unpackb(scene.animation), {}
-    for clip in animation["animations"]:
-        for track in clip["clip"]["tracks"]:
-            if track["type"] != "boolean":
-                key = f"{clip['path']}{track['name']}"
-                numbers = (track["times"].data, track["values"].data)
-                values[key] = [np.frombuffer(n, dtype="<f4").astype(float) for n in numbers]
-    return values
+def objects(scene: Scene) -> dict[str, dict[str, Any]]:
+    return {path: found["object"] for path, found in commands(scene, "set_object").items()}
 
 
 def test_tracks_are_the_poses_of_the_bodies(scene: Scene, motion: Motion) -> None:

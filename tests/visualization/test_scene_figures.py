@@ -96,16 +96,6 @@ def test_in_space_the_distance_from_the_centre_is_shown() -> None:
     ]  # fmt: skip
 
 
-@pytest.mark.slow
-def test_areas_that_are_not_known_are_not_drawn() -> None:
-    problem = load_scenario("panda_servicer/line").problem()
-    areas = workspace_regions(problem)
-    assert areas.path_dependent is None
-    (axes,) = workspace_figure(problem, areas).axes
-    assert len(axes.patches) == 0
-    assert labels(axes) == ["reach", "end-effector"]
-
-
 def test_the_robot_is_drawn_at_several_instants_the_last_the_darkest(good: Motion) -> None:
     (axes,) = snapshots_figure(good, AREAS).axes
     arms = [item for item in axes.lines if len(item.get_xdata()) == 5]
@@ -171,18 +161,6 @@ def test_the_arm_runs_from_its_mount_to_the_end_effector(name: str) -> None:
     lengths = [np.linalg.norm(body.placement.position) for body in model.bodies[2:]]
     drawn = [np.linalg.norm(b - a) for a, b in pairwise(shown.arm[1:-1])]
     assert np.allclose(drawn, lengths, atol=1e-12)
-
-
-@pytest.mark.slow
-def test_the_arm_starts_on_the_spacecraft() -> None:
-    """The first joint of a UR5 is 0.089 m above its base, which is on top of a cube of 1 m."""
-    motion = motion_at_rest("ur5_servicer/arc", [0.0, 0.0, 0.0, 1.0])
-    (shown,) = outlines(motion, [0.0])
-    mount, joint = shown.arm[:2] - motion.base_positions[0]
-    assert np.allclose(mount, [0.0, 0.0, 0.5], atol=1e-12)
-    assert joint[2] == pytest.approx(0.589, abs=1e-3)
-    (planar,) = outlines(motion_at_rest("planar_3dof/parabola", [0.0, 0.0, 0.0, 1.0]), [0.0])
-    assert np.allclose(planar.arm[0], planar.arm[1])  # the first joint is on the edge
 
 
 def test_the_spacecraft_is_its_largest_box() -> None:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from freefloat.dynamics.measures import singularity_measure
-from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.singularities.singularity_map import SingularityMap, singularity_map
@@ -80,13 +79,3 @@ def test_the_most_influential_joints_and_a_regular_configuration() -> None:
     at = reference_configuration(found)
     assert abs(found.polynomial.values(at[None])[0]) > np.quantile(values, 0.99)
     assert np.degrees(at) % 5.0 == pytest.approx(np.round(np.degrees(at)) % 5.0, abs=1e-9)
-
-
-@pytest.mark.slow
-def test_values_of_the_other_joints_are_checked_and_named() -> None:
-    _, found = mapped("spatial_6dof/line")
-    figure = singularity_figures(found, np.radians([0.0, 10.0, -90.0, 0.0, 30.0, 0.0]))["slices"]
-    title = figure.legends[0].get_title().get_text()
-    assert title.endswith("q2 = 10°, q3 = −90°, q4 = 0°, q5 = 30°.")
-    with pytest.raises(InputError):
-        singularity_figures(found, [0.0, np.nan])

@@ -89,10 +89,3 @@ def test_unreached_attitudes_differ_from_infeasible_ones():
     assert (margins[~reached] == 0.0).all()
     assert (margins[reached] == 0.0).any()
     assert fractions[-1] == 1.0
-
-
-@pytest.mark.slow
-def test_slices_are_coarser_where_branches_have_no_closed_form():
-    evaluator = FeasibilityEvaluator(ff.load_scenario("panda_servicer/line").problem())
-    assert evaluator.sample_reduction > 1
-    assert len(map_slices(evaluator, [], side=7)[0].ticks) < 7

@@ -106,20 +106,6 @@ def test_the_surface_of_the_corridor_is_at_its_limit(
         assert ((points - corridor.point) @ corridor.axis).max() > max(along)
 
 
-@pytest.mark.slow
-def test_items_are_those_of_the_scene(motion: Motion) -> None:
-    plain = motion_scene({"good": motion}).description.items
-    assert not {"Scene bodies", "Corridor"} & plain.keys()
-    corridor = ff.Corridor([0, 0, 0], [0, 0, 1], radius=3.0)
-    assert set(scene_of(motion, (), corridor).description.items) == {*plain, "Corridor"}
-    assert set(scene_of(motion, BODIES).description.items) == {*plain, "Scene bodies"}
-
-
-def test_the_first_view_contains_the_bodies(motion: Motion) -> None:
-    points = np.array(scene_of(motion, BODIES[:1]).description.view.points)
-    assert points[:, 0].max() > 3.0
-
-
 @pytest.mark.parametrize("place", [[6.0, 0.0, 0.0], [0.0, -6.0, 1.0], [-4.0, 4.0, 0.0]])
 def test_the_first_view_shows_bodies_beside_the_robot(motion: Motion, place: list[float]) -> None:
     """Neither hides the other: the line between them is seen from its side."""
