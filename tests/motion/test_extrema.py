@@ -8,7 +8,6 @@ import pytest
 
 from freefloat.dynamics.measures import NAMES, SingularityMeasure, singularity_measure
 from freefloat.motion.extrema import (
-    _revolutions,
     at_nodes,
     closest_approach,
     first_crossing,
@@ -55,29 +54,6 @@ def largest(motion, f):
 @pytest.fixture(scope="module")
 def straight():
     return prismatic_motion(prismatic_robot())
-
-
-@pytest.mark.parametrize("peak", [0.3, 1.0, 1.77, 2.45])
-def test_peaks_between_nodes_are_found(straight, peak):
-    result = largest(straight, lambda panel, x: np.array([
-        0.9, np.exp(-((panel + (x + 1.0) / 2.0 - peak) ** 2))
-    ]))  # fmt: skip
-    assert result.index == 1
-    assert_close(result.value, 1.0, atol=1e-13)
-    assert_close(result.u, peak, atol=1e-6)
-
-
-def test_ends_and_jumps_between_panels_count(straight):
-    last = straight.panels - 1
-    rising = largest(straight, lambda panel, x: np.array([panel + x]))
-    assert (rising.value, rising.panel, rising.x) == (last + 1, last, 1.0)
-    jump = largest(straight, lambda panel, x: np.array([x if panel == 1 else -5.0]))
-    assert (jump.value, jump.panel, jump.x) == (1.0, 1, 1.0)
-
-
-def test_what_has_no_bound_is_infinite(straight):
-    result = largest(straight, lambda panel, x: np.array([1.0, np.nan if panel == 1 else 0.0]))
-    assert (result.value, result.index, result.panel) == (np.inf, 1, 1)
 
 
 # -------------------------------------------------------------------------- closest approach
@@ -190,15 +166,6 @@ def test_a_minimum_near_either_end(near, fraction, first):
     assert result.value == pytest.approx(1e-3, rel=1e-7)
 
 
-def test_reversed_motion_has_the_same_closest_approach(spatial, near):
-    final, measure = near.final, spatial.margin.measure
-    back = integrate_motion(spatial, final.attitude, final.joints, start=100.0, end=0.0)
-    forward, backward = closest_approach(near, measure), closest_approach(back, measure)
-    assert backward.value == pytest.approx(forward.value, rel=1e-8)
-    assert backward.time == pytest.approx(forward.time, abs=1e-3)
-    assert backward.sign == forward.sign
-
-
 def test_the_margin_of_example_2_is_as_printed(near):
     """The motion of Fig. 10 is tangent to S0 = -5 at tau_t = 0.4225 (4 digits of attitude)."""
     result = closest_approach(near, near.problem.margin.measure)
@@ -279,15 +246,6 @@ def test_extents_are_those_of_fine_sampling(ranged):
     assert_close(there, [extents.low, extents.high], atol=1e-12)
 
 
-def test_extrema_lie_between_nodes(ranged):
-    """A wave through three nodes of a panel peaks where none of them is."""
-    joints = ranged.joints.copy()
-    joints[:, 0] = 1.0 - (ranged.node_coordinates - 3.3) ** 2
-    extents = joint_extents(replace(ranged, joints=joints))
-    assert_close(extents.high[0], 1.0, atol=1e-13)
-    assert_close(extents.high_places[0], 3.3, atol=1e-7)
-
-
 def test_extents_of_a_prismatic_joint(straight):
     extents = joint_extents(straight)
     assert_close([extents.low[0], extents.high[0]], [1.0, 1.0 + RELATIVE], atol=1e-9)
@@ -305,28 +263,6 @@ def test_revolute_joints_are_unwrapped_into_their_ranges(ranged, rng):
         assert (extents.high <= high).all()
     assert back.residuals().end_effector_position < 1e-8
     assert_close(back.attitudes, ranged.attitudes, atol=0.0)
-
-
-def test_prismatic_joints_are_not_unwrapped():
-    motion = prismatic_motion(prismatic_robot(limits=(5.0, 9.0)))
-    assert unwrapped(motion) is motion
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "lower", "upper", "shift"),
-    [
-        (-2.6, -2.0, 0.0, 6.0, 1),  # 3.68 to 4.28
-        (7.0, 8.0, -3.2, 3.2, -1),
-        (0.1, 0.2, -9.0, 9.0, 0),
-        (13.0, 13.1, -20.0, 12.9, -1),  # the fewest that suffice
-        (-2.0, 2.0, 0.5, 1.5, 0),  # none suffices: the smallest excess
-        (-30.0, -29.0, 0.0, np.inf, 5),
-        (30.0, 31.0, -np.inf, 0.0, -5),
-        (30.0, 31.0, -np.inf, np.inf, 0),
-    ],
-)
-def test_revolutions_of_an_unwrapped_joint(low, high, lower, upper, shift):
-    assert _revolutions(low, high, lower, upper) == shift
 
 
 def test_ranges_out_of_order_are_ignored():

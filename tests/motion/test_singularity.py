@@ -14,7 +14,7 @@ from freefloat.so3 import heading_quaternion
 from tests.motions import bundled
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_aligned_axes_of_a_massless_wrist_are_kinematic(seed: int) -> None:
     """S* is singular there, too, whatever the other joints."""
     model = ff.FreeFloatingModel.from_urdf("spatial_6dof")
