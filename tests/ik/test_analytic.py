@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import Task
@@ -15,13 +13,10 @@ from freefloat.ik.branches import (
     many_arm_branches,
     search_arm_branches,
 )
-from freefloat.ik.chain import Chain, damped_step
-from freefloat.ik.numbering import columns_by_name
-from freefloat.ik.vectors import rotation_vector
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Pose
 from tests.motions import gaps, virtual_jacobian
-from tests.robots import AWKWARD, random_robot
+from tests.robots import random_robot
 
 
 def random_poses(
@@ -75,22 +70,6 @@ def test_branches_of_many_poses_are_those_of_each_pose(
         assert [b.label for b in alone] == [b.label for b in sets[k]]
         for branch in alone:
             np.testing.assert_array_equal(branch.joints, sets.joints[k, branch.index])
-
-
-def test_no_poses_and_unreachable_poses(
-    spatial_6dof: FreeFloatingModel, ur5: FreeFloatingModel
-) -> None:
-    """NaN where there is no branch; arrays that cannot be changed."""
-    for model, most in ((spatial_6dof, 8), (ur5, 16)):
-        none = many_arm_branches(model, np.empty((0, 3)), np.empty((0, 3, 3)), Task.POSE)
-        assert none.joints.shape == (0, most, 6)
-        far = many_arm_branches(model, [[0, 30.0, 0]] * 2, [np.eye(3)] * 2, Task.POSE)
-        assert far.joints.shape == (2, most, 6)
-        assert np.isnan(far.joints).all()
-        assert not far.exist.any()
-        assert far[1] == ()
-        assert not far.joints.flags.writeable
-        assert not far.names.flags.writeable
 
 
 def test_nan_poses_have_no_branches(
@@ -189,63 +168,4 @@ def test_branches_of_equal_signs_have_distinct_labels(rng: np.random.Generator) 
         assert second.label[:-2] in labels
 
 
-@given(st.lists(st.integers(0, 7), max_size=16))
-def test_columns_of_branches_are_distinct(patterns: list[int]) -> None:
-    """The first of a name at its number, the others in order from 8 on, sixteen in all."""
-    places = columns_by_name(np.array(patterns, dtype=np.int64)[:, None])[:, 0].tolist()
-    assert len(set(places)) == len(patterns)
-    assert all(0 <= place < 16 for place in places)
-    firsts = {pattern: patterns.index(pattern) for pattern in patterns}
-    assert all(places[k] == pattern for pattern, k in firsts.items())
-    later = [place for k, place in enumerate(places) if k not in firsts.values()]
-    assert later[:8] == list(range(8, 8 + len(later[:8])))
-
-
 # -------------------------------------------------------------------------------- kinematics
-
-
-@pytest.mark.parametrize("structure", ["RRRRRR", "RPRRPRC", "PRF"])
-def test_kinematics_agree_with_the_virtual_manipulator(
-    structure: str, rng: np.random.Generator
-) -> None:
-    """Pose, Jacobian and damped step, many at once."""
-    for _ in range(5):
-        robot = random_robot(rng, structure)
-        model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
-        virtual, chain, n = VirtualManipulator.of(model), Chain.of(model), model.dof
-        q, error = rng.uniform(-3.0, 3.0, (4, n)), rng.uniform(-0.1, 0.1, (4, 6))
-        p, R, points, axes = virtual.kinematics(q)
-        at = chain.kinematics(q.T)
-        np.testing.assert_allclose(at.position.T, p, atol=1e-13)
-        np.testing.assert_allclose(at.rotation.transpose(2, 0, 1), R, atol=1e-13)
-        np.testing.assert_allclose(at.points.T, points.swapaxes(0, 1), atol=1e-13)
-        np.testing.assert_allclose(at.axes.T, axes.swapaxes(0, 1), atol=1e-13)
-        J = virtual_jacobian(virtual, q)
-        np.testing.assert_allclose(chain.jacobian(at).transpose(2, 0, 1), J, atol=1e-13)
-        steps = damped_step(chain.jacobian(at), error.T).T
-        for k in range(4):
-            damping = 0.1 * error[k] @ error[k] + 1e-13
-            step = J[k].T @ np.linalg.solve(J[k] @ J[k].T + damping * np.eye(6), error[k])
-            np.testing.assert_allclose(steps[k], step / max(1.0, np.abs(step).max()), atol=1e-9)
-
-
-def test_damped_steps_of_singular_jacobians_are_finite() -> None:
-    """Equal rows of long arms, whose product loses the damping to rounding."""
-    J = np.full((2, 2, 3), [1.0, 30.0, 3e3])
-    step = damped_step(J, np.full((2, 3), 1e-12))
-    np.testing.assert_allclose((J * step).sum(axis=1), 1e-12, rtol=0.1)
-
-
-@given(
-    axis=st.sampled_from([[1, 0, 0], [0, 1, 0], [0, 0, -1], [0.6, 0, 0.8], [-0.48, 0.6, 0.64]]),
-    angle=st.one_of(
-        st.sampled_from([*AWKWARD, np.pi - 1e-9, np.pi - 1e-5, 1e-8]), st.floats(-np.pi, np.pi)
-    ),
-)
-def test_rotation_vectors_are_exact_near_zero_and_pi(axis: list[float], angle: float) -> None:
-    start = Rotation.from_rotvec([0.3, -1.2, 0.7])
-    end = (Rotation.from_rotvec(angle * np.array(axis)) * start).as_matrix()
-    vector = rotation_vector(start.as_matrix()[..., None], end[..., None])[:, 0]
-    assert np.linalg.norm(vector) <= np.pi + 1e-12
-    reached = (Rotation.from_rotvec(vector) * start).as_matrix()
-    np.testing.assert_allclose(reached, end, atol=2e-8 if abs(angle) > 3.14159 else 1e-14)

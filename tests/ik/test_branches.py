@@ -19,7 +19,6 @@ from freefloat.ik.branches import (
     many_arm_branches,
     search_arm_branches,
 )
-from freefloat.ik.nearest import newton_configuration
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import (
     Pose,
@@ -149,9 +148,9 @@ def with_wrist_axis(model: FreeFloatingModel, joint: str, axis: str) -> FreeFloa
 
 @pytest.mark.parametrize(
     ("wrist_angle", "axis"),
-    [(wrist_angle, "0 -1 0") for wrist_angle in (0.0, 1e-9, 1e-8, -3e-8, 1e-7, np.pi)]
+    [(wrist_angle, "0 -1 0") for wrist_angle in (0.0, 1e-8, 1e-7, np.pi)]
     # square to eight digits, as where a URDF says rpy="1.5707963 0 0"
-    + [(wrist_angle, "1e-8 -1 0") for wrist_angle in (0.0, 1e-8, -3e-8)],
+    + [(wrist_angle, "1e-8 -1 0") for wrist_angle in (0.0, -3e-8)],
 )
 def test_singular_wrists_keep_all_branches(
     spatial_6dof: FreeFloatingModel, rng: np.random.Generator, wrist_angle: float, axis: str
@@ -218,29 +217,6 @@ def test_numbered_branches_of_a_planar_arm_move_little() -> None:
     assert (branches.exist.sum(axis=1) == 2).all()
     steps = model.joint_distance(branches.joints[1:, :2], branches.joints[:-1, :2])
     assert steps.max() < 0.2
-
-
-@pytest.mark.slow
-def test_branches_move_little_while_the_attitude_changes_a_little(
-    spatial_6dof: FreeFloatingModel, rng: np.random.Generator
-) -> None:
-    """A number compared through a slow turn of the spacecraft is one continuous motion."""
-    step, compared = np.radians(0.25), 0
-    virtual = VirtualManipulator.of(spatial_6dof)
-    for start in Rotation.random(1, rng=rng):
-        axis = rng.normal(size=3)
-        rotation = Rotation.from_rotvec(step * axis / np.linalg.norm(axis))
-        attitude, last = start, None
-        for _ in range(120):
-            target = START.seen_from(attitude.as_matrix())
-            branches = {b.index: b.joints for b in arm_branches(spatial_6dof, target, Task.POSE)}
-            for index, q in branches.items():
-                if last and abs(np.sin(q[4])) > 0.2 and abs(np.sin(q[2])) > 0.2:
-                    slowest = np.linalg.svd(virtual_jacobian(virtual, q)[0], compute_uv=False)[-1]
-                    assert gaps(q, last[index]) < 4.0 * step / slowest
-                    compared += 1
-            attitude, last = attitude * rotation, branches
-    assert compared > 250
 
 
 def test_published_tangency_points_lie_on_their_paths(
@@ -348,7 +324,7 @@ def test_a_wrist_that_is_not_quite_spherical_is_still_solved(
 # ------------------------------------------------------------------------------ a stock arm
 
 
-@pytest.mark.parametrize("angle_deg", [0, 40, 80, 120])
+@pytest.mark.parametrize("angle_deg", [0, 80])
 def test_ur5_has_eight_branches(ur5: FreeFloatingModel, angle_deg: int) -> None:
     """Two shoulders, two elbows, two wrists, each combination once; no wrist centre to help."""
     assert not VirtualManipulator.of(ur5).has_elbow_and_spherical_wrist
@@ -530,21 +506,6 @@ def test_starts_outside_the_joint_ranges_are_kept_where_none_is_inside() -> None
     branches = arm_branches(model, target, Task.POSE)
     assert len(branches) == 16
     assert all(not 3.0 <= branch.joints[3] <= 3.01 for branch in branches)
-
-
-def test_newton_configuration_stays_near(planar_3dof: FreeFloatingModel) -> None:
-    """From joints that nearly hit to the ones that do; where there are none, no branch."""
-    virtual = VirtualManipulator.of(planar_3dof)
-    q = np.array([0.4, 1.0, -0.6])
-    target = virtual.pose(q)
-    nearest = newton_configuration(planar_3dof, target, Task.PLANAR_POSITION, q + 0.01)
-    assert nearest is not None
-    assert np.abs(virtual.pose(nearest.joints).position - target.position).max() < 1e-9
-    assert np.abs(nearest.joints - q).max() < 0.05
-    assert nearest.label == "given"
-    assert nearest.index == 16  # none of those that arm_branches numbers
-    far = Pose([0, 30, 0], np.eye(3))
-    assert newton_configuration(planar_3dof, far, Task.PLANAR_POSITION, q) is None
 
 
 # ---------------------------------------------------------------------------------- joint ranges

@@ -8,8 +8,6 @@ import pytest
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.branches import many_arm_branches
-from freefloat.ik.chain import Chain
-from freefloat.ik.pose_table import PoseTable
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 from tests.robots import random_robot
@@ -32,24 +30,6 @@ def reached_poses(
     q = first + width * rng.random((40, model.dof))
     positions, rotations, _, _ = VirtualManipulator.of(model).kinematics(q)
     return model, positions, rotations
-
-
-@pytest.mark.parametrize(("structure", "task"), ARMS)
-def test_poses_of_the_closest_configurations_are_close(
-    structure: str, task: Task, rng: np.random.Generator
-) -> None:
-    """Also without a revolute first or last joint; there is none for poses out of reach."""
-    model, positions, rotations = reached_poses(structure, rng)
-    table = PoseTable.of(model, task, inside=False)
-    target = positions.T, rotations.transpose(1, 2, 0)
-    q = table.nearest(*target, 3)
-    assert np.isfinite(q[:, 0]).all()
-    p, R = Chain.of(model).pose(q[:, 0])
-    angles = np.arccos(np.clip((np.einsum("ijk,ijk->k", R, target[1]) - 1.0) / 2.0, -1.0, 1.0))
-    bound = 2.0 * table.spacing
-    assert (np.linalg.norm(p - target[0], axis=0) < (1.0 + bound) * bound * table.length).all()
-    assert not task.prescribes_orientation or (angles < 2.0 * bound).all()
-    assert np.isnan(table.nearest(100.0 * target[0], target[1], 3)).all()
 
 
 @pytest.mark.parametrize(("structure", "task"), [*ARMS, ("RRR", Task.POSITION)])
