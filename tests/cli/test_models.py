@@ -203,15 +203,6 @@ def test_info_prints_all_diagnostics_of_a_broken_urdf(
 # --- workspace ----------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
-def test_workspace_has_reach_and_regions() -> None:
-    """Fig. 3 of the paper."""
-    regions = document("workspace", "planar_3dof/parabola")
-    assert regions["reach"] == pytest.approx([0.39278, 3.17410], abs=1e-5)
-    assert [len(interval) for interval in regions["pdw"]] == [2, 2]
-    assert len(regions["piw"]) == 1
-
-
 # --- schema -------------------------------------------------------------------------------------
 
 

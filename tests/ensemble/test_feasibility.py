@@ -149,16 +149,6 @@ def test_stopping_at_the_margin_changes_no_verdict(name: str, count: int) -> Non
             assert nearly or arm.motion.completed == keeps[k, arm.branch.index]
 
 
-def test_margins_allow_for_rounding() -> None:
-    """A motion keeps the margin that it has, though other steps located it."""
-    problem, attitudes, results = evaluated(*CASES[0])
-    largest = float(results.margins.max(axis=1)[1])
-    just = replace(problem, margin=Margin(problem.margin.measure, largest))
-    more = replace(problem, margin=Margin(problem.margin.measure, largest * 1.001))
-    assert FeasibilityEvaluator(just, 1).keeps(attitudes[1:2], None)[0]
-    assert not FeasibilityEvaluator(more, 1).keeps(attitudes[1:2], None)[0]
-
-
 def test_attitudes_out_of_reach_have_no_results() -> None:
     """A UR5 whose path begins on the far side of its spacecraft: no branch, no margin."""
     problem = bundled("ur5_servicer/arc")
@@ -172,18 +162,6 @@ def test_attitudes_out_of_reach_have_no_results() -> None:
     assert (results.margins == 0.0).all()
     np.testing.assert_array_equal(evaluator.margins(averted, None), [0.0, 0.0])
     np.testing.assert_array_equal(evaluator.keeps(averted, None), [False, False])
-
-
-def test_reachable_and_unreachable_attitudes_together() -> None:
-    problem = bundled("ur5_servicer/arc")
-    attitudes = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0]])
-    results = FeasibilityEvaluator(problem, 1).evaluate(attitudes)
-    reached = (results.motions.endings != UNREACHED).any(axis=1)
-    assert reached.tolist() == [False, True, False]
-    alone = FeasibilityEvaluator(problem, 1).evaluate(attitudes[1:2])
-    width = alone.motions.endings.shape[1]
-    np.testing.assert_array_equal(results.motions.endings[1, :width], alone.motions.endings[0])
-    np.testing.assert_array_equal(results.motions.minimum[1, :width], alone.motions.minimum[0])
 
 
 @pytest.mark.slow
@@ -270,18 +248,6 @@ def test_derived_wrist_flipped_branches_agree_with_integrated_ones() -> None:
             # rates and ranges are those at the integrator's steps
             assert off.max() < (2e-4 if name == "joints" else 0.02 * size), (name, off.max())
     assert done > 100
-
-
-def test_wrist_flipped_branches_are_adjacent() -> None:
-    """Branch 2 k + 1 has joints 4 and 6 rotated by pi and joint 5 reversed."""
-    together = FeasibilityEvaluator(bundled("spatial_6dof/line"), 1).evaluate(attitude_grid(16, 1))
-    even, odd = together.joints[:, ::2], together.joints[:, 1::2]
-    np.testing.assert_allclose(even[..., :3], odd[..., :3], atol=1e-9)
-    np.testing.assert_allclose(even[..., 4], -odd[..., 4], atol=1e-9)
-    np.testing.assert_allclose(np.abs(even - odd)[..., [3, 5]], np.pi, atol=1e-9)
-    np.testing.assert_array_equal(
-        together.motions.endings[:, ::2], together.motions.endings[:, 1::2]
-    )
 
 
 def test_heavy_wrists_have_distinct_branches() -> None:

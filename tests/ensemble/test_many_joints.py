@@ -4,7 +4,6 @@ The minimum is two joints, for a planar position.
 """
 
 from dataclasses import replace
-from unittest import mock
 
 import numpy as np
 import pytest
@@ -12,10 +11,8 @@ import pytest
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
-from freefloat.ensemble import ensemble
 from freefloat.ensemble.endings import COMPLETED, MARGIN, SINGULAR
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.kernels.records import make_workspace
 from freefloat.errors import InputError
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
@@ -95,14 +92,14 @@ def test_motions_agree_with_single_integration(structure, task):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["system", "sigma"])
-@pytest.mark.parametrize(("structure", "task"), [TEN[0], TEN[-1], THIRTY[-1]])
+@pytest.mark.parametrize(("structure", "task"), [TEN[0], THIRTY[-1]])
 def test_other_measures(structure, task, name):
     start = redundant(structure, task, None, 1)
     assert_precise_from(replace(start, problem=with_measure(start.problem, name)), 1)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [1, 3, 8])
+@pytest.mark.parametrize("number", [1, 8])
 @pytest.mark.parametrize(("structure", "task"), TEN[1::2])
 def test_redundancy_of_ten_joints(structure, task, number):
     assert_precise_from(redundant(structure, task, choices(structure, task, 1)[number], 1), 1)
@@ -165,16 +162,6 @@ def test_kernels_stay_within_their_tables(structure, task, redundancies):
         for name in ("gjm", "sigma") if redundancy is None else ("gjm",):
             with plain_kernels():
                 assert begin(with_measure(start.problem, name), start).evaluations[0] > 6
-
-
-def test_a_workspace_of_too_few_joints_raises():
-    start = redundant(*TEN[-1], None, 1)
-    with (
-        plain_kernels(),
-        mock.patch.object(ensemble, "make_workspace", lambda n, m, cones: make_workspace(9, m)),
-        pytest.raises(IndexError),
-    ):
-        begin(start.problem, start)
 
 
 @pytest.mark.slow

@@ -130,15 +130,6 @@ def test_a_plan_for_a_recorded_path_is_confirmed(tmp_path: Path) -> None:
     assert ff.check(ff.load(tmp_path / "plan.h5")).discrepancies == ()
 
 
-@pytest.mark.slow
-def test_a_simulation_of_a_recorded_path_is_confirmed(tmp_path: Path) -> None:
-    problem = scenario_of("spatial, quaternions", 7).problem()
-    simulation = ff.simulate(problem, first_motion(problem).initial.attitude)
-    assert simulation.chosen.motion.completed
-    ff.save(simulation, tmp_path / "simulation.h5")
-    assert ff.check(ff.load(tmp_path / "simulation.h5")).discrepancies == ()
-
-
 @pytest.mark.parametrize("backwards", [False, True])
 def test_panels_end_where_the_path_is_not_smooth(backwards: bool) -> None:
     """At every break, of path and time law, forward and back."""

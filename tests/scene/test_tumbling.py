@@ -63,7 +63,6 @@ def test_a_body_at_rest_stays():
 @pytest.mark.parametrize(("arguments", "key"), [
     (([1.0, 1.0, 5.0], [0.0, 0.0, 1.0]), "tumbling.inertia"),
     (([1.0, 1.0, 1.0], [0.0, 1.0]), "tumbling.rate"),
-    (([1.0, 1.0, 1.0], [0.0, 0.0, 1.0], [0.0]), "tumbling.com"),
 ])  # fmt: skip
 def test_values_that_no_body_has_are_refused(arguments, key):
     with pytest.raises(InputError) as caught:

@@ -13,7 +13,7 @@ from freefloat.cli.app import app
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
-from freefloat.singularities.regions import exact_workspace, workspace_regions
+from freefloat.singularities.regions import workspace_regions
 from tests.robots import planar_robot
 
 
@@ -102,13 +102,6 @@ def test_the_workspace_command_has_reach_and_areas():
     assert [part["path_dependent"] for part in document["path"]] == [False, True, False]
 
 
-@pytest.mark.slow
-def test_the_workspace_command_has_the_reach_of_redundant_arms():
-    document = workspace_command("panda_servicer/line", "--json")
-    assert (document["pdw"], document["piw"], document["path"]) == (None, None, [])
-    assert document["reach"][1] == pytest.approx(1.5721, abs=1e-3)
-
-
 @pytest.fixture(scope="module")
 def line():
     """Example 2."""
@@ -194,10 +187,3 @@ def test_the_path_of_example_2_crosses_one_path_dependent_area(line, shells):
     ends, singular = np.array([[1, 0, 0], [-0.5, 0.8, 0.33]]), np.array([0.1214, 0.4686, 0.1943])
     s = (singular - ends[0]) @ (ends[1] - ends[0]) / np.sum((ends[1] - ends[0]) ** 2)
     assert low < s < high
-
-
-@pytest.mark.slow
-def test_arms_with_other_structures_have_no_exact_areas():
-    """No spherical wrist; more joints than the task has rows."""
-    for name in ("ur5_servicer/arc", "panda_servicer/line"):
-        assert exact_workspace(ff.load_scenario(name).problem()) is None

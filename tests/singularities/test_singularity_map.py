@@ -11,7 +11,6 @@ from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.singularities.joint_polynomial import JointPolynomial
 from freefloat.singularities.singularity_map import Kind, SingularityMap, singularity_map
 from tests.motions import bundled
 from tests.robots import random_robot
@@ -85,37 +84,12 @@ def test_boxes_marked_singular_hold_a_change_of_sign() -> None:
     assert count > 50
 
 
-def test_wrong_bounds_are_contradicted(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    problem = bundled("planar_2dof/line")
-    right = JointPolynomial.variations
-
-    def wrong(
-        self: JointPolynomial, centres: np.ndarray, halves: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        values, parts = right(self, centres, halves)
-        return values, 0.3 * parts
-
-    monkeypatch.setattr(JointPolynomial, "variations", wrong)
-    found = singularity_map(problem.model, problem.task, np.radians(2.0))
-    assert contradictions(found, problem.model, problem.task, 4000) > 0
-
-
 def test_the_map_does_not_depend_on_the_size_of_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = bundled("planar_2dof/line")
     whole = singularity_map(problem.model, problem.task, np.radians(1.0))
     monkeypatch.setattr("freefloat.singularities.singularity_map._BOXES", 16)
     pieces = singularity_map(problem.model, problem.task, np.radians(1.0))
     assert (whole.nodes == pieces.nodes).all()
-
-
-def test_progress_ends_at_one() -> None:
-    problem = bundled("planar_2dof/line")
-    seen: list[float] = []
-    singularity_map(problem.model, problem.task, np.radians(5.0), progress=seen.append)
-    assert seen == sorted(seen)
-    assert seen[-1] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(

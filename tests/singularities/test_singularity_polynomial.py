@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 from itertools import product
 
@@ -19,7 +18,6 @@ from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.singularities import singularity_polynomial
-from freefloat.singularities.joint_polynomial import JointPolynomial
 from freefloat.singularities.planar_regions import PlanarArm, two_angles
 from freefloat.singularities.singularity_distance import distance_to_singularity
 from freefloat.singularities.singularity_map import singularity_map
@@ -178,32 +176,6 @@ def test_polynomials_that_are_too_large_are_refused(monkeypatch: pytest.MonkeyPa
     with pytest.raises(InputError) as error:
         SingularityPolynomial.of(problem.model, problem.task)
     assert error.value.key == "robot"
-
-
-def extremes_beyond_bounds(polynomial: JointPolynomial, half: float) -> int:
-    """Number of random boxes (half widths in rad) with a sampled value out of their bounds."""
-    rng = np.random.default_rng(3)
-    n = len(polynomial.bases)
-    centres = rng.uniform(-np.pi, np.pi, (200, n))
-    lower, upper = polynomial.enclosures(centres, np.full(n, half))
-    points = centres[:, None] + rng.uniform(-half, half, (200, 400, n))
-    values = polynomial.values(points.reshape(-1, n)).reshape(200, 400)
-    beyond = (values < lower[:, None]) | (values > upper[:, None])
-    return int(np.count_nonzero(beyond.any(axis=1)))
-
-
-@pytest.mark.parametrize("half", [0.02, 0.5])
-def test_values_in_boxes_are_within_their_bounds(half: float) -> None:
-    """Of small boxes by bounds of the third derivatives, of large ones by those of the second."""
-    _, polynomial = of_scenario("planar_3dof/parabola")
-    assert extremes_beyond_bounds(polynomial, half) == 0
-
-
-def test_a_wrong_bound_of_second_derivatives_is_noticed() -> None:
-    _, polynomial = of_scenario("planar_3dof/parabola")
-    wrong, bounds = replace(polynomial), polynomial.derivative_bounds
-    object.__setattr__(wrong, "derivative_bounds", (*bounds[:2], 0.1 * bounds[2], bounds[3]))
-    assert extremes_beyond_bounds(wrong, 0.5) > 0
 
 
 def test_arms_without_the_freedom_for_a_task_are_refused() -> None:
