@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from freefloat.attitude_grids import attitude_grid, attitudes_within, grid_spacing
+from freefloat.attitude_grids import attitude_grid, grid_spacing
 from freefloat.ensemble.endings import SINGULAR, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
@@ -107,25 +107,6 @@ def test_a_ring_is_one_region(margin_30: Problem) -> None:
     assert region.fraction == about_z.mean()
 
 
-def test_a_single_sample_and_all_of_so3_are_regions(margin_30: Problem) -> None:
-    attitudes, margins = attitude_grid(64), np.zeros((64, 8))
-    margins[17, 0] = 40.0
-    margins[:, 2] = 40.0
-    whole, single = find_regions(made(margin_30, attitudes, margins))
-    assert (whole.branch, whole.fraction, whole.depth) == (2, 1.0, np.pi)
-    assert (single.branch, single.fraction) == (0, 1 / 64)
-    np.testing.assert_array_equal(single.centre, attitudes[17])
-
-
-def test_regions_do_not_need_a_grid(margin_30: Problem) -> None:
-    near = attitudes_within([0.0, 0.0, 0.0, 1.0], 0.05, 60)
-    far = attitudes_within([0.0, 1.0, 0.0, 0.0], 0.05, 40)
-    margins = np.zeros((100, 8))
-    margins[:, 0] = 40.0
-    regions = find_regions(made(margin_30, np.vstack([near, far]), margins))
-    assert [region.fraction for region in regions] == [0.6, 0.4]
-
-
 def test_regions_of_the_example_make_up_its_branches(samples: AttitudeMap) -> None:
     """Their fractions add up to those of the branches; the largest comes first."""
     regions = find_regions(samples)
@@ -141,15 +122,6 @@ def test_regions_of_the_example_make_up_its_branches(samples: AttitudeMap) -> No
         for part in parts:
             nearest = angle_between(samples.attitudes[~keeps], part.centre).min()
             assert part.depth == pytest.approx(nearest, abs=1e-9)
-
-
-@pytest.mark.slow
-def test_an_arm_without_wrist_flipped_branches_has_all_its_branches() -> None:
-    result = sample_attitudes(FeasibilityEvaluator(bundled("ur5_servicer/arc"), 1), 64)
-    numbers = [branch for branch, _ in result.branch_margins()]
-    assert numbers == np.flatnonzero(result.results.exist.any(axis=0)).tolist()
-    assert any(number % 2 for number in numbers)
-    assert 0.0 < result.feasible_fraction < 1.0
 
 
 @pytest.mark.slow

@@ -172,15 +172,6 @@ def test_the_stretched_problem_keeps_rates() -> None:
 
 
 @pytest.mark.slow
-def test_the_needed_duration_is_enough_where_few_headings_keep_the_rates() -> None:
-    """A heading next to one that just violates them is chosen."""
-    problem, limits = bundled("planar_2dof/line"), Limits(joint_rate=np.full(2, 0.001))
-    result = plan(problem, Search(), limits=limits)
-    assert result.needed_stretch is not None
-    checked_plan(problem.stretched(1.00001 * result.needed_stretch), limits, Search())
-
-
-@pytest.mark.slow
 def test_the_nearest_attitude_is_moved_toward_the_present_one() -> None:
     """From 40 degrees the spacecraft rotates at up to 0.114 rad/s, from smaller headings slower."""
     present = heading_quaternion(np.deg2rad(40.0))

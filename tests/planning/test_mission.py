@@ -71,10 +71,3 @@ def test_without_the_limit_of_the_turn_the_spacecraft_turns_farther() -> None:
     free = ff.plan(SCENARIO.problem(), SCENARIO.search(), limits)
     (turn,) = worst(free, Limits(base_turn=LIMITS.base_turn))
     assert turn > LIMITS.base_turn + np.radians(1.0)
-
-
-@pytest.mark.slow
-def test_without_the_wheels_the_momentum_turns_the_spacecraft_too_far() -> None:
-    problem = SCENARIO.problem().replace(wheel_momentum=np.zeros(3))
-    plan = ff.plan(problem, SCENARIO.search(), LIMITS)
-    assert not plan.feasible

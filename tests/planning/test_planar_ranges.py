@@ -19,7 +19,6 @@ from freefloat.planning.plane.arcs import (
     branch_ranges,
 )
 from freefloat.planning.plane.ranges import (
-    _branch_of,
     find_range_limits,
     heading_ranges,
     reach_limits,
@@ -94,18 +93,6 @@ def test_a_margin_of_zero_is_replaced_by_a_small_one():
     limits = find_range_limits(zero, (0.0, problem.path.duration))
     assert limits
     assert all(1e-5 < abs(limit.tangency.level) / largest < 1e-3 for limit in limits)
-
-
-def test_a_limit_belongs_to_the_branch_of_its_joints(planar):
-    """Modulo full rotations; joints near neither branch, nearly where both meet, to none."""
-    branches = planar.branches(heading_quaternion(3.5))
-    assert [branch.index for branch in branches] == [0, 1]
-    for branch in branches:
-        for off in ([0.0, 0.0, 0.0], [tau, 0.0, -tau], [1e-6] * 3):
-            joints = branch.joints + np.array(off)
-            assert _branch_of(planar, 3.5, joints, 0.0) == branch.index
-        for off in ([1e-3] * 3, [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]):
-            assert _branch_of(planar, 3.5, branch.joints + np.array(off), 0.0) is None
 
 
 @pytest.mark.slow
@@ -187,17 +174,6 @@ def test_equal_limits_leave_no_arc_between_them():
     ends = [(arc.low, arc.high) for arc in arcs]
     np.testing.assert_allclose(ends, [(1.0, 3.0), (3.0, 1.0 + tau)], rtol=1e-9)
     assert len([*arcs_between([(1.0, MARGIN), (1.0 + 1e-8, REACH), (3.0, MARGIN)])]) == 3
-
-
-@pytest.mark.parametrize(
-    ("ends", "expected"),
-    [
-        ([], HeadingRange(0.0, tau, ())),
-        ([(2.0, REACH)], HeadingRange(2.0, 2.0 + tau, (REACH, REACH))),
-    ],
-)
-def test_the_arc_of_at_most_one_limit_is_the_full_circle(ends, expected):
-    assert [*arcs_between(ends)] == [expected]
 
 
 def test_depth_is_the_distance_to_the_nearer_end():

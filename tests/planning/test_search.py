@@ -15,9 +15,7 @@ from freefloat.planning.candidates import Peak
 from freefloat.planning.space import climbing as attitude_search
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.climbing import (
-    is_unique,
     largest_margins,
-    most_robust_first,
     nearest_feasible,
 )
 from freefloat.planning.space.deepest_ball import deepest
@@ -123,11 +121,6 @@ def test_every_branch_has_its_own_peak(margin_30: Problem) -> None:
     np.testing.assert_allclose(landscape.margins(best.attitude[None], 4), best.minimum_margin)
 
 
-def test_without_any_margin_there_is_no_peak(margin_30: Problem) -> None:
-    landscape = Landscape(margin_30, b0=lambda q: np.zeros(len(q)))
-    assert largest_margins(landscape, landscape.map(64)) == []
-
-
 @pytest.mark.parametrize("present", [THERE, -THERE, rotated(HERE, [0.5, 0.4, -0.6])[0]])
 def test_the_nearest_attitude_of_a_ball_is_on_the_way_to_its_centre(
     margin_30: Problem, present: np.ndarray
@@ -174,34 +167,6 @@ def test_with_spare_the_nearest_of_a_ball_is_that_deep_inside(
     assert best.deviation < angle_between(present, HERE) - 0.7 + 1.15 * spare
 
 
-def test_with_spare_a_present_attitude_deep_enough_stays(margin_30: Problem) -> None:
-    landscape = Landscape(margin_30, b0=ball(HERE, 0.7))
-    present = rotated(HERE, [0.3, 0.0, 0.0])[0]
-    (best,) = nearest_with_spare(landscape, landscape.map(512), present, 0.1)
-    assert best.deviation == 0.0
-
-
-def test_no_set_is_deep_enough_for_too_much_spare(margin_30: Problem) -> None:
-    landscape = Landscape(margin_30, b0=ball(HERE, 0.3))
-    assert nearest_with_spare(landscape, landscape.map(512), THERE, 0.4) == []
-
-
-def test_of_equal_peaks_the_most_robust_leads_and_a_ridge_is_not_unique(
-    margin_30: Problem,
-) -> None:
-    """Two margins cut off at the same value, and a single summit."""
-
-    def cut(q: np.ndarray) -> np.ndarray:
-        return np.minimum(either(ball(HERE, 0.4), ball(THERE, 0.9))(q), MARGIN + 2.0)
-
-    landscape = Landscape(margin_30, b0=cut, b4=ball(THERE, 0.3))
-    samples = landscape.map(1024)
-    top = [Peak(HERE, 0, MARGIN + 2.0), Peak(THERE, 0, MARGIN + 2.0)]
-    assert most_robust_first(samples, top)[0].attitude is THERE
-    assert not is_unique(landscape, top[1])
-    assert is_unique(landscape, Peak(THERE, 4, MARGIN + 6.0))
-
-
 def test_around_a_corner_the_nearest_is_the_corner_of_the_set(margin_30: Problem) -> None:
     """Where two balls overlap in a lens: the closest place by brute force."""
     a, b = rotated(HERE, [0.0, 0.4, 0.0])[0], rotated(HERE, [0.0, -0.4, 0.0])[0]
@@ -212,21 +177,6 @@ def test_around_a_corner_the_nearest_is_the_corner_of_the_set(margin_30: Problem
     feasible = landscape.margins(cloud, 2) >= MARGIN * (1.0 + SURPLUS)
     nearest = angle_between(cloud[feasible], present).min(initial=best.deviation)
     assert best.deviation - nearest < np.radians(0.05)
-
-
-def test_where_the_margin_is_kept_already_nothing_is_nearer(margin_30: Problem) -> None:
-    """In one branch; of the other the nearest is listed."""
-    landscape = Landscape(margin_30, b0=ball(HERE, 0.7), b2=ball(THERE, 0.7))
-    present = rotated(HERE, [0.3, 0.0, 0.0])[0]
-    best, *others = nearest_feasible(landscape, landscape.map(512), present)
-    assert (best.branch, best.deviation) == (0, 0.0)
-    np.testing.assert_array_equal(best.attitude, present)
-    assert {entry.branch for entry in others} == {2}
-
-
-def test_no_feasible_sample_means_no_nearest_attitude(margin_30: Problem) -> None:
-    landscape = Landscape(margin_30, b0=ball(HERE, -0.1))
-    assert nearest_feasible(landscape, landscape.map(64), THERE) == []
 
 
 @pytest.mark.parametrize("samples", [256, 2048])
@@ -260,27 +210,6 @@ def test_a_ring_is_as_deep_as_it_is_wide(margin_30: Problem) -> None:
     assert best is not None
     assert 0.95 * 0.7 < best.radius <= 0.7
     assert np.hypot(*best.attitude[:2]) < np.sin(0.02)
-
-
-def test_where_everything_is_feasible_any_ball_is(margin_30: Problem) -> None:
-    landscape = Landscape(margin_30, b0=lambda q: np.full(len(q), 40.0))
-    best = deepest(landscape, landscape.map(64))
-    assert best is not None
-    assert best.radius == pytest.approx(np.pi, rel=0.02)
-
-
-@pytest.mark.slow
-def test_the_deepest_of_a_tiny_set_lies_inside(margin_30: Problem) -> None:
-    """A single sample is feasible, hardly anything around it."""
-    landscape = Landscape(margin_30, b0=ball(attitude_grid(64)[5], 0.01))
-    best = deepest(landscape, landscape.map(64))
-    assert best is not None
-    assert landscape.keeps(best.attitude[None], 0)[0]
-
-
-def test_where_nothing_is_feasible_there_is_no_deepest(margin_30: Problem) -> None:
-    landscape = Landscape(margin_30, b0=ball(HERE, -1.0))
-    assert deepest(landscape, landscape.map(64)) is None
 
 
 @pytest.mark.parametrize("off", [0.0, 0.3, 0.65])
@@ -374,15 +303,6 @@ def test_no_random_attitude_is_feasible_and_nearer(
     keeps = evaluator.keeps(cloud, best.branch)
     nearest = angle_between(cloud[keeps], present).min(initial=best.deviation)
     assert best.deviation - nearest < np.radians(0.05)
-
-
-def test_the_nearest_to_a_feasible_attitude_is_itself(
-    evaluator: FeasibilityEvaluator, samples: AttitudeMap
-) -> None:
-    k = int(np.argmax(samples.margins.max(axis=1)))
-    best = nearest_feasible(evaluator, samples, samples.attitudes[k])[0]
-    assert best.deviation == 0.0
-    np.testing.assert_array_equal(best.attitude, samples.attitudes[k])
 
 
 @pytest.mark.slow

@@ -10,14 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
-from freefloat.errors import InputError, UnreachableError
 from freefloat.limits.check import check_limits
 from freefloat.limits.limits import Limits
 from freefloat.motion.extrema import closest_approach, joint_extents
 from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Ending
 from freefloat.paths.curves import PolynomialCurve
-from freefloat.paths.orientation import FixedOrientation, SlerpOrientation
+from freefloat.paths.orientation import SlerpOrientation
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import TimedPath, Timing
 from freefloat.planning.simulation import simulate
@@ -40,13 +39,6 @@ def test_every_branch_starts_at_its_joints(spatial, good):
         assert (entry.motion.initial.joints == entry.branch.joints).all()
         assert_close(entry.motion.initial.attitude, spatial.attitude(GOOD), atol=1e-15)
         assert entry.closest_approach == closest_approach(entry.motion, spatial.margin.measure)
-
-
-def test_the_branch_with_the_largest_margin_is_chosen(good):
-    """All complete: the one that stays farthest from singularities."""
-    assert good.chosen in good.branches
-    largest = max(entry.closest_approach.value for entry in good.branches)
-    assert good.chosen.closest_approach.value == pytest.approx(largest, rel=1e-6)
 
 
 def test_a_feasible_branch_that_keeps_the_limits_comes_first(planar):
@@ -119,35 +111,6 @@ def test_a_branch_can_be_chosen_by_number(spatial, branch):
     assert compared.chosen.minimum_margin == simulation.chosen.minimum_margin
 
 
-def test_a_branch_can_be_chosen_by_joints(spatial, good):
-    """Joint values within 0.05 rad of a branch mean that branch."""
-    for entry in good.branches[2:4]:
-        chosen = simulate(spatial, GOOD, joints=entry.branch.joints + 0.03).chosen
-        assert chosen.branch.index == entry.branch.index
-        assert (chosen.motion.joints == entry.motion.joints).all()
-
-
-def test_unusable_choices_of_a_branch_are_refused(planar):
-    attitude = heading_quaternion(2.0)
-    joints = planar.branches(attitude)[0].joints
-    for key, options in (
-        ("branch", {"branch": 5}),
-        ("joints", {"joints": [0.0, 0.1, 0.2]}),
-        ("joints", {"joints": [0.0, 0.1]}),
-        ("branch", {"branch": 0, "joints": joints}),
-    ):
-        with pytest.raises(InputError) as caught:
-            simulate(planar, attitude, **options)
-        assert caught.value.key == key
-
-
-def test_a_path_out_of_reach_is_unreachable(spatial):
-    far = EndEffectorPath(PolynomialCurve.line([4, 0, 0], [5, 0, 0]), FixedOrientation(np.eye(3)))
-    with pytest.raises(UnreachableError) as caught:
-        simulate(replace(spatial, path=TimedPath(far, Timing(10.0))), GOOD)
-    assert caught.value.key == "path"
-
-
 def test_motions_end_at_the_margin_when_asked_to(spatial):
     """Every motion that would pass S0 = 8 ends there, the others complete."""
     problem = replace(spatial, margin=Margin(spatial.margin.measure, 8.0))
@@ -161,15 +124,6 @@ def test_motions_end_at_the_margin_when_asked_to(spatial):
     endings = [entry.motion.ending for entry in simulation.branches]
     assert endings.count(Ending.MARGIN) == 4
     assert simulation.chosen.motion.completed
-
-
-def test_the_tolerance_reaches_the_integrator(spatial):
-    """A rough simulation differs from a precise one, but not by much."""
-    rough = simulate(spatial, GOOD, branch=2, tolerance=1e-5).chosen.motion
-    fine = simulate(spatial, GOOD, branch=2).chosen.motion
-    off = np.abs(rough.final.joints - fine.final.joints).max()
-    assert 1e-8 < off < 1e-2
-    assert rough.panels < fine.panels
 
 
 @pytest.mark.slow

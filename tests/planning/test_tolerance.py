@@ -129,19 +129,6 @@ def test_the_limit_rotates_the_locked_system_once(drifting: Case) -> None:
     assert drifting.tolerance.momentum_limit == pytest.approx(2.0 * np.pi / 100.0 * moments.mean())
 
 
-@pytest.mark.slow
-def test_a_margin_of_zero_may_tolerate_the_limit_itself() -> None:
-    """The tolerance is then the limit itself, without the safety factor."""
-    case = Case(with_margin("spatial_6dof/line", 0.0), GOOD)
-    tolerated = case.tolerance
-    if tolerated.momentum < tolerated.momentum_limit:
-        assert not case.keeps(
-            case.problem.momentum + 1.1 * tolerated.momentum * directions(500, 1)
-        ).all()
-    else:
-        assert tolerated.momentum == tolerated.momentum_limit
-
-
 def test_durations_inside_keep_the_margin_and_those_outside_do_not(drifting: Case) -> None:
     """With the path retimed and integrated precisely."""
     tolerated, planned = drifting.tolerance, drifting.problem.path.duration

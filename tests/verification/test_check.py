@@ -144,19 +144,6 @@ def shortened(first, beyond, **changes):
     return change
 
 
-def with_text(old, new):
-    """Another robot."""
-
-    def change(plan):
-        model = plan.problem.model
-        text = model.description.text
-        assert old in text
-        other = ff.FreeFloatingModel.from_urdf(text.replace(old, new, 1), model.end_effector)
-        return with_problem(plan, model=other)
-
-    return change
-
-
 def with_ranges(branch, change):
     """Other ranges of headings of a branch."""
 
@@ -174,15 +161,6 @@ def longer(plan):
     return with_problem(plan, path=plan.problem.stretched(1.01).path)
 
 
-def other_path(plan):
-    path = plan.problem.path
-    curve = path.path.curve
-    coefficients = curve.coefficients.copy()
-    coefficients[2, 1] += 0.01
-    other = replace(path.path, curve=replace(curve, coefficients=coefficients))
-    return with_problem(plan, path=replace(path, path=other))
-
-
 def narrower(by):
     return lambda ranges: (replace(ranges[0], high=ranges[0].high + by), *ranges[1:])
 
@@ -195,12 +173,6 @@ def without_approach(plan):
 def other_branch(plan):
     branch = replace(plan.chosen.branch, index=1 - plan.chosen.branch.index)
     return replace(plan, chosen=replace(plan.chosen, branch=branch))
-
-
-def doubled_bound(plan):
-    first, *rest = plan.certificate.minima
-    minima = (replace(first, bound=2.0 * first.bound), *rest)
-    return replace(plan, certificate=replace(plan.certificate, minima=minima))
 
 
 def bound_above_the_minimum(plan):
@@ -220,7 +192,6 @@ ALTERATIONS = {
     "the momentum": (
         lambda plan: with_problem(plan, momentum=np.array([0, 0, 0.6])), "angular momentum",
     ),
-    "the path": (other_path, "end-effector position"),
     "the duration": (longer, "whole motion"),
     "the margin": (
         lambda plan: with_problem(plan, margin=replace(plan.problem.margin, threshold=140.0)),
@@ -229,20 +200,15 @@ ALTERATIONS = {
     "a limit": (
         lambda plan: replace(plan, limits=replace(plan.limits, base_rate=0.001)), "limit base rate",
     ),
-    "a mass": (with_text('mass value="40', 'mass value="41'), "angular momentum"),
     "the closest approach": (without_approach, "closest approach"),
     "the branch": (other_branch, "branch"),
     "a limit's worst value": (doubled_limit, "limit joint rate"),
-    "a limit left out": (
-        lambda plan: replace(plan, limit_results=plan.limit_results[1:]), "limit joint rate",
-    ),
     "the robust radius": (
         lambda plan: replace(plan, robust_radius=plan.robust_radius + 0.02), "robust radius",
     ),
     "a negative radius": (lambda plan: replace(plan, robust_radius=-0.1), "robustness"),
     "a wider range": (with_ranges(0, narrower(0.05)), "ranges of headings"),
     "a branch without ranges": (with_ranges(1, lambda _: ()), "ranges of headings"),
-    "a bound": (doubled_bound, "certificate gjm.bound"),
     "a bound above the minimum": (bound_above_the_minimum, "certificate gjm.bound"),
     "no certificate": (lambda plan: replace(plan, certificate=None), "certificate"),
     "an error of the certificate": (
@@ -257,7 +223,6 @@ ALTERATIONS = {
         ),
         "certificate momentum_scale",
     ),
-    "the end left out": (shortened(0, -16), "whole motion"),
     "its feasibility": (lambda plan: replace(plan, feasible=False), "feasible"),
     "its motion left out": (lambda plan: replace(plan, chosen=None), "motion"),
     "the ending": (
