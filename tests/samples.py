@@ -12,13 +12,10 @@ import numpy as np
 import trimesh
 import yaml
 
+import freefloat as ff
 from freefloat.certificate.certificate import certify
-from freefloat.io.records.results import save
-from freefloat.io.scenario.scenario import load_scenario
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.arcs import BranchRanges, HeadingRange, RangeLimitCause
-from freefloat.planning.settings import Search
-from freefloat.planning.simulation import simulate
 from freefloat.robot.names import models_folder
 from freefloat.so3 import heading_quaternion
 from tests.example_studies import SHORT
@@ -104,11 +101,11 @@ def plans() -> tuple[bytes, bytes]:
     """A simulation, and its motion as a plan."""
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "base.yaml").write_text(yaml.safe_dump(SHORT, sort_keys=False))
-        problem = load_scenario(Path(folder) / "base.yaml").problem()
-    simulation = simulate(problem, heading_quaternion(np.radians(200.0)))
+        problem = ff.load_scenario(Path(folder) / "base.yaml").problem()
+    simulation = ff.simulate(problem, heading_quaternion(np.radians(200.0)))
     ranges = (HeadingRange(np.radians(10.0), np.radians(20.0), (RangeLimitCause.MARGIN,) * 2),)
     plan = Plan(
-        problem, Search(), True, "", (BranchRanges(0, "0", ranges, ()),), (), simulation.chosen,
+        problem, ff.Search(), True, "", (BranchRanges(0, "0", ranges, ()),), (), simulation.chosen,
         certificate=certify(simulation.chosen.motion),
     )  # fmt: skip
     return content(simulation), content(plan)
@@ -117,7 +114,7 @@ def plans() -> tuple[bytes, bytes]:
 def content(result: Any) -> bytes:
     """Content of the file of a result."""
     with tempfile.TemporaryDirectory() as folder:
-        save(result, Path(folder) / "result.h5")
+        ff.save(result, Path(folder) / "result.h5")
         return (Path(folder) / "result.h5").read_bytes()
 
 
@@ -128,12 +125,12 @@ def maps() -> tuple[bytes, bytes]:
     from freefloat.planning.space.attitude_map import AttitudeMap
     from tests.maps import branch_results
 
-    problem = load_scenario("planar_3dof/parabola").problem()
+    problem = ff.load_scenario("planar_3dof/parabola").problem()
     headings = np.linspace(0.0, 3.0, 4)
     attitudes = heading_quaternion(headings)
     results = branch_results(attitudes, np.ones((4, 2)), 3, ended_at=np.full((4, 2), 100.0))
     heading_map = HeadingMap(problem, results, headings, (0, 1))
-    spatial = load_scenario("spatial_6dof/line").problem()
+    spatial = ff.load_scenario("spatial_6dof/line").problem()
     attitude_map = AttitudeMap(spatial, branch_results(attitudes, np.ones((4, 8))))
     return content(heading_map), content(attitude_map)
 

@@ -15,11 +15,10 @@ import yaml
 from jsonschema import Draft202012Validator
 from scipy.spatial.transform import Rotation
 
+import freefloat as ff
 from freefloat.cli.models import catalogue
-from freefloat.io.scenario.scenario import load_scenario
 from freefloat.robot.names import bundled_robots, bundled_scenarios, bundled_studies, models_folder
 from freefloat.so3 import Pose, rotation_matrix, unit_quaternion
-from freefloat.studies.study import load_study
 from tests.commands import document, error, run
 
 ENTRIES = {entry.name: entry for group in catalogue().values() for entry in group}
@@ -57,10 +56,10 @@ def test_a_copy_of_a_bundled_file_works_in_any_folder(tmp_path: Path) -> None:
     copy = tmp_path / "mine.yaml"
     for name in bundled_scenarios():
         copy.write_text(ENTRIES[name].text, encoding="utf-8")
-        assert load_scenario(copy).robot_source() == load_scenario(name).robot_source()
+        assert ff.load_scenario(copy).robot_source() == ff.load_scenario(name).robot_source()
     for name in bundled_studies():
         copy.write_text(ENTRIES[name].text, encoding="utf-8")
-        assert load_study(copy).base == load_study(name).base
+        assert ff.load_study(copy).base == ff.load_study(name).base
 
 
 # --- info ---------------------------------------------------------------------------------------
@@ -145,7 +144,7 @@ def test_info_shows_the_end_effector_at_given_joints() -> None:
     joints, attitude = [0.3, -0.8, 1.1, 0.4, 0.9, -0.2], [0.1, 0.5, 0.2, -0.8367]
     words = ["ur5_servicer/arc", "--joints", ",".join(map(str, joints))]
     shown = document("info", *words, "--attitude", *attitude)["configuration"]
-    problem = load_scenario("ur5_servicer/arc").problem()
+    problem = ff.load_scenario("ur5_servicer/arc").problem()
     expected = problem.model.end_effector_pose(unit_quaternion("", attitude), joints)
     inertial, spacecraft, base = (
         Pose(np.array(pose["position"]), rotation_matrix(pose["quaternion"]))

@@ -20,7 +20,6 @@ from PIL import Image, ImageSequence
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.motion.problem import Problem
 from freefloat.planning.plan import Plan
 from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.visualization.figure_style import new_figure
@@ -34,7 +33,7 @@ BAD = ("planar_3dof/parabola", "--heading", "140", "--branch", "0")
 
 
 @pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory, spatial: Problem) -> Path:
+def files(tmp_path_factory: pytest.TempPathFactory, spatial: ff.Problem) -> Path:
     """A folder with a completed motion, a singular one, a plan without a motion, and a map."""
     folder = tmp_path_factory.mktemp("files")
     assert run("simulate", *GOOD, "-o", folder / "good.h5").exit_code == 0

@@ -7,17 +7,15 @@ import pytest
 
 import freefloat as ff
 from freefloat.dynamics import resolved_rates
-from freefloat.dynamics.momentum import Task, end_effector_jacobian, momentum_map
-from freefloat.dynamics.redundancy import DAMPED_BELOW, Metric, Redundancy, Toward
-from freefloat.motion.integration import integrate_motion
-from freefloat.robot.model import FreeFloatingModel
+from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
+from freefloat.dynamics.redundancy import DAMPED_BELOW, Metric, Toward
 from freefloat.so3 import angle_between
 from tests.errors import error_key
 from tests.redundant import ARMS, redundant
 from tests.robots import planar_robot
 
-BASE = Redundancy(Metric.BASE)
-REACTIONLESS = [("RRRRRRR", Task.POSITION), ("5", Task.PLANAR_POSITION)]
+BASE = ff.Redundancy(Metric.BASE)
+REACTIONLESS = [("RRRRRRR", ff.Task.POSITION), ("5", ff.Task.PLANAR_POSITION)]
 """Arms whose null space has more dimensions than the spacecraft's attitude."""
 EVERY_ARM = [*ARMS, REACTIONLESS[0]]
 
@@ -87,7 +85,7 @@ def test_damping_is_smooth(size):
 @pytest.mark.parametrize("toward", list(Toward))
 def test_the_spacecraft_stands_still(structure, task, toward):
     """Where the arm has the freedom and no momentum is stored; also with an attraction."""
-    settings = Redundancy(Metric.BASE, toward, 0.5)
+    settings = ff.Redundancy(Metric.BASE, toward, 0.5)
     start = redundant(structure, task, settings, seed=1, momentum=False)
     omega, rates = rates_of(start.problem, start, start.joints)
     assert np.linalg.norm(omega) < 1e-12 * np.linalg.norm(rates)
@@ -111,7 +109,7 @@ def panda_circle(normal, **changes):
         **changes,
     }  # fmt: skip
     problem = replace(ff.load_scenario(scenario).problem(), start_joints=np.array(joints))
-    motion = integrate_motion(problem, [0, 0, 0, 1], problem.closest_start([0, 0, 0, 1]))
+    motion = ff.integrate_motion(problem, [0, 0, 0, 1], problem.closest_start([0, 0, 0, 1]))
     assert motion.completed
     assert motion.residuals().end_effector_position < 1e-8
     states = motion.sample(np.linspace(0.0, 20.0, 101))
@@ -127,11 +125,11 @@ def test_a_circle_turns_the_spacecraft_less(normal, ratio):
 
 def test_settings_that_do_not_apply_raise():
     """An attraction without freedom left, and an arm without mass."""
-    start = redundant("RRRRRRR", Task.POSE, None)
+    start = redundant("RRRRRRR", ff.Task.POSE, None)
     for toward, key in (("sigma", "redundancy.toward"), ("middle", "redundancy.toward")):
-        settings = Redundancy("base", toward)
+        settings = ff.Redundancy("base", toward)
         assert error_key(replace, start.problem, redundancy=settings) == key
     text = planar_robot([50, 0, 0, 0], [8, 0, 0, 0], [0.4] * 3, [0.5] * 4)
-    model = FreeFloatingModel.from_urdf(text)
-    task = Task.PLANAR_POSITION
+    model = ff.FreeFloatingModel.from_urdf(text)
+    task = ff.Task.PLANAR_POSITION
     assert error_key(BASE.require_applicable, model, task) == "redundancy.metric"

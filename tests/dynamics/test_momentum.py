@@ -9,18 +9,16 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
+import freefloat as ff
 from freefloat.dynamics.momentum import (
-    Task,
     end_effector_jacobian,
     generalized_determinant,
-    generalized_jacobian,
     inertia_matrices,
     momentum_map,
     system_matrix,
     system_matrix_derivative,
 )
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import rotation_matrix, rotation_vector_between
 from tests.motions import relative
 from tests.robots import (
@@ -32,17 +30,19 @@ from tests.robots import (
 )
 
 
-def loaded(robot: Robot, **options: object) -> FreeFloatingModel:
-    return FreeFloatingModel.from_urdf(robot.text, robot.end_effector, **options)
+def loaded(robot: Robot, **options: object) -> ff.FreeFloatingModel:
+    return ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector, **options)
 
 
 def test_dynamic_singularity_is_not_kinematic() -> None:
     """A free-floating planar arm is singular at elbow angles where a fixed-base arm is not."""
     table = [10, 4, 3], [0.8, 0.333, 0.25], [0.5, 0.5], [0.5, 0.5, 0.5]
-    model = FreeFloatingModel.from_urdf(planar_robot(*table))
+    model = ff.FreeFloatingModel.from_urdf(planar_robot(*table))
 
     def free(q1: float, q2: float) -> float:
-        return float(np.linalg.det(generalized_jacobian(model, [q1, q2], Task.PLANAR_POSITION)))
+        return float(
+            np.linalg.det(ff.generalized_jacobian(model, [q1, q2], ff.Task.PLANAR_POSITION))
+        )
 
     count = 0
     for q2 in np.arcsin([0.2, 0.3, 0.4, 0.5]):
@@ -51,7 +51,7 @@ def test_dynamic_singularity_is_not_kinematic() -> None:
         for i in np.flatnonzero(values[:-1] * values[1:] < 0.0):
             q1 = brentq(free, grid[i], grid[i + 1], args=(q2,), xtol=1e-15)
             fixed_base = end_effector_jacobian(model, [q1, q2])[:2, 6:]
-            S = generalized_jacobian(model, [q1, q2], Task.PLANAR_POSITION)
+            S = ff.generalized_jacobian(model, [q1, q2], ff.Task.PLANAR_POSITION)
             assert abs(np.linalg.det(S)) < 1e-13
             assert np.linalg.det(fixed_base) == pytest.approx(np.sin(q2), abs=1e-12)
             count += 1
@@ -62,7 +62,7 @@ def test_dynamic_singularity_is_not_kinematic() -> None:
 
 
 def summed_momentum(
-    model: FreeFloatingModel, attitude: np.ndarray, joints: np.ndarray, v: np.ndarray
+    model: ff.FreeFloatingModel, attitude: np.ndarray, joints: np.ndarray, v: np.ndarray
 ) -> np.ndarray:
     """Linear momentum, and angular momentum about the centre of mass: a sum over the bodies."""
     R = rotation_matrix(attitude)
@@ -111,7 +111,7 @@ def test_generalized_jacobian_is_the_derivative_of_the_pose(
     q = data.draw(joint_values(model.dof))
     D, Dq = inertia_matrices(model, q)
     R0, h = Rotation.from_quat(attitude), 1e-5
-    S = generalized_jacobian(model, q)
+    S = ff.generalized_jacobian(model, q)
     for i, rate in enumerate(np.eye(model.dof)):
         w = -np.linalg.solve(D, Dq @ rate)
         before, after = (
@@ -133,23 +133,23 @@ def test_scaling_every_mass_changes_nothing(data: st.DataObject, robot: Robot) -
     """All masses and inertias times 7.3: the same S*, and momenta times 7.3."""
     light, heavy = loaded(robot), loaded(robot, scale_mass=7.3)
     q = data.draw(joint_values(light.dof))
-    assert relative(generalized_jacobian(heavy, q), generalized_jacobian(light, q)) < 1e-11
+    assert relative(ff.generalized_jacobian(heavy, q), ff.generalized_jacobian(light, q)) < 1e-11
     assert relative(momentum_map(heavy, q), 7.3 * momentum_map(light, q)) < 1e-12
 
 
-def test_tasks_are_rows_of_the_twist(spatial_6dof: FreeFloatingModel) -> None:
+def test_tasks_are_rows_of_the_twist(spatial_6dof: ff.FreeFloatingModel) -> None:
     """Position is the linear half of the pose; planar tasks have x, y and the rotation about z.
 
     For pointing see test_pointing.py.
     """
     q = np.array([0.3, -0.4, 1.1, 0.2, 0.9, -0.5])
-    S = generalized_jacobian(spatial_6dof, q)
-    np.testing.assert_array_equal(generalized_jacobian(spatial_6dof, q, Task.POSITION), S[:3])
-    np.testing.assert_array_equal(generalized_jacobian(spatial_6dof, q, "position"), S[:3])
+    S = ff.generalized_jacobian(spatial_6dof, q)
+    np.testing.assert_array_equal(ff.generalized_jacobian(spatial_6dof, q, ff.Task.POSITION), S[:3])
+    np.testing.assert_array_equal(ff.generalized_jacobian(spatial_6dof, q, "position"), S[:3])
     space, plane = [[0, 1, 2, 3, 4, 5], [0, 1, 2, 3, 4], [0, 1, 2]], [[0, 1, 5], [0, 1]]
-    assert [task.rows for task in Task] == [*space, *plane]
-    assert [task.planar for task in Task] == [False, False, False, True, True]
-    assert [task.prescribes_orientation for task in Task] == [True, True, False, True, False]
+    assert [task.rows for task in ff.Task] == [*space, *plane]
+    assert [task.planar for task in ff.Task] == [False, False, False, True, True]
+    assert [task.prescribes_orientation for task in ff.Task] == [True, True, False, True, False]
 
 
 # --------------------------------------------------------------------------------- the equation
@@ -165,13 +165,13 @@ def test_rates_give_the_twist_and_keep_the_momentum(
     q = data.draw(st.lists(st.floats(0.3, 1.2), min_size=model.dof, max_size=model.dof))
     rng = np.random.default_rng(len(q))
     h, twist, q = rng.normal(size=3), rng.normal(size=6), np.array(q)
-    w, rates = ResolvedRateSolver(model, Task.POSE, h).rates(attitude, q, twist)
+    w, rates = ResolvedRateSolver(model, ff.Task.POSE, h).rates(attitude, q, twist)
     R = rotation_matrix(attitude)
     v = np.concatenate([w, rates])
     right = np.concatenate([R.T @ h, R.T @ twist[:3], R.T @ twist[3:]])
     A = system_matrix(model, q)
     assert np.abs(A @ v - right).max() < 1e-11 * np.abs(A).max() * max(1.0, np.abs(v).max())
-    S = generalized_jacobian(model, q)
+    S = ff.generalized_jacobian(model, q)
     null = np.linalg.svd(S)[2][6:]
     assert np.abs(null @ rates).max(initial=0.0) < 1e-9 * max(1.0, np.abs(rates).max())
 
@@ -181,14 +181,14 @@ def test_determinants_need_no_jacobian(data: st.DataObject, robot: Robot) -> Non
     """det S*, with its sign, whatever its size."""
     model = loaded(robot)
     q = data.draw(joint_values(6))
-    S = generalized_jacobian(model, q)
+    S = ff.generalized_jacobian(model, q)
     size = np.prod(np.linalg.norm(S, axis=1))
     assert generalized_determinant(model, q) == pytest.approx(np.linalg.det(S), abs=1e-11 * size)
 
 
 @given(data=st.data(), robot=robots(st.text("RCP", min_size=6, max_size=7)))
-@pytest.mark.parametrize("task", [Task.POSE, Task.POSITION])
-def test_derivative_of_the_system_matrix(task: Task, data: st.DataObject, robot: Robot) -> None:
+@pytest.mark.parametrize("task", [ff.Task.POSE, ff.Task.POSITION])
+def test_derivative_of_the_system_matrix(task: ff.Task, data: st.DataObject, robot: Robot) -> None:
     """Compared with central differences, for links whose centres of mass move."""
     model = loaded(robot)
     q, step = data.draw(joint_values(model.dof)), 1e-5
@@ -200,54 +200,56 @@ def test_derivative_of_the_system_matrix(task: Task, data: st.DataObject, robot:
     np.testing.assert_allclose(derivative, differences, atol=1e-7 * np.abs(differences).max())
 
 
-def test_derivative_of_the_planar_system_matrix(planar_3dof: FreeFloatingModel) -> None:
+def test_derivative_of_the_planar_system_matrix(planar_3dof: ff.FreeFloatingModel) -> None:
     q, rates, step = np.array([0.4, -1.1, 0.6]), np.array([0.3, 1.0, -0.7]), 1e-5
-    task = Task.PLANAR_POSE
+    task = ff.Task.PLANAR_POSE
     ahead, behind = (system_matrix(planar_3dof, q + x * rates, task) for x in (step, -step))
     derivative = system_matrix_derivative(planar_3dof, q, rates, task)
     np.testing.assert_allclose(derivative, (ahead - behind) / (2.0 * step), atol=1e-7)
 
 
-def test_system_matrices_of_many_joints(spatial_6dof: FreeFloatingModel) -> None:
+def test_system_matrices_of_many_joints(spatial_6dof: ff.FreeFloatingModel) -> None:
     q, rates = np.random.default_rng(8).normal(size=(2, 3, 6))
-    matrices = system_matrix(spatial_6dof, q, Task.POSITION)
-    derivatives = system_matrix_derivative(spatial_6dof, q, rates, Task.POSITION)
+    matrices = system_matrix(spatial_6dof, q, ff.Task.POSITION)
+    derivatives = system_matrix_derivative(spatial_6dof, q, rates, ff.Task.POSITION)
     for k in range(3):
-        A = system_matrix(spatial_6dof, q[k], Task.POSITION)
-        dA = system_matrix_derivative(spatial_6dof, q[k], rates[k], Task.POSITION)
+        A = system_matrix(spatial_6dof, q[k], ff.Task.POSITION)
+        dA = system_matrix_derivative(spatial_6dof, q[k], rates[k], ff.Task.POSITION)
         np.testing.assert_allclose(matrices[k], A, atol=1e-12)
         np.testing.assert_allclose(derivatives[k], dA, atol=1e-12)
 
 
 def test_rates_are_infinite_where_the_matrix_is_singular() -> None:
     """A straight massless arm cannot move its end-effector outward."""
-    fixed_base = FreeFloatingModel.from_urdf(planar_robot([5, 0, 0], [1, 0, 0], [1, 1], [0, 0, 0]))
-    solver = ResolvedRateSolver(fixed_base, Task.PLANAR_POSITION, [0.0, 0.0, 0.0])
+    fixed_base = ff.FreeFloatingModel.from_urdf(
+        planar_robot([5, 0, 0], [1, 0, 0], [1, 1], [0, 0, 0])
+    )
+    solver = ResolvedRateSolver(fixed_base, ff.Task.PLANAR_POSITION, [0.0, 0.0, 0.0])
     w, rates = solver.rates(np.array([0.0, 0, 0, 1]), np.zeros(2), np.eye(6)[0])
     assert np.isinf([*w, *rates]).all()
-    redundant = FreeFloatingModel.from_urdf(
+    redundant = ff.FreeFloatingModel.from_urdf(
         planar_robot([5, 0, 0, 0], [1, 0, 0, 0], [1] * 3, [0] * 4)
     )
-    solver = ResolvedRateSolver(redundant, Task.PLANAR_POSITION, [0.0, 0.0, 0.0])
+    solver = ResolvedRateSolver(redundant, ff.Task.PLANAR_POSITION, [0.0, 0.0, 0.0])
     _, rates = solver.rates(np.array([0.0, 0, 0, 1]), np.zeros(3), np.eye(6)[0])
     assert not np.isfinite(rates).all()
 
 
-def test_planar_jacobian_is_part_of_the_spatial_one(planar_3dof: FreeFloatingModel) -> None:
+def test_planar_jacobian_is_part_of_the_spatial_one(planar_3dof: ff.FreeFloatingModel) -> None:
     """A planar arm's S* is the x, y and rotation rows of its spatial one, the others vanish."""
     q = np.array([0.5, -1.2, 0.7])
-    spatial = generalized_jacobian(planar_3dof, q)
-    planar = generalized_jacobian(planar_3dof, q, Task.PLANAR_POSE)
+    spatial = ff.generalized_jacobian(planar_3dof, q)
+    planar = ff.generalized_jacobian(planar_3dof, q, ff.Task.PLANAR_POSE)
     assert relative(spatial[[0, 1, 5]], planar) < 1e-13
     assert np.abs(spatial[[2, 3, 4]]).max() < 1e-14
 
 
-def test_planar_determinants_need_no_jacobian(planar_3dof: FreeFloatingModel) -> None:
+def test_planar_determinants_need_no_jacobian(planar_3dof: ff.FreeFloatingModel) -> None:
     """In the plane, too, and on both sides of the singular curve."""
     signs = set()
     for q in ([0.5, -1.2, 0.7], [0.5, 1.2, 0.7], [-2.0, 0.01, 3.0]):
-        S = np.linalg.det(generalized_jacobian(planar_3dof, q, Task.PLANAR_POSE))
-        value = generalized_determinant(planar_3dof, q, Task.PLANAR_POSE)
+        S = np.linalg.det(ff.generalized_jacobian(planar_3dof, q, ff.Task.PLANAR_POSE))
+        value = generalized_determinant(planar_3dof, q, ff.Task.PLANAR_POSE)
         assert value == pytest.approx(S, rel=1e-11)
         signs.add(np.sign(value))
     assert signs == {-1.0, 1.0}

@@ -12,15 +12,11 @@ import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
 
+import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.io.scenario.scenario import load_scenario
 from freefloat.lockstep.cache_files import CheckedCacheFile
 from freefloat.lockstep.compilation import compiled
-from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
-from freefloat.paths.timing import TimedPath, Timing
-from freefloat.planning.simulation import simulate
 
 HELPER = """
 from freefloat.lockstep.compilation import compiled
@@ -128,20 +124,20 @@ def signatures() -> dict[str, int]:
 
 def test_integers_and_read_only_arrays_need_no_further_compilation() -> None:
     """Compiling the kernels again would take a quarter of a minute."""
-    problem = load_scenario("spatial_6dof/line").problem()
+    problem = ff.load_scenario("spatial_6dof/line").problem()
     used(problem)
     before = signatures()
-    path = TimedPath(problem.path.path, Timing(round(problem.path.duration)))
-    margin = Margin(problem.margin.measure, round(problem.margin.threshold))
-    whole = Problem(problem.model, path, problem.task, (0, 0, 1), margin)
+    path = ff.TimedPath(problem.path.path, ff.Timing(round(problem.path.duration)))
+    margin = ff.Margin(problem.margin.measure, round(problem.margin.threshold))
+    whole = ff.Problem(problem.model, path, problem.task, (0, 0, 1), margin)
     used(whole)
     assert before["freefloat.ensemble.kernels.integration.integrate_many"] > 0
     assert signatures() == before
 
 
-def used(problem: Problem) -> Motion:
+def used(problem: ff.Problem) -> Motion:
     """The chosen motion, after all kernels have been called."""
     attitude = np.array([0.0, 0.0, 0.0, 1.0])
     results = FeasibilityEvaluator(problem, 1).evaluate(attitude[None], stop_at_margin=True)
     assert (results.motions.endings >= 0).any()
-    return simulate(problem, attitude).chosen.motion
+    return ff.simulate(problem, attitude).chosen.motion

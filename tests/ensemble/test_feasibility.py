@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import freefloat as ff
 from freefloat.attitude_grids import attitude_grid
-from freefloat.dynamics.measures import singularity_measure
 from freefloat.ensemble.endings import COMPLETED, SINGULAR, UNREACHED
 from freefloat.ensemble.feasibility import (
     BranchResults,
@@ -18,10 +18,6 @@ from freefloat.ensemble.feasibility import (
     has_wrist_flipped_branches,
 )
 from freefloat.errors import UnreachableError
-from freefloat.motion.margin import Margin
-from freefloat.motion.problem import Problem
-from freefloat.planning.simulation import simulate
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
 from freefloat.so3 import angle_between, heading_quaternion
 from tests.ensembles import CODES
@@ -45,7 +41,7 @@ CASES = [("spatial_6dof/line", 3), ("planar_3dof/parabola", 9), ("ur5_servicer/a
 
 
 @cache
-def evaluated(name: str, count: int) -> tuple[Problem, np.ndarray, BranchResults]:
+def evaluated(name: str, count: int) -> tuple[ff.Problem, np.ndarray, BranchResults]:
     problem, attitudes = bundled(name), attitudes_for(name, count)
     return problem, attitudes, FeasibilityEvaluator(problem, 1).evaluate(attitudes)
 
@@ -59,7 +55,7 @@ def test_results_are_those_of_simulations(name: str, count: int) -> None:
     for k, attitude in enumerate(attitudes):
         numbers = np.flatnonzero(results.motions.endings[k] != UNREACHED)
         try:
-            simulation = simulate(problem, attitude)
+            simulation = ff.simulate(problem, attitude)
         except UnreachableError:
             assert len(numbers) == 0
             continue
@@ -128,7 +124,7 @@ def test_stopping_at_the_margin_changes_no_verdict(name: str, count: int) -> Non
     problem, attitudes, results = evaluated(name, count)
     margins = np.sort(results.margins[results.margins > 0.0])
     level = float(margins[len(margins) // 2 : len(margins) // 2 + 2].mean())
-    strict = replace(problem, margin=Margin(problem.margin.measure, level))
+    strict = replace(problem, margin=ff.Margin(problem.margin.measure, level))
     evaluator = FeasibilityEvaluator(strict, 1)
     stopped = evaluator.evaluate(attitudes, stop_at_margin=True)
     keeps = results.motions.keeps(level)
@@ -144,7 +140,7 @@ def test_stopping_at_the_margin_changes_no_verdict(name: str, count: int) -> Non
         alone = evaluator.keeps(attitudes, branch)
         np.testing.assert_array_equal(alone[clear], keeps[clear, branch])
     for k in np.flatnonzero((results.motions.endings != UNREACHED).any(axis=1))[:1]:
-        for arm in simulate(strict, attitudes[k], stop_at_margin=True).branches:
+        for arm in ff.simulate(strict, attitudes[k], stop_at_margin=True).branches:
             nearly = abs(results.motions.minimum[k, arm.branch.index] / level - 1.0) < 3e-3
             assert nearly or arm.motion.completed == keeps[k, arm.branch.index]
 
@@ -155,7 +151,7 @@ def test_attitudes_out_of_reach_have_no_results() -> None:
     averted = Rotation.from_rotvec([[np.pi, 0.0, 0.0], [0.0, 3.0, 0.0]]).as_quat()
     for attitude in averted:
         with pytest.raises(UnreachableError):
-            simulate(problem, attitude)
+            ff.simulate(problem, attitude)
     evaluator = FeasibilityEvaluator(problem, 1)
     results = evaluator.evaluate(averted)
     assert (results.motions.endings == UNREACHED).all()
@@ -173,7 +169,7 @@ def test_branches_of_a_redundant_arm() -> None:
     numbers = np.flatnonzero(results.motions.endings[0] != UNREACHED)
     assert len(numbers) > 3
     for branch in numbers[:2]:
-        simulation = simulate(problem, attitude[0], joints=results.joints[0, branch])
+        simulation = ff.simulate(problem, attitude[0], joints=results.joints[0, branch])
         motion = simulation.chosen.motion
         assert results.motions.endings[0, branch] == CODES[motion.ending]
         if motion.completed:
@@ -183,16 +179,16 @@ def test_branches_of_a_redundant_arm() -> None:
 
 
 @cache
-def heavy_wrist() -> Problem:
+def heavy_wrist() -> ff.Problem:
     """Example 2 with ten kilograms a decimetre off the axis of the last joint."""
     light = bundled("spatial_6dof/line")
     text = (models_folder() / "spatial_6dof" / "spatial_6dof.urdf").read_text()
     before, after = text.split('<link name="link_5">')
     mass = '<origin xyz="0 0 0.1"/><mass value="10"/>'
     text = before + '<link name="link_5">' + after.replace('<mass value="1e-6"/>', mass, 1)
-    model = FreeFloatingModel.from_urdf(text, "end_effector")
-    margin = Margin(singularity_measure(model, light.task, "gjm"), 0.0)
-    return Problem(model, light.path, light.task, light.momentum, margin)
+    model = ff.FreeFloatingModel.from_urdf(text, "end_effector")
+    margin = ff.Margin(ff.singularity_measure(model, light.task, "gjm"), 0.0)
+    return ff.Problem(model, light.path, light.task, light.momentum, margin)
 
 
 def test_wrist_flipped_branches_need_a_perpendicular_massless_wrist() -> None:
@@ -208,9 +204,9 @@ def test_mass_inside_the_wrist_distinguishes_wrist_flipped_branches(link: str) -
     light = bundled("spatial_6dof/line")
     urdf = models_folder() / "spatial_6dof" / "spatial_6dof.urdf"
     for factor, wrist_flipped_branches in ((10.0, True), (1e3, False)):
-        model = FreeFloatingModel.from_urdf(urdf, "end_effector", scale_mass={link: factor})
-        margin = Margin(singularity_measure(model, light.task, "gjm"), 0.0)
-        problem = Problem(model, light.path, light.task, light.momentum, margin)
+        model = ff.FreeFloatingModel.from_urdf(urdf, "end_effector", scale_mass={link: factor})
+        margin = ff.Margin(ff.singularity_measure(model, light.task, "gjm"), 0.0)
+        problem = ff.Problem(model, light.path, light.task, light.momentum, margin)
         assert has_wrist_flipped_branches(problem) is wrist_flipped_branches, (link, factor)
 
 
@@ -256,6 +252,6 @@ def test_heavy_wrists_have_distinct_branches() -> None:
     results = FeasibilityEvaluator(problem, 1).evaluate(attitudes)
     apart = np.abs(results.margins[:, ::2] - results.margins[:, 1::2])
     assert apart.max() > 1e-3 * results.margins.max()
-    for arm in simulate(problem, attitudes[0]).branches:
+    for arm in ff.simulate(problem, attitudes[0]).branches:
         value = arm.closest_approach.value if arm.motion.completed else 0.0
         assert results.margins[0, arm.branch.index] == pytest.approx(value, rel=1e-3)

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from freefloat.dynamics.momentum import Task
-from freefloat.dynamics.redundancy import Redundancy
+import freefloat as ff
 from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.kernels import flow as flow_kernels
@@ -17,9 +16,9 @@ from tests.redundant import ARMS, choices, redundant
 
 EVERYTHING = [(*arm, k) for arm in ARMS for k in range(9)]
 LEAST_BASE_RATE = [
-    *((*arm, Redundancy("base")) for arm in [*ARMS, ("RRRRRRR", Task.POSITION)]),
-    *((*arm, Redundancy("base", toward, 0.8, 2.0))
-      for arm in [("RRRRRRR", Task.POSITION), ("5", Task.PLANAR_POSITION)]
+    *((*arm, ff.Redundancy("base")) for arm in [*ARMS, ("RRRRRRR", ff.Task.POSITION)]),
+    *((*arm, ff.Redundancy("base", toward, 0.8, 2.0))
+      for arm in [("RRRRRRR", ff.Task.POSITION), ("5", ff.Task.PLANAR_POSITION)]
       for toward in ("sigma", "middle")),
 ]  # fmt: skip
 

@@ -6,21 +6,20 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.momentum import Task
+import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.branches import (
     arm_branches,
     many_arm_branches,
     search_arm_branches,
 )
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Pose
 from tests.motions import gaps, virtual_jacobian
 from tests.robots import random_robot
 
 
 def random_poses(
-    model: FreeFloatingModel, count: int, rng: np.random.Generator
+    model: ff.FreeFloatingModel, count: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Positions and rotations that an arm reaches, and the joint values they came from."""
     q = rng.uniform(-np.pi, np.pi, (count, model.dof))
@@ -29,7 +28,7 @@ def random_poses(
 
 
 def brute_force(
-    model: FreeFloatingModel, position: np.ndarray, rotation: np.ndarray, starts: np.ndarray
+    model: ff.FreeFloatingModel, position: np.ndarray, rotation: np.ndarray, starts: np.ndarray
 ) -> list[np.ndarray]:
     """Plain Newton steps of at most half a radian by least squares: few starts arrive."""
     virtual, q = VirtualManipulator.of(model), starts.copy()
@@ -51,11 +50,11 @@ def brute_force(
 
 @pytest.mark.parametrize(
     ("robot", "task"),
-    [("spatial_6dof", Task.POSE), ("ur5", Task.POSE), ("ur5", Task.POSITION),
-     ("planar_3dof", Task.PLANAR_POSE), ("planar_3dof", Task.PLANAR_POSITION)],
+    [("spatial_6dof", ff.Task.POSE), ("ur5", ff.Task.POSE), ("ur5", ff.Task.POSITION),
+     ("planar_3dof", ff.Task.PLANAR_POSE), ("planar_3dof", ff.Task.PLANAR_POSITION)],
 )  # fmt: skip
 def test_branches_of_many_poses_are_those_of_each_pose(
-    robot: str, task: Task, request: pytest.FixtureRequest, rng: np.random.Generator
+    robot: str, task: ff.Task, request: pytest.FixtureRequest, rng: np.random.Generator
 ) -> None:
     """To the last bit: closed forms, searches, redundant arms; unreachable poses included."""
     model = request.getfixturevalue(robot)
@@ -73,10 +72,10 @@ def test_branches_of_many_poses_are_those_of_each_pose(
 
 
 def test_nan_poses_have_no_branches(
-    spatial_6dof: FreeFloatingModel, ur5: FreeFloatingModel
+    spatial_6dof: ff.FreeFloatingModel, ur5: ff.FreeFloatingModel
 ) -> None:
     for model in (spatial_6dof, ur5):
-        assert arm_branches(model, Pose([np.nan, 0, 0], np.eye(3)), Task.POSE) == ()
+        assert arm_branches(model, Pose([np.nan, 0, 0], np.eye(3)), ff.Task.POSE) == ()
 
 
 # ------------------------------------------------------------------------------ nothing missed
@@ -90,7 +89,7 @@ def test_a_search_finds_what_brute_force_finds(
     """Another Newton's method from random starts finds no configuration that is not known."""
     model = request.getfixturevalue(robot)
     positions, rotations, _ = random_poses(model, 3, rng)
-    sets = search_arm_branches(model, positions, rotations, Task.POSE)
+    sets = search_arm_branches(model, positions, rotations, ff.Task.POSE)
     total = 0
     for k in range(3):
         brute = brute_force(model, positions[k], rotations[k], rng.uniform(-np.pi, np.pi, (150, 6)))
@@ -101,12 +100,12 @@ def test_a_search_finds_what_brute_force_finds(
 
 
 def test_closed_form_and_search_agree_on_names_and_joints(
-    spatial_6dof: FreeFloatingModel, rng: np.random.Generator
+    spatial_6dof: ff.FreeFloatingModel, rng: np.random.Generator
 ) -> None:
     """The same configurations; equal signs of elbow and wrist have the same signs."""
     positions, rotations, _ = random_poses(spatial_6dof, 40, rng)
-    closed = many_arm_branches(spatial_6dof, positions, rotations, Task.POSE)
-    search = search_arm_branches(spatial_6dof, positions, rotations, Task.POSE)
+    closed = many_arm_branches(spatial_6dof, positions, rotations, ff.Task.POSE)
+    search = search_arm_branches(spatial_6dof, positions, rotations, ff.Task.POSE)
     assert closed.labels == search.labels
     assert search.exist[:, :8].all()
     assert not search.exist[:, 8:].any()
@@ -122,11 +121,11 @@ def test_closed_form_and_search_agree_on_names_and_joints(
 
 
 def test_signs_identify_the_branches_of_the_ur5(
-    ur5: FreeFloatingModel, rng: np.random.Generator
+    ur5: ff.FreeFloatingModel, rng: np.random.Generator
 ) -> None:
     """Nearly everywhere each name is used once; a name's sign of the determinant is its signs'."""
     positions, rotations, _ = random_poses(ur5, 200, rng)
-    sets = many_arm_branches(ur5, positions, rotations, Task.POSE)
+    sets = many_arm_branches(ur5, positions, rotations, ff.Task.POSE)
     assert sets.exist[:, 8:].any(axis=1).mean() <= 0.005
     J = virtual_jacobian(VirtualManipulator.of(ur5), sets.joints[sets.exist])
     names = sets.names[sets.exist]
@@ -134,12 +133,14 @@ def test_signs_identify_the_branches_of_the_ur5(
     np.testing.assert_array_equal(np.sign(np.linalg.det(J)), signs)
 
 
-def test_names_of_the_ur5_are_continuous(ur5: FreeFloatingModel, rng: np.random.Generator) -> None:
+def test_names_of_the_ur5_are_continuous(
+    ur5: ff.FreeFloatingModel, rng: np.random.Generator
+) -> None:
     """What has one name at neighbouring attitudes is one continuous motion, off singularities."""
     position, rotation, _ = random_poses(ur5, 1, rng)
     rotations_along = Rotation.from_rotvec(np.outer(np.linspace(0.0, 0.6, 241), [0.4, -0.7, 0.5]))
     R = rotations_along.as_matrix()
-    sets = many_arm_branches(ur5, R @ position[0], R @ rotation[0], Task.POSE)
+    sets = many_arm_branches(ur5, R @ position[0], R @ rotation[0], ff.Task.POSE)
     both = (sets.names[1:] >= 0) & (sets.names[1:] == sets.names[:-1])
     moved = gaps(sets.joints[1:][both], sets.joints[:-1][both])
     slowest = np.linalg.svd(
@@ -153,9 +154,9 @@ def test_names_of_the_ur5_are_continuous(ur5: FreeFloatingModel, rng: np.random.
 def test_branches_of_equal_signs_have_distinct_labels(rng: np.random.Generator) -> None:
     """A random arm: the second stands at place 8 or beyond, called b."""
     robot = random_robot(rng, "RRRRRR")
-    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
     positions, rotations, _ = random_poses(model, 60, rng)
-    sets = many_arm_branches(model, positions, rotations, Task.POSE)
+    sets = many_arm_branches(model, positions, rotations, ff.Task.POSE)
     assert sets.exist[:, 8:].any()
     first = sets.names[:, :8]
     assert np.isin(first - np.arange(8), [0, *range(-8, 0)]).all()

@@ -16,17 +16,12 @@ import lxml.html
 import numpy as np
 import pytest
 
-from freefloat.errors import InputError
-from freefloat.io.scenario.scenario import load_scenario
+import freefloat as ff
 from freefloat.paths.path import samples_text
-from freefloat.planning.simulation import simulate
 from freefloat.robot.meshes import read_mesh
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import MeshFileError, find_mesh
 from freefloat.robot.validation import examine
 from freefloat.so3 import heading_quaternion
-from freefloat.studies.study import load_study
-from freefloat.visualization.page.playback import playback
 from tests import samples as good
 from tests.errors import error_key
 from tests.example_studies import BASE, write_study
@@ -62,8 +57,8 @@ THIEF = '<!DOCTYPE robot [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot name="
 )
 def test_urdfs_that_would_cost_too_much_are_refused(text: str) -> None:
     begin = time.process_time()
-    with pytest.raises(InputError):
-        FreeFloatingModel.from_urdf(text)
+    with pytest.raises(ff.InputError):
+        ff.FreeFloatingModel.from_urdf(text)
     examine(text)
     assert time.process_time() - begin < 3.0
 
@@ -90,8 +85,8 @@ def test_names_of_meshes_that_are_no_addresses_are_refused(name: str) -> None:
 def test_devices_and_pipes_are_not_read(name: str) -> None:
     """They never end."""
     for read, error in (
-        (lambda: samples_text(name), InputError),
-        (lambda: FreeFloatingModel.from_urdf(Path(name)), InputError),
+        (lambda: samples_text(name), ff.InputError),
+        (lambda: ff.FreeFloatingModel.from_urdf(Path(name)), ff.InputError),
         (lambda: find_mesh(name, "robot.urdf"), MeshFileError),
     ):
         with pytest.raises(error):
@@ -104,22 +99,22 @@ def test_devices_and_pipes_are_not_read(name: str) -> None:
 def test_no_yaml_runs_code(folder: Path) -> None:
     for text in ("!!python/object/apply:os.system [touch pwned]", "&a [*a, *a]"):
         (folder / "evil.yaml").write_text(PARABOLA.replace("planar-pose", text))
-        assert error_key(load_scenario, "evil.yaml") == "file"
+        assert error_key(ff.load_scenario, "evil.yaml") == "file"
     assert not (folder / "pwned").exists()
 
 
 def test_studies_that_would_take_all_memory_are_refused_at_once(tmp_path: Path) -> None:
     many = {f"robot.held.q{n}": {"range": [0, 1, 1e-6]} for n in range(100)}
-    assert error_key(load_study, write_study(tmp_path, many)).startswith("vary")
+    assert error_key(ff.load_study, write_study(tmp_path, many)).startswith("vary")
     wide = {"momentum": {"grid": {"from": [0] * 99, "to": [1] * 99, "count": [10**6] + [1] * 98}}}
-    assert error_key(load_study, write_study(tmp_path, wide)).startswith("vary")
+    assert error_key(ff.load_study, write_study(tmp_path, wide)).startswith("vary")
 
 
 @pytest.mark.slow
 def test_very_many_invalid_runs_are_refused_at_once(tmp_path: Path) -> None:
     begin = time.process_time()
-    with pytest.raises(InputError):
-        load_study(write_study(tmp_path, {"momentum.2": {"range": [0.0, 0.999, 1e-5]}},
+    with pytest.raises(ff.InputError):
+        ff.load_study(write_study(tmp_path, {"momentum.2": {"range": [0.0, 0.999, 1e-5]}},
                                base=BASE | {"timing": {"duration": "long"}}))  # fmt: skip
     assert time.process_time() - begin < 8.0
 
@@ -156,14 +151,14 @@ def test_pictures_of_meshes_are_plain_files_beside_them(picture: str, folder: Pa
 
 @pytest.mark.slow
 def test_names_in_a_robot_stay_names_on_its_page() -> None:
-    pages, problem = [], load_scenario("planar_3dof/parabola").problem()
+    pages, problem = [], ff.load_scenario("planar_3dof/parabola").problem()
     for name in ("", good.NAME):
         text = good.bundled("planar_3dof")[0].decode()
         for part in ("planar_3dof", "spacecraft", "link_1", "q1", "solar"):
             text = text.replace(f'"{part}"', f'"{part}{html.escape(name)}"')
-        robot = replace(problem, model=FreeFloatingModel.from_urdf(text, "end_effector"))
-        motion = simulate(robot, heading_quaternion(np.radians(200.0)), branch=0).chosen.motion
-        page = playback({f"a{name}": motion}, title=f"b{name}").html()
+        robot = replace(problem, model=ff.FreeFloatingModel.from_urdf(text, "end_effector"))
+        motion = ff.simulate(robot, heading_quaternion(np.radians(200.0)), branch=0).chosen.motion
+        page = ff.playback({f"a{name}": motion}, title=f"b{name}").html()
         pages.append(lxml.html.fromstring(page, parser=lxml.html.HTMLParser(huge_tree=True)))
     plain, hostile = (Counter(element.tag for element in page.iter()) for page in pages)
     assert plain == hostile

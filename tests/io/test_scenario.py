@@ -13,15 +13,9 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.momentum import Task
-from freefloat.errors import InputError
-from freefloat.io.scenario.scenario import Scenario, load_scenario, scenario_of
-from freefloat.limits.limits import Limits
-from freefloat.motion.problem import Problem
-from freefloat.paths.curves import Curve
-from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.timing import TimeLaw
-from freefloat.robot.model import FreeFloatingModel
+import freefloat as ff
+from freefloat.io.scenario.scenario import Scenario, scenario_of
+from freefloat.paths import Curve, TimeLaw
 from freefloat.so3 import Pose, unit_quaternion
 from tests.errors import error_key
 
@@ -63,14 +57,14 @@ def folder(tmp_path: Path) -> Path:
 def scenario(folder: Path, path: str = f"{LINE}, {UPRIGHT}", **rest: str) -> Scenario:
     file = folder / "scenario.yaml"
     file.write_text(scenario_text(path, **rest))
-    return load_scenario(file)
+    return ff.load_scenario(file)
 
 
-def problem(folder: Path, path: str = f"{LINE}, {UPRIGHT}", **rest: str) -> Problem:
+def problem(folder: Path, path: str = f"{LINE}, {UPRIGHT}", **rest: str) -> ff.Problem:
     return scenario(folder, path, **rest).problem()
 
 
-def path_of(folder: Path, path: str, **rest: str) -> EndEffectorPath:
+def path_of(folder: Path, path: str, **rest: str) -> ff.EndEffectorPath:
     return problem(folder, path, **rest).path.path
 
 
@@ -82,8 +76,8 @@ def close(values: Any, wanted: Any, tolerance: float = 1e-12) -> bool:
 
 
 def test_example_1_is_the_papers() -> None:
-    example = load_scenario("planar_3dof/parabola").problem()
-    assert example.task is Task.PLANAR_POSE
+    example = ff.load_scenario("planar_3dof/parabola").problem()
+    assert example.task is ff.Task.PLANAR_POSE
     assert close(example.momentum, [0, 0, 0.5])
     assert close(example.path.path.pose(0.0).position, [2, 0, 0])
     assert close(example.path.path.pose(1.0).position, [-1, 2, 0])
@@ -101,9 +95,9 @@ def test_example_1_is_the_papers() -> None:
 
 
 def test_example_2_is_the_papers() -> None:
-    example = load_scenario("spatial_6dof/line").problem()
+    example = ff.load_scenario("spatial_6dof/line").problem()
     normal = np.array([0.4683, 1.1683, -0.7])
-    assert example.task is Task.POSE
+    assert example.task is ff.Task.POSE
     assert close(example.momentum, [0.5, 0.3, 0.1])
     start, end = example.path.pose(0.0), example.path.pose(100.0)
     assert close(start.position, [1, 0, 0])
@@ -140,7 +134,7 @@ def test_samples_are_found_beside_the_scenario_and_not_in_the_working_folder(
 
 def test_a_bad_row_after_blank_lines_is_refused_with_its_line_in_the_file(folder: Path) -> None:
     (folder / "path.csv").write_text("x,y,z\n\n\n1,0,0\n0,oops,0\n")
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(ff.InputError) as caught:
         problem(folder, f"samples: path.csv, {UPRIGHT}")
     assert "0,oops,0" in caught.value.problem
     assert "5" in f"{caught.value.key} {caught.value.problem}", "the number of the line"
@@ -214,7 +208,7 @@ def test_a_pointing_axis_is_toward_its_target(folder: Path) -> None:
 
 
 def test_a_pose_task_needs_one(folder: Path) -> None:
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(ff.InputError) as caught:
         problem(folder, LINE)
     assert caught.value.key == "path.attitude"
     assert caught.value.accepted == "fixed, slerp, follow or point_at"
@@ -258,7 +252,7 @@ def test_a_margin_can_be_a_magnitude_or_zero(measure: str, folder: Path) -> None
 # --- which robot ----------------------------------------------------------------------------------
 
 
-def robot(folder: Path, rest: str) -> FreeFloatingModel:
+def robot(folder: Path, rest: str) -> ff.FreeFloatingModel:
     section = f"{{urdf: planar_3dof, end_effector: end_effector{rest}}}"
     return scenario(folder, **{**PLANAR, "robot": section}).model()
 
@@ -284,7 +278,7 @@ def test_a_map_of_mass_factors_scales_only_the_links_it_names(folder: Path) -> N
 UR5 = "{urdf: example-robot-data:ur5, end_effector: tool0}"
 
 
-def limits(folder: Path, text: str, robot: str = UR5) -> Limits:
+def limits(folder: Path, text: str, robot: str = UR5) -> ff.Limits:
     return scenario(folder, robot=robot, rest=f"limits: {text}").limits()
 
 
@@ -314,7 +308,7 @@ def test_limits_of_joints_are_a_number_a_map_or_the_urdfs(folder: Path) -> None:
     ],
 )
 def test_invalid_limits_are_refused(text: str, key: str, folder: Path) -> None:
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(ff.InputError) as caught:
         limits(folder, text)
     assert caught.value.key == key
     assert caught.value.source == str(folder / "scenario.yaml")
@@ -347,8 +341,8 @@ def test_an_error_names_file_line_key_and_what_is_accepted(
     assert old in text
     file = folder / "scenario.yaml"
     file.write_text(text.replace(old, new))
-    with pytest.raises(InputError) as caught:
-        load_scenario(file)
+    with pytest.raises(ff.InputError) as caught:
+        ff.load_scenario(file)
     error = caught.value
     assert (error.source, error.key, error.line) == (str(file), key, line)
     assert accepted in error.accepted
@@ -356,9 +350,9 @@ def test_an_error_names_file_line_key_and_what_is_accepted(
 
 def test_a_misspelt_key_and_word_come_with_the_nearest_one(folder: Path) -> None:
     for path, near in ((f"{LINE}, attitud: 3", "attitude"), (f"lien: 3, {UPRIGHT}", "line")):
-        with pytest.raises(InputError, match=f"did you mean {near}"):
+        with pytest.raises(ff.InputError, match=f"did you mean {near}"):
             scenario(folder, path)
-    with pytest.raises(InputError, match="did you mean pose"):
+    with pytest.raises(ff.InputError, match="did you mean pose"):
         scenario(folder, task="poes")
 
 
@@ -418,7 +412,7 @@ PRESENT = (
 )
 
 
-def present(robot: FreeFloatingModel) -> tuple[np.ndarray, np.ndarray, dict[str, Pose]]:
+def present(robot: ff.FreeFloatingModel) -> tuple[np.ndarray, np.ndarray, dict[str, Pose]]:
     """The present attitude and joints, and the frames there."""
     search = yaml.safe_load(PRESENT)["search"]
     attitude = unit_quaternion("", search["from_attitude"])
@@ -502,7 +496,7 @@ def test_frames_and_searches_need_the_present_state(rest: str, key: str, folder:
 # --- the inverse: a problem as a scenario ---------------------------------------------------------
 
 
-def assert_same_problem(found: Problem, wanted: Problem) -> None:
+def assert_same_problem(found: ff.Problem, wanted: ff.Problem) -> None:
     assert found.model is wanted.model
     assert (found.task, found.path.timing) == (wanted.task, wanted.path.timing)
     assert close(found.momentum, wanted.momentum)
@@ -518,7 +512,7 @@ def assert_same_problem(found: Problem, wanted: Problem) -> None:
 
 @pytest.mark.parametrize("name", ["planar_3dof/parabola", "panda_servicer/line", "ets_vii/inspect"])
 def test_a_bundled_problem_is_that_of_its_scenario(name: str) -> None:
-    loaded = load_scenario(name)
+    loaded = ff.load_scenario(name)
     wanted, search, limits = loaded.problem(), loaded.search(), loaded.limits()
     again = scenario_of(wanted, search, limits)
     assert_same_problem(again.problem(), wanted)
@@ -561,7 +555,7 @@ def test_a_curve_of_the_users_own_class_has_no_scenario(folder: Path) -> None:
             return np.array([np.cos(phase), np.sin(phase), 0.0])
 
     wanted = problem(folder, LINE, task="position")
-    timed = replace(wanted.path, path=EndEffectorPath(Circle()))
+    timed = replace(wanted.path, path=ff.EndEffectorPath(Circle()))
     assert error_key(scenario_of, replace(wanted, path=timed)) == "path.curve"
 
 
@@ -573,7 +567,7 @@ def test_a_dictionary_is_a_scenario() -> None:
         "timing": {"duration": 30},
         "margin": {"measure": "system", "value": np.float64(1e-5)},
     }
-    problem = load_scenario(content).problem()
+    problem = ff.load_scenario(content).problem()
     assert problem.margin.threshold == 1e-5
     assert problem.path.pose(0.0).position == pytest.approx([1.9, 0.2, 0.0])
-    assert error_key(load_scenario, content | {"task": "dance"}) == "task"
+    assert error_key(ff.load_scenario, content | {"task": "dance"}) == "task"

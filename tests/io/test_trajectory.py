@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import freefloat as ff
 from freefloat.io.formats.trajectory import MAX_SAMPLES, Trajectory, even_times, times_at_rate
-from freefloat.io.scenario.scenario import load_scenario
-from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.so3 import heading_quaternion
 from tests.errors import error_key
@@ -19,9 +18,9 @@ assert_close = partial(np.testing.assert_allclose, rtol=0)
 
 
 def integrated(name, attitude, branch=0):
-    problem = load_scenario(name).problem()
+    problem = ff.load_scenario(name).problem()
     attitude = problem.attitude(attitude)
-    return integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints)
+    return ff.integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints)
 
 
 @pytest.fixture(

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from freefloat.errors import InputError
+import freefloat as ff
 from freefloat.io.scenario.yaml import parse_yaml, read_text
 
 LIMIT = 1_000_000
@@ -30,10 +30,10 @@ def read(file: Path, text: str) -> dict[str, Any]:
     return read_yaml(file)[1]
 
 
-def refusal(file: Path, content: str | bytes) -> InputError:
+def refusal(file: Path, content: str | bytes) -> ff.InputError:
     """The error for a text, which names the file in any case."""
     file.write_bytes(content if isinstance(content, bytes) else content.encode())
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(ff.InputError) as caught:
         read_yaml(file)
     assert caught.value.source == str(file)
     return caught.value
@@ -147,7 +147,7 @@ def test_what_is_not_utf8_text_is_refused(file: Path, content: bytes) -> None:
 
 def test_a_missing_file_and_a_directory_are_refused(tmp_path: Path) -> None:
     for path in (tmp_path / "nothing.yaml", tmp_path):
-        with pytest.raises(InputError) as caught:
+        with pytest.raises(ff.InputError) as caught:
             read_yaml(path)
         assert caught.value.source == str(path)
 

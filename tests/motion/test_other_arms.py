@@ -16,12 +16,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
+import freefloat as ff
 from freefloat.cli.app import app
-from freefloat.io.records.results import load
-from freefloat.io.scenario.scenario import load_scenario
-from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
-from freefloat.robot.model import FreeFloatingModel
 from tests.errors import error_key
 from tests.robots import inertial_text, joint_text, link_text
 
@@ -102,15 +99,15 @@ def run(*words: object) -> dict[str, Any]:
 
 
 def integrated(scenario: Path, heading: float = 0.0) -> Motion:
-    problem = load_scenario(scenario).problem()
+    problem = ff.load_scenario(scenario).problem()
     attitude = np.array([0.0, 0.0, np.sin(heading / 2), np.cos(heading / 2)])
-    return integrate_motion(problem, attitude, problem.branches(attitude)[0].joints)
+    return ff.integrate_motion(problem, attitude, problem.branches(attitude)[0].joints)
 
 
 class Whole:
     """The robot in MuJoCo with every joint of the URDF."""
 
-    def __init__(self, model: FreeFloatingModel) -> None:
+    def __init__(self, model: ff.FreeFloatingModel) -> None:
         robot = ET.fromstring(model.description.text)
         for link in robot.findall("link"):
             for shape in [*link.findall("visual"), *link.findall("collision")]:
@@ -208,14 +205,14 @@ def test_a_prismatic_arm_is_planned(slide: Path, tmp_path: Path) -> None:
     (prismatic,) = (joint for joint in run("info", slide)["joints"] if joint["type"] == "prismatic")
     assert (prismatic["lower"], prismatic["upper"]) == (0.0, 1.2)
     slide.unlink()
-    again = load(tmp_path / "plan.h5").problem.model
+    again = ff.load(tmp_path / "plan.h5").problem.model
     assert again.fixed_joints == {"hinge": 0.9}
     assert np.isclose(again.bodies[0].mass, 46.0, rtol=1e-12)
 
 
 def test_invalid_fixed_joints_raise(slide: Path) -> None:
     slide.write_text(SLIDE_SCENARIO.replace("{hinge: 0.9}", "{hing: 1}"))
-    assert error_key(load_scenario(slide).problem) == "robot.held.hing"
+    assert error_key(ff.load_scenario(slide).problem) == "robot.held.hing"
 
 
 # --------------------------------------------------------------------------------------- in space

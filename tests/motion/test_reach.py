@@ -12,13 +12,12 @@ import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import UnreachableError
 from freefloat.io.scenario.scenario import parse_scenario
-from freefloat.motion.problem import Problem
 from freefloat.motion.reach import light_spacecraft_hint, out_of_reach, reach_message
-from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths import PolynomialCurve
 from tests.scenarios import EASY
 
 
-def along(start: list[float], end: list[float]) -> Problem:
+def along(start: list[float], end: list[float]) -> ff.Problem:
     """Example 2 along another line."""
     line = ff.load_scenario("spatial_6dof/line").problem()
     path = ff.EndEffectorPath(

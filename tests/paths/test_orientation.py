@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.errors import InputError
-from freefloat.paths.curves import ArcCurve, PolynomialCurve, SplineCurve
-from freefloat.paths.orientation import (
+import freefloat as ff
+from freefloat.paths import (
+    ArcCurve,
     DirectedOrientation,
     FixedOrientation,
-    OrientationSpline,
+    PolynomialCurve,
     SlerpOrientation,
+    SplineCurve,
 )
+from freefloat.paths.orientation import OrientationSpline
 from tests.errors import error_key
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
@@ -143,21 +145,21 @@ def reversing_path(s_back):
 
 @pytest.mark.parametrize("place", [0.0, 0.123456])
 def test_a_path_that_stands_still_has_no_direction_to_follow(place):
-    with pytest.raises(InputError):
+    with pytest.raises(ff.InputError):
         DirectedOrientation.follow(reversing_path(place), "x", [0.0, 0.0, 1.0])
 
 
 @pytest.mark.parametrize("place", [0.0, 0.123456])
 def test_a_path_along_the_normal_cannot_be_followed(place):
     rising = PolynomialCurve([[0, 0, 0], [-2 * place, 0, 1.0], [1.0, 0, 0]])
-    with pytest.raises(InputError):
+    with pytest.raises(ff.InputError):
         DirectedOrientation.follow(rising, "x", [0.0, 0.0, 1.0])
 
 
 @pytest.mark.parametrize("place", [0.0, 0.123456])
 def test_a_target_on_the_path_is_refused(place):
     line = PolynomialCurve.line([1.0, 0.0, 0.2], [-1.0, 0.4, 0.3])
-    with pytest.raises(InputError):
+    with pytest.raises(ff.InputError):
         DirectedOrientation.point_at(line, "x", line(place))
 
 
@@ -170,7 +172,7 @@ def test_a_target_near_the_path_is_accepted():
 def test_a_target_that_has_to_be_seen_along_every_axis_is_refused():
     """Roll cannot be settled where each inertial axis is a direction of sight."""
     corner = SplineCurve([[1, 0, 0], [0, 1, 0], [0, 0, 1]])
-    with pytest.raises(InputError):
+    with pytest.raises(ff.InputError):
         DirectedOrientation.point_at(corner, "x", [0, 0, 0])
 
 

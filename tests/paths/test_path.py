@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.errors import InputError
-from freefloat.paths.curves import ArcCurve, PolynomialCurve, SplineCurve
-from freefloat.paths.orientation import DirectedOrientation, FixedOrientation, SlerpOrientation
-from freefloat.paths.path import EndEffectorPath, parse_samples, samples_text
-from freefloat.paths.timing import TimedPath, Timing
+import freefloat as ff
+from freefloat.paths import (
+    ArcCurve,
+    DirectedOrientation,
+    FixedOrientation,
+    PolynomialCurve,
+    SlerpOrientation,
+    SplineCurve,
+)
+from freefloat.paths.path import parse_samples, samples_text
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
@@ -44,7 +49,10 @@ def write(tmp_path):
 def test_the_tangent_is_the_twist_of_the_pose(s):
     """[dr/ds; omega] with [omega]x = dR/ds R^T."""
     curve = ArcCurve([0, 0, 0], [1, 0, 0], [0.0, 0.6, 0.8], 2.0)
-    path, h = EndEffectorPath(curve, DirectedOrientation.follow(curve, "y", [0.1, 0.6, 0.8])), 1e-6
+    path, h = (
+        ff.EndEffectorPath(curve, DirectedOrientation.follow(curve, "y", [0.1, 0.6, 0.8])),
+        1e-6,
+    )
     before, after = path.pose(s - h), path.pose(s + h)
     velocity = (after.position - before.position) / (2 * h)
     angular_velocity = Rotation.from_matrix(after.rotation @ before.rotation.T).as_rotvec() / (
@@ -56,32 +64,35 @@ def test_the_tangent_is_the_twist_of_the_pose(s):
 @pytest.mark.parametrize("s", [0.0, 1e-4, 0.2, 0.55, 1.0])
 def test_second_derivative_is_the_derivative_of_the_tangent(s):
     curve = ArcCurve([0, 0, 0], [1, 0, 0], [0.0, 0.6, 0.8], 2.0)
-    path, h = EndEffectorPath(curve, DirectedOrientation.follow(curve, "y", [0.4, 0.6, 0.8])), 1e-5
+    path, h = (
+        ff.EndEffectorPath(curve, DirectedOrientation.follow(curve, "y", [0.4, 0.6, 0.8])),
+        1e-5,
+    )
     slope = (path.tangent(s + h) - path.tangent(s - h)) / (2 * h)
     assert_close(path.second_derivative(s), slope, atol=1e-8 if 0.1 < s < 0.9 else 1e-2)
 
 
 def test_a_path_of_zero_length_is_refused():
     """Something has to move: the end-effector, or the centre of mass."""
-    path = EndEffectorPath(STILL, UPRIGHT)
-    with pytest.raises(InputError):
-        TimedPath(path, Timing(10.0))
-    assert TimedPath(path, Timing(10.0), [0.1, 0.0, 0.0]).drifts
+    path = ff.EndEffectorPath(STILL, UPRIGHT)
+    with pytest.raises(ff.InputError):
+        ff.TimedPath(path, ff.Timing(10.0))
+    assert ff.TimedPath(path, ff.Timing(10.0), [0.1, 0.0, 0.0]).drifts
 
 
 def test_a_rotation_in_place_is_a_path():
     """Attitude counts as movement, and so does a closed curve."""
-    spot = EndEffectorPath(STILL, TURN)
+    spot = ff.EndEffectorPath(STILL, TURN)
     assert np.linalg.norm(spot.tangent(0.5)[:3]) == 0.0
     assert np.linalg.norm(spot.tangent(0.5)[3:]) > 0.0
-    closed = EndEffectorPath(ArcCurve([0, 0, 0], [1, 0, 0], [0, 0, 1], 2 * np.pi), UPRIGHT)
+    closed = ff.EndEffectorPath(ArcCurve([0, 0, 0], [1, 0, 0], [0, 0, 1], 2 * np.pi), UPRIGHT)
     assert np.linalg.norm(closed.tangent(0.5)[:3]) > 1.0
 
 
 def test_a_path_beyond_the_finite_numbers_is_refused():
     """Coefficients may be finite and their sum not."""
-    with pytest.raises(InputError):
-        EndEffectorPath(ArcCurve([0, 0, 0], [1, 0, 0], [0, 0, 1], np.nan), UPRIGHT)
+    with pytest.raises(ff.InputError):
+        ff.EndEffectorPath(ArcCurve([0, 0, 0], [1, 0, 0], [0, 0, 1], np.nan), UPRIGHT)
 
 
 def test_samples_are_passed_by_chord_length(write):
@@ -108,7 +119,7 @@ def test_samples_with_quaternions_have_an_attitude(write):
         expected = Rotation.from_rotvec([0, 0, angle]).as_matrix()
         assert_close(attitude.rotation(s), expected, atol=1e-7)
     assert_close(curve(0.5), [1.0, 0.0, 0.0], atol=1e-14)
-    EndEffectorPath(curve, attitude)
+    ff.EndEffectorPath(curve, attitude)
 
 
 def test_samples_saved_by_a_spreadsheet_are_read(write):
@@ -132,7 +143,7 @@ def test_samples_saved_by_a_spreadsheet_are_read(write):
 )
 def test_unfit_samples_are_refused_with_their_file(write, text):
     file = write(text)
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(ff.InputError) as caught:
         read_samples(file)
     assert (caught.value.key, caught.value.source) == ("path.samples", str(file))
 
@@ -141,12 +152,12 @@ def test_a_file_that_is_none_is_refused(tmp_path):
     binary = tmp_path / "binary.csv"
     binary.write_bytes(b"x,y,z\n\xff\xfe\x00")
     for file in (tmp_path / "missing.csv", tmp_path, binary):
-        with pytest.raises(InputError) as caught:
+        with pytest.raises(ff.InputError) as caught:
             parse_samples(samples_text(file), file)
         assert caught.value.source == str(file)
 
 
 def test_a_quaternion_that_is_none_is_refused_with_its_line(write):
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(ff.InputError) as caught:
         read_samples(write("x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,1\n1,0,0,0,0,0,2\n1,1,0,0,0,0,1\n"))
     assert caught.value.key.startswith("path.samples")

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import yaml
 
+import freefloat as ff
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
-from freefloat.limits.check import check_limits
 from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.limits.keeping import keep_limits
 from freefloat.planning.plan import Plan
@@ -81,7 +81,7 @@ def test_another_robot_has_another_feasible_plan(
     assert result.problem.margin.keeps(result.chosen.closest_approach.value)
     limits = scenario.limits()
     assert limits is not None
-    results = check_limits(motion, limits)
+    results = ff.check_limits(motion, limits)
     assert len(results) == 5
     assert all(entry.kept for entry in results)
     assert results[-1].base_wrench is not None

@@ -16,11 +16,8 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.io.formats.trajectory import Trajectory
 from freefloat.limits.clearance import clearance
 from freefloat.limits.pairs import CollisionPairs
-from freefloat.motion.extrema import closest_approach
-from freefloat.motion.integration import integrate_motion
-from freefloat.paths.timing import Stop
+from freefloat.paths import Stop
 from freefloat.planning.space.tangency import boundary_attitude, sample_tangency_points
-from freefloat.robot.shapes import Sphere
 from freefloat.so3 import heading_quaternion
 from tests.commands import document, error, run
 from tests.motions import bundled
@@ -70,8 +67,8 @@ def test_motions_have_their_minimum_at_tangency_points() -> None:
     found = [(point, start) for point, start in starts if start is not None]
     assert len(found) > 1
     for point, start in found:
-        motion = integrate_motion(problem, start.attitude, start.joints)
-        nearest = closest_approach(motion, problem.margin.measure)
+        motion = ff.integrate_motion(problem, start.attitude, start.joints)
+        nearest = ff.closest_approach(motion, problem.margin.measure)
         assert nearest.value == pytest.approx(abs(point.level), rel=1e-6)
         assert nearest.time == pytest.approx(point.time, abs=1e-3)
 
@@ -85,8 +82,8 @@ def test_tolerated_durations_are_those_of_stretched_problems() -> None:
     assert duration < tolerance.longest < 10.0 * duration
     for factor, kept in ((0.99, True), (1.01, False)):
         problem = result.problem.stretched(factor * tolerance.longest / duration)
-        motion = integrate_motion(problem, start.attitude, start.joints)
-        nearest = closest_approach(motion, problem.margin.measure)
+        motion = ff.integrate_motion(problem, start.attitude, start.joints)
+        nearest = ff.closest_approach(motion, problem.margin.measure)
         assert (motion.completed and bool(problem.margin.keeps(nearest.value))) is kept
 
 
@@ -108,9 +105,9 @@ def test_a_plan_is_verified_and_kept_in_a_file(tmp_path: Path) -> None:
 def test_bodies_of_a_scene_do_not_move_with_the_centre_of_mass() -> None:
     """The smallest distance of a fixed ball, against sampling in the fixed frame."""
     problem = drifting(NAME, [0.01, 0.0, 0.006])
-    ball = ff.SceneBody("ball", Sphere(0.1), [0.9, -0.3, 0.9])
+    ball = ff.SceneBody("ball", ff.Sphere(0.1), [0.9, -0.3, 0.9])
     spinning = ff.Tumbling([2.0, 2.0, 3.0], [0.0, 0.1, 0.3], com=[0.1, 0.0, 0.0])
-    tumbling = ff.SceneBody("other", Sphere(0.2), [-0.4, 1.2, 0.5], motion=spinning)
+    tumbling = ff.SceneBody("other", ff.Sphere(0.2), [-0.4, 1.2, 0.5], motion=spinning)
     scene = ff.Scene([ball, tumbling], ff.Corridor([0.5, 0.0, 0.0], [0.0, 0.0, 1.0], radius=3.0))
     problem = replace(problem, scene=scene)
     motion = ff.simulate(problem, plan().chosen.motion.initial.attitude).chosen.motion

@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import freefloat as ff
 from freefloat.attitude_grids import attitude_grid, grid_spacing
 from freefloat.ensemble.endings import COMPLETED, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.margin import keeps_threshold
-from freefloat.motion.problem import Problem
-from freefloat.planning.settings import Search
-from freefloat.planning.simulation import simulate
 from freefloat.planning.space import mapping
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.climbing import EXACT, bisect, edge
@@ -24,7 +22,7 @@ IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 
 def test_entries_of_a_map_are_those_of_simulations(samples: AttitudeMap) -> None:
     for k in (3, 300):
-        simulation = simulate(samples.problem, samples.attitudes[k])
+        simulation = ff.simulate(samples.problem, samples.attitudes[k])
         numbers = [entry.branch.index for entry in simulation.branches]
         assert np.flatnonzero(samples.results.motions.endings[k] != UNREACHED).tolist() == numbers
         for entry in simulation.branches:
@@ -59,7 +57,7 @@ def test_fractions_are_those_of_random_attitudes(
 
 
 def test_blocks_and_threads_change_nothing(
-    margin_30: Problem, evaluator: FeasibilityEvaluator, monkeypatch: pytest.MonkeyPatch
+    margin_30: ff.Problem, evaluator: FeasibilityEvaluator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """To the bit; the last block may be smaller, progress ends at 1."""
     whole = sample_attitudes(evaluator, 101)
@@ -76,7 +74,9 @@ def test_blocks_and_threads_change_nothing(
 
 def test_a_seed_rotates_the_grid(evaluator: FeasibilityEvaluator) -> None:
     """Equal seeds give equal maps to the bit."""
-    first, same, other = (sample_attitudes(evaluator, 32, Search(seed=seed)) for seed in (5, 5, 6))
+    first, same, other = (
+        sample_attitudes(evaluator, 32, ff.Search(seed=seed)) for seed in (5, 5, 6)
+    )
     np.testing.assert_array_equal(first.attitudes, attitude_grid(32, 5))
     np.testing.assert_array_equal(first.margins, same.margins)
     assert (first.seed, other.seed) == (5, 6)
@@ -147,20 +147,20 @@ def test_points_of_an_edge_lie_between_neighbours(
 
 @pytest.mark.slow
 def test_precise_motions_from_the_boundary_just_keep_the_margin(
-    evaluator: FeasibilityEvaluator, samples: AttitudeMap, margin_30: Problem
+    evaluator: FeasibilityEvaluator, samples: AttitudeMap, margin_30: ff.Problem
 ) -> None:
     points = boundary_points(evaluator, samples, 3)
     assert [point.branch for point in points] == [b for b in (0, 2, 4, 6) for _ in range(3)]
     for point in points[::2]:
         assert point.gap is None
-        chosen = simulate(margin_30, point.attitude, branch=point.branch).chosen
+        chosen = ff.simulate(margin_30, point.attitude, branch=point.branch).chosen
         assert chosen.motion.completed
         assert chosen.closest_approach.value == pytest.approx(30.0, rel=1e-3)
 
 
 @pytest.mark.slow
 def test_tangency_points_lie_where_bisection_finds_the_boundary(
-    evaluator: FeasibilityEvaluator, margin_30: Problem
+    evaluator: FeasibilityEvaluator, margin_30: ff.Problem
 ) -> None:
     """To a tenth of a degree; precise motions from there just keep the margin."""
     points = tangent_boundary(evaluator, 6)
@@ -168,6 +168,6 @@ def test_tangency_points_lie_where_bisection_finds_the_boundary(
     assert max(point.gap for point in points) < np.radians(0.1)
     assert min(point.gap for point in points) >= 0.0
     for point in points[:3]:
-        chosen = simulate(margin_30, point.attitude, branch=point.branch).chosen
+        chosen = ff.simulate(margin_30, point.attitude, branch=point.branch).chosen
         assert chosen.motion.completed
         assert chosen.closest_approach.value == pytest.approx(30.0, rel=2e-4)

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 import freefloat as ff
 from freefloat.dynamics.joint_space import largest_magnitude
-from freefloat.dynamics.momentum import Task
 from freefloat.planning.plane.arcs import (
     BranchRanges,
     HeadingRange,
@@ -111,7 +110,7 @@ def test_the_arm_reaches_the_path_from_one_side_of_a_reach_limit(radius):
     body = 4.0, (0.5, 0, 0), (0.01, 0.333, 0.333)
     text = chain((*joint, *body), (*other, *body), base=(40.0, 7.4, 0.0), tool=(0.6, 0, 0))
     model = ff.FreeFloatingModel.from_urdf(text, "tool")
-    problem = along(model, Task.PLANAR_POSITION, [radius, 0, 0], [radius, 0.1, 0], np.eye(3))
+    problem = along(model, ff.Task.PLANAR_POSITION, [radius, 0, 0], [radius, 0.1, 0], np.eye(3))
     limits = list(reach_limits(problem, 0.0))
     assert len(limits) == 2
     for heading in limits:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import freefloat as ff
 from freefloat.attitude_grids import attitude_grid, attitudes_within, grid_spacing
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import Peak
 from freefloat.planning.space import climbing as attitude_search
 from freefloat.planning.space.attitude_map import AttitudeMap
@@ -38,7 +38,7 @@ class Landscape:
 
     sample_reduction, threads = 1, 1
 
-    def __init__(self, problem: Problem, **branches: Margins) -> None:
+    def __init__(self, problem: ff.Problem, **branches: Margins) -> None:
         self.problem = problem
         self.branches = {int(name[1:]): margins for name, margins in branches.items()}
 
@@ -93,7 +93,7 @@ def near_ring(width: float) -> Margins:
 # landscapes known exactly
 
 
-def test_the_highest_peak_is_climbed_though_samples_favour_another(margin_30: Problem) -> None:
+def test_the_highest_peak_is_climbed_though_samples_favour_another(margin_30: ff.Problem) -> None:
     """A narrow peak between the samples beats a broad one on them."""
     grid = attitude_grid(512)
     narrow, broad = rotated(grid[7], [0.12, -0.1, 0.05])[0], grid[300]
@@ -113,7 +113,7 @@ def test_the_highest_peak_is_climbed_though_samples_favour_another(margin_30: Pr
     assert any(entry.minimum_margin == pytest.approx(47.0, abs=1e-2) for entry in others)
 
 
-def test_every_branch_has_its_own_peak(margin_30: Problem) -> None:
+def test_every_branch_has_its_own_peak(margin_30: ff.Problem) -> None:
     landscape = Landscape(margin_30, b0=ball(HERE, 0.5), b4=ball(THERE, 0.6))
     best = largest_margins(landscape, landscape.map(256))[0]
     assert best.branch == 4
@@ -123,7 +123,7 @@ def test_every_branch_has_its_own_peak(margin_30: Problem) -> None:
 
 @pytest.mark.parametrize("present", [THERE, -THERE, rotated(HERE, [0.5, 0.4, -0.6])[0]])
 def test_the_nearest_attitude_of_a_ball_is_on_the_way_to_its_centre(
-    margin_30: Problem, present: np.ndarray
+    margin_30: ff.Problem, present: np.ndarray
 ) -> None:
     """But for the small fraction by which compiled motions must keep more than the margin."""
     landscape, radius = Landscape(margin_30, b0=ball(HERE, 0.7)), 0.7 - SURPLUS * MARGIN / 20.0
@@ -139,7 +139,7 @@ def test_the_nearest_attitude_of_a_ball_is_on_the_way_to_its_centre(
     assert merits == sorted(merits)
 
 
-def test_the_nearest_of_two_parts_and_two_branches_is_taken(margin_30: Problem) -> None:
+def test_the_nearest_of_two_parts_and_two_branches_is_taken(margin_30: ff.Problem) -> None:
     """Of a near small ball, a far large one, and another branch's in between."""
     present = rotated(HERE, [0.0, 0.0, 1.3])[0]
     far = rotated(present, [0.0, 2.2, 0.0])[0]
@@ -158,7 +158,7 @@ def test_the_nearest_of_two_parts_and_two_branches_is_taken(margin_30: Problem) 
 @pytest.mark.parametrize("spare", [0.02, 0.1])
 @pytest.mark.parametrize("present", [THERE, rotated(HERE, [0.5, 0.4, -0.6])[0]])
 def test_with_spare_the_nearest_of_a_ball_is_that_deep_inside(
-    margin_30: Problem, present: np.ndarray, spare: float
+    margin_30: ff.Problem, present: np.ndarray, spare: float
 ) -> None:
     landscape = Landscape(margin_30, b0=ball(HERE, 0.7))
     (best,) = nearest_with_spare(landscape, landscape.map(512), present, spare)
@@ -167,7 +167,7 @@ def test_with_spare_the_nearest_of_a_ball_is_that_deep_inside(
     assert best.deviation < angle_between(present, HERE) - 0.7 + 1.15 * spare
 
 
-def test_around_a_corner_the_nearest_is_the_corner_of_the_set(margin_30: Problem) -> None:
+def test_around_a_corner_the_nearest_is_the_corner_of_the_set(margin_30: ff.Problem) -> None:
     """Where two balls overlap in a lens: the closest place by brute force."""
     a, b = rotated(HERE, [0.0, 0.4, 0.0])[0], rotated(HERE, [0.0, -0.4, 0.0])[0]
     present = rotated(HERE, [1.5, 0.2, 0.3])[0]
@@ -181,7 +181,7 @@ def test_around_a_corner_the_nearest_is_the_corner_of_the_set(margin_30: Problem
 
 @pytest.mark.parametrize("samples", [256, 2048])
 def test_the_deepest_attitude_of_two_balls_is_the_middle_of_the_larger(
-    margin_30: Problem, samples: int
+    margin_30: ff.Problem, samples: int
 ) -> None:
     landscape = Landscape(
         margin_30, b0=ball(HERE, 0.6), b2=either(ball(THERE, 0.8), ball(HERE, 0.5))
@@ -194,7 +194,7 @@ def test_the_deepest_attitude_of_two_balls_is_the_middle_of_the_larger(
 
 
 @pytest.mark.slow
-def test_a_hole_in_the_middle_is_kept_clear_of(margin_30: Problem) -> None:
+def test_a_hole_in_the_middle_is_kept_clear_of(margin_30: ff.Problem) -> None:
     """A shell: balls that fit are half as wide as it is thick."""
     landscape = Landscape(margin_30, b0=both(ball(HERE, 1.4), without(HERE, 0.2)))
     best = deepest(landscape, landscape.map(512))
@@ -204,7 +204,7 @@ def test_a_hole_in_the_middle_is_kept_clear_of(margin_30: Problem) -> None:
 
 
 @pytest.mark.slow
-def test_a_ring_is_as_deep_as_it_is_wide(margin_30: Problem) -> None:
+def test_a_ring_is_as_deep_as_it_is_wide(margin_30: ff.Problem) -> None:
     landscape = Landscape(margin_30, b4=near_ring(0.7))
     best = deepest(landscape, landscape.map(512))
     assert best is not None
@@ -215,7 +215,7 @@ def test_a_ring_is_as_deep_as_it_is_wide(margin_30: Problem) -> None:
 @pytest.mark.parametrize("off", [0.0, 0.3, 0.65])
 @pytest.mark.parametrize("spacing", [0.1, 0.5])
 def test_the_robust_radius_in_a_ball_is_the_way_to_its_rim(
-    margin_30: Problem, off: float, spacing: float
+    margin_30: ff.Problem, off: float, spacing: float
 ) -> None:
     """Whether the rim is nearer than the first look around, or far beyond it."""
     landscape = Landscape(margin_30, b0=ball(HERE, 0.7))
@@ -224,7 +224,7 @@ def test_the_robust_radius_in_a_ball_is_the_way_to_its_rim(
     assert 0.94 * (0.7 - off) < radius <= 0.7 - off
 
 
-def test_a_small_hole_nearby_limits_the_robust_radius(margin_30: Problem) -> None:
+def test_a_small_hole_nearby_limits_the_robust_radius(margin_30: ff.Problem) -> None:
     hole = rotated(HERE, [0.35, 0.0, 0.0])[0]
     landscape = Landscape(margin_30, b0=both(ball(HERE, 0.9), without(hole, 0.1)))
     assert 0.94 * 0.25 < robust_radius(landscape, HERE, 0, 0.4) <= 0.25

@@ -12,14 +12,12 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.attitude_grids import attitudes_within, grid_spacing
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.motion.margin import Margin, keeps_threshold
-from freefloat.motion.problem import Problem
+from freefloat.motion.margin import keeps_threshold
 from freefloat.planning.diagnostics import NOT_UNIQUE
 from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.objectives.objectives import NAMED
 from freefloat.planning.plan import Plan
-from freefloat.planning.settings import Search
-from freefloat.planning.simulation import SimulatedBranch, simulate
+from freefloat.planning.simulation import SimulatedBranch
 from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.planning.spatial_planner import plan_in_space
 from freefloat.so3 import angle_between, frozen
@@ -33,26 +31,26 @@ SAMPLES = 128
 pytestmark = pytest.mark.usefixtures("smaller")
 
 
-def with_margin(value: float) -> Problem:
+def with_margin(value: float) -> ff.Problem:
     """Example 2 with another margin; the largest anywhere is 53.613."""
     problem = bundled("spatial_6dof/line")
-    return replace(problem, margin=Margin(problem.margin.measure, value))
+    return replace(problem, margin=ff.Margin(problem.margin.measure, value))
 
 
-def planned(problem: Problem, search: Search) -> Plan:
+def planned(problem: ff.Problem, search: ff.Search) -> Plan:
     """The plan without its tolerances and certificate."""
     return plan_in_space(evaluator_for(problem, 1), search)
 
 
 @pytest.fixture(scope="module")
-def problem() -> Problem:
+def problem() -> ff.Problem:
     return with_margin(MARGIN)
 
 
 @cache
 def plan_for(objective: str) -> Plan:
     present = None if objective == "robust" else frozen(BAD)
-    search = Search(objective, present, SAMPLES, spare=0.0)
+    search = ff.Search(objective, present, SAMPLES, spare=0.0)
     return ff.plan(with_margin(MARGIN), search, threads=1)
 
 
@@ -73,14 +71,14 @@ def robust() -> Plan:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("objective", NAMED)
-def test_the_chosen_motion_is_feasible(problem: Problem, objective: str) -> None:
+def test_the_chosen_motion_is_feasible(problem: ff.Problem, objective: str) -> None:
     """It equals that of a simulation; none of 400 attitudes in its radius violates the margin."""
     plan = plan_for(objective)
     assert plan.feasible
     chosen, initial = plan.chosen, plan.chosen.motion.initial
     assert chosen.motion.completed
     assert keeps_threshold(chosen.closest_approach.value, MARGIN)
-    again = simulate(problem, initial.attitude, branch=chosen.branch.index).chosen
+    again = ff.simulate(problem, initial.attitude, branch=chosen.branch.index).chosen
     assert again.closest_approach.value == pytest.approx(chosen.closest_approach.value, rel=1e-9)
     assert chosen.motion.residuals().momentum < 1e-6
     assert len(plan.map.attitudes) == SAMPLES
@@ -113,8 +111,8 @@ def test_the_nearest_attitude_is_chosen(nearest: Plan, largest: Plan) -> None:
 def test_the_nearest_attitude_with_spare_keeps_the_margin_around_it() -> None:
     """Farther than the nearest of all by the spare angle and the corners of the set."""
     problem = with_margin(30.0)
-    edge = planned(problem, Search("nearest", frozen(BAD), SAMPLES, spare=0.0))
-    plan = planned(problem, Search("nearest", frozen(BAD), SAMPLES))
+    edge = planned(problem, ff.Search("nearest", frozen(BAD), SAMPLES, spare=0.0))
+    plan = planned(problem, ff.Search("nearest", frozen(BAD), SAMPLES))
     attitude, branch = plan.chosen.motion.initial.attitude, plan.chosen.branch.index
     within = attitudes_within(attitude, np.radians(2.0), 2000, 99)
     assert FeasibilityEvaluator(problem, 1).regular(within, branch).all()
@@ -138,7 +136,7 @@ def test_a_feasible_present_attitude_stays() -> None:
     problem = with_margin(20.0)
     attitudes = Rotation.random(20, rng=np.random.default_rng(1)).as_quat()
     present = attitudes[int(np.argmax(FeasibilityEvaluator(problem, 1).margins(attitudes, None)))]
-    plan = planned(problem, Search("nearest", frozen(present), 16, spare=0.0))
+    plan = planned(problem, ff.Search("nearest", frozen(present), 16, spare=0.0))
     assert plan.deviation == 0.0
     np.testing.assert_allclose(plan.chosen.motion.initial.attitude, present, atol=1e-12)
 
@@ -146,7 +144,7 @@ def test_a_feasible_present_attitude_stays() -> None:
 @pytest.mark.slow
 def test_reason_of_a_margin_kept_nowhere() -> None:
     """It has the largest margin, found between the samples, and where."""
-    plan = planned(with_margin(60.0), Search("robust", frozen(BAD), 16))
+    plan = planned(with_margin(60.0), ff.Search("robust", frozen(BAD), 16))
     assert not plan.feasible
     assert plan.chosen is plan.robust_radius is plan.tolerance is plan.deviation is None
     assert "53.61" in plan.reason
@@ -159,9 +157,9 @@ def test_sets_narrower_than_the_grid_are_found(objective: str) -> None:
     """A margin that no sample keeps is kept between samples; reasons have angles in degrees."""
     value, samples, seed = 53.55, 16, 3
     problem = with_margin(value)
-    coarse = sample_attitudes(FeasibilityEvaluator(problem, 1), samples, Search(seed=seed))
+    coarse = sample_attitudes(FeasibilityEvaluator(problem, 1), samples, ff.Search(seed=seed))
     assert coarse.feasible_fraction == 0.0
-    plan = planned(problem, Search(objective, frozen(BAD), samples, seed, spare=0.0))
+    plan = planned(problem, ff.Search(objective, frozen(BAD), samples, seed, spare=0.0))
     assert plan.feasible
     assert keeps_threshold(plan.chosen.closest_approach.value, value)
     if objective == "robust":
@@ -175,9 +173,9 @@ def test_a_margin_that_a_sample_barely_keeps_is_kept() -> None:
     """By less than the accuracy of compiled motions; the precise motion decides."""
     value, samples, seed = 53.6, 16, 1
     problem = with_margin(value)
-    coarse = sample_attitudes(FeasibilityEvaluator(problem, 1), samples, Search(seed=seed))
+    coarse = sample_attitudes(FeasibilityEvaluator(problem, 1), samples, ff.Search(seed=seed))
     assert value < coarse.margins.max() < value * 1.001
-    plan = planned(problem, Search("nearest", frozen(BAD), samples, seed, spare=0.0))
+    plan = planned(problem, ff.Search("nearest", frozen(BAD), samples, seed, spare=0.0))
     assert plan.feasible, plan.reason
 
 
@@ -193,7 +191,7 @@ def test_unconfirmed_candidates_are_reported_and_the_next_is_taken(
         return len(tried) > 2 and true(chosen)
 
     monkeypatch.setattr(SimulatedBranch, "feasible", property(feasible))
-    plan = planned(problem, Search(samples=16))
+    plan = planned(problem, ff.Search(samples=16))
     assert plan.feasible
     assert plan.chosen is tried[2]
     assert len(plan.disagreements) == 2
@@ -206,7 +204,7 @@ def test_unconfirmed_candidates_are_reported_and_the_next_is_taken(
 def test_where_no_candidate_is_confirmed_there_is_no_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     """After twelve candidates at most, all reported."""
     monkeypatch.setattr(SimulatedBranch, "feasible", property(lambda chosen: False))
-    plan = planned(with_margin(50.0), Search("nearest", frozen(BAD), 64, spare=0.0))
+    plan = planned(with_margin(50.0), ff.Search("nearest", frozen(BAD), 64, spare=0.0))
     assert not plan.feasible
     assert plan.chosen is None
     assert 1 <= len(plan.disagreements) <= 12
@@ -217,7 +215,7 @@ def test_a_stock_arm_finds_its_largest_margin() -> None:
     """A UR5, whose wrist is not spherical."""
     problem = bundled("ur5_servicer/arc")
     fractions: list[float] = []
-    plan = ff.plan(problem, Search(samples=16), progress=fractions.append, threads=1)
+    plan = ff.plan(problem, ff.Search(samples=16), progress=fractions.append, threads=1)
     assert plan.feasible
     assert problem.margin.keeps(plan.chosen.closest_approach.value)
     assert plan.chosen.closest_approach.value >= plan.map.margins.max() * (1.0 - 1e-3)

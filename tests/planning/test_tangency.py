@@ -12,8 +12,7 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.paths.curves import PolynomialCurve
-from freefloat.paths.orientation import FixedOrientation
+from freefloat.paths import FixedOrientation, PolynomialCurve
 from freefloat.planning.space.tangency import (
     boundary_attitude,
     require_tangency_points,

@@ -12,14 +12,11 @@ import pytest
 import trimesh
 import yourdfpy
 
-from freefloat.io.scenario.scenario import load_scenario
-from freefloat.motion.extrema import closest_approach
-from freefloat.motion.integration import integrate_motion
+import freefloat as ff
 from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.limits.keeping import keep_limits
 from freefloat.planning.planar_planner import plan_in_plane
 from freefloat.planning.spatial_planner import plan_in_space
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import bundled_robots, bundled_scenarios, find_robot
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
@@ -31,8 +28,8 @@ def urdf(name: str) -> Path:
     return find_robot(name, Path("/"))
 
 
-def model(name: str) -> FreeFloatingModel:
-    return FreeFloatingModel.from_urdf(urdf(name))
+def model(name: str) -> ff.FreeFloatingModel:
+    return ff.FreeFloatingModel.from_urdf(urdf(name))
 
 
 # ----------------------------------------------------------------------------------- every model
@@ -116,16 +113,16 @@ LIMITED = tuple(name for name in bundled_scenarios() if name not in OTHERS)
 ])  # fmt: skip
 def test_a_scenario_has_a_motion_that_keeps_the_margin(name: str) -> None:
     """With some arm branch, from the attitude the spacecraft has; and the motion is right."""
-    problem = load_scenario(name).problem()
+    problem = ff.load_scenario(name).problem()
     half = ATTITUDES.get(name, 0.0) / 2.0
     attitude = np.array([0.0, 0.0, np.sin(half), np.cos(half)])
     for branch in problem.branches(attitude)[:4]:
-        motion = integrate_motion(problem, attitude, branch.joints)
+        motion = ff.integrate_motion(problem, attitude, branch.joints)
         if motion.completed:
             residuals = motion.residuals()
             assert residuals.end_effector_position < 1e-7
             assert residuals.momentum < 1e-5 * max(1.0, motion.problem.model.total_mass / 1e3)
-            if problem.margin.keeps(closest_approach(motion, problem.margin.measure).value):
+            if problem.margin.keeps(ff.closest_approach(motion, problem.margin.measure).value):
                 return
     raise AssertionError("no branch keeps the margin")
 
@@ -134,7 +131,7 @@ def test_a_scenario_has_a_motion_that_keeps_the_margin(name: str) -> None:
 @pytest.mark.parametrize("name", LIMITED)
 def test_a_scenario_plans_within_its_limits(name: str) -> None:
     """With few samples; scripts/verify_plans.py plans them as they are, and proves it."""
-    scenario = load_scenario(name)
+    scenario = ff.load_scenario(name)
     problem, limits = scenario.problem(), scenario.limits()
     assert limits is not None
     planner = plan_in_plane if problem.task.planar else plan_in_space

@@ -12,7 +12,6 @@ import psutil
 import pytest
 
 import freefloat as ff
-from freefloat.errors import ModelError
 from freefloat.robot.formats import reader_process
 from freefloat.robot.formats.xacro import read
 from tests.errors import error_key
@@ -57,9 +56,7 @@ def refused(tmp_path: Path):
 
     def check(text: str) -> None:
         file.write_text(text)
-        with pytest.raises(ModelError) as caught:
-            read(str(file), {})
-        assert caught.value.key == "urdf"
+        assert error_key(read, str(file), {}) == "urdf"
 
     return check
 

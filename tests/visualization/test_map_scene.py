@@ -10,9 +10,9 @@ import pytest
 import umsgpack
 from scipy.spatial.transform import Rotation
 
+import freefloat as ff
 from freefloat.ensemble.endings import UNREACHED as UNREACHED_CODE
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import Ball, BoundaryPoint, Peak
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.mapping import sample_attitudes
@@ -40,7 +40,7 @@ def quaternion(vector: list[float]) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def result(spatial: Problem) -> AttitudeMap:
+def result(spatial: ff.Problem) -> AttitudeMap:
     sampled = sample_attitudes(FeasibilityEvaluator(spatial), 600)
     return replace(
         sampled,

@@ -8,9 +8,9 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
+import freefloat as ff
 from freefloat.io.formats.trajectory import Trajectory
-from freefloat.io.scenario.scenario import load_scenario
-from freefloat.planning.simulation import SimulatedBranch, simulate
+from freefloat.planning.simulation import SimulatedBranch
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figure_style import PALE, VERMILION, axis_label
 from freefloat.visualization.figures.motion_figures import (
@@ -24,7 +24,7 @@ from tests.figures import labels, line
 
 def simulated(name: str, attitude: list[float] | float, branch: int) -> SimulatedBranch:
     start = attitude if isinstance(attitude, list) else heading_quaternion(np.deg2rad(attitude))
-    return simulate(load_scenario(name).problem(), start, branch=branch).chosen
+    return ff.simulate(ff.load_scenario(name).problem(), start, branch=branch).chosen
 
 
 @pytest.fixture(scope="module")

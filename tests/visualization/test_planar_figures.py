@@ -8,15 +8,10 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.momentum import Task
-from freefloat.io.scenario.scenario import load_scenario
-from freefloat.motion.margin import Margin
+import freefloat as ff
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
 from freefloat.planning.plane.arcs import BranchRanges, HeadingRange, RangeLimitCause
 from freefloat.planning.plane.heading_map import HeadingMap
-from freefloat.planning.simulation import simulate
 from freefloat.singularities.planar_regions import PlanarArm, point_3, two_angles
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figures.planar_figures import (
@@ -26,14 +21,14 @@ from freefloat.visualization.figures.planar_figures import (
 from tests.figures import labels, line
 from tests.maps import branch_results
 
-PLANAR = load_scenario("planar_3dof/parabola").problem()
+PLANAR = ff.load_scenario("planar_3dof/parabola").problem()
 BOTH = (RangeLimitCause.MARGIN, RangeLimitCause.MARGIN)
 
 
 @pytest.fixture(scope="module")
 def motions() -> list[Motion]:
     starts = [heading_quaternion(np.deg2rad(degrees)) for degrees in (200.0, 140.0)]
-    return [simulate(PLANAR, start, branch=0).chosen.motion for start in starts]
+    return [ff.simulate(PLANAR, start, branch=0).chosen.motion for start in starts]
 
 
 def test_s_is_what_the_curves_say(motions: list[Motion]) -> None:
@@ -75,9 +70,9 @@ def test_distance_curves_are_where_the_path_begins_and_ends(motions: list[Motion
 
 
 def test_levels_of_another_measure_are_not_drawn_as_s() -> None:
-    gjm = singularity_measure(PLANAR.model, PLANAR.task, "gjm")
-    problem = Problem(
-        PLANAR.model, PLANAR.path, PLANAR.task, PLANAR.momentum, Margin(gjm, 0.05)
+    gjm = ff.singularity_measure(PLANAR.model, PLANAR.task, "gjm")
+    problem = ff.Problem(
+        PLANAR.model, PLANAR.path, PLANAR.task, PLANAR.momentum, ff.Margin(gjm, 0.05)
     )  # fmt: skip
     (axes,) = joint_space_figure(problem, []).axes
     assert [label for label in labels(axes) if "S" in label] == ["$S$ = 0 (singular)"]
@@ -124,7 +119,7 @@ def test_without_ranges_the_samples_are_shaded() -> None:
 
 def test_a_redundant_arm_has_one_axes_for_the_best_branch() -> None:
     ranges = (BranchRanges(0, "any", (HeadingRange(0.5, 1.0, BOTH),), (0.5, 1.0)),)
-    redundant = replace(PLANAR, task=Task.PLANAR_POSITION)
+    redundant = replace(PLANAR, task=ff.Task.PLANAR_POSITION)
     result = replace(some_map(), problem=redundant)
     (axes,) = headings_figure(result, ranges, (3, 0.7)).axes
     best = [9.0, 9.0, 9.0, 8.0, 9.0, 7.0, 5.0, 9.0]

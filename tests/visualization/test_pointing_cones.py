@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
 from freefloat.visualization.scenes.scene import motion_scene
 from tests.browser import differing, opened
 from tests.scene_commands import tracks, vertices
@@ -24,7 +23,7 @@ LIMITS = ff.Limits(pointing=[SUN, VIEW])
 
 
 @pytest.fixture(scope="module")
-def motion(spatial: Problem) -> Motion:
+def motion(spatial: ff.Problem) -> Motion:
     return ff.simulate(spatial, ATTITUDE, branch=0).chosen.motion
 
 

@@ -15,14 +15,11 @@ from meshcat import Visualizer
 from meshcat.path import Path as ScenePath
 from scipy.spatial.transform import Rotation, Slerp
 
+import freefloat as ff
 from freefloat.dynamics.measures import SingularityMeasure
-from freefloat.errors import InputError
-from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
-from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
-from freefloat.visualization.page.playback import Playback, playback
+from freefloat.visualization.page.playback import Playback
 from freefloat.visualization.scenes.description import MarginColours
 from freefloat.visualization.scenes.sampled_motion import key_times
 from freefloat.visualization.scenes.scene import motion_scene
@@ -34,13 +31,13 @@ GOOD, BAD = [0.46008, 0.09337, 0.73519, -0.48898], [0.1, 0.5, 0.2, -0.8367]
 
 
 @pytest.fixture(scope="module")
-def motion(spatial: Problem) -> Motion:
-    return simulate(spatial, GOOD, branch=0).chosen.motion
+def motion(spatial: ff.Problem) -> Motion:
+    return ff.simulate(spatial, GOOD, branch=0).chosen.motion
 
 
 @pytest.fixture(scope="module")
-def singular(spatial: Problem) -> Motion:
-    return simulate(spatial, BAD, branch=2).chosen.motion
+def singular(spatial: ff.Problem) -> Motion:
+    return ff.simulate(spatial, BAD, branch=2).chosen.motion
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +128,7 @@ def test_a_playback_goes_into_a_visualizer(motion: Motion) -> None:
     window = SimpleNamespace(send=lambda command: sent.append(command.lower()))
     visualizer = Visualizer.view_into(window, ScenePath(("meshcat", "mine")))
     short = motion.cut(1.0, motion.ending)
-    playback({"first": short, "second": short}).into(visualizer)
+    ff.playback({"first": short, "second": short}).into(visualizer)
     objects = [command["path"] for command in sent if command["type"] == "set_object"]
     shapes = len(robot_visuals(motion.problem.model).shapes)
     for name in ("first", "second"):  # the second robot is a copy
@@ -142,9 +139,9 @@ def test_a_playback_goes_into_a_visualizer(motion: Motion) -> None:
 
 
 @pytest.mark.slow
-def test_planar_rings_have_the_radii_of_the_areas(planar: Problem) -> None:
+def test_planar_rings_have_the_radii_of_the_areas(planar: ff.Problem) -> None:
     """The paper's areas of the last joint: dependent, independent, dependent."""
-    motion = simulate(planar, heading_quaternion(3.5), branch=0).chosen.motion
+    motion = ff.simulate(planar, heading_quaternion(3.5), branch=0).chosen.motion
     drawn = objects(motion_scene({"m": motion}))
     rings = [attribute(drawn[f"/meshcat/m/Areas/{k}"])[:, :2] for k in (1, 2, 3)]
     radii = [np.linalg.norm(ring, axis=1) for ring in rings]
@@ -156,12 +153,12 @@ def test_planar_rings_have_the_radii_of_the_areas(planar: Problem) -> None:
 
 def test_colours_show_what_is_below_the_margin() -> None:
     measure = SingularityMeasure("gjm", "", "m^3", lambda joints: 0.0)
-    scale = MarginColours.over(Margin(measure, 5.0), [np.array([1.0, 20.0]), np.array([])])
+    scale = MarginColours.over(ff.Margin(measure, 5.0), [np.array([1.0, 20.0]), np.array([])])
     below, just_below, margin, bright = scale(np.array([0.0, 4.999, 5.0, 20.0]))
     assert below.tolist() == just_below.tolist()
     assert np.abs(margin - below).max() > 0.3
     assert bright.sum() > margin.sum()
-    assert np.isfinite(MarginColours.over(Margin(measure, 0.0), [])(np.array([0.0]))).all()
+    assert np.isfinite(MarginColours.over(ff.Margin(measure, 0.0), [])(np.array([0.0]))).all()
 
 
 def test_the_first_view_covers_the_motion(scene: Scene, motion: Motion) -> None:
@@ -185,8 +182,8 @@ def test_a_page_carries_the_commands_and_may_request_nothing(scene: Scene) -> No
     assert "Robin Deits" in text  # MeshCat's licence
 
 
-def test_motions_that_do_not_fit_on_a_page_are_refused(motion: Motion, planar: Problem) -> None:
-    other = simulate(planar, heading_quaternion(3.5), branch=0).chosen.motion
+def test_motions_that_do_not_fit_on_a_page_are_refused(motion: Motion, planar: ff.Problem) -> None:
+    other = ff.simulate(planar, heading_quaternion(3.5), branch=0).chosen.motion
     for motions in ({}, {"a/b": motion, "a∕b": motion}, {"a": motion, "b": other}):
-        with pytest.raises(InputError):
+        with pytest.raises(ff.InputError):
             motion_scene(motions)

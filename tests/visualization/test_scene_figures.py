@@ -10,13 +10,11 @@ import pytest
 from matplotlib.patches import Circle, Polygon, Wedge
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from freefloat.io.scenario.scenario import load_scenario
+import freefloat as ff
 from freefloat.motion.motion import Ending, Motion
-from freefloat.planning.simulation import simulate
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
 from freefloat.singularities.planar_regions import point_3_on_path
-from freefloat.singularities.regions import exact_workspace, workspace_regions
+from freefloat.singularities.regions import exact_workspace
 from freefloat.so3 import heading_quaternion, rotation_matrix
 from freefloat.visualization.figures.scene_figures import (
     outlines,
@@ -26,12 +24,12 @@ from freefloat.visualization.figures.scene_figures import (
 from freefloat.visualization.scenes.visuals import largest_box, robot_visuals
 from tests.figures import labels, line
 
-PLANAR = load_scenario("planar_3dof/parabola").problem()
+PLANAR = ff.load_scenario("planar_3dof/parabola").problem()
 AREAS = exact_workspace(PLANAR)
 
 
 def heading(degrees: float) -> Motion:
-    return simulate(PLANAR, heading_quaternion(np.deg2rad(degrees)), branch=0).chosen.motion
+    return ff.simulate(PLANAR, heading_quaternion(np.deg2rad(degrees)), branch=0).chosen.motion
 
 
 @pytest.fixture(scope="module")
@@ -46,8 +44,8 @@ def singular() -> Motion:
 
 @pytest.fixture(scope="module")
 def spatial() -> Motion:
-    problem = load_scenario("spatial_6dof/line").problem()
-    return simulate(problem, [0.1, 0.5, 0.2, -0.8367], branch=2).chosen.motion
+    problem = ff.load_scenario("spatial_6dof/line").problem()
+    return ff.simulate(problem, [0.1, 0.5, 0.2, -0.8367], branch=2).chosen.motion
 
 
 def test_areas_are_rings_around_the_centre_of_mass() -> None:
@@ -77,8 +75,8 @@ def test_the_path_runs_from_its_start_to_its_end() -> None:
 @pytest.mark.slow
 def test_in_space_the_distance_from_the_centre_is_shown() -> None:
     """The wrist of Example 2 passes two shells in which its arm can be singular."""
-    problem = load_scenario("spatial_6dof/line").problem()
-    areas = workspace_regions(problem)
+    problem = ff.load_scenario("spatial_6dof/line").problem()
+    areas = ff.workspace_regions(problem)
     figure = workspace_figure(problem, areas)
     (axes,) = figure.axes
     assert areas.path_dependent is not None
@@ -138,7 +136,7 @@ def test_snapshots_in_space_show_the_first_and_the_last_state(spatial: Motion) -
 
 def motion_at_rest(name: str, attitude: list[float]) -> Motion:
     """A motion with a single state."""
-    problem = load_scenario(name).problem()
+    problem = ff.load_scenario(name).problem()
     joints = problem.branches(attitude)[0].joints
     return Motion(problem, Ending.COMPLETED, np.zeros(1), np.array([attitude]), joints[None])
 
@@ -184,6 +182,6 @@ def test_a_spacecraft_without_boxes_gets_the_box_around_its_shape() -> None:
         "</visual>"
     )
     text = f"{bare}{shown}</link>{rest}"
-    box = largest_box(robot_visuals(FreeFloatingModel.from_urdf(text)), 0)
+    box = largest_box(robot_visuals(ff.FreeFloatingModel.from_urdf(text)), 0)
     assert np.allclose(box.min(axis=0), [-0.5, -0.5, -0.5])
     assert np.allclose(box.max(axis=0), [0.5, 0.5, 2.5])

@@ -7,11 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from freefloat.dynamics.measures import singularity_measure
-from freefloat.motion.problem import Problem
-from freefloat.robot.model import FreeFloatingModel
-from freefloat.singularities.singularity_map import SingularityMap, singularity_map
-from freefloat.visualization.figures.figures import figures
+import freefloat as ff
+from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.visualization.figures.singularity_figures import singularity_figures
 from freefloat.visualization.scenes.joint_sections import (
     influential_joints,
@@ -24,16 +21,16 @@ RESOLUTIONS = {"planar_3dof/parabola": 1.0, "spatial_6dof/line": 8.0}
 
 
 @cache
-def mapped(name: str) -> tuple[Problem, SingularityMap]:
+def mapped(name: str) -> tuple[ff.Problem, SingularityMap]:
     problem = bundled(name)
-    return problem, singularity_map(problem.model, problem.task, np.radians(RESOLUTIONS[name]))
+    return problem, ff.singularity_map(problem.model, problem.task, np.radians(RESOLUTIONS[name]))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", RESOLUTIONS)
 def test_curves_and_colours_agree_with_the_determinant(name: str) -> None:
     problem, found = mapped(name)
-    measure = singularity_measure(problem.model, problem.task, "system")
+    measure = ff.singularity_measure(problem.model, problem.task, "system")
     at = reference_configuration(found)
     largest = abs(measure(at))
     (figure,) = singularity_figures(found).values()
@@ -61,10 +58,10 @@ def test_curves_and_colours_agree_with_the_determinant(name: str) -> None:
 @pytest.mark.slow
 def test_prismatic_joints_are_shown_over_their_range_in_metres() -> None:
     robot = random_robot(np.random.default_rng(9), "RPRRPR")
-    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
-    found = singularity_map(model, resolution=np.radians(30.0))
+    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    found = ff.singularity_map(model, resolution=np.radians(30.0))
     joints = influential_joints(found, 4)
-    axes = next(iter(figures(found).values())).axes[0]
+    axes = next(iter(ff.figures(found).values())).axes[0]
     names = [f"{model.joint_names[k]} [{'m' if model.prismatic[k] else 'deg'}]" for k in joints]
     assert [axes.get_xlabel(), axes.get_ylabel()] == names[:2]
     assert model.prismatic[joints[0]]

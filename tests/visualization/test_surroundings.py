@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
 from freefloat.visualization.scenes.scene import motion_scene
 from freefloat.visualization.scenes.scene_builder import Scene
 from tests.scene_commands import commands, tracks, vertices
@@ -28,7 +27,7 @@ BODIES = (
 
 
 @pytest.fixture(scope="module")
-def motion(spatial: Problem) -> Motion:
+def motion(spatial: ff.Problem) -> Motion:
     return ff.simulate(spatial, [0.46008, 0.09337, 0.73519, -0.48898], branch=0).chosen.motion
 
 
