@@ -82,14 +82,6 @@ def test_a_map_without_a_feasible_attitude_exits_with_1(name: str) -> None:
     assert "no feasible attitude was found" in run("map", f"{name}.yaml", "--samples", "16").stdout
 
 
-def test_threads_change_nothing_but_the_time() -> None:
-    first, second = (
-        document("map", "planar_3dof/parabola", "--samples", "40", "--threads", threads)
-        for threads in "12"
-    )
-    assert {**first, "seconds": 0} == {**second, "seconds": 0}
-
-
 @pytest.mark.parametrize(
     ("words", "key"),
     [

@@ -72,21 +72,6 @@ def test_a_singular_motion_has_place_and_time() -> None:
     assert f"singular at t = {singular['time']:.4f} s, s = {singular['s']:.4f}" in text
 
 
-def test_the_attitudes_of_the_paper() -> None:
-    branches = simulated(*BAD)["branches"]
-    failed = [branch for branch in branches if not branch["completed"]]
-    assert len(failed) == 4
-    for branch in failed:
-        assert np.allclose(branch["singular"]["end_effector"], [0.120, 0.469, 0.194], atol=1e-3)
-    good = simulated(*GOOD)
-    assert all(branch["completed"] for branch in good["branches"])
-    smallest = min(branch["min_margin"]["value"] for branch in good["branches"])
-    assert math.isclose(smallest, 5.0, abs_tol=0.05)
-    attitude = np.array([float(word) for word in GOOD[2:]])
-    attitude /= np.linalg.norm(attitude)
-    assert np.allclose(good["initial"]["attitude"], attitude, atol=1e-15)
-
-
 def test_the_branch_with_the_largest_margin_is_chosen() -> None:
     motion = simulated("planar_3dof/parabola", "--heading", "140")
     best = max(
@@ -130,18 +115,6 @@ def test_joints_of_no_branch_are_refused_with_the_branches_listed() -> None:
     assert refusal["key"] == "joints"
     for branch in branches:
         assert str(np.round(branch["joints"], 4).tolist()) in refusal["accepted"]
-
-
-def test_a_heading_is_an_attitude_about_z() -> None:
-    heading = -160.0
-    half = math.radians(heading) / 2
-    attitude = ("0", "0", repr(math.sin(half)), repr(math.cos(half)))
-    by_heading = simulated("planar_3dof/parabola", "--heading", heading)
-    by_attitude = document("simulate", "planar_3dof/parabola", "--attitude", *attitude)
-    assert np.allclose(by_heading["initial"]["attitude"], [float(word) for word in attitude])
-    for first, second in zip(by_heading["branches"], by_attitude["branches"], strict=True):
-        assert first["completed"] == second["completed"]
-        assert np.allclose(first["joints"], second["joints"], atol=1e-9)
 
 
 def test_motions_stop_at_the_margin() -> None:

@@ -50,20 +50,6 @@ def test_every_branch_of_example_2(spatial: ff.Problem, attitude: list[float]) -
     assert sum(not case.motion.completed for case in cases) == (4 if attitude is BAD else 0)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["planar_3dof/parabola", "planar_3dof/parabola_nonstop"])
-def test_example_1_all_around(name: str) -> None:
-    """Both branches at every thirtieth degree, with the rest at F and without."""
-    problem = bundled(name)
-    cases = both(problem, *states(problem, headings(*range(3, 363, 30))))
-    assert len(cases) == 24
-    for case in cases:
-        case.assert_same()
-    for case in [case for case in cases if case.motion.completed][::6]:
-        case.assert_same_extent()
-    assert 1 < sum(not case.motion.completed for case in cases) < 14
-
-
 @pytest.mark.parametrize(
     ("name", "seed", "count"),
     [
@@ -195,30 +181,6 @@ def test_planar_arms(joints: int, momentum: float) -> None:
 
 
 # ---------------------------------------------------------------------------------- the minimum
-
-
-@pytest.mark.slow
-def test_minima_between_steps(spatial: ff.Problem, planar: ff.Problem) -> None:
-    """Against dense samples of precise motions, at whose time steps the measure lies higher."""
-    shallow = 0
-    for problem, attitudes in (
-        (spatial, random_attitudes(1, 21)), (planar, headings(*range(0, 360, 36)))
-    ):  # fmt: skip
-        attitudes, joints = states(problem, attitudes)
-        result = EnsembleIntegrator(problem, 1, tolerance=FINE).integrate(attitudes, joints)
-        measure = problem.margin.measure
-        for k in np.flatnonzero(result.endings == COMPLETED):
-            motion = ff.integrate_motion(problem, attitudes[k], joints[k])
-            values = np.array([measure(q) for q in dense(motion, 2000)[2]])
-            lowest = float((np.sign(values[0]) * values).min())
-            assert result.minimum[k] == pytest.approx(lowest, rel=1e-3)
-            assert result.minimum[k] <= lowest * (1.0 + 1e-4)
-            inside = 0.0 < result.minimum_at[k] < problem.path.duration
-            if inside and result.minimum[k] < 0.9 * abs(measure(joints[k])):
-                ends = np.linspace(0.0, problem.path.duration, 30)
-                nodes = [abs(measure(state.joints)) for state in motion.sample(ends)]
-                shallow += min(nodes) > 1.01 * result.minimum[k]
-    assert shallow > 2
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6])

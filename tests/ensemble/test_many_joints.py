@@ -84,14 +84,6 @@ def test_motions_agree_with_single_integration(structure, task):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["system", "sigma"])
-@pytest.mark.parametrize(("structure", "task"), [TEN[0], THIRTY[-1]])
-def test_other_measures(structure, task, name):
-    start = redundant(structure, task, None, 1)
-    assert_precise_from(replace(start, problem=with_measure(start.problem, name)), 1)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 8])
 @pytest.mark.parametrize(("structure", "task"), TEN[1::2])
 def test_redundancy_of_ten_joints(structure, task, number):

@@ -67,15 +67,6 @@ def assert_same_rates(structure, task, redundancy, seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING[::5])
-def test_motions_agree_with_precise_ones(structure, task, number):
-    """Endings, minima of the measure and last states."""
-    start = redundant(structure, task, choices(structure, task, 1)[number], 1)
-    (case,) = both(start.problem, start.attitude[None], start.joints[None])
-    case.assert_same()
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("structure", "task", "redundancy"), LEAST_BASE_RATE[::3])
 def test_motions_of_least_base_rate_agree_with_precise_ones(structure, task, redundancy):
     """Endings, minima of the measure and last states, compiled."""

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.attitude_grids import attitude_grid, grid_spacing
+from freefloat.attitude_grids import grid_spacing
 from freefloat.ensemble.endings import COMPLETED, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.margin import keeps_threshold
@@ -70,18 +70,6 @@ def test_blocks_and_threads_change_nothing(
     assert fractions == sorted(fractions)
     assert fractions[0] > 0.0
     assert fractions[-1] == pytest.approx(1.0)
-
-
-def test_a_seed_rotates_the_grid(evaluator: FeasibilityEvaluator) -> None:
-    """Equal seeds give equal maps to the bit."""
-    first, same, other = (
-        sample_attitudes(evaluator, 32, ff.Search(seed=seed)) for seed in (5, 5, 6)
-    )
-    np.testing.assert_array_equal(first.attitudes, attitude_grid(32, 5))
-    np.testing.assert_array_equal(first.margins, same.margins)
-    assert (first.seed, other.seed) == (5, 6)
-    assert np.abs(first.attitudes - other.attitudes).max() > 0.01
-    assert np.abs(first.margins - other.margins).max() > 0.01
 
 
 # bisection

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.attitude_grids import attitude_grid, attitudes_within, grid_spacing
+from freefloat.attitude_grids import attitude_grid, attitudes_within
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.candidates import Peak
 from freefloat.planning.space import climbing as attitude_search
@@ -239,19 +239,6 @@ def peaks(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> list[Peak]:
 
 
 @pytest.mark.slow
-def test_refined_margins_beat_every_sample(
-    evaluator: FeasibilityEvaluator, samples: AttitudeMap, peaks: list[Peak]
-) -> None:
-    assert peaks[0].minimum_margin >= samples.margins.max()
-    assert [entry.minimum_margin for entry in peaks[:4]] == sorted(
-        (p.minimum_margin for p in peaks[:4]), reverse=True
-    )
-    for entry in peaks[:4]:
-        again = evaluator.margins(entry.attitude[None], entry.branch)
-        assert again[0] == pytest.approx(entry.minimum_margin, rel=1e-12)
-
-
-@pytest.mark.slow
 def test_the_largest_margin_is_a_local_maximum(
     evaluator: FeasibilityEvaluator, peaks: list[Peak]
 ) -> None:
@@ -303,21 +290,3 @@ def test_no_random_attitude_is_feasible_and_nearer(
     keeps = evaluator.keeps(cloud, best.branch)
     nearest = angle_between(cloud[keeps], present).min(initial=best.deviation)
     assert best.deviation - nearest < np.radians(0.05)
-
-
-@pytest.mark.slow
-def test_the_robust_radius_is_that_of_the_nearest_failure(
-    evaluator: FeasibilityEvaluator, samples: AttitudeMap, peaks: list[Peak]
-) -> None:
-    """Along 200 directions nothing fails within; a tenth farther out something does."""
-    best = peaks[0]
-    radius = robust_radius(
-        evaluator, best.attitude, best.branch, grid_spacing(len(samples.attitudes))
-    )
-    directions = np.random.default_rng(8).normal(size=(200, 3))
-    directions /= np.linalg.norm(directions, axis=1)[:, None]
-    for fraction in (0.5, 0.9, 1.0):
-        within = rotated(best.attitude, fraction * radius * directions)
-        assert evaluator.regular(within, best.branch).all(), fraction
-    beyond = rotated(best.attitude, 1.1 * radius * directions)
-    assert not evaluator.regular(beyond, best.branch).all()

@@ -169,17 +169,6 @@ def test_sets_narrower_than_the_grid_are_found(objective: str) -> None:
 
 
 @pytest.mark.slow
-def test_a_margin_that_a_sample_barely_keeps_is_kept() -> None:
-    """By less than the accuracy of compiled motions; the precise motion decides."""
-    value, samples, seed = 53.6, 16, 1
-    problem = with_margin(value)
-    coarse = sample_attitudes(FeasibilityEvaluator(problem, 1), samples, ff.Search(seed=seed))
-    assert value < coarse.margins.max() < value * 1.001
-    plan = planned(problem, ff.Search("nearest", frozen(BAD), samples, seed, spare=0.0))
-    assert plan.feasible, plan.reason
-
-
-@pytest.mark.slow
 def test_unconfirmed_candidates_are_reported_and_the_next_is_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

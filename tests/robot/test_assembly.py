@@ -131,17 +131,6 @@ def test_the_arms_own_base_counts_as_part_of_the_spacecraft() -> None:
     assert np.allclose(bus.inertia, expected, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("root", ["", inertial_text(30.0, 2.0 * np.eye(3), "0.1 0 0")])
-def test_a_root_with_and_without_mass_is_carried(root: str) -> None:
-    arm = '<robot name="a">' + link_text("foot", root) + joint_text("q1", "C", "foot", "tip")
-    arm += link_text("tip", inertial_text(5.0, np.eye(3), "1 0 0")) + "</robot>"
-    model = ff.FreeFloatingModel.from_urdf(arm, spacecraft=ff.Spacecraft(65.0, CUBE))
-    foot = 30.0 if root else 0.0
-    assert np.isclose(model.total_mass, 70.0 + foot, rtol=1e-12)
-    centre = centre_of_mass(model.pin_model, np.zeros(1))
-    assert np.allclose(centre, [(5.0 + 0.1 * foot) / (70.0 + foot), 0, 0], rtol=0, atol=1e-12)
-
-
 def test_the_box_is_drawn_and_may_collide_only_where_a_size_is_given() -> None:
     arm = random_robot(np.random.default_rng(1), "RR").text
     drawn = ET.fromstring(assembled(arm, ff.Spacecraft(9.0, CUBE, size=[1.0, 2.0, 0.5])))
@@ -410,13 +399,3 @@ def test_a_payload_of_a_scenario_is_fixed_to_the_tool(tmp_path: Path) -> None:
 
 
 # --------------------------------------------------------------------------- a redundant arm
-
-
-def test_the_panda_moves_seven_joints_and_holds_its_fingers() -> None:
-    """150 kg, the arm's 16.69 kg, the hand's 0.73 kg and two fingers of 15 g."""
-    model = ff.load_scenario("panda_servicer/line").model()
-    assert model.joint_names == tuple(f"panda_joint{k}" for k in range(1, 8))
-    assert np.isclose(model.total_mass, 167.451901, rtol=1e-9)
-    assert np.isclose(model.bodies[0].mass, 150.0 + 0.629769, rtol=1e-12)
-    assert np.isclose(model.bodies[-1].mass, 0.735522 + 0.73 + 2 * 0.015, rtol=1e-12)
-    assert [warning.element for warning in model.warnings] == ["joint panda_finger_joint2"]

@@ -244,15 +244,6 @@ def test_packages_are_found_by_folder_and_by_environment(
     assert find_mesh(name, far) == installed
 
 
-def test_the_example_robots_need_no_environment() -> None:
-    """Their package is found wherever the URDF came from."""
-    name = "package://example-robot-data/robots/panda_description/meshes/visual/hand.dae"
-    assert (
-        find_mesh(name, "URDF text")
-        == examples_folder() / "panda_description/meshes/visual/hand.dae"
-    )
-
-
 @pytest.mark.parametrize(
     "name", ["http://a.b/c.stl", "gone.stl", "file:///gone.stl", "a\0b", "x" * 9999]
 )

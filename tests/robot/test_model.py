@@ -312,16 +312,6 @@ def test_files_and_text_give_the_same_model(spatial_6dof: ff.FreeFloatingModel) 
         assert model.description.source == source
 
 
-def test_a_fixed_joint_may_have_the_name_of_a_link() -> None:
-    robot = '<robot name="namesakes">' + link_text("bus", inertial_text(9.0, np.eye(3)))
-    for name in ("one", "two"):
-        robot += joint_text(name, "R", "bus", name)
-        robot += link_text(name, inertial_text(1.0, np.eye(3)))
-    model = ff.FreeFloatingModel.from_urdf(robot + "</robot>", "one", fixed_joints={"two": 0.3})
-    assert model.joint_names == ("one",)
-    assert model.bodies[0].mass == 10.0
-
-
 # -------------------------------------------------------------------------------- where things are
 
 

@@ -80,29 +80,6 @@ def test_a_robot_is_found_by_its_file_before_its_name(name: str, tmp_path: Path)
     assert find_robot(str(file), Path("/")) == file
 
 
-@pytest.mark.parametrize(
-    ("name", "nearest"),
-    [("spatial_6dof/lin", "spatial_6dof/line"), ("planar_3dof/parabla", "planar_3dof/parabola")],
-)
-def test_a_misspelt_scenario_gets_a_suggestion_and_the_list(name: str, nearest: str) -> None:
-    with pytest.raises(ff.InputError) as caught:
-        find_scenario(name)
-    error = caught.value
-    assert error.key == "scenario"
-    assert name in error.problem
-    assert nearest in error.problem
-    assert all(known in error.accepted for known in bundled_scenarios())
-
-
-def test_a_misspelt_robot_gets_a_suggestion_and_the_list(tmp_path: Path) -> None:
-    with pytest.raises(ff.InputError) as caught:
-        find_robot("spatial_7dof.urdf", tmp_path)
-    error = caught.value
-    assert error.key == "urdf"
-    assert "spatial_6dof" in error.problem
-    assert all(known in error.accepted for known in bundled_robots())
-
-
 # --- the robots of example-robot-data ------------------------------------------------------------
 
 

@@ -87,15 +87,6 @@ def ff_vector(attitude):
     return axis / np.linalg.norm(axis) * angle
 
 
-def test_the_colour_scale_begins_at_the_margin_and_has_its_unit(shown, problem):
-    result, _, figures = shown
-    bar = figures["map_slices"].axes[-1]
-    low, high = bar.get_ylim()
-    assert low == problem.margin.threshold
-    assert high >= result.margins.max()
-    assert "[m$^{4}$ kg]" in bar.get_ylabel()
-
-
 def test_bars_add_up_to_the_percentages(shown, problem):
     """Blue bars: feasible motions; grey bars: motions completed below the margin."""
     result, _, figures = shown

@@ -15,11 +15,10 @@ from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figure_style import PALE, VERMILION, axis_label
 from freefloat.visualization.figures.motion_figures import (
     euler_angles,
-    headings,
     motion_figures,
     shown_times,
 )
-from tests.figures import labels, line
+from tests.figures import line
 
 
 def simulated(name: str, attitude: list[float] | float, branch: int) -> SimulatedBranch:
@@ -78,27 +77,6 @@ def test_euler_angles_rebuild_the_attitude_and_do_not_jump() -> None:
         angles[:, axis], angles[:, 1] = np.linspace(0.0, 720.0, 60), 20.0
         attitudes = Rotation.from_euler("XYZ", angles, degrees=True).as_quat()
         assert np.allclose(euler_angles(attitudes), angles, atol=1e-10)
-
-
-def test_headings_begin_in_the_first_revolution_and_do_not_jump() -> None:
-    for start in (200.0, 359.9):
-        wanted = start + np.linspace(0.0, 400.0, 60)
-        attitudes = heading_quaternion(np.radians(wanted))
-        assert np.allclose(headings(attitudes), wanted, atol=1e-10)
-
-
-def test_a_planar_motion_shows_its_heading_and_its_rest(planar: SimulatedBranch) -> None:
-    axes = motion_figures(planar.motion, planar.closest_approach)["motion"].axes
-    heading = line(axes[2], "heading")
-    assert heading[0, 1] == pytest.approx(200.0)
-    assert line(axes[3], r"$\omega_z$")[0, 1] == pytest.approx(
-        (heading[1, 1] - heading[0, 1]) / (heading[1, 0] - heading[0, 0]), rel=1e-2
-    )
-    assert labels(axes[4]) == ["$x$", "$y$"]
-    stop = planar.motion.problem.path.timing.stops[0].t
-    assert line(axes[5], "at rest")[:, 0].tolist() == [stop, stop]
-    for panel in axes:
-        assert any(set(np.atleast_1d(drawn.get_xdata())) == {stop} for drawn in panel.lines)
 
 
 def test_rates_stay_readable_towards_a_singular_end(singular: SimulatedBranch) -> None:

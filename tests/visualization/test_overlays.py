@@ -39,11 +39,3 @@ def test_an_arrow_points_to_its_end() -> None:
     assert vertices[-SIDES:] == pytest.approx(np.tile(end, (SIDES, 1)))
     assert volume(vertices, faces) > 0.0
     assert np.abs(vertices[:, [0, 2]]).max() == pytest.approx(0.25, rel=0.06)
-
-
-def test_coincident_points_and_reversals_are_accepted() -> None:
-    points = np.array([[0, 0, 0], [0, 0, 0], [1, 0, 0], [1, 0, 0], [0, 0, 0]], dtype=float)
-    vertices, _ = tube(points, 0.1)
-    assert np.isfinite(vertices).all()
-    distances = np.linalg.norm(vertices.reshape(5, SIDES, 3) - points[:, None], axis=2)
-    assert distances == pytest.approx(0.1)

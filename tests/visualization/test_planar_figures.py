@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex
 
 import freefloat as ff
 from freefloat.motion.motion import Motion
@@ -69,15 +66,6 @@ def test_distance_curves_are_where_the_path_begins_and_ends(motions: list[Motion
         assert np.allclose(np.abs(point_3(arm, corners)), abs(point_3(arm, joints)), atol=1e-3)
 
 
-def test_levels_of_another_measure_are_not_drawn_as_s() -> None:
-    gjm = ff.singularity_measure(PLANAR.model, PLANAR.task, "gjm")
-    problem = ff.Problem(
-        PLANAR.model, PLANAR.path, PLANAR.task, PLANAR.momentum, ff.Margin(gjm, 0.05)
-    )  # fmt: skip
-    (axes,) = joint_space_figure(problem, []).axes
-    assert [label for label in labels(axes) if "S" in label] == ["$S$ = 0 (singular)"]
-
-
 def some_map() -> HeadingMap:
     """Two branches from eight headings, a margin of 5; one branch does not always reach."""
     margins = np.array([[0, 2, 6, 8, 9, 7, 4, 0], [9, 9, 9, np.nan, 0, 1, 5, 9]], dtype=float)
@@ -108,22 +96,3 @@ def test_shaded_spans_are_the_ranges() -> None:
         (curve,) = [item for item in axes.lines if len(item.get_xdata()) == 8]
         assert np.array_equal(curve.get_ydata(), row, equal_nan=True)
         assert line(axes, "margin 5")[:, 1].tolist() == [5.0, 5.0]
-
-
-def test_without_ranges_the_samples_are_shaded() -> None:
-    first, second = headings_figure(some_map()).axes
-    assert np.allclose(spans(first), [(67.5, 247.5)])
-    assert np.allclose(spans(second), [(0.0, 112.5), (247.5, 360.0)])
-    assert labels(first)[0] == "elbow+"
-
-
-def test_a_redundant_arm_has_one_axes_for_the_best_branch() -> None:
-    ranges = (BranchRanges(0, "any", (HeadingRange(0.5, 1.0, BOTH),), (0.5, 1.0)),)
-    redundant = replace(PLANAR, task=ff.Task.PLANAR_POSITION)
-    result = replace(some_map(), problem=redundant)
-    (axes,) = headings_figure(result, ranges, (3, 0.7)).axes
-    best = [9.0, 9.0, 9.0, 8.0, 9.0, 7.0, 5.0, 9.0]
-    assert line(axes, "best branch")[:, 1].tolist() == best
-    assert np.allclose(spans(axes), np.degrees([(0.5, 1.0)]))
-    assert len(line(axes, "chosen")) == 2
-    assert to_hex(axes.patches[0].get_facecolor()) != "#ffffff"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from itertools import pairwise
 
 import numpy as np
@@ -12,7 +11,6 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 import freefloat as ff
 from freefloat.motion.motion import Ending, Motion
-from freefloat.robot.names import models_folder
 from freefloat.singularities.planar_regions import point_3_on_path
 from freefloat.singularities.regions import exact_workspace
 from freefloat.so3 import heading_quaternion, rotation_matrix
@@ -21,7 +19,6 @@ from freefloat.visualization.figures.scene_figures import (
     snapshots_figure,
     workspace_figure,
 )
-from freefloat.visualization.scenes.visuals import largest_box, robot_visuals
 from tests.figures import labels, line
 
 PLANAR = ff.load_scenario("planar_3dof/parabola").problem()
@@ -159,29 +156,3 @@ def test_the_arm_runs_from_its_mount_to_the_end_effector(name: str) -> None:
     lengths = [np.linalg.norm(body.placement.position) for body in model.bodies[2:]]
     drawn = [np.linalg.norm(b - a) for a, b in pairwise(shown.arm[1:-1])]
     assert np.allclose(drawn, lengths, atol=1e-12)
-
-
-def test_the_spacecraft_is_its_largest_box() -> None:
-    """Not one of its solar panels; it moves with the spacecraft."""
-    attitude = heading_quaternion(0.7)
-    motion = motion_at_rest("planar_3dof/parabola", attitude.tolist())
-    box = largest_box(robot_visuals(motion.problem.model), 0)
-    assert np.allclose(np.ptp(box, axis=0), [1.0, 1.0, 0.6])
-    assert np.allclose(box.mean(axis=0), 0.0)
-    (shown,) = outlines(motion, [0.0])
-    corners = (shown.spacecraft - motion.base_positions[0]) @ rotation_matrix(attitude)
-    assert np.allclose(corners, box, atol=1e-12)
-
-
-def test_a_spacecraft_without_boxes_gets_the_box_around_its_shape() -> None:
-    text = (models_folder() / "planar_3dof" / "planar_3dof.urdf").read_text()
-    whole, _, rest = text.partition("</link>")
-    bare = re.sub(r"<visual>.*</visual>", "", whole, flags=re.DOTALL)
-    shown = (
-        '<visual><origin xyz="0 0 1"/><geometry><cylinder radius="0.5" length="3"/></geometry>'
-        "</visual>"
-    )
-    text = f"{bare}{shown}</link>{rest}"
-    box = largest_box(robot_visuals(ff.FreeFloatingModel.from_urdf(text)), 0)
-    assert np.allclose(box.min(axis=0), [-0.5, -0.5, -0.5])
-    assert np.allclose(box.max(axis=0), [0.5, 0.5, 2.5])

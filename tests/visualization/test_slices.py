@@ -65,18 +65,6 @@ def test_places_outside_the_ball_are_nan(slices):
 
 
 @pytest.mark.slow
-def test_opposite_ends_of_a_diameter_have_equal_margins(evaluator):
-    """Rotations by pi and -pi are equal; without marks slices pass through the centre."""
-    slices = map_slices(evaluator, [], side=SIDE)
-    middle = SIDE // 2
-    for plane in slices:
-        assert plane.mark is None
-        assert plane.offset == 0.0
-        assert plane.margins[middle, 0] == pytest.approx(plane.margins[middle, -1], rel=1e-4)
-        assert plane.margins[0, middle] == pytest.approx(plane.margins[-1, middle], rel=1e-4)
-
-
-@pytest.mark.slow
 def test_unreached_attitudes_differ_from_infeasible_ones():
     """The UR5 reaches the start of its path from less than half of all attitudes."""
     evaluator = FeasibilityEvaluator(ff.load_scenario("ur5_servicer/arc").problem())

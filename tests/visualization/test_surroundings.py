@@ -77,15 +77,7 @@ def test_fast_tumbling_has_enough_key_times(motion: Motion) -> None:
     assert 10.0 * np.diff(times).max() < np.pi / 3.0
 
 
-def test_labels_stand_where_bodies_stay(motion: Motion) -> None:
-    labels = scene_of(motion, BODIES).description.scenes[0].labels
-    places = {label.text: label.position for label in labels if label.item == "Scene bodies"}
-    assert places.keys() == {"mast", "client"}
-    assert places["client"] == pytest.approx([0.0, 3.0, 1.0] + TURN @ TUMBLING.com)
-
-
-@pytest.mark.parametrize("half_angle", [0.3, None])
-@pytest.mark.parametrize("body", ["client", None])
+@pytest.mark.parametrize(("half_angle", "body"), [(0.3, "client"), (None, None)])
 def test_the_surface_of_the_corridor_is_at_its_limit(
     motion: Motion, half_angle: float | None, body: str | None
 ) -> None:
@@ -105,7 +97,7 @@ def test_the_surface_of_the_corridor_is_at_its_limit(
         assert ((points - corridor.point) @ corridor.axis).max() > max(along)
 
 
-@pytest.mark.parametrize("place", [[6.0, 0.0, 0.0], [0.0, -6.0, 1.0], [-4.0, 4.0, 0.0]])
+@pytest.mark.parametrize("place", [[6.0, 0.0, 0.0], [0.0, -6.0, 1.0]])
 def test_the_first_view_shows_bodies_beside_the_robot(motion: Motion, place: list[float]) -> None:
     """Neither hides the other: the line between them is seen from its side."""
     body = ff.SceneBody("client", ff.Box([1.0, 1.0, 2.0]), place)

@@ -24,7 +24,6 @@ from tests.robots import (
     joint_text,
     link_text,
     robots,
-    ur5_on_spacecraft,
 )
 
 
@@ -89,19 +88,6 @@ def test_meshes_of_real_arms_are_where_pinocchio_draws_them(name: str, end_effec
         np.testing.assert_allclose(points.max(axis=0), expected.max(axis=0), atol=1e-5)
     faces = sum(len(v.shape.faces) for v in visuals.shapes if isinstance(v.shape, Mesh))
     assert 50_000 < faces < 200_000  # a few megabytes, no need to thin them out
-
-
-@pytest.mark.slow
-def test_a_bare_arm_on_a_spacecraft_without_size_gets_a_box() -> None:
-    """The base link's mesh alone would not show that a spacecraft is there."""
-    visuals = robot_visuals(ff.FreeFloatingModel.from_urdf(ur5_on_spacecraft(), "tool0"))
-    bus, *_ = link_visuals(visuals, "spacecraft")
-    np.testing.assert_allclose(bus.shape.size, np.sqrt(6 * 35 / 200), rtol=0.1)
-    path = find_robot("example-robot-data:ur5", Path())
-    spacecraft = ff.Spacecraft(200.0, np.full(3, 35.0), size=np.array([1.0, 2.0, 3.0]))
-    sized = robot_visuals(ff.FreeFloatingModel.from_urdf(path, "tool0", spacecraft=spacecraft))
-    assert sized.problems == ()
-    np.testing.assert_array_equal(named(sized, "spacecraft").shape.size, [1, 2, 3])
 
 
 RED = "<material name='paint'><color rgba='1 0 0 1'/></material>"
