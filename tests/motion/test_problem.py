@@ -159,4 +159,4 @@ def test_a_heading_stands_for_an_attitude_in_the_plane(planar, spatial):
         (planar, {"heading": np.nan}),
         (planar, {}),
     ):
-        assert error_key(problem.attitude, **wrong) == "heading" if wrong else "attitude"
+        assert error_key(problem.attitude, **wrong) == ("heading" if wrong else "attitude")

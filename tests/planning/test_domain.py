@@ -210,4 +210,5 @@ def test_joints_and_angle_survive_files(tmp_path: Path) -> None:
     ],
 )
 def test_unusable_searches(options: dict, key: str) -> None:
-    assert error_key(ff.plan, bundled("planar_3dof/parabola"), ff.Search(**options)) == key
+    problem = bundled("planar_3dof/parabola")
+    assert error_key(lambda: ff.plan(problem, ff.Search(**options))) == key

@@ -26,6 +26,8 @@ from freefloat.visualization.scenes.scene_builder import Scene
 from freefloat.visualization.scenes.visuals import body_poses, robot_visuals
 from tests.scene_commands import commands, tracks
 
+GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
+
 
 @pytest.fixture(scope="module")
 def motion(spatial: ff.Problem) -> Motion:
