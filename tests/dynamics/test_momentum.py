@@ -128,15 +128,6 @@ def test_generalized_jacobian_is_the_derivative_of_the_pose(
         assert np.abs(seen - S[:, i]).max() < 1e-8 * (1.0 + np.abs(S).max())
 
 
-@given(data=st.data(), robot=robots())
-def test_scaling_every_mass_changes_nothing(data: st.DataObject, robot: Robot) -> None:
-    """All masses and inertias times 7.3: the same S*, and momenta times 7.3."""
-    light, heavy = loaded(robot), loaded(robot, scale_mass=7.3)
-    q = data.draw(joint_values(light.dof))
-    assert relative(ff.generalized_jacobian(heavy, q), ff.generalized_jacobian(light, q)) < 1e-11
-    assert relative(momentum_map(heavy, q), 7.3 * momentum_map(light, q)) < 1e-12
-
-
 def test_tasks_are_rows_of_the_twist(spatial_6dof: ff.FreeFloatingModel) -> None:
     """Position is the linear half of the pose; planar tasks have x, y and the rotation about z.
 

@@ -220,34 +220,6 @@ def test_numbered_branches_of_a_planar_arm_move_little() -> None:
     assert steps.max() < 0.2
 
 
-def test_published_tangency_points_lie_on_their_paths(
-    spatial_6dof: ff.FreeFloatingModel, planar_3dof: ff.FreeFloatingModel
-) -> None:
-    """Printed attitudes and joints put the end-effector where the printed time says."""
-
-    def quintic(tau: float) -> float:
-        return 10 * tau**3 - 15 * tau**4 + 6 * tau**5
-
-    pose = spatial_6dof.end_effector_pose(
-        unit_quaternion("", [0.4295, -0.147, 0.6898, -0.564]),
-        [0.1, 2.0, 3.3076, -2.6104, 2.2981, 1.4288],
-    )
-    expected = np.array([1.0, 0, 0]) + quintic(0.4225) * np.array([-1.5, 0.8, 0.33])
-    np.testing.assert_allclose(pose.position, expected, atol=1e-3)
-    np.testing.assert_allclose(pose.rotation, START.rotation, atol=1e-3)
-    for heading, joints in (
-        (-0.7463, [-3.6512, 0.1762, 1.7885]),
-        (0.9158, [-0.6074, 2.9265, 0.9617]),
-        (1.5922, [-0.7348, 2.9014, 0.2833]),
-    ):
-        attitude = [0, 0, np.sin(heading / 2), np.cos(heading / 2)]
-        pose = planar_3dof.end_effector_pose(attitude, joints)
-        x, y, _ = pose.position
-        assert y == pytest.approx(x**2 / 6 - 5 * x / 6 + 1, abs=5e-4)
-        along = np.array([1.0, x / 3 - 5 / 6, 0.0])
-        assert abs(pose.rotation[:, 0] @ along) < 1e-3  # third link normal to the path
-
-
 # ---------------------------------------------------------------------------- arms of any make
 
 

@@ -159,14 +159,6 @@ def test_a_minimum_near_either_end(near, fraction, first):
     assert result.value == pytest.approx(1e-3, rel=1e-7)
 
 
-def test_the_margin_of_example_2_is_as_printed(near):
-    """The motion of Fig. 10 is tangent to S0 = -5 at tau_t = 0.4225 (4 digits of attitude)."""
-    result = ff.closest_approach(near, near.problem.margin.measure)
-    assert result.sign == -1
-    assert result.value == pytest.approx(5.0, abs=0.05)
-    assert result.time == pytest.approx(42.25, abs=0.25)
-
-
 # ----------------------------------------------------------------------- stopping at the margin
 
 

@@ -26,7 +26,6 @@ from tests.motions import (
     BAD,
     GOOD,
     PitchOrientation,
-    along,
     bundled,
     from_here,
     heading,
@@ -220,20 +219,6 @@ def test_without_momentum_nothing_moves_at_a_stop(spatial):
 # --- long and short ----------------------------------------------------------------------------
 
 
-@pytest.mark.slow
-def test_a_spacecraft_rotates_several_times(planar):
-    """The curve's tangent turns, too."""
-    upright, momentum = np.eye(3), [0, 0, 40.0]
-    problem = along(
-        planar.model, ff.Task.PLANAR_POSE, [2.1, 0, 0], [2.1, 0.2, 0], upright, momentum=momentum
-    )
-    motion = simulated(problem, heading(10.0), 0)
-    assert motion.completed
-    headings = np.unwrap([heading_of(attitude) for attitude in motion.attitudes])
-    assert headings[-1] - headings[0] > 8.0 * 2.0 * np.pi
-    assert motion.residuals().end_effector_position < 1e-7
-
-
 @pytest.mark.parametrize(("ratio", "panels"), [(0.9e-9, False), (1.1e-9, True)])
 def test_a_start_is_singular_below_a_billionth_of_the_largest_singular_value(
     spatial, ratio, panels
@@ -256,19 +241,6 @@ def test_a_start_is_singular_below_a_billionth_of_the_largest_singular_value(
     assert (motion.panels > 0) == panels
 
 
-def test_where_an_arm_becomes_singular_does_not_depend_on_time_without_momentum(spatial):
-    """h = 0: fast or slow, det S* vanishes at the same place of the path."""
-    places = []
-    for T in (100.0, 1e5):
-        problem = replace(
-            spatial, momentum=[0, 0, 0], path=ff.TimedPath(spatial.path.path, ff.Timing(T))
-        )  # fmt: skip
-        motion = simulated(problem, BAD, 2)
-        assert motion.ending is Ending.SINGULAR
-        places.append(problem.path.timing.s(motion.final.time))
-    assert places[0] == pytest.approx(places[1], abs=1e-8)
-
-
 # --- the integrator ----------------------------------------------------------------------------
 
 
@@ -283,17 +255,6 @@ def test_the_error_shrinks_with_the_tolerance(spatial):
         assert (np.array(result[1:]) < 0.1 * np.array(result[:-1])).all()
         assert result[-1] < 1e-8
         assert result[0] > 1e-6  # it was not exact to begin with
-
-
-def test_steps_are_limited(spatial, monkeypatch):
-    """Over all legs."""
-    panels = simulated(spatial, GOOD, 2).panels
-    monkeypatch.setattr("freefloat.motion.integration._MAX_STEPS", panels)
-    assert simulated(spatial, GOOD, 2).panels == panels
-    monkeypatch.setattr("freefloat.motion.integration._MAX_STEPS", panels - 1)
-    with pytest.raises(IntegrationError) as caught:
-        simulated(spatial, GOOD, 2)
-    assert 50.0 < caught.value.time < 100.0
 
 
 def test_a_step_that_fails_raises(spatial, monkeypatch):

@@ -12,8 +12,6 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.dynamics.momentum import end_effector_jacobian
 from freefloat.motion.motion import DEGREE, Ending
-from freefloat.paths import FixedOrientation, PolynomialCurve
-from freefloat.so3 import heading_quaternion, rotation_matrix
 from tests.errors import error_key
 from tests.motions import BAD, GOOD, heading, simulated
 
@@ -137,25 +135,6 @@ def test_places_and_times_belong_together(motion, backwards):
         assert_close(t, record.times, atol=1e-11)
         assert_close(attitudes, record.attitudes, atol=1e-12)
         assert_close(joints, record.joints, atol=1e-12)
-
-
-def test_a_motion_that_starts_singular_ends_there(planar):
-    attitude, joints = heading_quaternion(0.7), np.array([0.0, 0.0, 0.4])
-    pose = planar.model.end_effector_pose(attitude, joints)
-    outwards = rotation_matrix(attitude) @ [0.2, 0.0, 0.0]
-    line = PolynomialCurve.line(pose.position, pose.position + outwards)
-    path = ff.EndEffectorPath(line, FixedOrientation(pose.rotation))
-    problem = replace(planar, path=ff.TimedPath(path, ff.Timing(20.0)))
-    for start, end in ((0.0, 20.0), (0.0, 0.0)):
-        ended = ff.integrate_motion(problem, attitude, joints, start=start, end=end)
-        assert ended.ending is Ending.SINGULAR
-        assert ended.panels == 0
-        assert ended.final.time == 0.0
-        assert (ended.sample(0.0)[0].joints == joints).all()
-        residuals = ended.residuals()
-        assert residuals.end_effector_position < 1e-12
-        assert residuals.momentum == 0.0
-        assert ended.cut(0.0, Ending.MARGIN).panels == 0
 
 
 def test_a_motion_of_no_duration(spatial, motion):

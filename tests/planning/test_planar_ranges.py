@@ -5,8 +5,6 @@ from math import tau
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import freefloat as ff
 from freefloat.dynamics.joint_space import largest_magnitude
@@ -44,18 +42,6 @@ def is_feasible(problem, heading, branch):
             approach = ff.closest_approach(motion, problem.margin.measure)
             return motion.completed and problem.margin.keeps(approach.value)
     return False
-
-
-@pytest.mark.slow
-@settings(max_examples=15, deadline=None, derandomize=True)
-@given(fraction=st.floats(0.001, 0.999), which=st.integers(0, 2))
-def test_headings_inside_keep_the_margin_and_outside_do_not(planar, ranges, fraction, which):
-    """The verdict is constant between neighbouring limits, and opposite across each."""
-    entry, part = [(entry, part) for entry in ranges for part in entry.ranges][which]
-    assert is_feasible(planar, part.low + fraction * part.width, entry.branch)
-    bounds = [edge for other in entry.ranges for edge in (other.low, other.high)]
-    gap = min((low - part.high) % tau for low in bounds if abs((low - part.high) % tau) > 1e-9)
-    assert not is_feasible(planar, part.high + fraction * gap, entry.branch)
 
 
 def test_limits_are_exact_to_a_ten_thousandth_of_a_degree(planar, ranges):

@@ -17,28 +17,10 @@ import freefloat as ff
 from freefloat.dynamics.momentum import momentum_map
 from freefloat.errors import ModelError
 from freefloat.robot.assembly import assemble
-from freefloat.robot.names import find_robot
 from freefloat.robot.parts import Attachment, Mount
-from freefloat.robot.robot_packages import EXAMPLE
 from tests.errors import error_key
 from tests.robots import Robot, inertial_text, joint_text, link_text, random_inertia, random_robot
 
-UR5 = """
-robot:
-  urdf: example-robot-data:ur5
-  end_effector: tool0
-  spacecraft: {mass: 200, inertia: [35, 35, 35], size: [1, 1, 1], mount: {xyz: [0, 0, 0.5], rpy: [0, 0, 0]}}
-task: pose
-momentum: [0, 0, 0]
-path:
-  arc: {center: [0.25, 0, 0.75], normal: [0, 0, 1], from: [0.6, 0, 0.75], angle_deg: 120}
-  attitude: {fixed: {rpy: [0, 1.5707963268, 0]}}
-timing: {law: quintic, duration: 40}
-margin: {measure: gjm, fraction: 0.2}
-search: {objective: nearest, from_attitude: [0, 0, 0, 1]}
-"""  # noqa: E501
-ARM_MASS = 4.0 + 3.7 + 8.393 + 2.275 + 1.219 + 1.219 + 0.1879
-"""Of the UR5, its base included [kg]."""
 CUBE = np.array([35.0, 35.0, 35.0])
 IDENTITY = [0.0, 0.0, 0.0, 1.0]
 
@@ -113,22 +95,6 @@ def test_the_arms_kinematics_relative_to_its_root_stay_as_they_were(seed: int) -
         poses.append(data.oMf[model.getFrameId(arm.end_effector)].homogeneous)
     assert np.allclose(mounted(craft).homogeneous @ poses[0], poses[1], rtol=0, atol=1e-12)
     assert not np.allclose(poses[0], poses[1], rtol=0, atol=1e-3), "the mount moves the arm"
-
-
-def test_the_arms_own_base_counts_as_part_of_the_spacecraft() -> None:
-    """The UR5's massless root ``world`` carries a ``base_link`` of 4 kg; neither is lost."""
-    craft = ff.Spacecraft(200.0, CUBE, Mount([0.0, 0.0, 0.5]))
-    model = ff.FreeFloatingModel.from_urdf(
-        find_robot(f"{EXAMPLE}ur5", Path()), "tool0", spacecraft=craft
-    )
-    assert np.isclose(model.total_mass, 200.0 + ARM_MASS, rtol=1e-12)
-    bus = model.bodies[0]
-    assert np.isclose(bus.mass, 204.0, rtol=1e-12)
-    assert np.allclose(bus.centre, [0, 0, 4.0 * 0.5 / 204.0], rtol=0, atol=1e-12)
-    reduced = 200.0 * 4.0 / 204.0 * 0.5**2
-    base = np.diag([0.00443333156, 0.00443333156, 0.0072])
-    expected = np.diag(CUBE) + base + np.diag([reduced, reduced, 0])
-    assert np.allclose(bus.inertia, expected, rtol=0, atol=1e-9)
 
 
 def test_the_box_is_drawn_and_may_collide_only_where_a_size_is_given() -> None:
@@ -366,36 +332,6 @@ def test_the_spacecrafts_centre_of_mass_need_not_be_its_origin() -> None:
 
 
 # ---------------------------------------------------------------------------------- scenarios
-
-
-def written(folder: Path, old: str = "", new: str = "") -> Path:
-    assert old in UR5
-    file = folder / "ur5.yaml"
-    file.write_text(UR5.replace(old, new, 1) if old else UR5)
-    return file
-
-
-def test_the_mount_of_a_scenario_rotates_the_arm(tmp_path: Path) -> None:
-    rotated = written(tmp_path, "rpy: [0, 0, 0]", "rpy: [0, 1.5707963267948966, 0]")
-    body = ff.load_scenario(rotated).model().bodies[1]
-    assert np.allclose(body.placement.position, [0.089159, 0, 0.5], rtol=0, atol=1e-9)
-
-
-def test_a_payload_of_a_scenario_is_fixed_to_the_tool(tmp_path: Path) -> None:
-    section = "payload: {mass: 7, inertia: [[0.3, 0.1, 0], [0.1, 0.3, 0], [0, 0, 0.2]], com: "
-    laden = written(tmp_path, "end_effector: tool0", f"end_effector: tool0\n  {section}[0, 0, 1]}}")
-    model, empty = ff.load_scenario(laden).model(), ff.load_scenario(written(tmp_path)).model()
-    assert np.isclose(model.total_mass, 207.0 + ARM_MASS, rtol=1e-12)
-    tool = empty.tool
-    last, before = model.bodies[-1], empty.bodies[-1]
-    at = tool.position + tool.rotation @ [0, 0, 1]
-    centre = (before.mass * before.centre + 7.0 * at) / (before.mass + 7.0)
-    assert np.allclose(last.centre, centre, rtol=0, atol=1e-12)
-    gap = at - before.centre
-    reduced = 7.0 * before.mass / (7.0 + before.mass)
-    local = tool.rotation @ np.array([[0.3, 0.1, 0], [0.1, 0.3, 0], [0, 0, 0.2]]) @ tool.rotation.T
-    expected = before.inertia + local + reduced * (gap @ gap * np.eye(3) - np.outer(gap, gap))
-    assert np.allclose(last.inertia, expected, rtol=0, atol=1e-12)
 
 
 # --------------------------------------------------------------------------- a redundant arm

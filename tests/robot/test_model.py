@@ -27,7 +27,6 @@ from tests.robots import (
     joint_text,
     joint_values,
     link_text,
-    numbers,
     random_robot,
     robots,
 )
@@ -135,35 +134,6 @@ def test_of_a_link_and_a_joint_the_link_is_meant() -> None:
 
 
 # ----------------------------------------------------------------------------- merged and fixed
-
-
-def test_fixed_joints_are_merged_into_whole_body() -> None:
-    """A link cut in two and glued together again is the same link."""
-    m, I1 = 3.0, np.diag([0.3, 0.2, 0.4])
-    R = Rotation.from_euler("xyz", [0.4, -0.3, 1.0])
-    shift = np.array([0.1, 0.5, -0.2])
-    I2 = R.as_matrix() @ np.diag([0.1, 0.5, 0.45]) @ R.as_matrix().T
-    centre = (m * np.array([0.3, 0, 0]) + 2.0 * shift) / (m + 2.0)
-
-    def about(point: np.ndarray) -> np.ndarray:
-        d = point - centre
-        return d @ d * np.eye(3) - np.outer(d, d)
-
-    whole = I1 + m * about(np.array([0.3, 0, 0])) + I2 + 2.0 * about(shift)
-    cut = chain_of(
-        link_text("a", inertial_text(m, I1, "0.3 0 0")), joint_text("q", "C", "bus", "a", "1 0 0"),
-        link_text("b", inertial_text(2.0, np.diag([0.1, 0.5, 0.45]))),
-        joint_text("glue", "F", "a", "b", numbers(shift), numbers(R.as_euler("xyz"))),
-    )  # fmt: skip
-    joined = chain_of(
-        link_text("a", inertial_text(m + 2.0, whole, numbers(centre))),
-        joint_text("q", "C", "bus", "a", "1 0 0"),
-    )
-    cut_body = ff.FreeFloatingModel.from_urdf(cut, "a").bodies[1]
-    whole_body = ff.FreeFloatingModel.from_urdf(joined, "a").bodies[1]
-    assert cut_body.mass == pytest.approx(whole_body.mass, abs=1e-14)
-    np.testing.assert_allclose(cut_body.centre, whole_body.centre, atol=1e-14)
-    np.testing.assert_allclose(cut_body.inertia, whole_body.inertia, atol=1e-14)
 
 
 def test_fixed_joints_are_as_if_glued() -> None:

@@ -14,7 +14,6 @@ from freefloat.certificate.certificate import Worst, certify
 from freefloat.io.scenario.scenario import parse_scenario
 from freefloat.motion.motion import Ending
 from freefloat.planning.simulation import Simulation
-from freefloat.so3 import angle_between
 from freefloat.verification import range_checks as robustness
 from freefloat.verification.comparisons import Check
 from tests.commands import document, error, run
@@ -25,16 +24,6 @@ from tests.samples import plans
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
-SPATIAL = """\
-robot: {urdf: spatial_6dof, end_effector: end_effector}
-task: pose
-momentum: [0.5, 0.3, 0.1]
-path:
-  line: {from: [1, 0, 0], to: [-0.5, 0.8, 0.33]}
-  attitude: {fixed: {axes: {x: [0.4683, 1.1683, -0.7], z: [1.5, -0.8, -0.33]}}}
-timing: {law: quintic, duration: 100}
-margin: {measure: arm, value: 5}
-"""
 HARDLY = """\
 robot: {urdf: planar_2dof, end_effector: end_effector}
 task: planar-position
@@ -335,16 +324,6 @@ def completed_simulation(text, **how):
     simulation = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0], **how)
     assert simulation.chosen.motion.completed
     return simulation
-
-
-@pytest.mark.slow
-def test_a_spacecraft_that_tumbles_many_times_is_verified():
-    """Errors of integration grow with every revolution, and so does what is allowed."""
-    tumbling = SPATIAL.replace("[0.5, 0.3, 0.1]", "[25, 0, 10]").replace("value: 5", "value: 0")
-    simulation = completed_simulation(tumbling.replace("[-0.5, 0.8, 0.33]", "[0.6, 0.5, 0.2]"))
-    attitudes = simulation.chosen.motion.attitudes
-    assert angle_between(attitudes[1:], attitudes[:-1]).sum() > 10.0 * np.pi
-    assert ff.check(simulation).discrepancies == ()
 
 
 @pytest.mark.slow
