@@ -249,6 +249,7 @@ def test_bounds_hold_along_the_papers_examples(spatial, planar):
     assert_holds(motion, bounds)
 
 
+@pytest.mark.slow
 def test_nothing_is_proven_of_a_motion_that_passes_a_singularity(planar):
     """Although the values at both ends are far from zero."""
     joints = np.array([0.3, 0.05, 1.0]) * np.ones((DEGREE + 1, 1))

@@ -234,6 +234,7 @@ def completed(folder: Path, line: str) -> list[str]:
     return done.stdout.split()
 
 
+@pytest.mark.slow
 def test_a_shell_completes_commands_bundled_names_and_files(tmp_path: Path) -> None:
     for name in ("spatial_mine.yaml", "spatial.txt", "arm.urdf"):
         (tmp_path / name).write_text("")

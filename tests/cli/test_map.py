@@ -30,6 +30,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_map_has_the_documented_keys_and_is_written() -> None:
     words = ("easy.yaml", "--nearest", "0", "0", "0", "1", "--boundary", "2")
     result = document("map", *words, "-o", "map.h5")

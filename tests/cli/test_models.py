@@ -65,6 +65,7 @@ def test_a_copy_of_a_bundled_file_works_in_any_folder(tmp_path: Path) -> None:
 # --- info ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_info_describes_the_same_robot_by_any_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -210,6 +211,7 @@ def schemas() -> dict[str, Any]:
     return document("schema")
 
 
+@pytest.mark.slow
 def test_the_schemas_accept_what_is_bundled(schemas: dict[str, Any]) -> None:
     for group, key in (("scenarios", "scenario"), ("studies", "study")):
         Draft202012Validator.check_schema(schemas[key])

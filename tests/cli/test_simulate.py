@@ -97,6 +97,7 @@ def test_a_branch_is_chosen_by_number_or_joints(words: tuple[str, ...]) -> None:
         assert motion["initial"]["joints"] == branch["joints"]
 
 
+@pytest.mark.slow
 def test_joints_of_the_search_choose_unless_others_are_given() -> None:
     best, other = (simulated("mine.yaml", *PLANAR[1:], "--branch", k) for k in (0, 1))
     if best["min_margin"]["value"] < other["min_margin"]["value"]:
@@ -117,6 +118,7 @@ def test_joints_of_no_branch_are_refused_with_the_branches_listed() -> None:
         assert str(np.round(branch["joints"], 4).tolist()) in refusal["accepted"]
 
 
+@pytest.mark.slow
 def test_motions_stop_at_the_margin() -> None:
     for number in "01":
         words = ("simulate", "planar_3dof/parabola", "--heading", "140", "--branch", number)
@@ -154,6 +156,7 @@ def test_joint_ranges_are_checked_without_limits_in_the_scenario(folder: Path) -
     assert entry["limit"] == "joint_range"
 
 
+@pytest.mark.slow
 def test_the_table_has_a_row_for_every_branch() -> None:
     motion, text = simulated(*BAD), run("simulate", *BAD).stdout
     for branch in motion["branches"]:

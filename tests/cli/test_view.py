@@ -134,6 +134,7 @@ def test_files_without_a_motion_are_refused(files: Path, elsewhere: Path) -> Non
     assert os.listdir(elsewhere) == ["text.h5"]
 
 
+@pytest.mark.slow
 def test_a_map_is_viewed_alone(files: Path, elsewhere: Path) -> None:
     """Its scenes are arm branches; nothing in it moves."""
     shown = document("view", files / "map.h5", "--html", "map.html")["scenes"]

@@ -116,6 +116,7 @@ def panda_circle(normal, **changes):
     return max(angle_between(state.attitude, motion.initial.attitude) for state in states)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("normal", "ratio"), [([1.0, 0.0, 0.0], 0.1), ([0.0, 1.0, 0.0], 1e-6)])
 def test_a_circle_turns_the_spacecraft_less(normal, ratio):
     """A 300 kg spacecraft: a fifth or less of the rotation due to least joint rates, or none."""

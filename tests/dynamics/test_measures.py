@@ -53,6 +53,7 @@ def test_gjm_and_system_are_the_determinants_of_6_and_5(data: st.DataObject, rob
     assert system == pytest.approx(np.linalg.det(A), rel=1e-6, abs=1e-10 * np.linalg.det(D) * size)
 
 
+@pytest.mark.slow
 @given(data=st.data(), robot=robots(st.text("RCP", min_size=7, max_size=8)))
 def test_redundant_gjm_is_the_volume_of_the_ellipsoid(data: st.DataObject, robot: object) -> None:
     """sqrt(det(S* S*^T)), never negative; the system's is det D times it."""

@@ -41,6 +41,7 @@ def found_orientation(motion, count=401):
     return OrientationSpline(without_jumps(Rotation.from_matrix(rotations).as_quat()), s)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("momentum", [False, True])
 @pytest.mark.parametrize(("structure", "seed"), [("RRRRRR", 0), ("RRRRRR", 5), ("RRPRRR", 1)])
 def test_prescribing_the_roll_that_was_found_gives_the_same_motion(structure, seed, momentum):
@@ -129,6 +130,7 @@ def test_configurations_point(structure, seed):
         assert min(near) < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("measure", ["gjm", "system", "sigma"])
 @pytest.mark.parametrize("structure", ["RRRRR", "RRRRRRR"])
 def test_certificates_hold(structure, measure):
@@ -186,6 +188,7 @@ def test_the_impossible_motion_at_the_nearest_singularity():
     assert np.abs(found.direction @ S).max() < 1e-8 * np.abs(S).max()
 
 
+@pytest.mark.slow
 def test_an_arm_that_spins_its_last_joint_is_singular():
     """A UR5 rolls about its last axis: its motion ends, in an ensemble and precisely."""
     problem = ff.load_scenario("ur5_servicer/inspect").problem().replace(task="pointing")

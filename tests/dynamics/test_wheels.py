@@ -65,6 +65,7 @@ def urdf(problem) -> str:
     return urdf_with_wheels(find_robot("ets_vii", Path()))
 
 
+@pytest.mark.slow
 def test_momentum_of_the_robot_with_wheels_is_conserved(problem, motion, urdf: str) -> None:
     """The attitude follows from conservation alone, the wheels being joints of Pinocchio."""
     model = pin.buildModelFromXML(urdf, pin.JointModelFreeFlyer())
@@ -174,6 +175,7 @@ def test_no_wrench_acts_on_the_spacecraft(motion) -> None:
         assert np.abs(effort.joint_torques).max() > 1e-2
 
 
+@pytest.mark.slow
 def test_ensembles_and_precise_motions_agree(problem) -> None:
     attitudes = attitude_grid(64)
     branches = problem.many_branches(attitudes)

@@ -38,6 +38,7 @@ from tests.robots import planar_robot, random_robot
 # ------------------------------------------------------------------------------ the examples
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("attitude", [GOOD, BAD], ids=["good", "bad"])
 def test_every_branch_of_example_2(spatial: ff.Problem, attitude: list[float]) -> None:
     """From the bad attitude four of eight branches end at C, the others complete."""

@@ -270,6 +270,7 @@ def test_measures(arm: Arm, name: str) -> None:
             assert_same_measure(arm.model, task, name, q, value)
 
 
+@pytest.mark.slow
 def test_in_plane_factor_of_elbow_arms(rng: np.random.Generator) -> None:
     """At any q1 and wrist angles: they do not matter."""
     for model in (bundled("spatial_6dof/line").model, *(elbow_model(rng) for _ in range(8))):

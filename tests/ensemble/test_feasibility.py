@@ -118,6 +118,7 @@ def test_single_branches_agree_with_columns_of_all(name: str, count: int) -> Non
     assert not evaluator.keeps(attitudes, 100).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "count"), CASES)
 def test_stopping_at_the_margin_changes_no_verdict(name: str, count: int) -> None:
     """Simulations that stop at the margin agree, too."""
@@ -246,6 +247,7 @@ def test_derived_wrist_flipped_branches_agree_with_integrated_ones() -> None:
     assert done > 100
 
 
+@pytest.mark.slow
 def test_heavy_wrists_have_distinct_branches() -> None:
     """Their margins differ."""
     problem, attitudes = heavy_wrist(), attitude_grid(6, 2)

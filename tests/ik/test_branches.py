@@ -452,6 +452,7 @@ def redundant_panda(
     return ff.FreeFloatingModel.from_urdf(text, model.end_effector)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("limit", "number", "found"),
     [((), 12, 1.0), (("panda_joint3", 0.3, 0.4), 1, 0.9), (("panda_joint1", -9.0, 9.0), 12, 1.0)],

@@ -100,6 +100,7 @@ def times_inside(motion):
     return ends[:-1] + np.diff(ends) * (np.arange(1, len(ends)) * 0.6180339887 % 1.0)
 
 
+@pytest.mark.slow
 def test_known_minimum(near):
     """min (q - q(t))^2 + d = d, at the time t when the joint is there, in every panel."""
     for t in times_inside(near):

@@ -95,6 +95,7 @@ def simulated(scenario: Path) -> Motion:
 # ------------------------------------------------------------------------------------ in the plane
 
 
+@pytest.mark.slow
 def test_a_prismatic_arm_with_a_fixed_panel_agrees_with_mujoco(slide: Path) -> None:
     """A motion for one angle of the panel is wrong for the other."""
     motion = simulated(slide)

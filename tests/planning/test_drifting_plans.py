@@ -133,6 +133,7 @@ def test_bodies_of_a_scene_do_not_move_with_the_centre_of_mass() -> None:
     assert corridor.worst == pytest.approx(max(deviations), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_exports_have_both_frames(tmp_path: Path) -> None:
     motion, path = plan().chosen.motion, plan().problem.path
     places = Trajectory.sampled(motion, 51)

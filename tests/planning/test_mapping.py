@@ -20,6 +20,7 @@ from freefloat.so3 import angle_between, rotated
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 
 
+@pytest.mark.slow
 def test_entries_of_a_map_are_those_of_simulations(samples: AttitudeMap) -> None:
     for k in (3, 300):
         simulation = ff.simulate(samples.problem, samples.attitudes[k])

@@ -44,6 +44,7 @@ def is_feasible(problem, heading, branch):
     return False
 
 
+@pytest.mark.slow
 def test_limits_are_exact_to_a_ten_thousandth_of_a_degree(planar, ranges):
     off = np.radians(1e-4)
     for entry in ranges:

@@ -56,6 +56,7 @@ def test_the_largest_margin_exceeds_those_of_a_sweep(problem):
     assert plan.chosen.motion.residuals().momentum < 1e-6
 
 
+@pytest.mark.slow
 def test_the_robust_attitude_is_the_middle_of_the_widest_range(problem, robust):
     """Its radius is half that range; at nine tenths of it either way the margin is kept."""
     assert robust.feasible

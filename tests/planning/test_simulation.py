@@ -32,6 +32,7 @@ def test_every_branch_starts_at_its_joints(spatial, good):
         assert entry.closest_approach == ff.closest_approach(entry.motion, spatial.margin.measure)
 
 
+@pytest.mark.slow
 def test_a_feasible_branch_that_keeps_the_limits_comes_first(planar):
     """From 230 degrees the branch with the smaller margin turns the spacecraft less."""
     start = heading_quaternion(np.deg2rad(230.0))
@@ -50,6 +51,7 @@ def test_a_feasible_branch_that_keeps_the_limits_comes_first(planar):
         assert same.chosen.branch.index == free.chosen.branch.index
 
 
+@pytest.mark.slow
 def test_a_branch_that_completes_comes_before_one_that_does_not(planar):
     """At 140 degrees one branch is singular: the other is chosen, however small its margin."""
     simulation = ff.simulate(planar, heading_quaternion(np.deg2rad(140.0)))

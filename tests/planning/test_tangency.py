@@ -69,6 +69,7 @@ def nearest_to_printed(problem):
     )
 
 
+@pytest.mark.slow
 def test_printed_tangency_point_follows_from_q1_and_q2(printed):
     """Example 2, to two units of the last printed digit, there and integrated backward.
 
@@ -85,6 +86,7 @@ def test_printed_tangency_point_follows_from_q1_and_q2(printed):
     assert sign * start.attitude == pytest.approx([0.46, 0.0935, 0.7352, -0.489], abs=2e-4)
 
 
+@pytest.mark.slow
 def test_printed_momentum_gives_printed_time_and_elbow(printed):
     """(36) and (40) do not depend on momentum; by dS/dt = 0 the wrist differs by 0.03 rad."""
     point = nearest_to_printed(printed)
@@ -130,6 +132,7 @@ def increase(problem, point, step):
     return np.array([abs(problem.margin.measure(q)) for q in ends]) - abs(point.level)
 
 
+@pytest.mark.slow
 def test_tangency_points_are_on_the_path_and_on_the_margin_surface(case):
     """(35) and (34) with S = S0, at the requested angles, on the reported branch."""
     problem, q1, q2, points = case
@@ -286,6 +289,7 @@ def test_brute_force_finds_no_other_tangency_point(case):
     assert seen >= 0.5 * len(points)
 
 
+@pytest.mark.slow
 def test_the_first_joint_only_rotates_the_spacecraft(problem):
     """(39): about the axis of a symmetric spacecraft q1 changes neither time nor other joints."""
     first, second = (tangency_points(problem, q1, 2.0) for q1 in (0.1, -2.5))

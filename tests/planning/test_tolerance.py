@@ -119,6 +119,7 @@ def test_a_precise_motion_agrees_with_the_worst_direction(drifting: Case) -> Non
     assert drifting.regular_precisely(h + 0.99 * tolerated.momentum * worst)
 
 
+@pytest.mark.slow
 def test_the_limit_rotates_the_locked_system_once(drifting: Case) -> None:
     """2 pi I / T, with the mean of the principal moments."""
     D, _ = inertia_matrices(drifting.problem.model, drifting.joints)

@@ -186,6 +186,7 @@ def test_models_of_mujoco_that_are_no_arms_are_refused(tmp_path: Path) -> None:
         assert error_key(ff.FreeFloatingModel.from_urdf, file) == key
 
 
+@pytest.mark.slow
 def test_ranges_of_mujoco_begin_where_its_joints_are_zero(tmp_path: Path) -> None:
     """A joint's ``ref`` is its value where the model is as it is written."""
     file = tmp_path / "arm.xml"

@@ -67,6 +67,7 @@ def test_the_search_does_not_depend_on_its_start() -> None:
         assert found.upper_bound >= 7.127288996993473
 
 
+@pytest.mark.slow
 def test_the_bound_holds_when_the_search_ends_early(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(maxima, "_MOST", 64)
     problem = bundled("spatial_6dof/line")

@@ -10,6 +10,7 @@ import freefloat as ff
 from tests.motions import bundled
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["planar_2dof/line", "planar_3dof/parabola"])
 def test_components_are_those_of_a_flood_fill(name: str) -> None:
     problem = bundled(name)

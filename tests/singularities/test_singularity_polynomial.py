@@ -106,6 +106,7 @@ def test_derivatives_are_those_of_differences(chain: str) -> None:
         np.testing.assert_allclose(hessian, change / (2.0 * h), atol=1e-7 * np.abs(hessian).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chain", ["RRRRRR", "RPRRPR"])
 def test_derivatives_stay_within_their_bounds_which_are_not_far_away(chain: str) -> None:
     robot = random_robot(np.random.default_rng(6), chain)

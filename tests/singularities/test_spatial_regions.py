@@ -74,6 +74,7 @@ def problem_of(model: ff.FreeFloatingModel, task: ff.Task) -> ff.Problem:
     )
 
 
+@pytest.mark.slow
 def test_certified_areas_are_the_exact_ones_of_planar_arms() -> None:
     problem = problem_of(ff.FreeFloatingModel.from_urdf(LIGHT), ff.Task.PLANAR_POSITION)
     exact, general = exact_workspace(problem), _general_workspace(problem)

@@ -107,6 +107,7 @@ def test_momentum_and_margin_are_set_as_the_scenario_states_them() -> None:
     assert changed["path"] == content["path"]
 
 
+@pytest.mark.slow
 def test_a_path_on_a_tumbling_body_has_no_handles() -> None:
     content = scenario("servicing/capture_client")
     assert outline_of(content)["handles"] == []

@@ -309,6 +309,7 @@ def test_a_singular_motion_is_verified_to_be_singular(simulated):
     assert "singular end" in [check.name for check in report.checks]
 
 
+@pytest.mark.slow
 def test_a_singular_motion_cut_short_is_not_singular(simulated):
     assert "singular end" in failed(shortened(0, -40)(simulated))
 

@@ -56,6 +56,7 @@ def test_the_forbidden_side_is_shaded(panels: list[Axes]) -> None:
     assert [labels(axes)[1].split()[0] for axes in panels] == ["inside", "outside", "at"]
 
 
+@pytest.mark.slow
 def test_plans_and_simulations_without_such_limits_have_no_figure(simulation: Simulation) -> None:
     rates = replace(simulation, limits=ff.Limits(base_rate=1.0), limit_results=())
     assert "angles" not in ff.figures(rates)

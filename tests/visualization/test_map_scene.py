@@ -120,6 +120,7 @@ def test_attitudes_that_do_not_reach_the_path_are_distinguished(result: Attitude
     assert samples.margins[others] == pytest.approx(result.margins[others, ::2])
 
 
+@pytest.mark.slow
 def test_many_samples_are_thinned_evenly(result: AttitudeMap) -> None:
     many = branch_results(np.tile(result.attitudes, (100, 1)), np.tile(result.margins, (100, 1)))
     drawn = points(map_scene(replace(result, results=many)), BEST_BRANCH)

@@ -51,6 +51,7 @@ def drawn(request: pytest.FixtureRequest) -> Drawn:
     return branch, motion_figures(branch.motion, branch.closest_approach)
 
 
+@pytest.mark.slow
 def test_the_motion_is_drawn_as_it_is(spatial: SimulatedBranch) -> None:
     motion = spatial.motion
     trajectory = Trajectory.of(motion, shown_times(motion))
@@ -89,6 +90,7 @@ def test_rates_stay_readable_towards_a_singular_end(singular: SimulatedBranch) -
     assert line(axes[5], "singular")[:, 0].tolist() == [singular.motion.final.time] * 2
 
 
+@pytest.mark.slow
 def test_the_margin_is_drawn_where_it_is(drawn: Drawn) -> None:
     branch, figures = drawn
     (axes,) = figures["margin"].axes

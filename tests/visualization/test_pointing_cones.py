@@ -27,6 +27,7 @@ def motion(spatial: ff.Problem) -> Motion:
     return ff.simulate(spatial, ATTITUDE, branch=0).chosen.motion
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("number", "drift"), [(0, 0.02), (1, 0.0)])
 def test_the_rim_is_at_the_angle_from_the_target_and_the_arrow_is_the_axis(
     number: int, drift: float, motion: Motion

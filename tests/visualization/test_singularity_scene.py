@@ -87,6 +87,7 @@ def test_a_page_shows_the_singularities(
         assert page.errors == []
 
 
+@pytest.mark.slow
 def test_joints_are_chosen_by_name() -> None:
     found = mapped("spatial_6dof/line")
     scene = singularity_scene(found, joints=["q3", "q4", "q5"], at=np.full(6, 0.5))

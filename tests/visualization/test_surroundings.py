@@ -36,6 +36,7 @@ def scene_of(motion: Motion, *arguments: Any) -> Scene:
     return motion_scene({"good": replace(motion, problem=problem)})
 
 
+@pytest.mark.slow
 def test_moving_bodies_have_tracks_and_fixed_ones_a_place(motion: Motion) -> None:
     scene = scene_of(motion, BODIES)
     moves, path = tracks(scene), motion.problem.path
@@ -55,6 +56,7 @@ def test_moving_bodies_have_tracks_and_fixed_ones_a_place(motion: Motion) -> Non
     np.testing.assert_allclose(np.reshape(placed, (4, 4)).T, expected, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_while_the_centre_of_mass_drifts_fixed_bodies_and_the_corridor_move(motion: Motion) -> None:
     """Shown is the frame of the centre of mass."""
     path = replace(motion.problem.path, drift=[0.01, 0.0, -0.02])
@@ -77,6 +79,7 @@ def test_fast_tumbling_has_enough_key_times(motion: Motion) -> None:
     assert 10.0 * np.diff(times).max() < np.pi / 3.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("half_angle", "body"), [(0.3, "client"), (None, None)])
 def test_the_surface_of_the_corridor_is_at_its_limit(
     motion: Motion, half_angle: float | None, body: str | None
@@ -105,6 +108,7 @@ def test_the_first_view_shows_bodies_beside_the_robot(motion: Motion, place: lis
     assert abs(eye @ place) < 0.3 * np.linalg.norm(eye) * np.linalg.norm(place)
 
 
+@pytest.mark.slow
 def test_meshes_are_drawn_and_missing_ones_are_named(motion: Motion, tmp_path: Any) -> None:
     file = tmp_path / "part.stl"
     trimesh.creation.box((1.0, 2.0, 3.0)).export(file)
