@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from functools import partial
 
@@ -11,17 +10,11 @@ import pytest
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ik import configurations
-from freefloat.planning import diagnostics
-from freefloat.planning.candidates import Peak
 from freefloat.planning.objectives.objectives import Robust
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
-from freefloat.planning.space import climbing as search
-from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.robot.parts import Attachment
 from tests.errors import error_key
-from tests.redundant import redundant
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
@@ -172,41 +165,6 @@ def test_playback_of_plans(simulation: Simulation) -> None:
 
 
 # --- redundant arms ----------------------------------------------------------------------------
-
-
-@pytest.fixture
-def few_starts(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(configurations, "_STARTS", 16)
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("few_starts")
-def test_titles_of_motions_of_redundant_arms(
-    problem: ff.Problem,
-) -> None:
-    simulation = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0])
-    chosen = simulation.chosen
-    assert chosen.title == f"start {chosen.branch.index}"
-    assert next(iter(ff.playback(simulation).titles)) == chosen.title
-
-
-@pytest.mark.usefixtures("few_starts")
-def test_reason_of_infeasible_plans_of_redundant_arms_has_the_joints(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    free = redundant("RPRR", ff.Task.POSITION, None).problem
-    beyond = replace(free, margin=ff.Margin(free.margin.measure, 1e9))
-
-    def best(evaluator: FeasibilityEvaluator, result: AttitudeMap) -> list[Peak]:
-        sample = np.argmax(result.margins.max(axis=1))
-        return [Peak(result.attitudes[sample], None, result.margins.max())]
-
-    monkeypatch.setattr(search, "largest_margins", best)
-    monkeypatch.setattr(diagnostics, "largest_margins", best)
-    reason = ff.plan(beyond, ff.Search(samples=8)).reason
-    joints = re.search(r"with the arm at \[([^]]*)\]", reason)
-    assert joints, reason
-    assert len(joints[1].split(", ")) == 4
 
 
 # --- other types -----------------------------------------------------------------------------

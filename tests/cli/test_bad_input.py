@@ -16,10 +16,7 @@ POLYNOMIAL = "polynomial: {x: [2, -3], y: [0, 0.5, 1.5], z: [0]}"
 
 FILES: dict[str, tuple[str, str | bytes | None]] = {
     "missing": ("scenario", None),
-    "empty": ("file", ""),
     "invalid YAML": ("file", "robot: {urdf: x\n"),
-    "binary": ("file", bytes(range(256)) * 8),
-    "too large": ("file", "# much\n" * 300_000),
 }
 """Key of the error and content of the scenario, by name."""
 
