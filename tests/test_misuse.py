@@ -196,5 +196,6 @@ def test_arguments_of_other_types_are_refused(problem: ff.Problem, simulation: S
         ("attached.1", lambda: LOAD(attached=[Attachment("planar_3dof"), "tool"])),
         ("scale_mass.link_1", lambda: LOAD(scale_mass={"link_1": "2"})),
         ("spacecraft.mount", lambda: ff.Spacecraft(1, [1] * 3, [0, 0, 1])),
+        ("spacecraft.size", lambda: ff.Spacecraft(1, [1] * 3, size=[1, 1, 0])),
     ):
         assert error_key(call) == key

@@ -330,6 +330,7 @@ def test_limits_that_the_urdf_lacks_are_refused(folder: Path) -> None:
         ("duration: 100", "duration: long", "timing.duration", 4, "number"),
         ("from: [1, 0, 0]", "from: [1, 0, x]", "path.line.from.2", 3, "number"),
         ("task: pose", "task: poes", "task", 2, "'pose'"),
+        ("rpy: [0, 0, 0]", "rpy: [0, 90, 45]", "path.attitude.fixed.rpy", 3, ""),
         ("rpy: [0, 0, 0]", "axes: {w: [0, 0, 1]}", "path.attitude.fixed.axes.w", 3, "'x'"),
         ("urdf: spatial_6dof", "urdf: x, scale_mass: z", "robot.scale_mass", 1, "a map from link"),
     ],

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -96,3 +98,12 @@ def test_shaded_spans_are_the_ranges() -> None:
         (curve,) = [item for item in axes.lines if len(item.get_xdata()) == 8]
         assert np.array_equal(curve.get_ydata(), row, equal_nan=True)
         assert line(axes, "margin 5")[:, 1].tolist() == [5.0, 5.0]
+
+
+def test_a_redundant_arm_has_one_axes_for_the_best_branch() -> None:
+    ranges = (BranchRanges(0, "any", (HeadingRange(0.5, 1.0, BOTH),), (0.5, 1.0)),)
+    redundant = replace(PLANAR, task=ff.Task.PLANAR_POSITION)
+    (axes,) = headings_figure(replace(some_map(), problem=redundant), ranges, (3, 0.7)).axes
+    best = [9.0, 9.0, 9.0, 8.0, 9.0, 7.0, 5.0, 9.0]
+    assert line(axes, "best branch")[:, 1].tolist() == best
+    assert np.allclose(spans(axes), np.degrees([(0.5, 1.0)]))
