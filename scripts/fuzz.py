@@ -27,7 +27,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.dont_write_bytecode = True
 
-from tests.hostile import KINDS, MEMORY, OUTCOMES, READ, REFUSED, Watch, outcome  # noqa: E402
+from fuzzing.kinds import KINDS, MEMORY, OUTCOMES, READ, REFUSED, Watch, outcome  # noqa: E402
 
 PROCESSES = 2
 FIRST, SECONDS, PATIENCE = 3, 10, 60
@@ -53,8 +53,14 @@ class Worker:
     buffer: bytes = b""
 
 
-def seed_of(seed: int, job: Job) -> str:
-    return f"{seed}/{job[0]}/{job[1]}"
+def content_of(job: Job, seed: int) -> bytes:
+    """A mutated file; a valid one for a negative number."""
+    kind, number = job
+    return (
+        KINDS[kind].samples()[number]
+        if number < 0
+        else KINDS[kind].input(f"{seed}/{kind}/{number}")
+    )
 
 
 def start(jobs: list[Job], seed: int, again: bool = False) -> Worker:
@@ -86,7 +92,7 @@ def work(jobs: list[Job], seed: int, writing: int, again: bool) -> None:
         watch = Watch(Path(name))
         os.chdir(watch.inside)
         for job in jobs:
-            content = KINDS[job[0]].input(seed_of(seed, job))
+            content = content_of(job, seed)
             signal.setitimer(
                 signal.ITIMER_PROF, SECONDS if again else FIRST
             )  # both end the process
@@ -178,18 +184,22 @@ def main() -> int:
     numbers = range(each) if options.only is None else [options.only]
     jobs = [(kind, number) for number in numbers for kind in options.kinds]
     Random(options.seed).shuffle(jobs)  # slow kinds evenly spread
-    for kind in options.kinds:
-        KINDS[kind].samples()
+    samples = {kind: len(KINDS[kind].samples()) for kind in options.kinds}
+    jobs[:0] = [
+        (kind, -number) for kind, count in samples.items() for number in range(1, count + 1)
+    ]
     table: dict[str, Counter[str]] = {kind: Counter() for kind in options.kinds}
     sorts: dict[str, list[tuple[Job, str]]] = defaultdict(list)
     begin = time.perf_counter()
     for done, (job, result, message) in enumerate(read_all(jobs, options.seed), 1):
+        if job[1] < 0 and result != READ:
+            sys.exit(f"a valid file of kind {job[0]} was not read: {result} {message}")
         table[job[0]][result] += 1
         if result not in (READ, REFUSED):
             sorts[f"{job[0]} | {sort_of(result, message)}"].append((job, message))
             options.keep.mkdir(parents=True, exist_ok=True)
             file = options.keep / f"{job[0]}-{options.seed}-{job[1]}-{result}"
-            file.write_bytes(KINDS[job[0]].input(seed_of(options.seed, job)))
+            file.write_bytes(content_of(job, options.seed))
         if done % 2000 == 0:
             print(f"{done} inputs, {time.perf_counter() - begin:.0f} s", file=sys.stderr)
     print("kind".ljust(10) + "inputs".rjust(9) + "".join(name.rjust(11) for name in OUTCOMES))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import time
 from collections import Counter
 from collections.abc import Generator, Iterator
@@ -28,9 +29,9 @@ from tests.browser import FLAGS
 from tests.motions import bundled
 from tests.robots import ur5_on_spacecraft
 
-LONGEST = 3.0
-"""Processor time of a test that is not marked slow [s]: the second that it may take, and twice as
-much again for imports and kernels at first use and for a busy machine."""
+LONGEST = 1.0
+"""Processor time of a test that is not marked slow [s]: half a second, and as much again for a
+busy machine. A test that imports modules or loads kernels, at first use, may take longer."""
 
 settings.register_profile(
     "freefloat",
@@ -61,12 +62,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None]:
-    """Where ``CI`` is set a long test must be marked slow, unless it compiled kernels."""
-    begin = time.process_time()
-    with install_recorder("numba:compile") as compilations:
+    """Where ``CI`` is set a long test must be marked slow, unless it imports or loads kernels."""
+    begin, modules = time.process_time(), len(sys.modules)
+    with install_recorder("numba:compiler_lock") as kernels:
         yield
     used = time.process_time() - begin
-    excused = item.get_closest_marker("slow") or compilations.buffer or not os.environ.get("CI")
+    loaded = kernels.buffer or len(sys.modules) > modules
+    excused = item.get_closest_marker("slow") or loaded or not os.environ.get("CI")
     assert excused or used < LONGEST, f"it takes {used:.1f} s: mark it slow"
 
 

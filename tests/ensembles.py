@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import freefloat as ff
 from freefloat.ensemble.endings import COMPLETED, MARGIN, SINGULAR
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.result import EnsembleResult
-from freefloat.motion.extrema import closest_approach
-from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending, Motion
-from freefloat.motion.problem import Problem
 from freefloat.so3 import angle_between, heading_quaternion
 
 CODES = {Ending.COMPLETED: COMPLETED, Ending.SINGULAR: SINGULAR, Ending.MARGIN: MARGIN}
@@ -22,7 +20,7 @@ FINE = 1e-8
 """Tolerance at which only systematic errors remain."""
 
 
-def states(problem: Problem, attitudes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def states(problem: ff.Problem, attitudes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Every arm branch at every attitude: attitudes (K, 4) and joints (K, n)."""
     sets = problem.many_branches(np.atleast_2d(attitudes))
     where, _ = np.nonzero(sets.exist)
@@ -70,7 +68,7 @@ class Case:
         """
         motion, k = self.motion, self.k
         measure = motion.problem.margin.measure
-        approach, first = closest_approach(motion, measure), abs(measure(motion.joints[0]))
+        approach, first = ff.closest_approach(motion, measure), abs(measure(motion.joints[0]))
         for result, error in ((self.coarse, 3e-4), (self.fine, 1e-5)):
             assert result.endings[k] == CODES[motion.ending]
             late = abs(result.ended_at[k] - motion.final.time) / motion.problem.path.duration
@@ -106,11 +104,13 @@ class Case:
             assert (result.upper[k] <= high + 1e-3 * width).all()
 
 
-def both(problem: Problem, attitudes: np.ndarray, joints: np.ndarray) -> list[Case]:
+def both(problem: ff.Problem, attitudes: np.ndarray, joints: np.ndarray) -> list[Case]:
     """Integrate every state by both methods."""
     coarse, fine = (
         EnsembleIntegrator(problem, 1, tolerance=tolerance).integrate(attitudes, joints)
         for tolerance in (1e-6, FINE)
     )
-    motions = [integrate_motion(problem, *state) for state in zip(attitudes, joints, strict=True)]
+    motions = [
+        ff.integrate_motion(problem, *state) for state in zip(attitudes, joints, strict=True)
+    ]
     return [Case(motion, coarse, fine, k) for k, motion in enumerate(motions)]

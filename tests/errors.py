@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 import pytest
 
-from freefloat.errors import InputError
+import freefloat as ff
 
 
 def error_key(call: Callable[..., object], *arguments: object, **options: object) -> str:
     """The key of the input error that a call raises."""
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(ff.InputError) as caught:
         call(*arguments, **options)
     return caught.value.key

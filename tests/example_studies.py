@@ -7,7 +7,8 @@ from typing import Any
 
 import yaml
 
-from freefloat.studies.study import Study, load_study
+import freefloat as ff
+from freefloat.studies.study import Study
 
 BASE: dict[str, Any] = {
     "robot": {"urdf": "planar_3dof.urdf", "end_effector": "end_effector"},
@@ -45,4 +46,4 @@ def write_study(
 
 def a_study(folder: Path, vary: dict[str, Any] | None = None, **keys: Any) -> Study:
     """Write a study and load it."""
-    return load_study(write_study(folder, HEADINGS if vary is None else vary, **keys))
+    return ff.load_study(write_study(folder, HEADINGS if vary is None else vary, **keys))

@@ -19,21 +19,14 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 from numba.core.extending import _Intrinsic
 
+import freefloat as ff
 import freefloat.ensemble
 import freefloat.lockstep
-from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.kernels import equation, measures, records
 from freefloat.lockstep.lanes import WIDTH
-from freefloat.motion.margin import Margin
-from freefloat.motion.problem import Problem
-from freefloat.paths.curves import PolynomialCurve
-from freefloat.paths.orientation import FixedOrientation
-from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.timing import TimedPath, Timing
-from freefloat.robot.model import FreeFloatingModel
+from freefloat.paths import FixedOrientation, PolynomialCurve
 
 
 class Lanes(np.ndarray):
@@ -153,20 +146,20 @@ def plain_kernels() -> Iterator[None]:
         yield
 
 
-def measured_problem(model: FreeFloatingModel, task: Task, name: str = "gjm") -> Problem:
+def measured_problem(model: ff.FreeFloatingModel, task: ff.Task, name: str = "gjm") -> ff.Problem:
     """A problem whose path does not matter."""
     pose = VirtualManipulator.of(model).pose(np.zeros(model.dof))
     line = PolynomialCurve.line(pose.position, pose.position + np.array([0.1, 0.0, 0.0]))
-    path = TimedPath(EndEffectorPath(line, FixedOrientation(pose.rotation)), Timing(10.0))
-    return Problem(
-        model, path, task, np.zeros(3), Margin(singularity_measure(model, task, name), 0.0)
+    path = ff.TimedPath(ff.EndEffectorPath(line, FixedOrientation(pose.rotation)), ff.Timing(10.0))
+    return ff.Problem(
+        model, path, task, np.zeros(3), ff.Margin(ff.singularity_measure(model, task, name), 0.0)
     )
 
 
 class Kernels:
     """The kernels for a problem, as plain Python, with their tables."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: ff.Problem) -> None:
         arrays = EnsembleIntegrator(problem, 1)._arrays
         self.work = records.workspace_in_tables(
             records.make_workspace(arrays.robot.n, arrays.robot.m)

@@ -10,21 +10,12 @@ import pinocchio as pin
 from numpy.polynomial import chebyshev
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.momentum import Task
+import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator
 from freefloat.ensemble.result import EnsembleResult
-from freefloat.io.scenario.scenario import load_scenario
-from freefloat.motion.integration import integrate_motion
-from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
-from freefloat.paths.curves import PolynomialCurve
-from freefloat.paths.orientation import FixedOrientation, OrientationLaw, SlerpOrientation
-from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.timing import TimedPath, Timing
-from freefloat.robot.model import FreeFloatingModel
+from freefloat.paths import FixedOrientation, OrientationLaw, PolynomialCurve, SlerpOrientation
 from freefloat.so3 import heading_quaternion, rotation_vector_between
 
 GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
@@ -34,9 +25,9 @@ BAD = [0.1, 0.5, 0.2, -0.8367]
 
 
 @cache
-def bundled(name: str) -> Problem:
+def bundled(name: str) -> ff.Problem:
     """The problem of a bundled scenario."""
-    return load_scenario(name).problem()
+    return ff.load_scenario(name).problem()
 
 
 def heading(degrees: float) -> np.ndarray:
@@ -44,10 +35,12 @@ def heading(degrees: float) -> np.ndarray:
     return heading_quaternion(np.deg2rad(degrees))
 
 
-def simulated(problem: Problem, attitude: object, branch: int, **options: object) -> Motion:
+def simulated(problem: ff.Problem, attitude: object, branch: int, **options: object) -> Motion:
     """The motion of an arm branch."""
     attitude = problem.attitude(attitude)
-    return integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints, **options)
+    return ff.integrate_motion(
+        problem, attitude, problem.branches(attitude)[branch].joints, **options
+    )
 
 
 def compiled_motion(motion: Motion, tolerance: float = STEP_TOLERANCE) -> EnsembleResult:
@@ -56,25 +49,25 @@ def compiled_motion(motion: Motion, tolerance: float = STEP_TOLERANCE) -> Ensemb
     return integrator.integrate(first.attitude[None], first.joints[None])
 
 
-def lasting(problem: Problem, duration: float, momentum: object = None) -> Problem:
+def lasting(problem: ff.Problem, duration: float, momentum: object = None) -> ff.Problem:
     """The same path by the quintic law in another time [s], and with another momentum."""
-    path = TimedPath(problem.path.path, Timing(duration))
+    path = ff.TimedPath(problem.path.path, ff.Timing(duration))
     return replace(problem, path=path, momentum=problem.momentum if momentum is None else momentum)
 
 
 def along(
-    model: FreeFloatingModel,
-    task: Task,
+    model: ff.FreeFloatingModel,
+    task: ff.Task,
     start: object,
     end: object,
     axes: np.ndarray,
     duration: float = 100.0,
     momentum: object = (0.0, 0.0, 0.0),
-) -> Problem:
+) -> ff.Problem:
     """A line at constant orientation; the margin is zero, of det A."""
-    path = EndEffectorPath(PolynomialCurve.line(start, end), FixedOrientation(axes))
-    margin = Margin(singularity_measure(model, task, "system"), 0.0)
-    return Problem(model, TimedPath(path, Timing(duration)), task, momentum, margin)
+    path = ff.EndEffectorPath(PolynomialCurve.line(start, end), FixedOrientation(axes))
+    margin = ff.Margin(ff.singularity_measure(model, task, "system"), 0.0)
+    return ff.Problem(model, ff.TimedPath(path, ff.Timing(duration)), task, momentum, margin)
 
 
 def gaps(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -181,9 +174,9 @@ def two(aside):
 
 def problem_with(model, task, momentum, curve, attitude, timing):
     """A problem without a margin."""
-    path = TimedPath(EndEffectorPath(curve, attitude), timing)
-    return Problem(
-        model, path, task, momentum, Margin(singularity_measure(model, task, "gjm"), 0.0)
+    path = ff.TimedPath(ff.EndEffectorPath(curve, attitude), timing)
+    return ff.Problem(
+        model, path, task, momentum, ff.Margin(ff.singularity_measure(model, task, "gjm"), 0.0)
     )
 
 
@@ -215,16 +208,16 @@ def on_side(problem, degrees, sign):
     attitude = heading(degrees)
     for branch in problem.branches(attitude):
         if problem.margin.measure(branch.joints) * sign > 0:
-            return integrate_motion(problem, attitude, branch.joints)
+            return ff.integrate_motion(problem, attitude, branch.joints)
     raise AssertionError("no branch of that sign")
 
 
 def seven(task, momentum):
-    model = FreeFloatingModel.from_urdf(SEVEN, "tool")
+    model = ff.FreeFloatingModel.from_urdf(SEVEN, "tool")
     attitude = Rotation.from_rotvec([0.4, -0.3, 0.9]).as_quat()
     joints = np.array([0.3, -0.9, 0.4, 1.5, -0.3, 0.8, 0.5])
     step, vector = [-0.4, 0.3, -0.3], [0.2, -0.3, 0.4]
-    problem = from_here(model, task, momentum, attitude, joints, step, vector, Timing(40.0))
+    problem = from_here(model, task, momentum, attitude, joints, step, vector, ff.Timing(40.0))
     return problem, attitude, joints
 
 

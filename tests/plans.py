@@ -9,12 +9,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from freefloat.io.scenario.scenario import load_scenario
-from freefloat.limits.limits import Limits
+import freefloat as ff
 from freefloat.planning import spatial_planner
 from freefloat.planning.plan import Plan
-from freefloat.planning.planner import plan
-from freefloat.planning.settings import Search
 from freefloat.planning.space import climbing as search
 from freefloat.planning.space import deepest_ball as deepest
 from freefloat.planning.space import disturbances as tolerance
@@ -40,12 +37,12 @@ def smaller_searches() -> Iterator[None]:
 @cache
 def planar_plan() -> Plan:
     """The paper's Example 1 with limits, deepest inside its feasible headings."""
-    limits = Limits(joint_rate=np.full(3, 0.5), base_rate=0.2)
-    problem = load_scenario("planar_3dof/parabola").problem()
-    return plan(problem, Search("robust", np.array(IDENTITY)), limits)
+    limits = ff.Limits(joint_rate=np.full(3, 0.5), base_rate=0.2)
+    problem = ff.load_scenario("planar_3dof/parabola").problem()
+    return ff.plan(problem, ff.Search("robust", np.array(IDENTITY)), limits)
 
 
 @cache
 def spatial_plan() -> Plan:
     """The paper's Example 2, without limits."""
-    return plan(load_scenario("spatial_6dof/line").problem(), Search(samples=64))
+    return ff.plan(ff.load_scenario("spatial_6dof/line").problem(), ff.Search(samples=64))

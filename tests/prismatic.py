@@ -8,16 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.momentum import Task
-from freefloat.motion.integration import integrate_motion
-from freefloat.motion.margin import Margin
-from freefloat.motion.problem import Problem
-from freefloat.paths.curves import PolynomialCurve
-from freefloat.paths.orientation import FixedOrientation
-from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.timing import TimedPath, TimeLaw, Timing
-from freefloat.robot.model import FreeFloatingModel
+import freefloat as ff
+from freefloat.paths import FixedOrientation, PolynomialCurve, TimeLaw
 from tests.robots import inertial_text, joint_text, link_text
 
 BUS, TOOL = 90.0, 10.0
@@ -50,12 +42,12 @@ def prismatic_robot(bus="", hand="", more="", limits=(-4.0, 4.0)):
 
 def prismatic_problem(text, start=0.9, law=TimeLaw.QUINTIC, duration=DURATION):
     """A path of one length from a point on the x axis [m from the centre of mass]."""
-    model = FreeFloatingModel.from_urdf(text, "hand")
+    model = ff.FreeFloatingModel.from_urdf(text, "hand")
     curve = PolynomialCurve.line((start, 0.0, 0.0), (start + LENGTH, 0.0, 0.0))
-    path = EndEffectorPath(curve, FixedOrientation(np.eye(3)))
-    margin = Margin(singularity_measure(model, Task.POSITION, "gjm"), 0.0)
-    return Problem(
-        model, TimedPath(path, Timing(duration, law)), Task.POSITION, np.zeros(3), margin
+    path = ff.EndEffectorPath(curve, FixedOrientation(np.eye(3)))
+    margin = ff.Margin(ff.singularity_measure(model, ff.Task.POSITION, "gjm"), 0.0)
+    return ff.Problem(
+        model, ff.TimedPath(path, ff.Timing(duration, law)), ff.Task.POSITION, np.zeros(3), margin
     )
 
 
@@ -63,4 +55,4 @@ def prismatic_motion(text, start=0.9, law=TimeLaw.QUINTIC, duration=DURATION):
     """The motion of :func:`prismatic_problem`."""
     problem = prismatic_problem(text, start, law, duration)
     joints = [start * (BUS + TOOL) / BUS, 0.0, 0.0]
-    return integrate_motion(problem, [0.0, 0.0, 0.0, 1.0], joints)
+    return ff.integrate_motion(problem, [0.0, 0.0, 0.0, 1.0], joints)

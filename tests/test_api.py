@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import doctest
-import inspect
 import pydoc
 import re
 import shutil
@@ -19,15 +18,8 @@ from freefloat.planning.plan import Plan
 from freefloat.robot.names import models_folder
 
 
-@pytest.mark.parametrize("name", ff.__all__)
-def test_every_public_name_is_documented_and_typed(name: str) -> None:
-    public = getattr(ff, name)
-    assert public.__doc__
-    if inspect.isfunction(public):
-        hints = inspect.signature(public)
-        assert hints.return_annotation is not inspect.Signature.empty
-        parameters = hints.parameters.values()
-        assert all(parameter.annotation is not parameter.empty for parameter in parameters)
+def test_every_public_name_is_documented() -> None:
+    assert [name for name in ff.__all__ if not getattr(ff, name).__doc__] == []
 
 
 SLOW = {

@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 import yaml
 
+import freefloat as ff
 from freefloat.cli.models import bundled_file
-from freefloat.io.scenario.scenario import load_scenario
 from freefloat.io.scenario.schema import ScenarioFile
-from freefloat.motion.problem import Problem
 from freefloat.studies.study import StudyFile
 from tests.commands import document, run
 from tests.documents import PAGES, ROOT
@@ -116,11 +115,11 @@ def write_samples(columns: int = 7) -> None:
     Path("path.csv").write_text("\n".join(rows))
 
 
-def loaded(document: dict[str, Any]) -> Problem:
+def loaded(document: dict[str, Any]) -> ff.Problem:
     """Problem of a scenario file with this content."""
     file = Path("mine.yaml")
     file.write_text(yaml.safe_dump(document, sort_keys=False))
-    return load_scenario(file).problem()
+    return ff.load_scenario(file).problem()
 
 
 # --- commands -----------------------------------------------------------------------------------

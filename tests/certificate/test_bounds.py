@@ -4,34 +4,27 @@ import numpy as np
 import pytest
 from numpy.polynomial import chebyshev
 
+import freefloat as ff
 from freefloat.certificate.bounds import Intervals, _ArmBounds, _Neighbourhood, lower_bounds
 from freefloat.certificate.matrix_bounds import ScaledSystem
-from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.motion.extrema import closest_approach
-from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES
-from freefloat.motion.problem import Problem
-from freefloat.paths.curves import PolynomialCurve
-from freefloat.paths.orientation import FixedOrientation
-from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.timing import TimedPath, Timing
-from freefloat.robot.model import FreeFloatingModel
+from freefloat.paths import FixedOrientation, PolynomialCurve
 from tests.motions import GOOD, heading, simulated
 from tests.robots import inertial_text, joint_text, link_text, random_robot
 
 ROBOTS = [
-    ("RRRRRR", Task.POSE), ("RPRRCR", Task.POSE), ("RRRRRRR", Task.POSE), ("PRRRRRP", Task.POSE),
-    ("RRRR", Task.POSITION), ("RPR", Task.POSITION), ("RRRRRFR", Task.POSE),
+    ("RRRRRR", ff.Task.POSE), ("RPRRCR", ff.Task.POSE), ("RRRRRRR", ff.Task.POSE),
+    ("PRRRRRP", ff.Task.POSE),
+    ("RRRR", ff.Task.POSITION), ("RPR", ff.Task.POSITION), ("RRRRRFR", ff.Task.POSE),
 ]  # fmt: skip
 
 
 def wandering(rng, chain, task, size):
     """Smooth joints of a random robot in two panels, which solve no equation of motion."""
     robot = random_robot(rng, chain)
-    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
     c = size * rng.normal(size=(5, model.dof)) / np.arange(1, 6)[:, None] ** 2
     c[0] = rng.uniform(-1.5, 1.5, model.dof)
     return moving(model, task, c)
@@ -40,9 +33,9 @@ def wandering(rng, chain, task, size):
 def moving(model, task, c):
     """Joints by Chebyshev coefficients (K, n) in two panels."""
     curve = PolynomialCurve.line((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
-    path = TimedPath(EndEffectorPath(curve, FixedOrientation(np.eye(3))), Timing(1.0))
-    problem = Problem(
-        model, path, task, np.zeros(3), Margin(singularity_measure(model, task, "gjm"), 0.0)
+    path = ff.TimedPath(ff.EndEffectorPath(curve, FixedOrientation(np.eye(3))), ff.Timing(1.0))
+    problem = ff.Problem(
+        model, path, task, np.zeros(3), ff.Margin(ff.singularity_measure(model, task, "gjm"), 0.0)
     )
     x = np.append((NODES[:-1] - 1.0) / 2.0, (NODES + 1.0) / 2.0)
     joints = chebyshev.chebval(x, c).T
@@ -115,12 +108,12 @@ def arm_of_three(kinds):
         text += link_text(f"link{number}", inertial_text(1.0, np.diag(moments), "0.5 0 0"))
     text += link_text("link3") + link_text("end_effector")
     text += joint_text("tool", "F", "link3", "end_effector", "0.5 0 0")
-    return FreeFloatingModel.from_urdf(f'<robot name="three">{text}</robot>')
+    return ff.FreeFloatingModel.from_urdf(f'<robot name="three">{text}</robot>')
 
 
 def test_bounds_of_second_derivatives_have_every_factor():
     """By hand: the reach of the virtual manipulator is 0.5 + 0.625 + 0.875 + 0.5 = 2.5 m."""
-    motion = moving(arm_of_three("RRR"), Task.POSITION, np.array([[0.3, 0.2, 0.1], [0.1] * 3]))
+    motion = moving(arm_of_three("RRR"), ff.Task.POSITION, np.array([[0.3, 0.2, 0.1], [0.1] * 3]))
     system = ScaledSystem(motion)
     L, p1, p2, p3 = 4.0 / 2.5, 7.0, 22.0, 45.0  # 0.5 + 3 + 0.5 m; w = 2, w' = 3
     pairs = 0.5 * 0.25 + 0.5 * 0.25 + 0.25 * 0.25
@@ -146,8 +139,8 @@ def test_the_second_derivative_of_the_locked_inertia_is_bounded_by_pairs_of_mass
     text += link_text("first") + link_text("second") + link_text("end_effector")
     text += link_text("arm", inertial_text(1.0, np.eye(3), "1 0 0"))
     text += joint_text("tool", "F", "arm", "end_effector")
-    model = FreeFloatingModel.from_urdf(f'<robot name="two">{text}</robot>')
-    system = ScaledSystem(moving(model, Task.POSITION, np.array([[0.0] * 3, [0.0, 0.0, 1.0]])))
+    model = ff.FreeFloatingModel.from_urdf(f'<robot name="two">{text}</robot>')
+    system = ScaledSystem(moving(model, ff.Task.POSITION, np.array([[0.0] * 3, [0.0, 0.0, 1.0]])))
     h = 1e-3
     before, now, after = (system.matrix(np.array([0.0, 0.0, q]))[:3, :3] for q in (-h, 0.0, h))
     second = np.linalg.norm(before - 2.0 * now + after) / h**2
@@ -160,7 +153,7 @@ def test_the_second_derivative_of_the_locked_inertia_is_bounded_by_pairs_of_mass
 def test_strokes_lengthen_the_chain_and_count_in_units_of_the_reach():
     """The second joint moves from -0.1 to 0.5 m."""
     c = np.array([[0.3, 0.2, 0.1], [0.1, 0.3, 0.1]])
-    motion = moving(arm_of_three("RPR"), Task.POSITION, c)
+    motion = moving(arm_of_three("RPR"), ff.Task.POSITION, c)
     reach, system = VirtualManipulator.of(motion.problem.model).reach, ScaledSystem(motion)
     linear = system.second_derivatives(1.0, 0.0).linear / 4.0
     assert linear == pytest.approx(max(1.0, (4.0 + 0.5) / reach))
@@ -212,7 +205,7 @@ def test_the_second_derivative_of_the_arm_is_bounded(spatial, order):
 
 
 def proven(motion, names):
-    result = {name: closest_approach(motion, _measure(motion, name)).value for name in names}
+    result = {name: ff.closest_approach(motion, _measure(motion, name)).value for name in names}
     return result, lower_bounds(motion, result)
 
 
@@ -221,7 +214,7 @@ def _measure(motion, name):
 
 
 def _measure_of(problem, name):
-    return singularity_measure(problem.model, problem.task, name)
+    return ff.singularity_measure(problem.model, problem.task, name)
 
 
 def assert_holds(motion, bounds):
@@ -236,7 +229,7 @@ def assert_holds(motion, bounds):
 @pytest.mark.parametrize(("chain", "task"), ROBOTS[1:6])
 def test_bounds_hold_on_motions_of_random_robots(rng, chain, task):
     motion = wandering(rng, chain, task, 0.15)
-    while closest_approach(motion, _measure(motion, "sigma")).value < 0.01:
+    while ff.closest_approach(motion, _measure(motion, "sigma")).value < 0.01:
         motion = wandering(rng, chain, task, 0.15)
     result, bounds = proven(motion, ("gjm", "system", "sigma"))
     assert all(bounds.bounds[name] >= 0.9 * value for name, value in result.items())
@@ -256,6 +249,7 @@ def test_bounds_hold_along_the_papers_examples(spatial, planar):
     assert_holds(motion, bounds)
 
 
+@pytest.mark.slow
 def test_nothing_is_proven_of_a_motion_that_passes_a_singularity(planar):
     """Although the values at both ends are far from zero."""
     joints = np.array([0.3, 0.05, 1.0]) * np.ones((DEGREE + 1, 1))

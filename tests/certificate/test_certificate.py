@@ -7,13 +7,10 @@ from functools import partial
 import numpy as np
 import pytest
 
+import freefloat as ff
 from freefloat.certificate.certificate import certify, integrate_again
-from freefloat.dynamics.redundancy import Redundancy
-from freefloat.io.scenario.scenario import load_scenario, parse_scenario
-from freefloat.motion.extrema import closest_approach
-from freefloat.motion.integration import integrate_motion
+from freefloat.io.scenario.scenario import parse_scenario
 from freefloat.motion.motion import DEGREE, Ending
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.verification.engines.mujoco import forward_run, inverse_run
 from freefloat.verification.engines.mujoco_model import Engine
 from tests.motions import GOOD, bundled, heading, simulated
@@ -53,7 +50,7 @@ def test_certificate_agrees_with_residuals(motion):
     assert result.rates.value < 1e-6
     for entry in result.minima:
         assert 0.9 * entry.value <= entry.bound <= entry.value
-    closest = closest_approach(motion, motion.problem.margin.measure)
+    closest = ff.closest_approach(motion, motion.problem.margin.measure)
     arm = measure(result, "arm")
     assert (arm.value, arm.time) == (closest.value, closest.time)
     assert json.loads(json.dumps(result.to_dict(), allow_nan=False)) == result.to_dict()
@@ -62,8 +59,8 @@ def test_certificate_agrees_with_residuals(motion):
 @pytest.mark.slow
 def test_other_null_space_motion_is_an_error_of_the_rates(redundant):
     assert certify(redundant).rates.value < 1e-6
-    other = replace(redundant.problem, redundancy=Redundancy("energy"))
-    motion = integrate_motion(other, redundant.initial.attitude, redundant.initial.joints)
+    other = replace(redundant.problem, redundancy=ff.Redundancy("energy"))
+    motion = ff.integrate_motion(other, redundant.initial.attitude, redundant.initial.joints)
     result = certify(replace(motion, problem=redundant.problem))
     assert result.end_effector_position.value < 1e-8
     assert result.momentum.value < 1e-6 * result.momentum_scale
@@ -112,7 +109,7 @@ def test_fixed_joints_in_mujoco(rng):
     for _ in range(4):
         robot = random_robot(rng, "RPRCRRP", "RP")
         fixed = dict(zip(robot.joints[1:3], (0.7, -1.1), strict=True)) | {robot.others[0]: 0.4}
-        model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector, fixed_joints=fixed)
+        model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector, fixed_joints=fixed)
         engine, joints = Engine(model), rng.uniform(-1.0, 1.0, model.dof)
         attitude = rng.normal(size=4)
         attitude /= np.linalg.norm(attitude)
@@ -138,7 +135,7 @@ def test_mujoco_agrees_with_the_motion(redundant):
 
 @pytest.mark.slow
 def test_mujoco_does_not_read_the_attitude(redundant):
-    scenario = load_scenario("panda_servicer/line")
+    scenario = ff.load_scenario("panda_servicer/line")
     heavier = scenario.text.replace("inertia: [16, 16, 16]", "inertia: [18, 16, 16]")
     model = parse_scenario(heavier, scenario.source).problem().model
     assert forward_run(redundant, Engine(model)).attitude > 1e-3

@@ -25,7 +25,6 @@ from freefloat.cli.options import (
     scenario_names,
     study_names,
 )
-from freefloat.errors import InputError
 from tests.commands import error, run
 from tests.errors import error_key
 
@@ -55,15 +54,11 @@ def test_the_help_lists_every_command_and_the_exit_codes() -> None:
     assert "Exit codes" in text
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_the_help_of_a_command_has_its_options_and_an_example(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", "200")
-    text = run(name, "--help").stdout
-    assert f"Example: freefloat {name}" in text
-    for parameter in get_command(app).commands[name].params:
-        assert parameter.opts[0] in text or parameter.metavar in text
+def test_every_command_has_an_example_and_help_of_its_options() -> None:
+    for name, command in get_command(app).commands.items():
+        assert f"Example: freefloat {name}" in command.help
+        assert all(parameter.help for parameter in command.params)
+    assert "--stretch" in run("plan", "--help").stdout
 
 
 # --- errors -------------------------------------------------------------------------------------
@@ -75,14 +70,10 @@ def test_the_help_of_a_command_has_its_options_and_an_example(
         (("simulat",), "command", "simulate"),
         (("plan", "spatial_6dof/line", "--stretchh"), "--stretchh", "--stretch"),
         (("plan",), "scenario", ""),
-        (("info", "a", "b"), "command", ""),
-        (("simulate", "planar_3dof/parabola", "--heading"), "--heading", ""),
         (("simulate", "planar_3dof/parabola", "--heading", "north"), "--heading", ""),
         (("map", "spatial_6dof/line", "--samples", "7"), "samples", ""),
         (("plan", "spatial_6dof/lin"), "scenario", "spatial_6dof/line"),
         (("info", "panar_3dof"), "robot", "planar_3dof"),
-        (("batch", "spatial_6dof/montecalro", "-o", "d"), "study", "spatial_6dof/montecarlo"),
-        (("models", "spatial_6dof/lien"), "name", "spatial_6dof/line"),
     ],
 )
 def test_a_wrong_command_line_is_one_error(
@@ -130,8 +121,7 @@ def test_an_interruption_exits_with_130(stop: signal.Signals, tmp_path: Path) ->
 @pytest.mark.parametrize(
     "command",
     [
-        "models | head -1", "models >&-", "models 2>&-", "models > /dev/full",
-        "models --json > /dev/full", "info --json > /dev/full",
+        "models | head -1", "models >&-", "models --json > /dev/full",
     ],
 )  # fmt: skip
 def test_a_closed_or_full_stdout_gives_no_traceback(command: str, tmp_path: Path) -> None:
@@ -144,12 +134,11 @@ def test_a_closed_or_full_stdout_gives_no_traceback(command: str, tmp_path: Path
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("option", ["", "--json"])
-def test_a_closed_pipe_keeps_no_file_from_being_written(option: str, tmp_path: Path) -> None:
-    words = ["simulate", "planar_3dof/parabola", "--heading", "200", "-o", "a.h5", option]
+def test_a_closed_pipe_keeps_no_file_from_being_written(tmp_path: Path) -> None:
+    words = ["simulate", "planar_3dof/parabola", "--heading", "200", "-o", "a.h5"]
     read, write = os.pipe()
     os.close(read)
-    command = [*PROGRAM, *filter(None, words)]
+    command = [*PROGRAM, *words]
     done = subprocess.run(command, cwd=tmp_path, stdout=write, check=False)
     os.close(write)
     assert (done.returncode, (tmp_path / "a.h5").is_file()) == (0, True)
@@ -219,9 +208,7 @@ def test_places_of_outputs_are_checked(tmp_path: Path) -> None:
     for options, key in (
         ({"output": tmp_path / "file" / "b.h5"}, "output"),
         ({"html": tmp_path / "a"}, "html"),
-        ({"html": tmp_path / "loop"}, "html"),
         ({"output": tmp_path / "x", "html": tmp_path / "x"}, "html"),
-        ({"output": tmp_path / ("x" * 300) / "y"}, "output"),
         ({"output": tmp_path / ("x" * 256)}, "output"),
         ({"output": tmp_path / "dangling"}, "output"),
         ({"html": tmp_path / "missing" / "x.html"}, "html"),
@@ -230,8 +217,7 @@ def test_places_of_outputs_are_checked(tmp_path: Path) -> None:
     ):
         assert error_key(prepare_outputs, **options) == key
     assert {path.name for path in tmp_path.iterdir()} == {"a", "c", "file", "loop", "dangling"}
-    with pytest.raises(InputError, match="also the input"):
-        prepare_outputs(tmp_path / "file", output=tmp_path / "file")
+    assert error_key(prepare_outputs, tmp_path / "file", output=tmp_path / "file") == "output"
 
 
 # --- completion ---------------------------------------------------------------------------------
@@ -249,6 +235,7 @@ def completed(folder: Path, line: str) -> list[str]:
     return done.stdout.split()
 
 
+@pytest.mark.slow
 def test_a_shell_completes_commands_bundled_names_and_files(tmp_path: Path) -> None:
     for name in ("spatial_mine.yaml", "spatial.txt", "arm.urdf"):
         (tmp_path / name).write_text("")

@@ -8,10 +8,9 @@ from typing import Any
 
 import pytest
 
+import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.io.records.results import load
 from freefloat.robot import validation
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
 from tests.commands import document, run
 from tests.plans import planar_plan
@@ -36,8 +35,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.slow
 def test_a_spatial_plan_has_the_documented_keys_and_is_written() -> None:
     result = run("plan", "easy.yaml", "-o", "plan.h5")
-    text, plan = result.stdout, load("plan.h5").to_dict()
-    assert str(load("plan.h5").contact) in result.stderr  # with the name of the file
+    text, plan = result.stdout, ff.load("plan.h5").to_dict()
+    assert str(ff.load("plan.h5").contact) in result.stderr  # with the name of the file
     assert plan.keys() >= KEYS
     assert plan["feasible"] is plan["completed"] is True
     assert plan["attitude_ranges_deg"] == plan["disagreements"] == []
@@ -60,7 +59,7 @@ def test_a_spatial_plan_has_the_documented_keys_and_is_written() -> None:
 )
 def test_an_infeasible_plan_has_a_reason_and_no_page(name: str, folder: Path) -> None:
     result = run("plan", f"{name}.yaml", "-o", "plan.h5", "--html", "page.html")
-    plan = load("plan.h5").to_dict()
+    plan = ff.load("plan.h5").to_dict()
     assert plan["feasible"] is plan["completed"] is False
     assert plan["initial"] is plan["tolerance"] is plan["robust_radius_deg"] is None
     assert not (folder / "page.html").exists()
@@ -85,7 +84,7 @@ def test_a_plan_parses_one_urdf_and_builds_one_model_and_one_evaluator(
         monkeypatch.setattr(place, name, counted)
 
     count(validation, "parse_urdf")
-    count(FreeFloatingModel, "__init__")
+    count(ff.FreeFloatingModel, "__init__")
     count(FeasibilityEvaluator, "__init__")
     assert run("plan", "easy.yaml", "-o", "plan.h5").exit_code == 0
     assert built == {"parse_urdf": 1, "FreeFloatingModel": 1, "FeasibilityEvaluator": 1}
@@ -98,7 +97,7 @@ def test_a_plan_that_violates_limits_alone_has_a_motion_and_a_page(folder: Path)
     path, _, _ = line.partition("limits:")
     (folder / "fast.yaml").write_text(path + "limits: {joint_rate: 0.001}")
     result = run("plan", "fast.yaml", "-o", "plan.h5", "--html", "page.html")
-    plan = load("plan.h5")
+    plan = ff.load("plan.h5")
     assert result.exit_code == 1
     assert not plan.feasible
     assert plan.chosen.feasible
@@ -122,4 +121,4 @@ def test_limits_are_printed_with_a_stretched_duration(folder: Path) -> None:
     assert plan.keys() >= KEYS
     assert plan["duration"] > 30.0
     assert all(entry["kept"] for entry in plan["limits"])
-    assert load("plan.h5").problem.path.duration == pytest.approx(plan["duration"])
+    assert ff.load("plan.h5").problem.path.duration == pytest.approx(plan["duration"])

@@ -48,6 +48,7 @@ def test_a_page_plays_the_motion(file: Path, tmp_path: Path) -> None:
     assert document("view", file, "--html", tmp_path / "turn.html")["scenes"] == ["reorientation"]
 
 
+@pytest.mark.slow
 def test_an_export_has_the_rates_of_the_joints(file: Path, tmp_path: Path) -> None:
     document("export", file, "-o", tmp_path / "turn.json", "--times", 2001)
     rows = json.loads((tmp_path / "turn.json").read_text())["trajectory"]

@@ -10,6 +10,7 @@ import freefloat as ff
 from tests.commands import document, error
 
 
+@pytest.mark.slow
 def test_the_map_of_a_robot_and_its_file(tmp_path: Path) -> None:
     file = tmp_path / "map.h5"
     found = document("singularities", "planar_3dof", "--resolution", 1, "-o", file)
@@ -27,6 +28,7 @@ def test_the_map_of_a_robot_and_its_file(tmp_path: Path) -> None:
     assert error("check", file, "--engine", "mujoco")["key"] == "engine"
 
 
+@pytest.mark.slow
 def test_fixed_joints_and_the_scenario_of_a_redundant_arm(tmp_path: Path) -> None:
     options = [word for k in (1, 2, 3, 5) for word in ("--fix", f"panda_joint{k}=0.4")]
     found = document("singularities", "panda_servicer/line", "--resolution", 20, *options, "-o",

@@ -10,20 +10,16 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.certificate.certificate import certify
 from freefloat.dynamics.momentum import (
-    Task,
     end_effector_jacobian,
     momentum_map,
     system_matrix,
     system_matrix_derivative,
 )
 from freefloat.ensemble.endings import SINGULAR
-from freefloat.motion.extrema import closest_approach
-from freefloat.motion.integration import integrate_motion
 from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Ending
-from freefloat.paths.orientation import OrientationLaw, OrientationSpline
-from freefloat.paths.path import EndEffectorPath
-from freefloat.robot.model import FreeFloatingModel
+from freefloat.paths import OrientationLaw
+from freefloat.paths.orientation import OrientationSpline
 from freefloat.so3 import angle_between, without_jumps
 from tests.commands import error, run
 from tests.ensembles import both
@@ -45,20 +41,21 @@ def found_orientation(motion, count=401):
     return OrientationSpline(without_jumps(Rotation.from_matrix(rotations).as_quat()), s)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("momentum", [False, True])
 @pytest.mark.parametrize(("structure", "seed"), [("RRRRRR", 0), ("RRRRRR", 5), ("RRPRRR", 1)])
 def test_prescribing_the_roll_that_was_found_gives_the_same_motion(structure, seed, momentum):
     """The joint rates of least norm of a six-joint arm, then those of its pose task."""
-    start = redundant(structure, Task.POINTING, None, seed, momentum=momentum)
+    start = redundant(structure, ff.Task.POINTING, None, seed, momentum=momentum)
     window = {"start": 2.0, "end": 8.0, "tolerance": 1e-13}
-    begin = integrate_motion(start.problem, start.attitude, start.joints, end=2.0).final
-    free = integrate_motion(start.problem, begin.attitude, begin.joints, **window)
+    begin = ff.integrate_motion(start.problem, start.attitude, start.joints, end=2.0).final
+    free = ff.integrate_motion(start.problem, begin.attitude, begin.joints, **window)
     path = start.problem.path
     found = found_orientation(free)
     posed = start.problem.replace(
-        task=Task.POSE, path=replace(path, path=EndEffectorPath(path.path.curve, found))
+        task=ff.Task.POSE, path=replace(path, path=ff.EndEffectorPath(path.path.curve, found))
     )
-    same = integrate_motion(posed, begin.attitude, begin.joints, **window)
+    same = ff.integrate_motion(posed, begin.attitude, begin.joints, **window)
     assert free.completed
     assert same.completed
     s = path.timing.s(8.0)
@@ -72,7 +69,7 @@ def test_prescribing_the_roll_that_was_found_gives_the_same_motion(structure, se
 
 def test_the_roll_of_the_path_does_not_matter():
     """An orientation that also rotates about its own z axis gives the same motion."""
-    start = redundant("RRRRRR", Task.POINTING, None, 1)
+    start = redundant("RRRRRR", ff.Task.POINTING, None, 1)
     orientation = start.problem.path.path.orientation
 
     class Rolling(OrientationLaw):
@@ -83,9 +80,9 @@ def test_the_roll_of_the_path_does_not_matter():
             return orientation.rate(s) + 3.0 * orientation.rotation(s)[:, 2]
 
     path = start.problem.path
-    rolling = replace(path, path=EndEffectorPath(path.path.curve, Rolling()))
+    rolling = replace(path, path=ff.EndEffectorPath(path.path.curve, Rolling()))
     one, other = (
-        integrate_motion(problem, start.attitude, start.joints)
+        ff.integrate_motion(problem, start.attitude, start.joints)
         for problem in (start.problem, start.problem.replace(path=rolling))
     )
     np.testing.assert_allclose(one.final.joints, other.final.joints, rtol=0, atol=1e-8)
@@ -97,17 +94,17 @@ def test_rows_are_those_of_the_end_effector(structure):
     """The twist without its last row, and the derivative of the system matrix by differences."""
     rng = np.random.default_rng(len(structure))
     robot = random_robot(rng, structure)
-    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
     q, v = rng.uniform(-1.0, 1.0, (2, model.dof))
-    A = system_matrix(model, q, Task.POINTING)
+    A = system_matrix(model, q, ff.Task.POINTING)
     R = np.kron(np.eye(2), model.end_effector_pose([0, 0, 0, 1], q).rotation.T)
-    whole = R @ system_matrix(model, q, Task.POSE)[3:] if model.dof > 5 else A[3:]
+    whole = R @ system_matrix(model, q, ff.Task.POSE)[3:] if model.dof > 5 else A[3:]
     np.testing.assert_allclose(A[3:], whole[:5], rtol=0, atol=1e-12)
     difference = (
-        system_matrix(model, q + 1e-6 * v, Task.POINTING)
-        - system_matrix(model, q - 1e-6 * v, Task.POINTING)
+        system_matrix(model, q + 1e-6 * v, ff.Task.POINTING)
+        - system_matrix(model, q - 1e-6 * v, ff.Task.POINTING)
     ) / 2e-6
-    slope = system_matrix_derivative(model, q, v, Task.POINTING)
+    slope = system_matrix_derivative(model, q, v, ff.Task.POINTING)
     np.testing.assert_allclose(slope, difference, rtol=0, atol=1e-7 * np.abs(A).max())
 
 
@@ -115,7 +112,7 @@ def test_rows_are_those_of_the_end_effector(structure):
 @pytest.mark.parametrize("seed", [0, 1])
 def test_configurations_point(structure, seed):
     """Starts have the position and the z axis of the path; of redundant arms many rolls."""
-    start = redundant(structure, Task.POINTING, None, seed)
+    start = redundant(structure, ff.Task.POINTING, None, seed)
     branches = start.problem.branches(start.attitude)
     pose = start.problem.path.pose(0.0)
     rolls = []
@@ -133,20 +130,21 @@ def test_configurations_point(structure, seed):
         assert min(near) < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("measure", ["gjm", "system", "sigma"])
 @pytest.mark.parametrize("structure", ["RRRRR", "RRRRRRR"])
 def test_certificates_hold(structure, measure):
     """Proven bounds are below the minima and reach nine tenths of them."""
-    start = redundant(structure, Task.POINTING, None, 1)
-    function = ff.singularity_measure(start.problem.model, Task.POINTING, measure)
+    start = redundant(structure, ff.Task.POINTING, None, 1)
+    function = ff.singularity_measure(start.problem.model, ff.Task.POINTING, measure)
     problem = start.problem.replace(margin=ff.Margin(function, 0.0))
-    motion = integrate_motion(problem, start.attitude, start.joints)
+    motion = ff.integrate_motion(problem, start.attitude, start.joints)
     assert motion.completed
     certificate = certify(motion)
     least = {entry.measure: entry for entry in certificate.minima}[measure]
     assert certificate.end_effector_orientation.value < 1e-7
     samples = [abs(function(q)) for q in motion.joints]
-    assert 0.9 * closest_approach(motion, function).value <= least.bound * (1.0 + 1e-9)
+    assert 0.9 * ff.closest_approach(motion, function).value <= least.bound * (1.0 + 1e-9)
     assert least.bound <= min(samples)
 
 
@@ -154,7 +152,7 @@ def test_certificates_hold(structure, measure):
 @pytest.mark.parametrize("structure", ARMS)
 def test_ensembles_agree(structure):
     """Compiled motions end as the precise ones."""
-    start = redundant(structure, Task.POINTING, None, 1)
+    start = redundant(structure, ff.Task.POINTING, None, 1)
     (case,) = both(start.problem, start.attitude[None], start.joints[None])
     case.assert_same()
 
@@ -162,8 +160,8 @@ def test_ensembles_agree(structure):
 @pytest.mark.parametrize("structure", ["RRRRR", "RRRRRR"])
 def test_torques_leave_the_base_free(structure):
     """No wrench on the spacecraft, also of an arm with as many joints as rows."""
-    start = redundant(structure, Task.POINTING, None, 1)
-    motion = integrate_motion(start.problem, start.attitude, start.joints)
+    start = redundant(structure, ff.Task.POINTING, None, 1)
+    motion = ff.integrate_motion(start.problem, start.attitude, start.joints)
     assert motion.completed
     dynamics = PathLaw(start.problem)
     for t in (2.0, 6.0, 13.0):
@@ -177,7 +175,7 @@ def test_torques_leave_the_base_free(structure):
 @pytest.mark.slow
 def test_the_impossible_motion_at_the_nearest_singularity():
     """Of a five-joint arm, in spacecraft and inertial axes: no joint rates contribute to it."""
-    start = redundant("RRRRR", Task.POINTING, None, 1)
+    start = redundant("RRRRR", ff.Task.POINTING, None, 1)
     model, attitude = start.problem.model, start.attitude
     found = ff.distance_to_singularity(model, start.joints, "pointing", attitude=attitude)
     R, (v, omega) = Rotation.from_quat(attitude).as_matrix(), np.split(found.direction, 2)
@@ -190,6 +188,7 @@ def test_the_impossible_motion_at_the_nearest_singularity():
     assert np.abs(found.direction @ S).max() < 1e-8 * np.abs(S).max()
 
 
+@pytest.mark.slow
 def test_an_arm_that_spins_its_last_joint_is_singular():
     """A UR5 rolls about its last axis: its motion ends, in an ensemble and precisely."""
     problem = ff.load_scenario("ur5_servicer/inspect").problem().replace(task="pointing")
@@ -206,11 +205,11 @@ def test_an_arm_that_spins_its_last_joint_is_singular():
 
 def test_a_path_without_orientation_raises():
     """The z axis needs a direction; so does a task for which the arm has too few joints."""
-    start = redundant("RRRRRR", Task.POSITION, None)
+    start = redundant("RRRRRR", ff.Task.POSITION, None)
     path = start.problem.path
-    free = replace(path, path=EndEffectorPath(path.path.curve))
+    free = replace(path, path=ff.EndEffectorPath(path.path.curve))
     assert error_key(start.problem.replace, path=free, task="pointing") == "path.attitude"
-    four = redundant("RRRR", Task.POSITION, None).problem
+    four = redundant("RRRR", ff.Task.POSITION, None).problem
     assert error_key(four.replace, task="pointing") == "task"
 
 

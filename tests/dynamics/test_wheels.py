@@ -16,8 +16,6 @@ from scipy.interpolate import CubicSpline
 import freefloat as ff
 from freefloat.attitude_grids import attitude_grid
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.limits.limits import Limits
-from freefloat.motion.integration import integrate_motion
 from freefloat.robot.names import find_robot
 from freefloat.so3 import angle_between
 from tests.errors import error_key
@@ -67,6 +65,7 @@ def urdf(problem) -> str:
     return urdf_with_wheels(find_robot("ets_vii", Path()))
 
 
+@pytest.mark.slow
 def test_momentum_of_the_robot_with_wheels_is_conserved(problem, motion, urdf: str) -> None:
     """The attitude follows from conservation alone, the wheels being joints of Pinocchio."""
     model = pin.buildModelFromXML(urdf, pin.JointModelFreeFlyer())
@@ -94,7 +93,7 @@ def test_momentum_of_the_robot_with_wheels_is_conserved(problem, motion, urdf: s
     end = solve_ivp(change, (0.0, duration), start, rtol=1e-9, atol=1e-9).y[:, -1]
     assert angle_between(end / np.linalg.norm(end), motion.final.attitude) < 1e-6
     still = replace(problem, wheel_momentum=np.zeros(3))
-    other = integrate_motion(still, start, motion.initial.joints)
+    other = ff.integrate_motion(still, start, motion.initial.joints)
     assert angle_between(other.final.attitude, motion.final.attitude) > 0.02
 
 
@@ -176,6 +175,7 @@ def test_no_wrench_acts_on_the_spacecraft(motion) -> None:
         assert np.abs(effort.joint_torques).max() > 1e-2
 
 
+@pytest.mark.slow
 def test_ensembles_and_precise_motions_agree(problem) -> None:
     attitudes = attitude_grid(64)
     branches = problem.many_branches(attitudes)
@@ -184,7 +184,7 @@ def test_ensembles_and_precise_motions_agree(problem) -> None:
     completed = np.flatnonzero(result.endings == 0)[:6]
     assert len(completed) > 3
     for k in completed:
-        precise = integrate_motion(problem, starts[0][k], starts[1][k])
+        precise = ff.integrate_motion(problem, starts[0][k], starts[1][k])
         assert angle_between(precise.final.attitude, result.attitudes[k]) < 1e-6
 
 
@@ -205,7 +205,7 @@ def test_in_the_plane_wheels_take_their_part_of_the_momentum() -> None:
 @pytest.mark.slow
 def test_a_plan_with_wheels_is_verified(problem) -> None:
     search = ff.Search("nearest", [0.0, 0.0, 0.0, 1.0], samples=512)
-    plan = ff.plan(problem, search, Limits(base_rate=0.1))
+    plan = ff.plan(problem, search, ff.Limits(base_rate=0.1))
     assert plan.feasible
     report = ff.check(plan, engine="mujoco")
     assert report.passed, [check for check in report.checks if not check.passed]

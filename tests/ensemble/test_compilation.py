@@ -12,15 +12,11 @@ import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
 
+import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.io.scenario.scenario import load_scenario
 from freefloat.lockstep.cache_files import CheckedCacheFile
 from freefloat.lockstep.compilation import compiled
-from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
-from freefloat.paths.timing import TimedPath, Timing
-from freefloat.planning.simulation import simulate
 
 HELPER = """
 from freefloat.lockstep.compilation import compiled
@@ -69,7 +65,7 @@ def test_cached_kernels_are_compiled_again_when_a_called_kernel_changes(tmp_path
 
 
 @pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
-@pytest.mark.parametrize("damage", ["empty", "truncated", "flipped", "foreign"])
+@pytest.mark.parametrize("damage", ["empty", "flipped"])
 def test_a_damaged_cache_entry_is_deleted_and_reported_once(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, suffix: str, damage: str
 ) -> None:
@@ -82,9 +78,7 @@ def test_a_damaged_cache_entry_is_deleted_and_reported_once(
     changed = bytes([content[middle] ^ 1])
     path.write_bytes({
         "empty": b"",
-        "truncated": content[:middle],
         "flipped": content[:middle] + changed + content[middle + 1 :],
-        "foreign": b"not a cache file",
     }[damage])  # fmt: skip
     with caplog.at_level(logging.WARNING, "freefloat"):
         assert files.load("signature") is None
@@ -93,17 +87,6 @@ def test_a_damaged_cache_entry_is_deleted_and_reported_once(
     files.save("signature", b"new machine code")
     assert files.load("signature") == b"new machine code"
     assert CheckedCacheFile(str(tmp_path), "kernel", "other stamp").load("signature") is None
-
-
-@pytest.mark.slow
-def test_kernels_of_a_damaged_cache_are_compiled_again(tmp_path: Path) -> None:
-    (tmp_path / "kernel.py").write_text(KERNEL)
-    (tmp_path / "helper.py").write_text(HELPER.format(value=2.0))
-    assert run(tmp_path) == ["6.0", "0", "Scale."]
-    for path in (tmp_path / "cache").rglob("*.nb[ci]"):
-        path.write_bytes(path.read_bytes()[:-1])
-    assert run(tmp_path) == ["6.0", "0", "Scale."]
-    assert run(tmp_path) == ["6.0", "1", "Scale."]
 
 
 def test_a_cache_that_cannot_be_written_is_no_error(tmp_path: Path) -> None:
@@ -141,20 +124,20 @@ def signatures() -> dict[str, int]:
 
 def test_integers_and_read_only_arrays_need_no_further_compilation() -> None:
     """Compiling the kernels again would take a quarter of a minute."""
-    problem = load_scenario("spatial_6dof/line").problem()
+    problem = ff.load_scenario("spatial_6dof/line").problem()
     used(problem)
     before = signatures()
-    path = TimedPath(problem.path.path, Timing(round(problem.path.duration)))
-    margin = Margin(problem.margin.measure, round(problem.margin.threshold))
-    whole = Problem(problem.model, path, problem.task, (0, 0, 1), margin)
+    path = ff.TimedPath(problem.path.path, ff.Timing(round(problem.path.duration)))
+    margin = ff.Margin(problem.margin.measure, round(problem.margin.threshold))
+    whole = ff.Problem(problem.model, path, problem.task, (0, 0, 1), margin)
     used(whole)
     assert before["freefloat.ensemble.kernels.integration.integrate_many"] > 0
     assert signatures() == before
 
 
-def used(problem: Problem) -> Motion:
+def used(problem: ff.Problem) -> Motion:
     """The chosen motion, after all kernels have been called."""
     attitude = np.array([0.0, 0.0, 0.0, 1.0])
     results = FeasibilityEvaluator(problem, 1).evaluate(attitude[None], stop_at_margin=True)
     assert (results.motions.endings >= 0).any()
-    return simulate(problem, attitude).chosen.motion
+    return ff.simulate(problem, attitude).chosen.motion

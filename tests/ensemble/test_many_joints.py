@@ -4,25 +4,15 @@ The minimum is two joints, for a planar position.
 """
 
 from dataclasses import replace
-from unittest import mock
 
 import numpy as np
 import pytest
 
-from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.momentum import Task
-from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
-from freefloat.ensemble import ensemble
+import freefloat as ff
+from freefloat.dynamics.redundancy import Metric, Toward
 from freefloat.ensemble.endings import COMPLETED, MARGIN, SINGULAR
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.kernels.records import make_workspace
-from freefloat.errors import InputError
-from freefloat.motion.extrema import closest_approach
-from freefloat.motion.integration import integrate_motion
-from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Ending
-from freefloat.paths.timing import Timing
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import angle_between
 from tests.ensembles import both, states
 from tests.lock_step import plain_kernels
@@ -31,20 +21,20 @@ from tests.redundant import choices, redundant
 from tests.robots import planar_robot
 
 FEWEST = [
-    ("2", Task.PLANAR_POSITION), ("3", Task.PLANAR_POSE), ("RPR", Task.POSITION),
-    ("RRRPRR", Task.POSE),
+    ("2", ff.Task.PLANAR_POSITION), ("3", ff.Task.PLANAR_POSE), ("RPR", ff.Task.POSITION),
+    ("RRRPRR", ff.Task.POSE),
 ]  # fmt: skip
 TEN = [
-    ("10", Task.PLANAR_POSITION), ("10", Task.PLANAR_POSE), ("RRRRRPRRRP", Task.POSITION),
-    ("RRPRRRRCRR", Task.POSE),
+    ("10", ff.Task.PLANAR_POSITION), ("10", ff.Task.PLANAR_POSE), ("RRRRRPRRRP", ff.Task.POSITION),
+    ("RRPRRRRCRR", ff.Task.POSE),
 ]  # fmt: skip
-THIRTY = [("30", Task.PLANAR_POSE), ("RRRRRRRPRRCRRRR" * 2, Task.POSE)]
+THIRTY = [("30", ff.Task.PLANAR_POSE), ("RRRRRRRPRRCRRRR" * 2, ff.Task.POSE)]
 """Structures, or the number of planar joints, and tasks, as for ``redundant``."""
 
 
 def with_measure(problem, name):
     return replace(
-        problem, margin=Margin(singularity_measure(problem.model, problem.task, name), 0.0)
+        problem, margin=ff.Margin(ff.singularity_measure(problem.model, problem.task, name), 0.0)
     )
 
 
@@ -67,7 +57,7 @@ def assert_precise(case):
     assert fine.endings[k] == COMPLETED
     np.testing.assert_allclose(fine.joints[k], motion.final.joints, rtol=0, atol=1e-5)
     assert angle_between(fine.attitudes[k], motion.final.attitude) < 1e-5
-    expected, first = closest_approach(motion, measure).value, abs(measure(motion.joints[0]))
+    expected, first = ff.closest_approach(motion, measure).value, abs(measure(motion.joints[0]))
     assert fine.minimum[k] == pytest.approx(expected, rel=0, abs=1e-5 * first)
 
 
@@ -81,10 +71,10 @@ def assert_precise_from(start, count):
 
 def test_one_joint_is_too_few_for_every_task():
     text = planar_robot([60.0, 9.0], [12.0, 1.8], [0.4], [0.4, 0.4])
-    model = FreeFloatingModel.from_urdf(text, "end_effector")
-    for task in Task:
-        with pytest.raises(InputError, match="a robot with more joints"):
-            singularity_measure(model, task, "gjm")
+    model = ff.FreeFloatingModel.from_urdf(text, "end_effector")
+    for task in ff.Task:
+        with pytest.raises(ff.InputError, match="a robot with more joints"):
+            ff.singularity_measure(model, task, "gjm")
 
 
 @pytest.mark.slow
@@ -94,15 +84,7 @@ def test_motions_agree_with_single_integration(structure, task):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["system", "sigma"])
-@pytest.mark.parametrize(("structure", "task"), [TEN[0], TEN[-1], THIRTY[-1]])
-def test_other_measures(structure, task, name):
-    start = redundant(structure, task, None, 1)
-    assert_precise_from(replace(start, problem=with_measure(start.problem, name)), 1)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", [1, 3, 8])
+@pytest.mark.parametrize("number", [1, 8])
 @pytest.mark.parametrize(("structure", "task"), TEN[1::2])
 def test_redundancy_of_ten_joints(structure, task, number):
     assert_precise_from(redundant(structure, task, choices(structure, task, 1)[number], 1), 1)
@@ -115,7 +97,7 @@ def test_redundancy_of_ten_joints(structure, task, number):
 )
 def test_redundancy_of_thirty_joints(structure, task, toward):
     assert_precise_from(
-        redundant(structure, task, Redundancy(Metric.ENERGY, toward, 0.8, 2.0), 1), 1
+        redundant(structure, task, ff.Redundancy(Metric.ENERGY, toward, 0.8, 2.0), 1), 1
     )
 
 
@@ -126,14 +108,21 @@ def test_endings_beyond_the_reach(structure, task):
     start = redundant(structure, task, None, 1)
     model, away = start.problem.model, [2.0 * len(start.joints), 0.0, 0.0]
     problem = from_here(
-        model, task, [0.0, 0.0, 0.3], start.attitude, start.joints, away, [0, 0, 0.1], Timing(30.0)
+        model,
+        task,
+        [0.0, 0.0, 0.3],
+        start.attitude,
+        start.joints,
+        away,
+        [0, 0, 0.1],
+        ff.Timing(30.0),
     )
     (case,) = both(problem, start.attitude[None], start.joints[None])
     case.assert_same()
     assert case.fine.endings[0] == SINGULAR
     level = 0.3 * problem.margin.measure(start.joints)
-    bounded = replace(problem, margin=Margin(problem.margin.measure, level))
-    exact = integrate_motion(bounded, start.attitude, start.joints, stop_at_margin=True)
+    bounded = replace(problem, margin=ff.Margin(problem.margin.measure, level))
+    exact = ff.integrate_motion(bounded, start.attitude, start.joints, stop_at_margin=True)
     stopped = EnsembleIntegrator(problem, 1).integrate(
         start.attitude[None], start.joints[None], stop_below=level
     )
@@ -154,9 +143,12 @@ def begin(problem, start):
     ("structure", "task", "redundancies"),
     [
         *((*arm, [None]) for arm in FEWEST),
-        *((*arm, choices(*arm, 1)) for arm in (("RPRR", Task.POSITION), ("4", Task.PLANAR_POSE))),
-        *((*arm, [None, Redundancy(Metric.ENERGY, Toward.MIDDLE)]) for arm in TEN),
-        (*THIRTY[1], [Redundancy(Metric.ENERGY, Toward.MIDDLE)]),
+        *(
+            (*arm, choices(*arm, 1))
+            for arm in (("RPRR", ff.Task.POSITION), ("4", ff.Task.PLANAR_POSE))
+        ),
+        *((*arm, [None, ff.Redundancy(Metric.ENERGY, Toward.MIDDLE)]) for arm in TEN),
+        (*THIRTY[1], [ff.Redundancy(Metric.ENERGY, Toward.MIDDLE)]),
     ],
 )
 def test_kernels_stay_within_their_tables(structure, task, redundancies):
@@ -167,21 +159,11 @@ def test_kernels_stay_within_their_tables(structure, task, redundancies):
                 assert begin(with_measure(start.problem, name), start).evaluations[0] > 6
 
 
-def test_a_workspace_of_too_few_joints_raises():
-    start = redundant(*TEN[-1], None, 1)
-    with (
-        plain_kernels(),
-        mock.patch.object(ensemble, "make_workspace", lambda n, m, cones: make_workspace(9, m)),
-        pytest.raises(IndexError),
-    ):
-        begin(start.problem, start)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("structure", "task", "number", "seed"),
-    [("2", Task.PLANAR_POSITION, None, 1), ("RPR", Task.POSITION, None, 1),
-     ("RRRRRR", Task.POSE, None, 6), ("4", Task.PLANAR_POSE, 5, 1), ("RPRR", Task.POSITION, 1, 1)],
+    [("2", ff.Task.PLANAR_POSITION, None, 1), ("RPR", ff.Task.POSITION, None, 1),
+     ("RRRRRR", ff.Task.POSE, None, 6), ("4", ff.Task.PLANAR_POSE, 5, 1)],
 )  # fmt: skip
 def test_plain_and_compiled_kernels_agree(structure, task, number, seed):
     """Square, prismatic, planar and redundant arms, over the whole path."""

@@ -1,12 +1,9 @@
 """Compiled motions of redundant arms agree with single integration."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from freefloat.dynamics.momentum import Task
-from freefloat.dynamics.redundancy import Redundancy
+import freefloat as ff
 from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.kernels import flow as flow_kernels
@@ -19,9 +16,9 @@ from tests.redundant import ARMS, choices, redundant
 
 EVERYTHING = [(*arm, k) for arm in ARMS for k in range(9)]
 LEAST_BASE_RATE = [
-    *((*arm, Redundancy("base")) for arm in [*ARMS, ("RRRRRRR", Task.POSITION)]),
-    *((*arm, Redundancy("base", toward, 0.8, 2.0))
-      for arm in [("RRRRRRR", Task.POSITION), ("5", Task.PLANAR_POSITION)]
+    *((*arm, ff.Redundancy("base")) for arm in [*ARMS, ("RRRRRRR", ff.Task.POSITION)]),
+    *((*arm, ff.Redundancy("base", toward, 0.8, 2.0))
+      for arm in [("RRRRRRR", ff.Task.POSITION), ("5", ff.Task.PLANAR_POSITION)]
       for toward in ("sigma", "middle")),
 ]  # fmt: skip
 
@@ -33,9 +30,8 @@ def test_rates_agree_with_pinocchio(structure, task, number):
 
 
 @pytest.mark.parametrize(("structure", "task", "redundancy"), LEAST_BASE_RATE)
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_rates_of_least_base_rate_agree_with_pinocchio(structure, task, redundancy, seed):
-    assert_same_rates(structure, task, redundancy, seed)
+def test_rates_of_least_base_rate_agree_with_pinocchio(structure, task, redundancy):
+    assert_same_rates(structure, task, redundancy, 0)
 
 
 def assert_same_rates(structure, task, redundancy, seed):
@@ -71,15 +67,6 @@ def assert_same_rates(structure, task, redundancy, seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING[::5])
-def test_motions_agree_with_precise_ones(structure, task, number):
-    """Endings, minima of the measure and last states."""
-    start = redundant(structure, task, choices(structure, task, 1)[number], 1)
-    (case,) = both(start.problem, start.attitude[None], start.joints[None])
-    case.assert_same()
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("structure", "task", "redundancy"), LEAST_BASE_RATE[::3])
 def test_motions_of_least_base_rate_agree_with_precise_ones(structure, task, redundancy):
     """Endings, minima of the measure and last states, compiled."""
@@ -88,7 +75,7 @@ def test_motions_of_least_base_rate_agree_with_precise_ones(structure, task, red
     case.assert_same()
 
 
-@pytest.mark.parametrize("number", range(1, 9))
+@pytest.mark.parametrize("number", [1, 5, 8])
 def test_compiled_motions_retrace(number):
     """An end before the start goes back the same way."""
     structure, task = ARMS[0]
@@ -99,14 +86,3 @@ def test_compiled_motions_retrace(number):
     back = integrator.integrate(there.attitudes, there.joints, starts=end, ends=0.0 * end)
     np.testing.assert_allclose(back.joints[0], start.joints, rtol=0, atol=1e-5)
     assert angle_between(back.attitudes[0], start.attitude) < 1e-5
-
-
-def test_the_plain_choice_is_the_default():
-    """Named or not, the same numbers to the last digit."""
-    start = redundant(*ARMS[0], None)
-    plain = replace(start.problem, redundancy=Redundancy())
-    results = [
-        EnsembleIntegrator(problem, 1).integrate(start.attitude[None], start.joints[None])
-        for problem in (start.problem, plain)
-    ]
-    np.testing.assert_array_equal(results[0].joints, results[1].joints)

@@ -4,28 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.momentum import Task
+import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.branches import (
     arm_branches,
     many_arm_branches,
     search_arm_branches,
 )
-from freefloat.ik.chain import Chain, damped_step
-from freefloat.ik.numbering import columns_by_name
-from freefloat.ik.vectors import rotation_vector
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Pose
 from tests.motions import gaps, virtual_jacobian
-from tests.robots import AWKWARD, random_robot
+from tests.robots import random_robot
 
 
 def random_poses(
-    model: FreeFloatingModel, count: int, rng: np.random.Generator
+    model: ff.FreeFloatingModel, count: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Positions and rotations that an arm reaches, and the joint values they came from."""
     q = rng.uniform(-np.pi, np.pi, (count, model.dof))
@@ -34,7 +28,7 @@ def random_poses(
 
 
 def brute_force(
-    model: FreeFloatingModel, position: np.ndarray, rotation: np.ndarray, starts: np.ndarray
+    model: ff.FreeFloatingModel, position: np.ndarray, rotation: np.ndarray, starts: np.ndarray
 ) -> list[np.ndarray]:
     """Plain Newton steps of at most half a radian by least squares: few starts arrive."""
     virtual, q = VirtualManipulator.of(model), starts.copy()
@@ -56,11 +50,11 @@ def brute_force(
 
 @pytest.mark.parametrize(
     ("robot", "task"),
-    [("spatial_6dof", Task.POSE), ("ur5", Task.POSE), ("ur5", Task.POSITION),
-     ("planar_3dof", Task.PLANAR_POSE), ("planar_3dof", Task.PLANAR_POSITION)],
+    [("spatial_6dof", ff.Task.POSE), ("ur5", ff.Task.POSE), ("ur5", ff.Task.POSITION),
+     ("planar_3dof", ff.Task.PLANAR_POSE), ("planar_3dof", ff.Task.PLANAR_POSITION)],
 )  # fmt: skip
 def test_branches_of_many_poses_are_those_of_each_pose(
-    robot: str, task: Task, request: pytest.FixtureRequest, rng: np.random.Generator
+    robot: str, task: ff.Task, request: pytest.FixtureRequest, rng: np.random.Generator
 ) -> None:
     """To the last bit: closed forms, searches, redundant arms; unreachable poses included."""
     model = request.getfixturevalue(robot)
@@ -77,27 +71,11 @@ def test_branches_of_many_poses_are_those_of_each_pose(
             np.testing.assert_array_equal(branch.joints, sets.joints[k, branch.index])
 
 
-def test_no_poses_and_unreachable_poses(
-    spatial_6dof: FreeFloatingModel, ur5: FreeFloatingModel
-) -> None:
-    """NaN where there is no branch; arrays that cannot be changed."""
-    for model, most in ((spatial_6dof, 8), (ur5, 16)):
-        none = many_arm_branches(model, np.empty((0, 3)), np.empty((0, 3, 3)), Task.POSE)
-        assert none.joints.shape == (0, most, 6)
-        far = many_arm_branches(model, [[0, 30.0, 0]] * 2, [np.eye(3)] * 2, Task.POSE)
-        assert far.joints.shape == (2, most, 6)
-        assert np.isnan(far.joints).all()
-        assert not far.exist.any()
-        assert far[1] == ()
-        assert not far.joints.flags.writeable
-        assert not far.names.flags.writeable
-
-
 def test_nan_poses_have_no_branches(
-    spatial_6dof: FreeFloatingModel, ur5: FreeFloatingModel
+    spatial_6dof: ff.FreeFloatingModel, ur5: ff.FreeFloatingModel
 ) -> None:
     for model in (spatial_6dof, ur5):
-        assert arm_branches(model, Pose([np.nan, 0, 0], np.eye(3)), Task.POSE) == ()
+        assert arm_branches(model, Pose([np.nan, 0, 0], np.eye(3)), ff.Task.POSE) == ()
 
 
 # ------------------------------------------------------------------------------ nothing missed
@@ -111,7 +89,7 @@ def test_a_search_finds_what_brute_force_finds(
     """Another Newton's method from random starts finds no configuration that is not known."""
     model = request.getfixturevalue(robot)
     positions, rotations, _ = random_poses(model, 3, rng)
-    sets = search_arm_branches(model, positions, rotations, Task.POSE)
+    sets = search_arm_branches(model, positions, rotations, ff.Task.POSE)
     total = 0
     for k in range(3):
         brute = brute_force(model, positions[k], rotations[k], rng.uniform(-np.pi, np.pi, (150, 6)))
@@ -122,12 +100,12 @@ def test_a_search_finds_what_brute_force_finds(
 
 
 def test_closed_form_and_search_agree_on_names_and_joints(
-    spatial_6dof: FreeFloatingModel, rng: np.random.Generator
+    spatial_6dof: ff.FreeFloatingModel, rng: np.random.Generator
 ) -> None:
     """The same configurations; equal signs of elbow and wrist have the same signs."""
     positions, rotations, _ = random_poses(spatial_6dof, 40, rng)
-    closed = many_arm_branches(spatial_6dof, positions, rotations, Task.POSE)
-    search = search_arm_branches(spatial_6dof, positions, rotations, Task.POSE)
+    closed = many_arm_branches(spatial_6dof, positions, rotations, ff.Task.POSE)
+    search = search_arm_branches(spatial_6dof, positions, rotations, ff.Task.POSE)
     assert closed.labels == search.labels
     assert search.exist[:, :8].all()
     assert not search.exist[:, 8:].any()
@@ -143,11 +121,11 @@ def test_closed_form_and_search_agree_on_names_and_joints(
 
 
 def test_signs_identify_the_branches_of_the_ur5(
-    ur5: FreeFloatingModel, rng: np.random.Generator
+    ur5: ff.FreeFloatingModel, rng: np.random.Generator
 ) -> None:
     """Nearly everywhere each name is used once; a name's sign of the determinant is its signs'."""
     positions, rotations, _ = random_poses(ur5, 200, rng)
-    sets = many_arm_branches(ur5, positions, rotations, Task.POSE)
+    sets = many_arm_branches(ur5, positions, rotations, ff.Task.POSE)
     assert sets.exist[:, 8:].any(axis=1).mean() <= 0.005
     J = virtual_jacobian(VirtualManipulator.of(ur5), sets.joints[sets.exist])
     names = sets.names[sets.exist]
@@ -155,12 +133,14 @@ def test_signs_identify_the_branches_of_the_ur5(
     np.testing.assert_array_equal(np.sign(np.linalg.det(J)), signs)
 
 
-def test_names_of_the_ur5_are_continuous(ur5: FreeFloatingModel, rng: np.random.Generator) -> None:
+def test_names_of_the_ur5_are_continuous(
+    ur5: ff.FreeFloatingModel, rng: np.random.Generator
+) -> None:
     """What has one name at neighbouring attitudes is one continuous motion, off singularities."""
     position, rotation, _ = random_poses(ur5, 1, rng)
     rotations_along = Rotation.from_rotvec(np.outer(np.linspace(0.0, 0.6, 241), [0.4, -0.7, 0.5]))
     R = rotations_along.as_matrix()
-    sets = many_arm_branches(ur5, R @ position[0], R @ rotation[0], Task.POSE)
+    sets = many_arm_branches(ur5, R @ position[0], R @ rotation[0], ff.Task.POSE)
     both = (sets.names[1:] >= 0) & (sets.names[1:] == sets.names[:-1])
     moved = gaps(sets.joints[1:][both], sets.joints[:-1][both])
     slowest = np.linalg.svd(
@@ -174,9 +154,9 @@ def test_names_of_the_ur5_are_continuous(ur5: FreeFloatingModel, rng: np.random.
 def test_branches_of_equal_signs_have_distinct_labels(rng: np.random.Generator) -> None:
     """A random arm: the second stands at place 8 or beyond, called b."""
     robot = random_robot(rng, "RRRRRR")
-    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
     positions, rotations, _ = random_poses(model, 60, rng)
-    sets = many_arm_branches(model, positions, rotations, Task.POSE)
+    sets = many_arm_branches(model, positions, rotations, ff.Task.POSE)
     assert sets.exist[:, 8:].any()
     first = sets.names[:, :8]
     assert np.isin(first - np.arange(8), [0, *range(-8, 0)]).all()
@@ -189,63 +169,4 @@ def test_branches_of_equal_signs_have_distinct_labels(rng: np.random.Generator) 
         assert second.label[:-2] in labels
 
 
-@given(st.lists(st.integers(0, 7), max_size=16))
-def test_columns_of_branches_are_distinct(patterns: list[int]) -> None:
-    """The first of a name at its number, the others in order from 8 on, sixteen in all."""
-    places = columns_by_name(np.array(patterns, dtype=np.int64)[:, None])[:, 0].tolist()
-    assert len(set(places)) == len(patterns)
-    assert all(0 <= place < 16 for place in places)
-    firsts = {pattern: patterns.index(pattern) for pattern in patterns}
-    assert all(places[k] == pattern for pattern, k in firsts.items())
-    later = [place for k, place in enumerate(places) if k not in firsts.values()]
-    assert later[:8] == list(range(8, 8 + len(later[:8])))
-
-
 # -------------------------------------------------------------------------------- kinematics
-
-
-@pytest.mark.parametrize("structure", ["RRRRRR", "RPRRPRC", "PRF"])
-def test_kinematics_agree_with_the_virtual_manipulator(
-    structure: str, rng: np.random.Generator
-) -> None:
-    """Pose, Jacobian and damped step, many at once."""
-    for _ in range(5):
-        robot = random_robot(rng, structure)
-        model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
-        virtual, chain, n = VirtualManipulator.of(model), Chain.of(model), model.dof
-        q, error = rng.uniform(-3.0, 3.0, (4, n)), rng.uniform(-0.1, 0.1, (4, 6))
-        p, R, points, axes = virtual.kinematics(q)
-        at = chain.kinematics(q.T)
-        np.testing.assert_allclose(at.position.T, p, atol=1e-13)
-        np.testing.assert_allclose(at.rotation.transpose(2, 0, 1), R, atol=1e-13)
-        np.testing.assert_allclose(at.points.T, points.swapaxes(0, 1), atol=1e-13)
-        np.testing.assert_allclose(at.axes.T, axes.swapaxes(0, 1), atol=1e-13)
-        J = virtual_jacobian(virtual, q)
-        np.testing.assert_allclose(chain.jacobian(at).transpose(2, 0, 1), J, atol=1e-13)
-        steps = damped_step(chain.jacobian(at), error.T).T
-        for k in range(4):
-            damping = 0.1 * error[k] @ error[k] + 1e-13
-            step = J[k].T @ np.linalg.solve(J[k] @ J[k].T + damping * np.eye(6), error[k])
-            np.testing.assert_allclose(steps[k], step / max(1.0, np.abs(step).max()), atol=1e-9)
-
-
-def test_damped_steps_of_singular_jacobians_are_finite() -> None:
-    """Equal rows of long arms, whose product loses the damping to rounding."""
-    J = np.full((2, 2, 3), [1.0, 30.0, 3e3])
-    step = damped_step(J, np.full((2, 3), 1e-12))
-    np.testing.assert_allclose((J * step).sum(axis=1), 1e-12, rtol=0.1)
-
-
-@given(
-    axis=st.sampled_from([[1, 0, 0], [0, 1, 0], [0, 0, -1], [0.6, 0, 0.8], [-0.48, 0.6, 0.64]]),
-    angle=st.one_of(
-        st.sampled_from([*AWKWARD, np.pi - 1e-9, np.pi - 1e-5, 1e-8]), st.floats(-np.pi, np.pi)
-    ),
-)
-def test_rotation_vectors_are_exact_near_zero_and_pi(axis: list[float], angle: float) -> None:
-    start = Rotation.from_rotvec([0.3, -1.2, 0.7])
-    end = (Rotation.from_rotvec(angle * np.array(axis)) * start).as_matrix()
-    vector = rotation_vector(start.as_matrix()[..., None], end[..., None])[:, 0]
-    assert np.linalg.norm(vector) <= np.pi + 1e-12
-    reached = (Rotation.from_rotvec(vector) * start).as_matrix()
-    np.testing.assert_allclose(reached, end, atol=2e-8 if abs(angle) > 3.14159 else 1e-14)

@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from freefloat.dynamics.momentum import Task
+import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.branches import BranchSets, many_arm_branches, search_arm_branches
 from freefloat.ik.chain import Chain
 from freefloat.ik.numbering import numbered_branches
-from freefloat.ik.parallel_axes import circle_angles, solve_parallel_axes
-from freefloat.robot.model import FreeFloatingModel
+from freefloat.ik.parallel_axes import solve_parallel_axes
 from freefloat.robot.names import find_robot
 from freefloat.so3 import Array
 from tests.motions import gaps
@@ -22,7 +21,7 @@ from tests.robots import inertial_text, joint_text, link_text, numbers, random_i
 MEETS = 1e-8
 
 
-def parallel_arm(rng: np.random.Generator, signs: tuple[float, float]) -> FreeFloatingModel:
+def parallel_arm(rng: np.random.Generator, signs: tuple[float, float]) -> ff.FreeFloatingModel:
     """An arm of random make, but for its axes 3 and 4: along axis 2 or against it."""
     lift = rng.normal(size=3)
     lift /= np.linalg.norm(lift)
@@ -43,7 +42,7 @@ def parallel_arm(rng: np.random.Generator, signs: tuple[float, float]) -> FreeFl
     text += link_text("tip") + joint_text(
         "hand", "F", parent, "tip", numbers(rng.normal(0, 0.1, 3))
     )
-    return FreeFloatingModel.from_urdf(f'<robot name="parallel">{text}</robot>', "tip")
+    return ff.FreeFloatingModel.from_urdf(f'<robot name="parallel">{text}</robot>', "tip")
 
 
 def assert_the_same(closed: BranchSets, searched: BranchSets) -> None:
@@ -53,7 +52,7 @@ def assert_the_same(closed: BranchSets, searched: BranchSets) -> None:
     assert closed.labels == searched.labels
 
 
-def assert_meets(model: FreeFloatingModel, sets: BranchSets, p: Array, R: Array) -> None:
+def assert_meets(model: ff.FreeFloatingModel, sets: BranchSets, p: Array, R: Array) -> None:
     k, _ = np.nonzero(sets.exist)
     position, rotation, _, _ = VirtualManipulator.of(model).kinematics(sets.joints[sets.exist])
     assert np.abs(position - p[k]).max() < MEETS
@@ -73,8 +72,8 @@ def test_random_arms_have_the_branches_that_a_search_finds(
         q = rng.uniform(-np.pi, np.pi, (40, 6))
         p, R, _, _ = virtual.kinematics(q)
         p[::10] *= 1.3
-        closed = many_arm_branches(model, p, R, Task.POSE)
-        assert_the_same(closed, search_arm_branches(model, p, R, Task.POSE))
+        closed = many_arm_branches(model, p, R, ff.Task.POSE)
+        assert_the_same(closed, search_arm_branches(model, p, R, ff.Task.POSE))
         assert_meets(model, closed, p, R)
         reached = np.arange(40) % 10 > 0
         assert np.nanmin(gaps(closed.joints[reached], q[reached, None]), axis=1).max() < 1e-6
@@ -82,63 +81,47 @@ def test_random_arms_have_the_branches_that_a_search_finds(
         assert closed.exist.sum(axis=1).max() >= 4
 
 
-@pytest.mark.parametrize("name", ["ur3", "ur5", "ur10"])
+@pytest.mark.parametrize("name", ["ur5", "ur10"])
 def test_stock_arms_have_the_branches_that_a_search_finds(
     name: str, rng: np.random.Generator
 ) -> None:
-    model = FreeFloatingModel.from_urdf(find_robot(f"example-robot-data:{name}", Path()), "tool0")
+    model = ff.FreeFloatingModel.from_urdf(
+        find_robot(f"example-robot-data:{name}", Path()), "tool0"
+    )
     virtual = VirtualManipulator.of(model)
     assert virtual.has_three_parallel_axes
     p, R, _, _ = virtual.kinematics(rng.uniform(-np.pi, np.pi, (60, 6)))
-    closed = many_arm_branches(model, p, R, Task.POSE)
-    assert_the_same(closed, search_arm_branches(model, p, R, Task.POSE))
+    closed = many_arm_branches(model, p, R, ff.Task.POSE)
+    assert_the_same(closed, search_arm_branches(model, p, R, ff.Task.POSE))
     assert closed.exist.sum(axis=1).max() == 8
 
 
 @pytest.mark.parametrize("joint", [2, 4])
 @pytest.mark.parametrize("angle", [0.0, 1e-6, 1e-4, np.pi])
 def test_no_pose_is_lost_near_a_singular_one(
-    ur5: FreeFloatingModel, joint: int, angle: float, rng: np.random.Generator
+    ur5: ff.FreeFloatingModel, joint: int, angle: float, rng: np.random.Generator
 ) -> None:
     """Elbow or wrist straight or nearly so: branches meet the pose, and none is missed."""
     virtual = VirtualManipulator.of(ur5)
     q = rng.uniform(-np.pi, np.pi, (12, 6))
     q[:, joint] = angle
     p, R, _, _ = virtual.kinematics(q)
-    closed = many_arm_branches(ur5, p, R, Task.POSE)
+    closed = many_arm_branches(ur5, p, R, ff.Task.POSE)
     assert_meets(ur5, closed, p, R)
-    searched = search_arm_branches(ur5, p, R, Task.POSE)
+    searched = search_arm_branches(ur5, p, R, ff.Task.POSE)
     assert (closed.exist.sum(axis=1) >= searched.exist.sum(axis=1)).all()
     if angle >= 1e-4 and angle < 3.0:
         assert np.nanmin(gaps(closed.joints, q[:, None]), axis=1).max() < 1e-6
 
 
 def test_a_search_is_asked_at_few_poses_only(
-    ur5: FreeFloatingModel, rng: np.random.Generator
+    ur5: ff.FreeFloatingModel, rng: np.random.Generator
 ) -> None:
     """The closed form has all branches nearly everywhere."""
     p, R, _, _ = VirtualManipulator.of(ur5).kinematics(rng.uniform(-np.pi, np.pi, (200, 6)))
-    whole = many_arm_branches(ur5, p, R, Task.POSE)
-    arm = Chain.of(ur5), Task.POSE
+    whole = many_arm_branches(ur5, p, R, ff.Task.POSE)
+    arm = Chain.of(ur5), ff.Task.POSE
     q, well_conditioned = solve_parallel_axes(*arm, p.T, R.transpose(1, 2, 0))
     assert well_conditioned.mean() > 0.97
     _, names = numbered_branches(*arm, q)
     np.testing.assert_array_equal(names[well_conditioned], whole.names[well_conditioned])
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_points_of_an_ellipse_on_the_unit_circle(seed: int) -> None:
-    """As a fine sampling of the angle finds them, by changes of sign."""
-    rng = np.random.default_rng(seed)
-    N, m = rng.normal(size=(2, 2)), rng.normal(0.0, 0.7, 2)
-    angles, well_conditioned = circle_angles(N[..., None], m[:, None])
-    q = np.linspace(-np.pi, np.pi, 200_001)
-    off = np.linalg.norm(N @ [np.cos(q), np.sin(q)] + m[:, None], axis=0) - 1.0
-    crossed = q[:-1][off[:-1] * off[1:] < 0.0]
-    if well_conditioned:
-        np.testing.assert_allclose(np.sort(angles[np.isfinite(angles)]), crossed, atol=1e-4)
-
-
-def test_a_circle_on_the_unit_circle_is_ill_conditioned() -> None:
-    """Every angle would do."""
-    assert not circle_angles(np.eye(2)[..., None], np.zeros((2, 1)))[1]

@@ -9,7 +9,6 @@ import html
 import os
 import time
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,48 +16,25 @@ import lxml.html
 import numpy as np
 import pytest
 
-from freefloat.errors import InputError
-from freefloat.io.scenario.scenario import load_scenario
-from freefloat.paths.path import parse_samples, samples_text
-from freefloat.planning.simulation import simulate
+import freefloat as ff
+from freefloat.paths.path import samples_text
 from freefloat.robot.meshes import read_mesh
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import MeshFileError, find_mesh
 from freefloat.robot.validation import examine
 from freefloat.so3 import heading_quaternion
-from freefloat.studies.study import load_study
-from freefloat.visualization.page.playback import playback
-from tests import hostile_samples as good
+from tests import samples as good
+from tests.errors import error_key
 from tests.example_studies import BASE, write_study
-from tests.hostile import KINDS, READ, Watch, outcome
 from tests.scenarios import PARABOLA
 
 
 @pytest.fixture
-def watch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Watch]:
-    """Working folders, and the actions outside them."""
-    for kind in KINDS.values():
-        kind.samples()  # made outside
-    watch = Watch(tmp_path)
-    monkeypatch.chdir(watch.inside)
-    yield watch
-    watch.close()
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_files_that_mutations_begin_with_are_read(kind: str, watch: Watch) -> None:
-    for content in KINDS[kind].samples():
-        result, message = outcome(KINDS[kind], content, watch)
-        assert result == READ, message
-
-
-def test_actions_outside_the_folder_are_noticed(watch: Watch, tmp_path: Path) -> None:
-    (watch.inside / "mine").write_text("inside")
-    assert watch.actions() == []
-    (tmp_path / "outside" / "pwned").write_text("outside")
-    os.system("true")
-    actions = " ".join(watch.actions())
-    assert all(word in actions for word in ("pwned", "os.system", "was changed"))
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working folder with a file that never ends and a pipe."""
+    (tmp_path / "zero").symlink_to("/dev/zero")
+    os.mkfifo(tmp_path / "fifo")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
 
 
 # URDFs
@@ -68,21 +44,21 @@ THIEF = '<!DOCTYPE robot [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot name="
 
 
 @pytest.mark.parametrize(
-    ("text", "problem"),
+    "text",
     [
-        (LAUGHS, "DTD"),
-        (THIEF, "DTD"),
-        ('<?xml version="1.0" encoding="nonsense"?><robot/>', "robot: "),
-        ("<robot>" + "<a>" * 100_000, "well-formed"),
-        ("<robot>" + '<link name="z"/>' * 30_000 + "</robot>", "30,000 links"),
-        (good.bundled("planar_3dof")[0].decode().replace('"400"', '"1e300"'), "mass value"),
+        LAUGHS,
+        THIEF,
+        '<?xml version="1.0" encoding="nonsense"?><robot/>',
+        "<robot>" + "<a>" * 100_000,
+        "<robot>" + '<link name="z"/>' * 30_000 + "</robot>",
+        good.bundled("planar_3dof")[0].decode().replace('"400"', '"1e300"'),
     ],
     ids=["laughs", "thief", "encoding", "deep", "many", "huge"],
 )
-def test_urdfs_that_would_cost_too_much_are_refused(text: str, problem: str) -> None:
+def test_urdfs_that_would_cost_too_much_are_refused(text: str) -> None:
     begin = time.process_time()
-    with pytest.raises(InputError, match=problem):
-        FreeFloatingModel.from_urdf(text)
+    with pytest.raises(ff.InputError):
+        ff.FreeFloatingModel.from_urdf(text)
     examine(text)
     assert time.process_time() - begin < 3.0
 
@@ -100,47 +76,45 @@ def test_a_chain_of_a_hundred_joints_is_examined_at_once() -> None:
 
 @pytest.mark.parametrize("name", ["file://[", "package://[/x", "file://\u2100/x"])
 def test_names_of_meshes_that_are_no_addresses_are_refused(name: str) -> None:
-    with pytest.raises(MeshFileError, match="no address"):
+    with pytest.raises(MeshFileError):
         find_mesh(name, "robot.urdf")
 
 
-def test_devices_and_pipes_are_not_read(watch: Watch) -> None:
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize("name", ["fifo", "zero"])
+def test_devices_and_pipes_are_not_read(name: str) -> None:
     """They never end."""
-    for name in ("fifo", "zero"):
-        with pytest.raises(InputError, match="file"):
-            parse_samples(samples_text(name), name)
-        with pytest.raises(InputError, match="file"):
-            FreeFloatingModel.from_urdf(Path(name))
-        with pytest.raises(MeshFileError, match="no such file"):
-            find_mesh(name, str(watch.inside / "robot.urdf"))
+    for read, error in (
+        (lambda: samples_text(name), ff.InputError),
+        (lambda: ff.FreeFloatingModel.from_urdf(Path(name)), ff.InputError),
+        (lambda: find_mesh(name, "robot.urdf"), MeshFileError),
+    ):
+        with pytest.raises(error):
+            read()
 
 
 # Scenarios and studies
 
 
-def test_no_yaml_runs_code(watch: Watch) -> None:
-    file = watch.inside / "evil.yaml"
-    for text in ("!!python/object/apply:os.system [touch ../outside/pwned]", "&a [*a, *a]"):
-        file.write_text(PARABOLA.replace("planar-pose", text))
-        with pytest.raises(InputError, match=r"tag|alias"):
-            load_scenario(file)
-    assert watch.actions() == []
+def test_no_yaml_runs_code(folder: Path) -> None:
+    for text in ("!!python/object/apply:os.system [touch pwned]", "&a [*a, *a]"):
+        (folder / "evil.yaml").write_text(PARABOLA.replace("planar-pose", text))
+        assert error_key(ff.load_scenario, "evil.yaml") == "file"
+    assert not (folder / "pwned").exists()
 
 
 def test_studies_that_would_take_all_memory_are_refused_at_once(tmp_path: Path) -> None:
     many = {f"robot.held.q{n}": {"range": [0, 1, 1e-6]} for n in range(100)}
-    with pytest.raises(InputError, match="vary"):
-        load_study(write_study(tmp_path, many))
+    assert error_key(ff.load_study, write_study(tmp_path, many)).startswith("vary")
     wide = {"momentum": {"grid": {"from": [0] * 99, "to": [1] * 99, "count": [10**6] + [1] * 98}}}
-    with pytest.raises(InputError, match="vary"):
-        load_study(write_study(tmp_path, wide))
+    assert error_key(ff.load_study, write_study(tmp_path, wide)).startswith("vary")
 
 
 @pytest.mark.slow
 def test_very_many_invalid_runs_are_refused_at_once(tmp_path: Path) -> None:
     begin = time.process_time()
-    with pytest.raises(InputError, match="duration"):
-        load_study(write_study(tmp_path, {"momentum.2": {"range": [0.0, 0.999, 1e-5]}},
+    with pytest.raises(ff.InputError):
+        ff.load_study(write_study(tmp_path, {"momentum.2": {"range": [0.0, 0.999, 1e-5]}},
                                base=BASE | {"timing": {"duration": "long"}}))  # fmt: skip
     assert time.process_time() - begin < 8.0
 
@@ -161,16 +135,15 @@ def test_very_many_invalid_runs_are_refused_at_once(tmp_path: Path) -> None:
 )
 def test_invalid_meshes_are_refused(name: str, content: bytes, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(MeshFileError, match="it cannot be read"):
+    with pytest.raises(MeshFileError):
         read_mesh(tmp_path / name)
 
 
-@pytest.mark.parametrize("picture", ["fifo", "../outside/secret", "/etc/passwd"])
-def test_pictures_of_meshes_are_plain_files_beside_them(picture: str, watch: Watch) -> None:
-    file = watch.inside / "part.obj"
-    file.write_bytes(good.meshes()[5])
-    (watch.inside / "part.mtl").write_text(f"newmtl a\nmap_Kd {picture}\n")
-    assert len(read_mesh(file)) == 1
+@pytest.mark.parametrize("picture", ["fifo", "/etc/passwd"])
+def test_pictures_of_meshes_are_plain_files_beside_them(picture: str, folder: Path) -> None:
+    (folder / "part.obj").write_bytes(good.meshes()[5])
+    (folder / "part.mtl").write_text(f"newmtl a\nmap_Kd {picture}\n")
+    assert len(read_mesh(folder / "part.obj")) == 1
 
 
 # Pages
@@ -178,14 +151,14 @@ def test_pictures_of_meshes_are_plain_files_beside_them(picture: str, watch: Wat
 
 @pytest.mark.slow
 def test_names_in_a_robot_stay_names_on_its_page() -> None:
-    pages, problem = [], load_scenario("planar_3dof/parabola").problem()
+    pages, problem = [], ff.load_scenario("planar_3dof/parabola").problem()
     for name in ("", good.NAME):
         text = good.bundled("planar_3dof")[0].decode()
         for part in ("planar_3dof", "spacecraft", "link_1", "q1", "solar"):
             text = text.replace(f'"{part}"', f'"{part}{html.escape(name)}"')
-        robot = replace(problem, model=FreeFloatingModel.from_urdf(text, "end_effector"))
-        motion = simulate(robot, heading_quaternion(np.radians(200.0)), branch=0).chosen.motion
-        page = playback({f"a{name}": motion}, title=f"b{name}").html()
+        robot = replace(problem, model=ff.FreeFloatingModel.from_urdf(text, "end_effector"))
+        motion = ff.simulate(robot, heading_quaternion(np.radians(200.0)), branch=0).chosen.motion
+        page = ff.playback({f"a{name}": motion}, title=f"b{name}").html()
         pages.append(lxml.html.fromstring(page, parser=lxml.html.HTMLParser(huge_tree=True)))
     plain, hostile = (Counter(element.tag for element in page.iter()) for page in pages)
     assert plain == hostile

@@ -16,8 +16,8 @@ from freefloat.io.files import written_beside
 from freefloat.io.records.hdf5 import AlteredFileError
 from freefloat.robot.names import find_robot
 from tests.errors import error_key
-from tests.hostile_samples import plans
 from tests.result_files import altered, replaced, with_digest
+from tests.samples import plans
 
 pytestmark = pytest.mark.usefixtures("kernels")
 

@@ -11,19 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from lxml import etree
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.momentum import Task
-from freefloat.errors import InputError
-from freefloat.io.scenario.scenario import Scenario, load_scenario, scenario_of
-from freefloat.limits.limits import Limits
-from freefloat.motion.problem import Problem
-from freefloat.paths.curves import Curve
-from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.timing import TimeLaw
-from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.names import models_folder
+import freefloat as ff
+from freefloat.io.scenario.scenario import Scenario, scenario_of
+from freefloat.paths import Curve, TimeLaw
 from freefloat.so3 import Pose, unit_quaternion
 from tests.errors import error_key
 
@@ -65,19 +57,15 @@ def folder(tmp_path: Path) -> Path:
 def scenario(folder: Path, path: str = f"{LINE}, {UPRIGHT}", **rest: str) -> Scenario:
     file = folder / "scenario.yaml"
     file.write_text(scenario_text(path, **rest))
-    return load_scenario(file)
+    return ff.load_scenario(file)
 
 
-def problem(folder: Path, path: str = f"{LINE}, {UPRIGHT}", **rest: str) -> Problem:
+def problem(folder: Path, path: str = f"{LINE}, {UPRIGHT}", **rest: str) -> ff.Problem:
     return scenario(folder, path, **rest).problem()
 
 
-def path_of(folder: Path, path: str, **rest: str) -> EndEffectorPath:
+def path_of(folder: Path, path: str, **rest: str) -> ff.EndEffectorPath:
     return problem(folder, path, **rest).path.path
-
-
-def positions(path: EndEffectorPath) -> np.ndarray:
-    return np.array([path.pose(s).position for s in PLACES])
 
 
 def close(values: Any, wanted: Any, tolerance: float = 1e-12) -> bool:
@@ -88,8 +76,8 @@ def close(values: Any, wanted: Any, tolerance: float = 1e-12) -> bool:
 
 
 def test_example_1_is_the_papers() -> None:
-    example = load_scenario("planar_3dof/parabola").problem()
-    assert example.task is Task.PLANAR_POSE
+    example = ff.load_scenario("planar_3dof/parabola").problem()
+    assert example.task is ff.Task.PLANAR_POSE
     assert close(example.momentum, [0, 0, 0.5])
     assert close(example.path.path.pose(0.0).position, [2, 0, 0])
     assert close(example.path.path.pose(1.0).position, [-1, 2, 0])
@@ -107,9 +95,9 @@ def test_example_1_is_the_papers() -> None:
 
 
 def test_example_2_is_the_papers() -> None:
-    example = load_scenario("spatial_6dof/line").problem()
+    example = ff.load_scenario("spatial_6dof/line").problem()
     normal = np.array([0.4683, 1.1683, -0.7])
-    assert example.task is Task.POSE
+    assert example.task is ff.Task.POSE
     assert close(example.momentum, [0.5, 0.3, 0.1])
     start, end = example.path.pose(0.0), example.path.pose(100.0)
     assert close(start.position, [1, 0, 0])
@@ -133,29 +121,6 @@ def test_what_is_left_out_has_its_default(folder: Path) -> None:
 # --- where the end-effector goes ---------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("curve", "law"), PAIRS)
-def test_every_curve_and_attitude_has_a_tangent_that_is_its_derivative(
-    curve: str, law: str, folder: Path
-) -> None:
-    path = path_of(folder, f"{CURVES[curve]}, attitude: {LAWS[law]}")
-    h = 1e-5
-    for s in (0.05, 0.31, 0.62, 0.93):
-        before, after = path.pose(s - h), path.pose(s + h)
-        rotated = Rotation.from_matrix(after.rotation @ before.rotation.T).as_rotvec()
-        moved = np.concatenate([after.position - before.position, rotated]) / (2 * h)
-        assert close(path.tangent(s), moved, 1e-7)
-        assert close(before.rotation @ before.rotation.T, np.eye(3))
-        assert math.isclose(np.linalg.det(before.rotation), 1.0, abs_tol=1e-12)
-
-
-def test_samples_without_s_are_passed_by_chord_length(folder: Path) -> None:
-    (folder / "path.csv").write_text("x,y,z\n1,0,0\n1,1,0\n0,1,0.5\n-1,1,0.5\n")
-    sampled = path_of(folder, f"samples: path.csv, {UPRIGHT}")
-    assert close(
-        positions(sampled), positions(path_of(folder, f"{CURVES['waypoints']}, {UPRIGHT}"))
-    )
-
-
 def test_samples_are_found_beside_the_scenario_and_not_in_the_working_folder(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -169,7 +134,7 @@ def test_samples_are_found_beside_the_scenario_and_not_in_the_working_folder(
 
 def test_a_bad_row_after_blank_lines_is_refused_with_its_line_in_the_file(folder: Path) -> None:
     (folder / "path.csv").write_text("x,y,z\n\n\n1,0,0\n0,oops,0\n")
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(ff.InputError) as caught:
         problem(folder, f"samples: path.csv, {UPRIGHT}")
     assert "0,oops,0" in caught.value.problem
     assert "5" in f"{caught.value.key} {caught.value.problem}", "the number of the line"
@@ -204,20 +169,6 @@ def test_roll_pitch_and_yaw_are_those_of_a_urdf(folder: Path) -> None:
         for axis, angle in (("x", 0.3), ("y", -0.7), ("z", 1.1))
     )
     assert close(path.pose(0.0).rotation, yaw @ pitch @ roll)
-
-
-@pytest.mark.parametrize(("exact", "other"), ["xy", "zx", "yz"])
-def test_the_axis_named_first_is_exact_and_the_other_made_orthogonal(
-    exact: str, other: str, folder: Path
-) -> None:
-    first, second = np.array([1.0, 2.0, 2.0]), np.array([0.0, 1.0, -3.0])
-    axes = f"{{{exact}: {first.tolist()}, {other}: {second.tolist()}}}"
-    rotation = path_of(folder, f"{LINE}, attitude: {{fixed: {{axes: {axes}}}}}").pose(0).rotation
-    exact_axis, other_axis = (rotation[:, "xyz".index(letter)] for letter in (exact, other))
-    assert close(exact_axis, first / 3.0)
-    across = second - (second @ first) / 9.0 * first
-    assert close(other_axis, across / np.linalg.norm(across))
-    assert math.isclose(np.linalg.det(rotation), 1.0, abs_tol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -257,25 +208,13 @@ def test_a_pointing_axis_is_toward_its_target(folder: Path) -> None:
 
 
 def test_a_pose_task_needs_one(folder: Path) -> None:
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(ff.InputError) as caught:
         problem(folder, LINE)
     assert caught.value.key == "path.attitude"
     assert caught.value.accepted == "fixed, slerp, follow or point_at"
 
 
 # --- when ---------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("law", [law for law in TimeLaw if law != "uniform"])
-def test_the_end_effector_rests_at_every_stop(law: TimeLaw, folder: Path) -> None:
-    stops = "[{s: 0.2, t: 10}, {s: 0.9, t: 30.5}]"
-    path = problem(folder, timing=f"{{duration: 40, law: {law}, stops: {stops}}}").path
-    for s, t in ((0.0, 0.0), (0.2, 10.0), (0.9, 30.5), (1.0, 40.0)):
-        assert math.isclose(path.timing.s(t), s, abs_tol=1e-15)
-        assert close(path.twist(t), np.zeros(6), 1e-15)
-        assert close(path.pose(t).position, path.path.pose(s).position)
-    for t in (5.0, 20.0, 36.0):
-        assert np.linalg.norm(path.twist(t)) > 1e-3
 
 
 # --- how far from singularities -----------------------------------------------------------------
@@ -313,7 +252,7 @@ def test_a_margin_can_be_a_magnitude_or_zero(measure: str, folder: Path) -> None
 # --- which robot ----------------------------------------------------------------------------------
 
 
-def robot(folder: Path, rest: str) -> FreeFloatingModel:
+def robot(folder: Path, rest: str) -> ff.FreeFloatingModel:
     section = f"{{urdf: planar_3dof, end_effector: end_effector{rest}}}"
     return scenario(folder, **{**PLANAR, "robot": section}).model()
 
@@ -336,19 +275,10 @@ def test_a_map_of_mass_factors_scales_only_the_links_it_names(folder: Path) -> N
     assert math.isclose(scaled.total_mass, 400 + 80 + 30 + 0.5)
 
 
-def test_the_urdf_beside_the_scenario_comes_before_the_bundled_one(folder: Path) -> None:
-    assert math.isclose(robot(folder, "").total_mass, 471.0)
-    bundled = (models_folder() / "planar_3dof" / "planar_3dof.urdf").read_text()
-    (folder / "planar_3dof").write_text(
-        bundled.replace('<mass value="400"/>', '<mass value="800"/>')
-    )
-    assert math.isclose(robot(folder, "").total_mass, 871.0)
-
-
 UR5 = "{urdf: example-robot-data:ur5, end_effector: tool0}"
 
 
-def limits(folder: Path, text: str, robot: str = UR5) -> Limits:
+def limits(folder: Path, text: str, robot: str = UR5) -> ff.Limits:
     return scenario(folder, robot=robot, rest=f"limits: {text}").limits()
 
 
@@ -372,16 +302,13 @@ def test_limits_of_joints_are_a_number_a_map_or_the_urdfs(folder: Path) -> None:
     ("text", "key"),
     [
         ("{joint_rate: {elbow: 1}}", "limits.joint_rate.elbow"),
-        ("{joint_rate: 0}", "limits.joint_rate"),
         ("{joint_torque: urfd}", "limits.joint_torque"),
-        ("{joint_torque: {elbow_joint: -1}}", "limits.joint_torque.elbow_joint"),
         ("{base_rate: 0}", "limits.base_rate"),
-        ("{clearance: -0.1}", "limits.clearance"),
         ("{torque: 3}", "limits.torque"),
     ],
 )
 def test_invalid_limits_are_refused(text: str, key: str, folder: Path) -> None:
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(ff.InputError) as caught:
         limits(folder, text)
     assert caught.value.key == key
     assert caught.value.source == str(folder / "scenario.yaml")
@@ -401,10 +328,9 @@ def test_limits_that_the_urdf_lacks_are_refused(folder: Path) -> None:
         ("duration: 100", "duratoin: 100", "timing.duratoin", 4, "duration"),
         ("timing: {duration: 100}", "", "timing", 1, ""),
         ("duration: 100", "duration: long", "timing.duration", 4, "number"),
-        ("from: [1, 0, 0]", "from: [1, 0]", "path.line.from", 3, "3"),
         ("from: [1, 0, 0]", "from: [1, 0, x]", "path.line.from.2", 3, "number"),
-        ("from: [1, 0, 0]", "start: [1, 0, 0]", "path.line.start", 3, "from"),
         ("task: pose", "task: poes", "task", 2, "'pose'"),
+        ("rpy: [0, 0, 0]", "rpy: [0, 90, 45]", "path.attitude.fixed.rpy", 3, ""),
         ("rpy: [0, 0, 0]", "axes: {w: [0, 0, 1]}", "path.attitude.fixed.axes.w", 3, "'x'"),
         ("urdf: spatial_6dof", "urdf: x, scale_mass: z", "robot.scale_mass", 1, "a map from link"),
     ],
@@ -416,8 +342,8 @@ def test_an_error_names_file_line_key_and_what_is_accepted(
     assert old in text
     file = folder / "scenario.yaml"
     file.write_text(text.replace(old, new))
-    with pytest.raises(InputError) as caught:
-        load_scenario(file)
+    with pytest.raises(ff.InputError) as caught:
+        ff.load_scenario(file)
     error = caught.value
     assert (error.source, error.key, error.line) == (str(file), key, line)
     assert accepted in error.accepted
@@ -425,24 +351,15 @@ def test_an_error_names_file_line_key_and_what_is_accepted(
 
 def test_a_misspelt_key_and_word_come_with_the_nearest_one(folder: Path) -> None:
     for path, near in ((f"{LINE}, attitud: 3", "attitude"), (f"lien: 3, {UPRIGHT}", "line")):
-        with pytest.raises(InputError, match=f"did you mean {near}"):
+        with pytest.raises(ff.InputError, match=f"did you mean {near}"):
             scenario(folder, path)
-    with pytest.raises(InputError, match="did you mean pose"):
+    with pytest.raises(ff.InputError, match="did you mean pose"):
         scenario(folder, task="poes")
 
 
-@pytest.mark.parametrize(
-    ("path", "key"),
-    [
-        (
-            "arc: {center: [0, 0, 0], normal: [0, 0, 0], from: [1, 0, 0], angle_deg: 9}",
-            "arc.normal",
-        ),
-        ("arc: {center: [0, 0, 0], normal: [0, 0, 1], from: [1, 0, 1], angle_deg: 9}", "arc.from"),
-    ],
-)
-def test_errors_of_curves_name_keys_of_the_file(path: str, key: str, folder: Path) -> None:
-    assert error_key(path_of, folder, f"{path}, {UPRIGHT}") == f"path.{key}"
+def test_errors_of_curves_name_keys_of_the_file(folder: Path) -> None:
+    path = "arc: {center: [0, 0, 0], normal: [0, 0, 1], from: [1, 0, 1], angle_deg: 9}"
+    assert error_key(path_of, folder, f"{path}, {UPRIGHT}") == "path.arc.from"
 
 
 def test_a_path_of_length_zero_needs_a_drift(folder: Path) -> None:
@@ -496,7 +413,7 @@ PRESENT = (
 )
 
 
-def present(robot: FreeFloatingModel) -> tuple[np.ndarray, np.ndarray, dict[str, Pose]]:
+def present(robot: ff.FreeFloatingModel) -> tuple[np.ndarray, np.ndarray, dict[str, Pose]]:
     """The present attitude and joints, and the frames there."""
     search = yaml.safe_load(PRESENT)["search"]
     attitude = unit_quaternion("", search["from_attitude"])
@@ -571,7 +488,6 @@ def test_a_path_from_the_present_pose_begins_at_the_present_state(folder: Path) 
 @pytest.mark.parametrize(
     ("rest", "key"),
     [("", "path.frame"), ("search: {joints: [0, 1]}", "search.joints"),
-     ("search: {joints: [0, 1, 0, 0, 0, 0], within_deg: 9}", "search.from_attitude"),
      ("search: {within_deg: 190}", "search.within_deg")],
 )  # fmt: skip
 def test_frames_and_searches_need_the_present_state(rest: str, key: str, folder: Path) -> None:
@@ -581,7 +497,7 @@ def test_frames_and_searches_need_the_present_state(rest: str, key: str, folder:
 # --- the inverse: a problem as a scenario ---------------------------------------------------------
 
 
-def assert_same_problem(found: Problem, wanted: Problem) -> None:
+def assert_same_problem(found: ff.Problem, wanted: ff.Problem) -> None:
     assert found.model is wanted.model
     assert (found.task, found.path.timing) == (wanted.task, wanted.path.timing)
     assert close(found.momentum, wanted.momentum)
@@ -595,11 +511,9 @@ def assert_same_problem(found: Problem, wanted: Problem) -> None:
         assert close(found.path.path.tangent(s), wanted.path.path.tangent(s), 1e-9)
 
 
-@pytest.mark.parametrize(
-    "name", ["planar_3dof/parabola", "spatial_6dof/above", "panda_servicer/line", "ets_vii/inspect"]
-)
+@pytest.mark.parametrize("name", ["planar_3dof/parabola", "panda_servicer/line", "ets_vii/inspect"])
 def test_a_bundled_problem_is_that_of_its_scenario(name: str) -> None:
-    loaded = load_scenario(name)
+    loaded = ff.load_scenario(name)
     wanted, search, limits = loaded.problem(), loaded.search(), loaded.limits()
     again = scenario_of(wanted, search, limits)
     assert_same_problem(again.problem(), wanted)
@@ -642,18 +556,8 @@ def test_a_curve_of_the_users_own_class_has_no_scenario(folder: Path) -> None:
             return np.array([np.cos(phase), np.sin(phase), 0.0])
 
     wanted = problem(folder, LINE, task="position")
-    timed = replace(wanted.path, path=EndEffectorPath(Circle()))
+    timed = replace(wanted.path, path=ff.EndEffectorPath(Circle()))
     assert error_key(scenario_of, replace(wanted, path=timed)) == "path.curve"
-
-
-def test_the_robot_is_parsed_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    loaded, calls = load_scenario("planar_3dof/parabola"), []
-    parse = etree.fromstring
-    monkeypatch.setattr(etree, "fromstring", lambda *a, **k: calls.append(1) or parse(*a, **k))
-    assert loaded.problem() is loaded.problem()
-    loaded.limits()
-    loaded.search()
-    assert len(calls) == 1
 
 
 def test_a_dictionary_is_a_scenario() -> None:
@@ -664,7 +568,7 @@ def test_a_dictionary_is_a_scenario() -> None:
         "timing": {"duration": 30},
         "margin": {"measure": "system", "value": np.float64(1e-5)},
     }
-    problem = load_scenario(content).problem()
+    problem = ff.load_scenario(content).problem()
     assert problem.margin.threshold == 1e-5
     assert problem.path.pose(0.0).position == pytest.approx([1.9, 0.2, 0.0])
-    assert error_key(load_scenario, content | {"task": "dance"}) == "task"
+    assert error_key(ff.load_scenario, content | {"task": "dance"}) == "task"

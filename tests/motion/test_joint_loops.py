@@ -68,6 +68,7 @@ def test_derivatives_of_loops_are_those_of_differences() -> None:
         np.testing.assert_allclose((ahead - behind) / (2 * step), expected, rtol=1e-6, atol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("momentum", [np.zeros(3), np.array([0.2, -0.1, 0.3])], ids=["0", "h"])
 def test_mujoco_ends_in_the_same_attitude(momentum: np.ndarray) -> None:
     problem = without_momentum("spatial_6dof/line").replace(momentum=momentum)

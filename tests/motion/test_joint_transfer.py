@@ -32,6 +32,7 @@ def test_a_transfer_has_the_given_ends() -> None:
     np.testing.assert_allclose(transfer.reversed.at(s), transfer.at(1.0 - s), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_mujoco_ends_in_the_same_attitude(problem: ff.Problem) -> None:
     pytest.importorskip("mujoco")
     from freefloat.verification.engines.mujoco import forward_run

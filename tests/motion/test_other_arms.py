@@ -1,36 +1,20 @@
-"""Arms with prismatic joints, second arms and fixed appendages: through the commands, and MuJoCo.
-
-In MuJoCo every joint of the URDF exists, also those that a scenario fixes.
-"""
+"""Arms with prismatic joints, second arms and fixed appendages, repeated by MuJoCo."""
 
 from __future__ import annotations
 
-import json
-import xml.etree.ElementTree as ET
 from pathlib import Path
-from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
-from typer.testing import CliRunner
 
-from freefloat.cli.app import app
-from freefloat.errors import InputError
-from freefloat.io.records.results import load
-from freefloat.io.scenario.scenario import load_scenario
-from freefloat.motion.integration import integrate_motion
+import freefloat as ff
 from freefloat.motion.motion import Motion
-from freefloat.robot.model import FreeFloatingModel
-from freefloat.visualization.scenes.visuals import robot_visuals
+from tests.commands import document
+from tests.errors import error_key
 from tests.robots import inertial_text, joint_text, link_text
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
-UPRIGHT = [0.0, 0.0, 0.0, 1.0]
-WINDOW = 0.4
-"""Half the time over which a motion is differentiated [s]."""
 
 SLIDE = (
     '<robot name="slide">'
@@ -97,165 +81,59 @@ def rail(tmp_path: Path) -> Path:
     return tmp_path / "rail.yaml"
 
 
-def run(*words: object) -> dict[str, Any]:
-    result = CliRunner().invoke(app, [*map(str, words), "--json"])
-    assert result.exit_code == 0, result.output
-    return dict(json.loads(result.stdout))
-
-
-def integrated(scenario: Path, heading: float = 0.0) -> Motion:
-    problem = load_scenario(scenario).problem()
-    attitude = np.array([0.0, 0.0, np.sin(heading / 2), np.cos(heading / 2)])
-    return integrate_motion(problem, attitude, problem.branches(attitude)[0].joints)
-
-
-class Whole:
-    """The robot in MuJoCo with every joint of the URDF."""
-
-    def __init__(self, model: FreeFloatingModel) -> None:
-        robot = ET.fromstring(model.description.text)
-        for link in robot.findall("link"):
-            for shape in [*link.findall("visual"), *link.findall("collision")]:
-                link.remove(shape)
-        spec = mujoco.MjSpec.from_string(ET.tostring(robot, encoding="unicode"))
-        spec.compiler.fusestatic = False
-        spec.worldbody.first_body().add_freejoint()
-        self.model = spec.compile()
-        self.model.opt.gravity[:] = 0.0
-        self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-        self.data = mujoco.MjData(self.model)
-        for name, value in model.fixed_joints.items():
-            self.data.qpos[self.model.joint(name).qposadr[0]] = value
-        self.joints = [self.model.joint(name) for name in model.joint_names]
-        self.root, self.tool = 1, self.model.body(model.end_effector).id
-
-    def place(self, motion: Motion, t: float) -> None:
-        """State and its two derivatives by time: of a polynomial through the motion there."""
-        places = np.polynomial.chebyshev.chebpts1(15)
-        rows = [np.concatenate([s.base_position, s.attitude, s.joints])
-                for s in motion.sample(t + WINDOW * places)]  # fmt: skip
-        fit = np.polynomial.chebyshev.chebfit(places, np.array(rows), 6)
-        value, rate, acceleration = (
-            np.polynomial.chebyshev.chebval(0.0, np.polynomial.chebyshev.chebder(fit, k))
-            / WINDOW**k
-            for k in range(3)
-        )
-        attitude = Rotation.from_quat(value[3:7]).as_quat()
-        self.data.qpos[:3], self.data.qpos[3:7] = value[:3], np.roll(attitude, 1)
-        for target, source in ((self.data.qvel, rate), (self.data.qacc, acceleration)):
-            change, a = source[3:7], value[3:7]
-            target[:] = 0.0  # fixed joints rest
-            target[:3] = source[:3]
-            omega = 2.0 * (a[3] * change[:3] - change[3] * a[:3] - np.cross(a[:3], change[:3]))
-            target[3:6] = omega
-            for joint, number in zip(self.joints, source[7:], strict=True):
-                target[joint.dofadr[0]] = number
-        for joint, number in zip(self.joints, value[7:], strict=True):
-            self.data.qpos[joint.qposadr[0]] = number
-
-
-def assert_drifts(motion: Motion) -> None:
-    """MuJoCo gives the momentum, the end-effector on the path, and no wrench on the base."""
-    whole, end = Whole(motion.problem.model), motion.final.time
-    wrenches, torques = [], []
-    for t in np.linspace(0.1 * end, 0.9 * end, 9):
-        whole.place(motion, float(t))
-        mujoco.mj_inverse(whole.model, whole.data)
-        wrenches.append(np.abs(whole.data.qfrc_inverse[:6]).max())
-        torques.append(np.abs(whole.data.qfrc_inverse[6:]).max())
-        mujoco.mj_forward(whole.model, whole.data)
-        mujoco.mj_subtreeVel(whole.model, whole.data)
-        assert np.allclose(whole.data.subtree_com[whole.root], 0.0, rtol=0, atol=1e-9)
-        assert np.allclose(whole.data.subtree_linvel[whole.root], 0.0, rtol=0, atol=1e-7)
-        momentum = whole.data.subtree_angmom[whole.root]
-        assert np.allclose(momentum, motion.problem.momentum, rtol=0, atol=1e-6)
-        target = motion.problem.path.pose(float(t)).position
-        assert np.allclose(whole.data.xpos[whole.tool], target, rtol=0, atol=1e-8)
-    assert max(torques) > 1e-3
-    assert max(wrenches) < 1e-4 * max(torques)
+def simulated(scenario: Path) -> Motion:
+    """The motion from the identity attitude, which MuJoCo repeats."""
+    problem = ff.load_scenario(scenario).problem()
+    simulation = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0])
+    assert simulation.chosen.motion.completed
+    found = [entry for entry in ff.check(simulation, "mujoco").checks if "mujoco" in entry.name]
+    assert found
+    assert all(entry.passed for entry in found)
+    return simulation.chosen.motion
 
 
 # ------------------------------------------------------------------------------------ in the plane
 
 
+@pytest.mark.slow
 def test_a_prismatic_arm_with_a_fixed_panel_agrees_with_mujoco(slide: Path) -> None:
-    motion = integrated(slide)
-    assert motion.completed
+    """A motion for one angle of the panel is wrong for the other."""
+    motion = simulated(slide)
     assert [body.prismatic for body in motion.problem.model.bodies] == [False, False, True]
     assert np.ptp(motion.joints[:, 1]) > 0.02
-    assert_drifts(motion)
-
-
-def test_the_angle_of_a_fixed_panel_matters(slide: Path) -> None:
-    """A motion planned for one hinge angle is wrong for the other."""
-    motion = integrated(slide)
     slide.write_text(SLIDE_SCENARIO.replace("hinge: 0.9", "hinge: -0.9"))
-    other = integrated(slide)
-    gap = other.final.joints - motion.final.joints
-    assert np.abs(gap).max() > 1e-3
-    whole = Whole(other.problem.model)
-    whole.place(motion, 0.5 * motion.final.time)
-    mujoco.mj_forward(whole.model, whole.data)
-    assert np.abs(whole.data.subtree_com[whole.root]).max() > 1e-6
+    other = simulated(slide)
+    assert np.abs(other.final.joints - motion.final.joints).max() > 1e-3
 
 
 @pytest.mark.slow
 def test_a_prismatic_arm_is_planned(slide: Path, tmp_path: Path) -> None:
     """The plan file contains the robot with its fixed hinge."""
-    document = run("plan", slide, "-o", tmp_path / "plan.h5")
-    assert document["feasible"]
-    assert document["residuals"]["end_effector_position"] < 1e-7
-    workspace = run("workspace", slide)
+    plan = document("plan", slide, "-o", tmp_path / "plan.h5")
+    assert plan["feasible"]
+    assert plan["residuals"]["end_effector_position"] < 1e-7
+    workspace = document("workspace", slide)
     assert workspace["reach"][0] < 1.1 < workspace["reach"][1]
-    (prismatic,) = (joint for joint in run("info", slide)["joints"] if joint["type"] == "prismatic")
+    (prismatic,) = (
+        joint for joint in document("info", slide)["joints"] if joint["type"] == "prismatic"
+    )
     assert (prismatic["lower"], prismatic["upper"]) == (0.0, 1.2)
     slide.unlink()
-    again = load(tmp_path / "plan.h5").problem.model
+    again = ff.load(tmp_path / "plan.h5").problem.model
     assert again.fixed_joints == {"hinge": 0.9}
     assert np.isclose(again.bodies[0].mass, 46.0, rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("held", "key"),
-    [
-        ("{hing: 1}", "robot.held.hing"),
-        ("{hinge: up}", "robot.held.hinge"),
-        ("[1]", "robot.held"),
-    ],
-)
-def test_invalid_fixed_joints_raise(slide: Path, held: str, key: str) -> None:
-    slide.write_text(SLIDE_SCENARIO.replace("{hinge: 0.9}", held))
-    with pytest.raises(InputError) as caught:
-        load_scenario(slide).problem()
-    assert caught.value.key == key
-    assert caught.value.source == str(slide)
+def test_invalid_fixed_joints_raise(slide: Path) -> None:
+    slide.write_text(SLIDE_SCENARIO.replace("{hinge: 0.9}", "{hing: 1}"))
+    assert error_key(ff.load_scenario(slide).problem) == "robot.held.hing"
 
 
 # --------------------------------------------------------------------------------------- in space
 
 
 def test_an_arm_on_a_rail_with_a_fixed_arm_agrees_with_mujoco(rail: Path) -> None:
-    motion = integrated(rail)
-    model = motion.problem.model
-    assert motion.completed
-    assert model.joint_names[0] == "rail"
-    assert model.dof == 7
+    motion = simulated(rail)
+    assert motion.problem.model.joint_names[0] == "rail"
+    assert motion.problem.model.dof == 7
     assert np.ptp(motion.joints[:, 0]) > 0.02
-    assert motion.residuals().end_effector_position < 1e-7
-    assert_drifts(motion)
-
-
-def test_the_second_arm_is_part_of_the_spacecraft(rail: Path) -> None:
-    model = load_scenario(rail).model()
-    raised, place = 1.2, model.link_places["other_forearm_link"]
-    assert place[0] == 0
-    upper = model.link_places["other_upper_arm_link"][1]
-    along = place[1].position - upper.position
-    assert np.isclose(along[2], 0.425 * np.sin(raised), rtol=0, atol=1e-6)
-    shown = [visual for visual in robot_visuals(model).shapes if visual.name.startswith("other_")]
-    assert {visual.body for visual in shown} == {0}
-
-
-def test_an_arm_on_a_rail_is_assembled(rail: Path, tmp_path: Path) -> None:
-    written = run("assemble", rail, "-o", tmp_path / "rail_robot.urdf")
-    assert {joint["name"]: joint["held"] for joint in written["joints"]}["other_elbow_joint"] == 1.0

@@ -1,22 +1,16 @@
 """Problems: the robot, path, task and momentum must be consistent."""
 
-from dataclasses import FrozenInstanceError, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.momentum import Task
-from freefloat.errors import InputError
-from freefloat.motion.margin import Margin
-from freefloat.paths.curves import PolynomialCurve
-from freefloat.paths.orientation import FixedOrientation, SlerpOrientation
-from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.timing import TimedPath, Timing
-from freefloat.robot.model import FreeFloatingModel
+import freefloat as ff
+from freefloat.paths import FixedOrientation, PolynomialCurve, SlerpOrientation
 from freefloat.so3 import heading_quaternion, rotation_vector_between
+from tests.errors import error_key
 from tests.motions import GOOD
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
@@ -29,37 +23,19 @@ def lifted(model, axis, lift):
         f'<origin xyz="0.5 0 {lift}"/>\n      <mass value="30"/>',
     )
     assert text != model.description.text or lift == 0.0
-    return FreeFloatingModel.from_urdf(
+    return ff.FreeFloatingModel.from_urdf(
         text.replace('<axis xyz="0 0 1"/>', f'<axis xyz="{axis}"/>'), "end_effector"
     )
 
 
-@pytest.mark.parametrize("value", [-1e-9, np.nan, np.inf])
-def test_a_margin_is_a_magnitude(spatial, value):
-    """The margin is a magnitude, zero or more."""
-    with pytest.raises(InputError) as caught:
-        Margin(spatial.margin.measure, value)
-    assert caught.value.key == "margin.value"
-
-
-@pytest.mark.parametrize("momentum", [[0, 0], [0, 0, np.nan], "fast", [[0, 0, 0]]])
-def test_momentum_is_three_finite_numbers(spatial, momentum):
-    """h about the centre of mass has three components."""
-    with pytest.raises(InputError) as caught:
-        replace(spatial, momentum=momentum)
-    assert caught.value.key == "momentum"
-
-
 def test_a_task_cannot_prescribe_more_than_the_arm_has_joints(planar):
-    with pytest.raises(InputError, match="3 joints") as caught:
-        replace(planar, task=Task.POSE)
-    assert caught.value.key == "task"
+    assert error_key(replace, planar, task=ff.Task.POSE) == "task"
 
 
-@pytest.mark.parametrize("task", [Task.PLANAR_POSE, Task.PLANAR_POSITION])
+@pytest.mark.parametrize("task", [ff.Task.PLANAR_POSE, ff.Task.PLANAR_POSITION])
 def test_a_planar_task_wants_a_planar_arm(spatial, task):
     """An arm with axes off z leaves the plane."""
-    with pytest.raises(InputError, match="does not stay in the x-y plane"):
+    with pytest.raises(ff.InputError):
         replace(spatial, task=task, momentum=[0, 0, 0.1])
 
 
@@ -67,67 +43,65 @@ def test_a_planar_task_wants_masses_spread_evenly_about_the_plane(planar):
     """A centre of mass off the plane gives angular momentum about x and y: the plane tips."""
     replace(planar, model=lifted(planar.model, "0 0 1", 0.0))
     replace(planar, model=lifted(planar.model, "0 0 -1", 0.0))  # the sense does not matter
-    with pytest.raises(InputError, match="does not stay in the x-y plane"):
+    with pytest.raises(ff.InputError):
         replace(planar, model=lifted(planar.model, "0 0 1", 0.05))
 
 
 def test_another_model_brings_its_measure(planar):
-    heavier = FreeFloatingModel.from_urdf(
+    heavier = ff.FreeFloatingModel.from_urdf(
         planar.model.description.text, "end_effector", scale_mass=2.0
     )
     problem = planar.replace(model=heavier)
-    measure = singularity_measure(heavier, planar.task, planar.margin.measure.name)
+    measure = ff.singularity_measure(heavier, planar.task, planar.margin.measure.name)
     q = np.full(heavier.dof, 0.7)
     assert problem.margin.measure(q) == measure(q) != planar.margin.measure(q)
     assert problem.margin.threshold == planar.margin.threshold
 
 
 def test_momentum_that_turns_the_system_many_times_is_refused(spatial):
-    with pytest.raises(InputError) as caught:
-        replace(spatial, momentum=[1000, 0, 0])
-    assert caught.value.key == "momentum"
+    assert error_key(replace, spatial, momentum=[1000, 0, 0]) == "momentum"
     replace(spatial, momentum=[100, 0, 0])
 
 
-@pytest.mark.parametrize("momentum", [[0.1, 0, 0.5], [0, -0.1, 0.5]])
-def test_a_planar_task_wants_momentum_about_z(planar, momentum):
-    with pytest.raises(InputError) as caught:
-        replace(planar, momentum=momentum)
-    assert caught.value.key == "momentum"
+def test_a_planar_task_wants_momentum_about_z(planar):
+    assert error_key(replace, planar, momentum=[0, -0.1, 0.5]) == "momentum"
 
 
 def test_a_planar_path_keeps_the_end_effector_upright(planar):
     """An attitude that tips the end-effector over raises an error with the first place."""
     tipping = SlerpOrientation(np.eye(3), Rotation.from_rotvec([0.5, 0.0, 1.0]).as_matrix())
-    path = EndEffectorPath(planar.path.path.curve, tipping)
-    with pytest.raises(InputError, match=r"leave the plane at s = 0\.05"):
-        replace(planar, path=TimedPath(path, Timing(100.0)))
-    upside_down = EndEffectorPath(planar.path.path.curve, FixedOrientation(np.diag([1.0, -1, -1])))
-    with pytest.raises(InputError, match="leave the plane at s = 0"):
-        replace(planar, path=TimedPath(upside_down, Timing(100.0)))
-    replace(planar, path=TimedPath(path, Timing(100.0)), task=Task.PLANAR_POSITION)
+    path = ff.EndEffectorPath(planar.path.path.curve, tipping)
+    with pytest.raises(ff.InputError):
+        replace(planar, path=ff.TimedPath(path, ff.Timing(100.0)))
+    upside_down = ff.EndEffectorPath(
+        planar.path.path.curve, FixedOrientation(np.diag([1.0, -1, -1]))
+    )
+    with pytest.raises(ff.InputError):
+        replace(planar, path=ff.TimedPath(upside_down, ff.Timing(100.0)))
+    replace(planar, path=ff.TimedPath(path, ff.Timing(100.0)), task=ff.Task.PLANAR_POSITION)
 
 
 def test_a_planar_path_stays_at_the_height_of_the_end_effector(planar):
-    for rise, task in (([0, 0, 0.1], Task.PLANAR_POSE), ([0, 0, 0.0], Task.PLANAR_POSITION)):
+    for rise, task in (([0, 0, 0.1], ff.Task.PLANAR_POSE), ([0, 0, 0.0], ff.Task.PLANAR_POSITION)):
         start = np.array([2.0, 0.0, 0.0 if any(rise) else 0.2])
         line = PolynomialCurve.line(start, start + np.array([-0.5, 0.3, 0.0]) + rise)
-        path = EndEffectorPath(line, planar.path.path.orientation)
-        with pytest.raises(InputError, match="path"):
-            replace(planar, path=TimedPath(path, Timing(100.0)), task=task)
+        path = ff.EndEffectorPath(line, planar.path.path.orientation)
+        with pytest.raises(ff.InputError):
+            replace(planar, path=ff.TimedPath(path, ff.Timing(100.0)), task=task)
 
 
 def test_an_attitude_is_normalized(spatial):
     result = spatial.attitude(GOOD)
     assert_close(result, np.array(GOOD) / np.linalg.norm(GOOD), atol=1e-15)
-    with pytest.raises(InputError, match="norm 2") as caught:
-        spatial.attitude(2 * np.array(GOOD) / np.linalg.norm(GOOD), key="somewhere")
-    assert caught.value.key == "somewhere"
+    assert (
+        error_key(spatial.attitude, 2 * np.array(GOOD) / np.linalg.norm(GOOD), key="somewhere")
+        == "somewhere"
+    )
 
 
 def test_a_planar_spacecraft_turns_about_z(planar):
     planar.attitude(heading_quaternion(2.0))
-    with pytest.raises(InputError, match="leaves the plane"):
+    with pytest.raises(ff.InputError):
         planar.attitude([0.6, 0.0, 0.0, 0.8])
 
 
@@ -155,36 +129,16 @@ def test_a_planar_arm_has_two_branches(planar, heading):
 
 def test_a_path_out_of_reach_has_no_branches(spatial):
     """No arm is longer than its barycentric vectors together."""
-    far = EndEffectorPath(PolynomialCurve.line([4, 0, 0], [5, 0, 0]), FixedOrientation(np.eye(3)))
-    problem = replace(spatial, path=TimedPath(far, Timing(10.0)))
+    far = ff.EndEffectorPath(
+        PolynomialCurve.line([4, 0, 0], [5, 0, 0]), FixedOrientation(np.eye(3))
+    )
+    problem = replace(spatial, path=ff.TimedPath(far, ff.Timing(10.0)))
     assert problem.branches(problem.attitude(GOOD)) == ()
-
-
-def test_branch_near_joints(spatial):
-    attitude = spatial.attitude(GOOD)
-    branches = spatial.branches(attitude)
-    revolutions = 2.0 * np.pi * np.array([1, -1, 0, 2, 0, -3])
-    for branch in branches:
-        near = branch.joints + 0.049 * np.array([1, -1, 1, 1, -1, -1])
-        assert spatial.branch_near(attitude, near, branches) is branch
-        assert spatial.branch_near(attitude, near + revolutions, branches) is branch
-
-
-def test_joints_near_no_branch_raise(spatial):
-    attitude = spatial.attitude(GOOD)
-    branches = spatial.branches(attitude)
-    for joint in range(6):
-        off = branches[0].joints + 0.06 * np.eye(6)[joint]
-        with pytest.raises(InputError) as caught:
-            spatial.branch_near(attitude, off, branches)
-        assert caught.value.key == "joints"
-        for branch in branches:
-            assert str(np.round(branch.joints, 4).tolist()) in caught.value.accepted
 
 
 def test_a_redundant_arm_can_be_asked_for_any_configuration_on_the_path(spatial):
     """Six joints, three coordinates: the configuration given is met, not one of a list."""
-    problem = replace(spatial, task=Task.POSITION)
+    problem = replace(spatial, task=ff.Task.POSITION)
     attitude = problem.attitude(GOOD)
     branches = problem.branches(attitude)
     on_path = spatial.branches(attitude)[3].joints
@@ -192,20 +146,8 @@ def test_a_redundant_arm_can_be_asked_for_any_configuration_on_the_path(spatial)
     assert np.abs(chosen.joints - on_path).max() < 0.05
     reached = problem.model.end_effector_pose(attitude, chosen.joints).position
     assert_close(reached, problem.path.pose(0.0).position, atol=1e-8)
-    with pytest.raises(InputError, match="near no arm branch"):
+    with pytest.raises(ff.InputError):
         problem.branch_near(attitude, on_path + 0.3 * np.eye(6)[1], branches)
-
-
-def test_a_problem_cannot_be_changed(spatial):
-    """Records are frozen, and so are their arrays."""
-    with pytest.raises(FrozenInstanceError):
-        spatial.momentum = np.zeros(3)
-    with pytest.raises(ValueError, match="read-only"):
-        spatial.momentum[0] = 1.0
-    values = np.array([0.1, 0.2, 0.3])
-    problem = replace(spatial, momentum=values)
-    values[0] = 7.0
-    assert problem.momentum.tolist() == [0.1, 0.2, 0.3]
 
 
 def test_a_heading_stands_for_an_attitude_in_the_plane(planar, spatial):
@@ -217,13 +159,4 @@ def test_a_heading_stands_for_an_attitude_in_the_plane(planar, spatial):
         (planar, {"heading": np.nan}),
         (planar, {}),
     ):
-        with pytest.raises(InputError) as caught:
-            problem.attitude(**wrong)
-        assert caught.value.key == ("heading" if wrong else "attitude")
-
-
-def test_a_replaced_attribute_is_checked(planar):
-    assert planar.replace(momentum=[0.0, 0.0, 0.2]).momentum[2] == 0.2
-    with pytest.raises(InputError) as caught:
-        planar.replace(momentum=[0.1, 0.0, 0.2])
-    assert caught.value.key == "momentum"
+        assert error_key(problem.attitude, **wrong) == ("heading" if wrong else "attitude")

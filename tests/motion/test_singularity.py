@@ -7,27 +7,25 @@ import pytest
 
 import freefloat as ff
 from freefloat.attitude_grids import attitude_grid
-from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.momentum import Task
 from freefloat.motion.singularity import SingularityKind, singular_event, singularity_kind
 from freefloat.so3 import heading_quaternion
 from tests.motions import bundled
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_aligned_axes_of_a_massless_wrist_are_kinematic(seed: int) -> None:
     """S* is singular there, too, whatever the other joints."""
     model = ff.FreeFloatingModel.from_urdf("spatial_6dof")
     joints = np.random.default_rng(seed).uniform(-2.0, 2.0, 6)
     joints[4] = 0.0
-    assert singularity_measure(model, Task.POSE, "sigma")(joints) < 1e-9
-    assert singularity_kind(model, Task.POSE, joints) is SingularityKind.KINEMATIC
+    assert ff.singularity_measure(model, ff.Task.POSE, "sigma")(joints) < 1e-9
+    assert singularity_kind(model, ff.Task.POSE, joints) is SingularityKind.KINEMATIC
 
 
 def test_a_straight_planar_arm_is_at_the_boundary_of_its_reach() -> None:
     model = ff.FreeFloatingModel.from_urdf("planar_2dof")
-    task = Task.PLANAR_POSITION
-    assert singularity_measure(model, task, "sigma")(np.zeros(2)) < 1e-12
+    task = ff.Task.PLANAR_POSITION
+    assert ff.singularity_measure(model, task, "sigma")(np.zeros(2)) < 1e-12
     assert singularity_kind(model, task, np.zeros(2)) is SingularityKind.BOUNDARY
 
 

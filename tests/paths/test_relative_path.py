@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.paths import DirectedOrientation, PolynomialCurve, RelativePath, SlerpOrientation
+from tests.errors import error_key
 
 TUMBLING = ff.Tumbling(inertia=[115, 72, 150], rate=[0.05, 0.03, 0.0466], com=[0.1, 0, 0.2])
 CLIENT = ff.SceneBody(
@@ -120,9 +121,7 @@ def test_scenarios_state_it_and_files_keep_it(tmp_path):
     assert loaded.problem.path.twist(60.0) == pytest.approx(problem.path.twist(60.0), abs=1e-12)
     assert ff.check(loaded, "mujoco").passed
     limited = ff.plan(problem, scenario.search(), ff.Limits(base_rate=0.1))
-    with pytest.raises(ff.InputError) as caught:
-        ff.retime(limited)
-    assert caught.value.key == "path.frame"
+    assert error_key(ff.retime, limited) == "path.frame"
 
 
 def test_unknown_bodies_are_refused():
@@ -132,6 +131,4 @@ def test_unknown_bodies_are_refused():
         "path": {"frame": "client", "line": {"from": [-2.0, 0, 0], "to": [-1.8, 0.2, 0]}},
         "timing": {"duration": 60},
     }
-    with pytest.raises(ff.InputError) as caught:
-        ff.load_scenario(base).problem()
-    assert caught.value.key == "path.frame"
+    assert error_key(ff.load_scenario(base).problem) == "path.frame"

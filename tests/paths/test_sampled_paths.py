@@ -16,10 +16,8 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.certificate.certificate import certify
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
-from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import DEGREE, Motion
-from freefloat.motion.problem import Problem
-from freefloat.paths.timing import Stop, TimeLaw, Timing
+from freefloat.paths import Stop, TimeLaw
 from freefloat.verification.comparisons import certificate_checks
 from tests.motions import compiled_motion
 
@@ -91,12 +89,12 @@ def scenario_of(kind: str, count: int) -> Scenario:
     return parse_scenario(written, Path("scenario.yaml"), samples)
 
 
-def first_motion(problem: Problem, **options: object) -> Motion:
+def first_motion(problem: ff.Problem, **options: object) -> Motion:
     """That of the first branch that completes the path, from one of some attitudes."""
     for angle in np.linspace(0.0, 6.0, 13):
         attitude = [0.0, 0.0, np.sin(angle / 2.0), np.cos(angle / 2.0)]
         for branch in problem.branches(attitude):
-            motion = integrate_motion(problem, attitude, branch.joints, **options)
+            motion = ff.integrate_motion(problem, attitude, branch.joints, **options)
             if motion.completed:
                 return motion
     raise AssertionError("none completes the path")
@@ -130,25 +128,16 @@ def test_a_plan_for_a_recorded_path_is_confirmed(tmp_path: Path) -> None:
     assert ff.check(ff.load(tmp_path / "plan.h5")).discrepancies == ()
 
 
-@pytest.mark.slow
-def test_a_simulation_of_a_recorded_path_is_confirmed(tmp_path: Path) -> None:
-    problem = scenario_of("spatial, quaternions", 7).problem()
-    simulation = ff.simulate(problem, first_motion(problem).initial.attitude)
-    assert simulation.chosen.motion.completed
-    ff.save(simulation, tmp_path / "simulation.h5")
-    assert ff.check(ff.load(tmp_path / "simulation.h5")).discrepancies == ()
-
-
 @pytest.mark.parametrize("backwards", [False, True])
 def test_panels_end_where_the_path_is_not_smooth(backwards: bool) -> None:
     """At every break, of path and time law, forward and back."""
     problem = scenario_of("spatial, quaternions", 21).problem()
-    law = Timing(100.0, TimeLaw.TRAPEZOIDAL, (Stop(0.33, 40.0),))
+    law = ff.Timing(100.0, TimeLaw.TRAPEZOIDAL, (Stop(0.33, 40.0),))
     problem = replace(problem, path=replace(problem.path, timing=law))
     motion = first_motion(problem)
     if backwards:
         final = motion.final
-        motion = integrate_motion(
+        motion = ff.integrate_motion(
             problem, final.attitude, final.joints, start=100.0, end=0.0
         )  # fmt: skip
         assert motion.completed

@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import pytest
 
+import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.motion.margin import Margin
-from freefloat.motion.problem import Problem
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.mapping import sample_attitudes
 from tests.motions import bundled
@@ -17,13 +16,13 @@ from tests.plans import smaller_searches
 
 
 @pytest.fixture(scope="session")
-def margin_30() -> Problem:
+def margin_30() -> ff.Problem:
     problem = bundled("spatial_6dof/line")
-    return replace(problem, margin=Margin(problem.margin.measure, 30.0))
+    return replace(problem, margin=ff.Margin(problem.margin.measure, 30.0))
 
 
 @pytest.fixture(scope="session")
-def evaluator(margin_30: Problem) -> FeasibilityEvaluator:
+def evaluator(margin_30: ff.Problem) -> FeasibilityEvaluator:
     return FeasibilityEvaluator(margin_30, 1)
 
 

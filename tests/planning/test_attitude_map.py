@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from freefloat.attitude_grids import attitude_grid, attitudes_within, grid_spacing
+import freefloat as ff
+from freefloat.attitude_grids import attitude_grid, grid_spacing
 from freefloat.ensemble.endings import SINGULAR, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.motion.problem import Problem
 from freefloat.planning.searches.nearest_neighbours import depths
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.mapping import sample_attitudes
@@ -22,7 +22,10 @@ RADII = (0.9, 0.6)
 
 
 def made(
-    problem: Problem, attitudes: np.ndarray, margins: np.ndarray, endings: np.ndarray | None = None
+    problem: ff.Problem,
+    attitudes: np.ndarray,
+    margins: np.ndarray,
+    endings: np.ndarray | None = None,
 ) -> AttitudeMap:
     """A map with minimum margins of some arm branches; by default all motions complete."""
     stated = {} if endings is None else {"endings": endings}
@@ -37,7 +40,7 @@ def balls(attitudes: np.ndarray) -> np.ndarray:
     ])  # fmt: skip
 
 
-def test_counts_of_singular_missing_and_feasible_motions(margin_30: Problem) -> None:
+def test_counts_of_singular_missing_and_feasible_motions(margin_30: ff.Problem) -> None:
     margins = np.array([[31.0, 0.0], [50.0, 29.0], [0.0, 10.0], [30.0, 60.0]])
     endings = np.array([[0, -1], [SINGULAR, 0], [-1, 0], [0, 0]], dtype=np.int8)
     result = made(margin_30, attitude_grid(8)[:4], margins, endings)
@@ -49,7 +52,7 @@ def test_counts_of_singular_missing_and_feasible_motions(margin_30: Problem) -> 
     assert result.motion_fraction == 0.5
 
 
-def test_fractions_of_a_map_without_motions_are_zero(margin_30: Problem) -> None:
+def test_fractions_of_a_map_without_motions_are_zero(margin_30: ff.Problem) -> None:
     endings = np.full((8, 8), UNREACHED, dtype=np.int8)
     result = made(margin_30, attitude_grid(8), np.zeros((8, 8)), endings)
     assert result.motions == result.motion_fraction == result.feasible_fraction == 0.0
@@ -70,7 +73,7 @@ def test_depths_are_angles_to_the_nearest_attitude_outside() -> None:
     assert (depths(attitudes, np.full(200, False)) == 0.0).all()
 
 
-def test_two_balls_are_two_regions(margin_30: Problem) -> None:
+def test_two_balls_are_two_regions(margin_30: ff.Problem) -> None:
     """Their sizes, centres and depths; the signs of quaternions do not matter."""
     N = 4096
     attitudes = attitude_grid(N, 2) * np.random.default_rng(9).choice([-1.0, 1.0], (N, 1))
@@ -88,7 +91,7 @@ def test_two_balls_are_two_regions(margin_30: Problem) -> None:
         assert region.depth == pytest.approx(angle_between(outside, region.centre).min())
 
 
-def test_regions_of_different_branches_are_not_joined(margin_30: Problem) -> None:
+def test_regions_of_different_branches_are_not_joined(margin_30: ff.Problem) -> None:
     """Though they are the same attitudes; of wrist-flipped branches the first is listed."""
     attitudes = attitude_grid(1024)
     inside, margins = balls(attitudes)[0], np.zeros((1024, 8))
@@ -98,32 +101,13 @@ def test_regions_of_different_branches_are_not_joined(margin_30: Problem) -> Non
     assert regions[0].fraction == regions[1].fraction == inside.mean()
 
 
-def test_a_ring_is_one_region(margin_30: Problem) -> None:
+def test_a_ring_is_one_region(margin_30: ff.Problem) -> None:
     """Rotations about one axis form a closed line through SO(3) that returns with -q."""
     attitudes, margins = attitude_grid(4096), np.zeros((4096, 8))
     about_z = np.hypot(attitudes[:, 0], attitudes[:, 1]) < np.sin(0.2)
     margins[:, 0] = 40.0 * about_z
     (region,) = find_regions(made(margin_30, attitudes, margins))
     assert region.fraction == about_z.mean()
-
-
-def test_a_single_sample_and_all_of_so3_are_regions(margin_30: Problem) -> None:
-    attitudes, margins = attitude_grid(64), np.zeros((64, 8))
-    margins[17, 0] = 40.0
-    margins[:, 2] = 40.0
-    whole, single = find_regions(made(margin_30, attitudes, margins))
-    assert (whole.branch, whole.fraction, whole.depth) == (2, 1.0, np.pi)
-    assert (single.branch, single.fraction) == (0, 1 / 64)
-    np.testing.assert_array_equal(single.centre, attitudes[17])
-
-
-def test_regions_do_not_need_a_grid(margin_30: Problem) -> None:
-    near = attitudes_within([0.0, 0.0, 0.0, 1.0], 0.05, 60)
-    far = attitudes_within([0.0, 1.0, 0.0, 0.0], 0.05, 40)
-    margins = np.zeros((100, 8))
-    margins[:, 0] = 40.0
-    regions = find_regions(made(margin_30, np.vstack([near, far]), margins))
-    assert [region.fraction for region in regions] == [0.6, 0.4]
 
 
 def test_regions_of_the_example_make_up_its_branches(samples: AttitudeMap) -> None:
@@ -141,15 +125,6 @@ def test_regions_of_the_example_make_up_its_branches(samples: AttitudeMap) -> No
         for part in parts:
             nearest = angle_between(samples.attitudes[~keeps], part.centre).min()
             assert part.depth == pytest.approx(nearest, abs=1e-9)
-
-
-@pytest.mark.slow
-def test_an_arm_without_wrist_flipped_branches_has_all_its_branches() -> None:
-    result = sample_attitudes(FeasibilityEvaluator(bundled("ur5_servicer/arc"), 1), 64)
-    numbers = [branch for branch, _ in result.branch_margins()]
-    assert numbers == np.flatnonzero(result.results.exist.any(axis=0)).tolist()
-    assert any(number % 2 for number in numbers)
-    assert 0.0 < result.feasible_fraction < 1.0
 
 
 @pytest.mark.slow

@@ -11,23 +11,20 @@ import pytest
 import freefloat as ff
 from freefloat.attitude_grids import attitude_grid
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.errors import InputError
-from freefloat.motion.problem import Problem
 from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.plane.heading_search import sample_headings
 from freefloat.planning.plane.search import searched_ranges
-from freefloat.planning.settings import Search
-from freefloat.planning.space.mapping import attitude_map, sample_attitudes
-from freefloat.planning.spatial_planner import plan_in_space
+from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.so3 import angle_between, heading_of, heading_quaternion
+from tests.errors import error_key
 from tests.motions import bundled
 
 PRESENT = np.array([0.1, 0.5, 0.2, -0.8367]) / np.linalg.norm([0.1, 0.5, 0.2, -0.8367])
 JOINTS = [0.4, -1.0, 1.2, -2.9, 1.0, 3.0]
 
 
-def near(angle: float, **options: object) -> Search:
-    return Search(from_attitude=PRESENT, within=np.radians(angle), **options)
+def near(angle: float, **options: object) -> ff.Search:
+    return ff.Search(from_attitude=PRESENT, within=np.radians(angle), **options)
 
 
 # --- attitudes ------------------------------------------------------------------------------------
@@ -44,20 +41,20 @@ def test_attitudes_of_a_ball_represent_equal_parts_of_it() -> None:
     assert (angles < np.radians(30.0)).mean() == pytest.approx(half, abs=0.005)
     spacing = domain.spacing(4_000)
     assert 4_000 * spacing**3 == pytest.approx(8.0 * np.pi**2 * domain.fraction)
-    assert Search(within=np.pi, from_attitude=PRESENT).domain.spacing(9) == pytest.approx(
-        Search().domain.spacing(9)
+    assert ff.Search(within=np.pi, from_attitude=PRESENT).domain.spacing(9) == pytest.approx(
+        ff.Search().domain.spacing(9)
     )
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("smaller")
 def test_a_map_of_a_ball_agrees_with_the_samples_of_a_whole_map_inside(
-    margin_30: Problem, evaluator: FeasibilityEvaluator
+    margin_30: ff.Problem, evaluator: FeasibilityEvaluator
 ) -> None:
     search = near(60.0)
     whole = sample_attitudes(evaluator, 2048)
     inside = search.domain.contains(whole.attitudes)
-    ball = attitude_map(margin_30, 256, search=search, boundary=2, threads=1)
+    ball = ff.attitude_map(margin_30, 256, search=search, boundary=2, threads=1)
     fraction = whole.feasible[inside].any(axis=1).mean()
     assert ball.feasible_fraction == pytest.approx(fraction, abs=0.06)
     assert ball.best is not None
@@ -69,19 +66,6 @@ def test_a_map_of_a_ball_agrees_with_the_samples_of_a_whole_map_inside(
     assert max(volumes) <= 8.0 * np.pi**2 * search.domain.fraction
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("smaller")
-def test_plan_within_20_degrees() -> None:
-    """Example 2 near an attitude: with its 4 degrees between samples instead of 31."""
-    evaluator = FeasibilityEvaluator(bundled("spatial_6dof/line"), 1)
-    plan = plan_in_space(evaluator, near(20.0, samples=256))
-    assert plan.feasible
-    assert plan.deviation is not None
-    assert plan.deviation <= np.radians(20.0) + 1e-9
-    assert plan.map is not None
-    assert plan.map.spacing < np.radians(6.0)
-
-
 # --- headings -------------------------------------------------------------------------------------
 
 
@@ -90,7 +74,7 @@ def test_ranges_of_headings_are_intersected() -> None:
     problem = bundled("planar_2dof/line")
     every = ff.plan(problem)
     centre, width = np.radians(40.0), np.radians(50.0)
-    search = Search(from_attitude=heading_quaternion(centre), within=width)
+    search = ff.Search(from_attitude=heading_quaternion(centre), within=width)
     plan = ff.plan(problem, search)
     for entry, whole in zip(plan.ranges, every.ranges, strict=True):
         for heading in np.linspace(0.0, 2.0 * np.pi, 500):
@@ -112,7 +96,7 @@ def test_ranges_of_headings_are_intersected() -> None:
 
 def test_maps_over_headings_of_an_arc() -> None:
     problem = bundled("planar_3dof/parabola")
-    search = Search(from_attitude=heading_quaternion(0.1), within=0.5)
+    search = ff.Search(from_attitude=heading_quaternion(0.1), within=0.5)
     result = sample_headings(evaluator_for(problem), 40, search)
     assert np.diff(result.headings) == pytest.approx(1.0 / 40)
     offsets = (result.headings - 0.1 + np.pi) % (2.0 * np.pi) - np.pi
@@ -153,20 +137,12 @@ def test_the_closest_branch_is_that_of_brute_force(name: str) -> None:
 
 
 @pytest.mark.slow
-def test_plan_and_map_state_fractions_of_the_headings_searched() -> None:
-    search = Search(from_attitude=heading_quaternion(np.radians(200.0)), within=np.radians(30.0))
-    problem = bundled("planar_3dof/parabola")
-    headings = attitude_map(problem, 24, search=search, threads=1)
-    assert headings.feasible_fraction == ff.plan(problem, search).feasible_fraction == 1.0
-
-
-@pytest.mark.slow
 def test_a_redundant_arm_starts_from_its_present_joints() -> None:
     problem = bundled("panda_servicer/line")
     attitude = next(a for a in attitude_grid(64) if problem.branches(a))
     joints = problem.branches(attitude)[3].joints
     names = dict(zip(problem.model.joint_names, joints.tolist(), strict=True))
-    search = Search(from_attitude=attitude, joints=names, within=0.1)
+    search = ff.Search(from_attitude=attitude, joints=names, within=0.1)
     (start,) = search.applied_to(problem).branches(attitude)
     assert np.abs(start.joints - joints).max() < 1e-9
     evaluator = FeasibilityEvaluator(search.applied_to(problem), 1)
@@ -183,7 +159,7 @@ def test_a_redundant_arm_starts_from_its_present_joints() -> None:
 @pytest.mark.slow
 def test_planar_ranges_of_the_closest_branch() -> None:
     problem = bundled("planar_2dof/line")
-    plan = ff.plan(problem, Search(joints=[0.4, 1.0]))
+    plan = ff.plan(problem, ff.Search(joints=[0.4, 1.0]))
     assert all(ff.check(plan).checks[0:1])
     evaluator = FeasibilityEvaluator(plan.problem)
     for heading in np.linspace(0.01, 6.2, 60):
@@ -204,7 +180,7 @@ def test_planar_ranges_of_the_closest_branch() -> None:
 @pytest.mark.slow
 def test_joints_and_angle_survive_files(tmp_path: Path) -> None:
     problem = bundled("planar_2dof/line")
-    search = Search("nearest", heading_quaternion(0.5), joints=[0.4, 1.0], within=0.6)
+    search = ff.Search("nearest", heading_quaternion(0.5), joints=[0.4, 1.0], within=0.6)
     plan = ff.plan(problem, search)
     ff.save(plan, tmp_path / "plan.h5")
     again = ff.load(tmp_path / "plan.h5")
@@ -214,7 +190,7 @@ def test_joints_and_angle_survive_files(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.problem.start_joints, [0.4, 1.0])
     assert again.ranges[0].ranges[0].causes == plan.ranges[0].ranges[0].causes
     assert ff.check(again).passed
-    headings = attitude_map(problem, 24, search=search)
+    headings = ff.attitude_map(problem, 24, search=search)
     ff.save(headings, tmp_path / "map.h5")
     stored, known = ff.load(tmp_path / "map.h5").to_dict(), headings.to_dict()
     assert stored["search"].pop("from_attitude") == pytest.approx(
@@ -229,12 +205,9 @@ def test_joints_and_angle_survive_files(tmp_path: Path) -> None:
     [
         ({"within": 0.2}, "search.from_attitude"),
         ({"within": 4.0, "from_attitude": PRESENT}, "search.within"),
-        ({"joints": [0.0, 1.0]}, "search.joints"),
-        ({"joints": {"q1": 0.0, "q2": 0.0, "elbow": 1.0}}, "search.joints"),
         ({"joints": [10.0, 0.0, 90.0]}, "search.joints"),  # degrees
     ],
 )
 def test_unusable_searches(options: dict, key: str) -> None:
-    with pytest.raises(InputError) as error:
-        ff.plan(bundled("planar_3dof/parabola"), Search(**options))
-    assert error.value.key == key
+    problem = bundled("planar_3dof/parabola")
+    assert error_key(lambda: ff.plan(problem, ff.Search(**options))) == key

@@ -8,29 +8,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from freefloat.io.scenario.scenario import load_scenario, parse_scenario
-from freefloat.limits.check import check_limits
-from freefloat.limits.limits import Limits
-from freefloat.motion.problem import Problem
+import freefloat as ff
+from freefloat.io.scenario.scenario import parse_scenario
 from freefloat.planning.diagnostics import rounded_up
 from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.limits import keeping as limit_keeping
 from freefloat.planning.limits.keeping import keep_limits
 from freefloat.planning.plan import Plan
-from freefloat.planning.planner import plan
-from freefloat.planning.settings import Search
 from freefloat.planning.simulation import integrate_branch
 from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.so3 import heading_quaternion
 from tests.motions import bundled
 
-PLANAR = load_scenario("planar_3dof/parabola")
+PLANAR = ff.load_scenario("planar_3dof/parabola")
 
 
 @pytest.fixture(scope="module")
 def headings() -> Plan:
     """A planar plan for the margin alone."""
-    return plan(bundled("planar_3dof/parabola_nonstop"), Search())
+    return ff.plan(bundled("planar_3dof/parabola_nonstop"), ff.Search())
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +36,7 @@ def attitudes() -> Plan:
     samples = sample_attitudes(evaluator_for(problem, 1), 64)
     best, branch = np.unravel_index(int(np.argmax(samples.margins)), samples.margins.shape)
     chosen = integrate_branch(problem, samples.attitudes[best], int(branch))
-    return Plan(problem, Search(), True, "the largest margin", chosen=chosen, map=samples)
+    return Plan(problem, ff.Search(), True, "the largest margin", chosen=chosen, map=samples)
 
 
 @pytest.fixture
@@ -51,18 +47,18 @@ def fewer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limit_keeping, "_NEAREST", 2)
 
 
-def checked_plan(problem: Problem, limits: Limits, search: Search) -> Plan:
+def checked_plan(problem: ff.Problem, limits: ff.Limits, search: ff.Search) -> Plan:
     """A plan whose chosen motion keeps the margin and the limits."""
-    result = plan(problem, search, limits=limits)
+    result = ff.plan(problem, search, limits=limits)
     assert_keeps(result, limits)
     return result
 
 
-def assert_keeps(result: Plan, limits: Limits) -> None:
+def assert_keeps(result: Plan, limits: ff.Limits) -> None:
     assert result.feasible, result.reason
     assert result.chosen is not None
     assert result.problem.margin.keeps(result.chosen.closest_approach.value)
-    again = check_limits(result.chosen.motion, limits)
+    again = ff.check_limits(result.chosen.motion, limits)
     assert all(entry.kept for entry in again)
     assert [entry.limit for entry in again] == [entry.limit for entry in result.limit_results]
 
@@ -70,8 +66,8 @@ def assert_keeps(result: Plan, limits: Limits) -> None:
 @pytest.mark.slow
 def test_where_the_best_attitude_violates_a_limit_another_is_chosen(attitudes: Plan) -> None:
     assert attitudes.chosen is not None
-    fastest = check_limits(attitudes.chosen.motion, Limits(joint_rate=np.ones(6)))[0]
-    limits = Limits(joint_rate=np.full(6, 0.9 * abs(fastest.worst)))
+    fastest = ff.check_limits(attitudes.chosen.motion, ff.Limits(joint_rate=np.ones(6)))[0]
+    limits = ff.Limits(joint_rate=np.full(6, 0.9 * abs(fastest.worst)))
     result = keep_limits(evaluator_for(attitudes.problem), attitudes, limits)
     assert_keeps(result, limits)
     assert result.excluded["joint_rate"] > 0
@@ -80,7 +76,7 @@ def test_where_the_best_attitude_violates_a_limit_another_is_chosen(attitudes: P
 @pytest.mark.slow
 def test_where_every_motion_collides_the_reason_has_the_links(attitudes: Plan) -> None:
     """The path of Example 2 leads through its spacecraft."""
-    result = keep_limits(evaluator_for(attitudes.problem), attitudes, Limits(clearance=0.0))
+    result = keep_limits(evaluator_for(attitudes.problem), attitudes, ff.Limits(clearance=0.0))
     assert not result.feasible
     assert set(result.excluded) == {"clearance"}
     assert "at spacecraft - " in result.reason
@@ -92,13 +88,13 @@ def test_where_every_motion_collides_the_reason_has_the_links(attitudes: Plan) -
 @pytest.mark.parametrize(
     ("limits", "name"),
     [
-        (Limits(joint_rate=np.full(3, 0.02)), "joint_rate"),
-        (Limits(base_rate=0.002), "base_rate"),
-        (Limits(joint_torque=np.full(3, 1e-3)), "joint_torque"),
+        (ff.Limits(joint_rate=np.full(3, 0.02)), "joint_rate"),
+        (ff.Limits(base_rate=0.002), "base_rate"),
+        (ff.Limits(joint_torque=np.full(3, 1e-3)), "joint_torque"),
     ],
 )
 def test_each_limit_alone_can_make_a_plan_infeasible(
-    headings: Plan, limits: Limits, name: str
+    headings: Plan, limits: ff.Limits, name: str
 ) -> None:
     result = keep_limits(evaluator_for(headings.problem), headings, limits)
     assert not result.feasible
@@ -109,11 +105,11 @@ def test_each_limit_alone_can_make_a_plan_infeasible(
     assert_claim_is_true(result, limits)
 
 
-def assert_is_nearest_candidate(result: Plan, limits: Limits) -> None:
+def assert_is_nearest_candidate(result: Plan, limits: ff.Limits) -> None:
     """Its motion keeps the margin, violates what the plan states, and is a document's motion."""
     assert result.chosen is not None
     assert result.chosen.feasible
-    again = check_limits(result.chosen.motion, limits)
+    again = ff.check_limits(result.chosen.motion, limits)
     stated = [(entry.limit, entry.worst) for entry in result.limit_results]
     assert [(entry.limit, entry.worst) for entry in again] == stated
     assert not all(entry.kept for entry in again)
@@ -122,7 +118,7 @@ def assert_is_nearest_candidate(result: Plan, limits: Limits) -> None:
     assert document["initial"]["attitude"] == result.chosen.motion.initial.attitude.tolist()
 
 
-def assert_claim_is_true(result: Plan, limits: Limits) -> None:
+def assert_claim_is_true(result: Plan, limits: ff.Limits) -> None:
     """The motion of the candidate keeps everything with the factor in the reason, if one is."""
     if result.needed_stretch is None:
         assert "longer durations" in result.reason
@@ -133,7 +129,7 @@ def assert_claim_is_true(result: Plan, limits: Limits) -> None:
     assert start is not None
     slower = integrate_branch(stretched, start.attitude, start.branch)
     assert slower.feasible
-    assert all(entry.kept for entry in check_limits(slower.motion, limits))
+    assert all(entry.kept for entry in ff.check_limits(slower.motion, limits))
 
 
 @pytest.mark.slow
@@ -145,12 +141,12 @@ def test_joint_ranges_count_without_any_other_limit(headings: Plan, tmp_path: Pa
     )
     (tmp_path / "narrow.urdf").write_text(text)
     scenario = parse_scenario(
-        load_scenario("planar_3dof/parabola_nonstop").text.replace(
+        ff.load_scenario("planar_3dof/parabola_nonstop").text.replace(
             "planar_3dof.urdf", "narrow.urdf"
         ),
         tmp_path / "s.yaml",
     )
-    result = plan(scenario.problem(), Search(), limits=Limits())
+    result = ff.plan(scenario.problem(), ff.Search(), limits=ff.Limits())
     assert not result.feasible
     assert set(result.excluded) == {"joint_range"}
     assert result.needed_stretch is None
@@ -160,35 +156,26 @@ def test_joint_ranges_count_without_any_other_limit(headings: Plan, tmp_path: Pa
 @pytest.mark.usefixtures("fewer")
 def test_the_stretched_problem_keeps_rates() -> None:
     """Without momentum; the time of the stop is stretched as the duration."""
-    limits = Limits(joint_rate=np.full(3, 0.05))
+    limits = ff.Limits(joint_rate=np.full(3, 0.05))
     problem = replace(PLANAR.problem(), momentum=np.zeros(3))
-    result = plan(problem, Search(), limits=limits)
+    result = ff.plan(problem, ff.Search(), limits=limits)
     assert result.needed_stretch is not None
     slower = problem.stretched(1.00001 * result.needed_stretch)
     timing = slower.path.timing
     assert timing.duration == pytest.approx(100.0 * 1.00001 * result.needed_stretch)
     assert timing.stops[0].t == pytest.approx(69.73 * 1.00001 * result.needed_stretch)
-    checked_plan(slower, limits, Search())
-
-
-@pytest.mark.slow
-def test_the_needed_duration_is_enough_where_few_headings_keep_the_rates() -> None:
-    """A heading next to one that just violates them is chosen."""
-    problem, limits = bundled("planar_2dof/line"), Limits(joint_rate=np.full(2, 0.001))
-    result = plan(problem, Search(), limits=limits)
-    assert result.needed_stretch is not None
-    checked_plan(problem.stretched(1.00001 * result.needed_stretch), limits, Search())
+    checked_plan(slower, limits, ff.Search())
 
 
 @pytest.mark.slow
 def test_the_nearest_attitude_is_moved_toward_the_present_one() -> None:
     """From 40 degrees the spacecraft rotates at up to 0.114 rad/s, from smaller headings slower."""
     present = heading_quaternion(np.deg2rad(40.0))
-    search = Search("nearest", from_attitude=present, spare=0.0)
-    limits = Limits(base_rate=0.08)
+    search = ff.Search("nearest", from_attitude=present, spare=0.0)
+    limits = ff.Limits(base_rate=0.08)
     result = checked_plan(PLANAR.problem(), limits, search)
     assert result.chosen is not None
-    base = check_limits(result.chosen.motion, limits)[-1]
+    base = ff.check_limits(result.chosen.motion, limits)[-1]
     assert base.ratio > 0.98  # at the limit: nearer would violate it
     assert result.deviation is not None
     assert np.degrees(result.deviation) == pytest.approx(19.6, abs=1.5)
@@ -200,7 +187,7 @@ def test_the_nearest_attitude_is_moved_toward_the_present_one() -> None:
 @pytest.mark.usefixtures("fewer")
 def test_with_momentum_a_stretched_plan_keeps_the_limits() -> None:
     """Longer motions rotate farther; the factor is one with which a motion was integrated."""
-    limits = Limits(joint_rate=np.full(3, 0.05))
-    result = plan(bundled("planar_3dof/parabola_nonstop"), Search(), limits, stretch=True)
+    limits = ff.Limits(joint_rate=np.full(3, 0.05))
+    result = ff.plan(bundled("planar_3dof/parabola_nonstop"), ff.Search(), limits, stretch=True)
     assert_keeps(result, limits)
     assert result.stretch > 1.0

@@ -33,8 +33,8 @@ def ends(line: Samples) -> np.ndarray:
     return line.points[index]
 
 
-@pytest.mark.parametrize("depth", [1e-2, 1e-3, 1e-5])
-@pytest.mark.parametrize("place", [3.03, 4.871, 6.55])
+@pytest.mark.parametrize("depth", [1e-2, 1e-5])
+@pytest.mark.parametrize("place", [3.03, 4.871])
 def test_a_gap_narrower_than_the_spacing_is_found(place: float, depth: float) -> None:
     """At the bottom of a parabola, down to 0.3 percent of the spacing."""
     line = searched(lambda x: (x - place) ** 2 * 3.0 - depth)

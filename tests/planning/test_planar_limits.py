@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.limits.limits import Limits
-from freefloat.motion.integration import integrate_motion
-from freefloat.motion.pointing import PointingLimit
 from freefloat.so3 import angle_between, heading_quaternion
 
-ROOT = PointingLimit("spacecraft", [0.0, 1.0, 0.0], 1.4, "outside", direction=[1.0, 0.5, 0.3])
-LINK = PointingLimit("link_1", [1.0, 0.0, 0.2], 1.6, point=[1.0, 4.0, 0.5])
+ROOT = ff.PointingLimit("spacecraft", [0.0, 1.0, 0.0], 1.4, "outside", direction=[1.0, 0.5, 0.3])
+LINK = ff.PointingLimit("link_1", [1.0, 0.0, 0.2], 1.6, point=[1.0, 4.0, 0.5])
 
 
-def keeps(motion, limits: Limits) -> bool:
+def keeps(motion, limits: ff.Limits) -> bool:
     """Whether a motion keeps limits at many instants."""
     _, attitudes, joints = motion.evaluate(np.linspace(0.0, motion.panels, 2000))
     model = motion.problem.model
@@ -33,12 +30,12 @@ def keeps(motion, limits: Limits) -> bool:
 @pytest.mark.parametrize(
     ("name", "limits", "cause"),
     [
-        ("planar_3dof/parabola", Limits(pointing=(ROOT,)), "pointing"),
-        ("planar_3dof/parabola", Limits(pointing=(LINK,)), "pointing"),
-        ("planar_2dof/line", Limits(base_turn=0.6), "base_turn"),
+        ("planar_3dof/parabola", ff.Limits(pointing=(ROOT,)), "pointing"),
+        ("planar_3dof/parabola", ff.Limits(pointing=(LINK,)), "pointing"),
+        ("planar_2dof/line", ff.Limits(base_turn=0.6), "base_turn"),
     ],
 )
-def test_ranges_end_where_a_limit_is_just_kept(name: str, limits: Limits, cause: str) -> None:
+def test_ranges_end_where_a_limit_is_just_kept(name: str, limits: ff.Limits, cause: str) -> None:
     problem = ff.load_scenario(name).problem()
     free, plan = ff.plan(problem), ff.plan(problem, limits=limits)
     found = 0
@@ -57,12 +54,12 @@ def test_ranges_end_where_a_limit_is_just_kept(name: str, limits: Limits, cause:
                 continue
             attitude = heading_quaternion(heading)
             joints = next(b.joints for b in problem.branches(attitude) if b.index == entry.branch)
-            motion = integrate_motion(problem, attitude, joints)
+            motion = ff.integrate_motion(problem, attitude, joints)
             assert keeps(motion, limits) is bool(entry.depth(heading) > 0.0), np.degrees(heading)
     assert found
 
 
 def test_no_heading_within_limits() -> None:
-    plan = ff.plan(ff.load_scenario("planar_2dof/line").problem(), limits=Limits(base_turn=0.01))
+    plan = ff.plan(ff.load_scenario("planar_2dof/line").problem(), limits=ff.Limits(base_turn=0.01))
     assert not plan.feasible
     assert not any(entry.ranges for entry in plan.ranges)

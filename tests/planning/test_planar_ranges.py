@@ -5,12 +5,9 @@ from math import tau
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import freefloat as ff
 from freefloat.dynamics.joint_space import largest_magnitude
-from freefloat.dynamics.momentum import Task
 from freefloat.planning.plane.arcs import (
     MARGIN,
     REACH,
@@ -20,7 +17,6 @@ from freefloat.planning.plane.arcs import (
     branch_ranges,
 )
 from freefloat.planning.plane.ranges import (
-    _branch_of,
     find_range_limits,
     heading_ranges,
     reach_limits,
@@ -48,17 +44,6 @@ def is_feasible(problem, heading, branch):
 
 
 @pytest.mark.slow
-@settings(max_examples=15, deadline=None, derandomize=True)
-@given(fraction=st.floats(0.001, 0.999), which=st.integers(0, 2))
-def test_headings_inside_keep_the_margin_and_outside_do_not(planar, ranges, fraction, which):
-    """The verdict is constant between neighbouring limits, and opposite across each."""
-    entry, part = [(entry, part) for entry in ranges for part in entry.ranges][which]
-    assert is_feasible(planar, part.low + fraction * part.width, entry.branch)
-    bounds = [edge for other in entry.ranges for edge in (other.low, other.high)]
-    gap = min((low - part.high) % tau for low in bounds if abs((low - part.high) % tau) > 1e-9)
-    assert not is_feasible(planar, part.high + fraction * gap, entry.branch)
-
-
 def test_limits_are_exact_to_a_ten_thousandth_of_a_degree(planar, ranges):
     off = np.radians(1e-4)
     for entry in ranges:
@@ -95,18 +80,6 @@ def test_a_margin_of_zero_is_replaced_by_a_small_one():
     assert all(1e-5 < abs(limit.tangency.level) / largest < 1e-3 for limit in limits)
 
 
-def test_a_limit_belongs_to_the_branch_of_its_joints(planar):
-    """Modulo full rotations; joints near neither branch, nearly where both meet, to none."""
-    branches = planar.branches(heading_quaternion(3.5))
-    assert [branch.index for branch in branches] == [0, 1]
-    for branch in branches:
-        for off in ([0.0, 0.0, 0.0], [tau, 0.0, -tau], [1e-6] * 3):
-            joints = branch.joints + np.array(off)
-            assert _branch_of(planar, 3.5, joints, 0.0) == branch.index
-        for off in ([1e-3] * 3, [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]):
-            assert _branch_of(planar, 3.5, branch.joints + np.array(off), 0.0) is None
-
-
 @pytest.mark.slow
 def test_ranges_end_by_the_margin_or_by_the_reach(planar):
     """Far from the centre the arm reaches the path from some headings only."""
@@ -123,7 +96,7 @@ def test_the_arm_reaches_the_path_from_one_side_of_a_reach_limit(radius):
     body = 4.0, (0.5, 0, 0), (0.01, 0.333, 0.333)
     text = chain((*joint, *body), (*other, *body), base=(40.0, 7.4, 0.0), tool=(0.6, 0, 0))
     model = ff.FreeFloatingModel.from_urdf(text, "tool")
-    problem = along(model, Task.PLANAR_POSITION, [radius, 0, 0], [radius, 0.1, 0], np.eye(3))
+    problem = along(model, ff.Task.PLANAR_POSITION, [radius, 0, 0], [radius, 0.1, 0], np.eye(3))
     limits = list(reach_limits(problem, 0.0))
     assert len(limits) == 2
     for heading in limits:
@@ -186,17 +159,6 @@ def test_equal_limits_leave_no_arc_between_them():
     ends = [(arc.low, arc.high) for arc in arcs]
     np.testing.assert_allclose(ends, [(1.0, 3.0), (3.0, 1.0 + tau)], rtol=1e-9)
     assert len([*arcs_between([(1.0, MARGIN), (1.0 + 1e-8, REACH), (3.0, MARGIN)])]) == 3
-
-
-@pytest.mark.parametrize(
-    ("ends", "expected"),
-    [
-        ([], HeadingRange(0.0, tau, ())),
-        ([(2.0, REACH)], HeadingRange(2.0, 2.0 + tau, (REACH, REACH))),
-    ],
-)
-def test_the_arc_of_at_most_one_limit_is_the_full_circle(ends, expected):
-    assert [*arcs_between(ends)] == [expected]
 
 
 def test_depth_is_the_distance_to_the_nearer_end():

@@ -53,23 +53,8 @@ def test_tangent_points_are_local_minima_of_the_motion_through_them(problem, poi
 
 
 @pytest.mark.slow
-def test_without_momentum_tangency_does_not_depend_on_the_time_law(problem):
-    still = replace(problem, momentum=[0, 0, 0])
-    timing = ff.Timing(250.0, law=bundled("planar_3dof/parabola").path.timing.law)
-    slow = replace(still, path=ff.TimedPath(problem.path.path, timing))
-    s = sorted(point.s for point in planar_tangency_points(still, 5.0, (0.0, 100.0)))
-    assert s == pytest.approx(
-        sorted(point.s for point in planar_tangency_points(slow, 5.0, (0.0, 250.0))), abs=1e-8
-    )
-
-
-@pytest.mark.slow
 def test_ten_times_as_many_instants_find_the_same_points(problem, points, monkeypatch):
     monkeypatch.setattr(planar_candidates, "_TIMES", 10 * planar_candidates._TIMES)
     fine = planar_tangency_points(replace(problem), 5.0, (0.0, 100.0))  # computed anew
     times = sorted(point.time for point in points)
     assert sorted(point.time for point in fine) == pytest.approx(times, abs=1e-7)
-
-
-def test_a_level_beyond_s_max_has_no_tangency_point(problem):
-    assert planar_tangency_points(problem, 200.0, (0.0, 100.0)) == ()

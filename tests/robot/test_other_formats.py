@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,6 @@ import freefloat as ff
 from freefloat.dynamics.momentum import mass_matrix
 from freefloat.io.formats.mjcf_file import mjcf_text
 from freefloat.io.formats.trajectory import Trajectory
-from freefloat.robot.names import models_folder
 from tests.commands import document
 from tests.errors import error_key
 from tests.motions import bundled
@@ -188,24 +186,7 @@ def test_models_of_mujoco_that_are_no_arms_are_refused(tmp_path: Path) -> None:
         assert error_key(ff.FreeFloatingModel.from_urdf, file) == key
 
 
-def test_robots_of_robot_descriptions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    package = tmp_path / "robot_descriptions"
-    package.mkdir()
-    urdf = models_folder() / "planar_2dof" / "planar_2dof.urdf"
-    (package / "__init__.py").write_text("")
-    (package / "mine_description.py").write_text(f"URDF_PATH = {str(urdf)!r}")
-    (package / "torn_description.py").write_text("raise OSError('no network')")
-    for name in [name for name in sys.modules if name.startswith("robot_descriptions")]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.syspath_prepend(tmp_path)
-    assert ff.FreeFloatingModel.from_urdf("robot_descriptions:mine").dof == 2
-    for name in ("torn", "missing"):
-        name = f"robot_descriptions:{name}"
-        assert error_key(ff.FreeFloatingModel.from_urdf, name) == "urdf"
-    for name in [name for name in sys.modules if name.startswith("robot_descriptions")]:
-        monkeypatch.delitem(sys.modules, name)
-
-
+@pytest.mark.slow
 def test_ranges_of_mujoco_begin_where_its_joints_are_zero(tmp_path: Path) -> None:
     """A joint's ``ref`` is its value where the model is as it is written."""
     file = tmp_path / "arm.xml"

@@ -180,9 +180,11 @@ def test_every_command_knows_robot_descriptions(
     for name in ("mine", *(f"arm_{k}" for k in range(8))):
         text = f"URDF_PATH = {str(tmp_path / 'arm.urdf')!r}"
         (package / f"{name}_description.py").write_text(text)
+    (package / "torn_description.py").write_text("raise OSError('no network')")
     for name in [name for name in sys.modules if name.startswith("robot_descriptions")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.syspath_prepend(tmp_path)
+    assert error("info", "robot_descriptions:torn")["key"] == "urdf"
     assert document("info", "robot_descriptions:mine")["dof"] == 2
     output = tmp_path / "out.urdf"
     assert document("assemble", "robot_descriptions:mine", "-o", output)["total_mass"] == 118.0

@@ -8,8 +8,6 @@ import pytest
 
 import freefloat as ff
 from freefloat.dynamics.joint_space import joint_box
-from freefloat.dynamics.momentum import Task
-from freefloat.robot.model import FreeFloatingModel
 from tests.motions import bundled
 from tests.robots import random_robot
 
@@ -20,7 +18,7 @@ def test_derivatives_of_both_agree(name: str) -> None:
         model, task = bundled(name).model, bundled(name).task
     else:
         robot = random_robot(np.random.default_rng(3), name)
-        model, task = FreeFloatingModel.from_urdf(robot.text, robot.end_effector), Task.POSE
+        model, task = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector), ff.Task.POSE
     polynomial = ff.SingularityPolynomial.of(model, task)
     function = ff.casadi_function(polynomial)
     q = casadi.MX.sym("q", model.dof)

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.momentum import Task, inertia_matrices
+import freefloat as ff
+from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.singularities.planar_regions import (
     PlanarArm,
     margin_curves,
@@ -28,7 +27,7 @@ URDF = """<robot name="bent"><link name="l0"><inertial><origin xyz="0.1 -0.2 0"/
 <origin xyz="0.3 0.1 0" rpy="0 0 0.4"/></joint><link name="tip"/></robot>"""
 
 
-def bent_arm(*axes: int) -> FreeFloatingModel:
+def bent_arm(*axes: int) -> ff.FreeFloatingModel:
     """Offsets everywhere, joint frames rotated, joint axes along +z or -z."""
     joints = {
         f"joint{i}": f'<joint name="q{i}" type="continuous"><parent link="l{i - 1}"/>'
@@ -36,15 +35,15 @@ def bent_arm(*axes: int) -> FreeFloatingModel:
         f'<axis xyz="0 0 {axis}"/></joint>'
         for i, axis in enumerate(axes, start=1)
     }
-    return FreeFloatingModel.from_urdf(URDF.format(**joints), "tip")
+    return ff.FreeFloatingModel.from_urdf(URDF.format(**joints), "tip")
 
 
 @pytest.mark.parametrize("axes", [(1, 1, 1), (1, -1, 1), (-1, -1, -1), (-1, 1, 1)])
 def test_determinant_rates_and_place_agree_with_pinocchio(axes):
     """S, the rates of (24) and the end-effector's place, for offset links and either axis sense."""
     model = bent_arm(*axes)
-    arm, S = PlanarArm.of(model), singularity_measure(model, Task.PLANAR_POSE, "system")
-    equation = ResolvedRateSolver(model, Task.PLANAR_POSE, [0, 0, 0.7])
+    arm, S = PlanarArm.of(model), ff.singularity_measure(model, ff.Task.PLANAR_POSE, "system")
+    equation = ResolvedRateSolver(model, ff.Task.PLANAR_POSE, [0, 0, 0.7])
     rng = np.random.default_rng(3)
     for _ in range(20):
         joints, heading = rng.uniform(-np.pi, np.pi, 3), rng.uniform(-np.pi, np.pi)
@@ -78,7 +77,7 @@ def test_determinant_rate_is_the_derivative_of_the_determinant():
 @pytest.mark.parametrize("level", [0.0, 5.0, -60.0])
 def test_margin_curves_satisfy_22a_and_22b(planar_3dof, level):
     """On a curve q2 is one of the two closed forms, with k0, k1, k2 read off S at three angles."""
-    S = singularity_measure(planar_3dof, Task.PLANAR_POSE, "system")
+    S = ff.singularity_measure(planar_3dof, ff.Task.PLANAR_POSE, "system")
     curves = margin_curves(PlanarArm.of(planar_3dof), level)
     assert curves
     for curve in curves:

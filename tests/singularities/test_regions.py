@@ -10,10 +10,6 @@ from typer.testing import CliRunner
 
 import freefloat as ff
 from freefloat.cli.app import app
-from freefloat.dynamics.measures import singularity_measure
-from freefloat.motion.margin import Margin
-from freefloat.motion.problem import Problem
-from freefloat.singularities.regions import exact_workspace, workspace_regions
 from tests.robots import planar_robot
 
 
@@ -26,8 +22,8 @@ def collinear(masses, moments, mount, centres, lengths):
 def problem_of(model):
     task = ff.Task.PLANAR_POSE if model.dof == 3 else ff.Task.PLANAR_POSITION
     path = ff.load_scenario("planar_3dof/parabola_nonstop").problem().path
-    return Problem(
-        model, path, task, [0, 0, 0], Margin(singularity_measure(model, task, "system"), 0.0)
+    return ff.Problem(
+        model, path, task, [0, 0, 0], ff.Margin(ff.singularity_measure(model, task, "system"), 0.0)
     )
 
 
@@ -52,7 +48,7 @@ CBK_3R = (
 )
 def test_path_dependent_areas_have_the_published_radii(table, areas):
     """Annuli that S = 0 sweeps, computed elsewhere from the authors' own closed form."""
-    workspace = workspace_regions(problem_of(collinear(*table)))
+    workspace = ff.workspace_regions(problem_of(collinear(*table)))
     assert np.array(workspace.path_dependent) == pytest.approx(np.array(areas), abs=2e-5)
     if table is PAPADOPOULOS_2R:  # an inner disc can be path-independent
         assert workspace.reach[0] == 0.0
@@ -62,7 +58,7 @@ def test_path_dependent_areas_have_the_published_radii(table, areas):
 @pytest.fixture(scope="module")
 def areas_of_example_1(planar):
     """Reach and areas of Example 1."""
-    return workspace_regions(planar)
+    return ff.workspace_regions(planar)
 
 
 def test_areas_and_reach_are_complements(areas_of_example_1):
@@ -102,13 +98,6 @@ def test_the_workspace_command_has_reach_and_areas():
     assert [part["path_dependent"] for part in document["path"]] == [False, True, False]
 
 
-@pytest.mark.slow
-def test_the_workspace_command_has_the_reach_of_redundant_arms():
-    document = workspace_command("panda_servicer/line", "--json")
-    assert (document["pdw"], document["piw"], document["path"]) == (None, None, [])
-    assert document["reach"][1] == pytest.approx(1.5721, abs=1e-3)
-
-
 @pytest.fixture(scope="module")
 def line():
     """Example 2."""
@@ -118,12 +107,12 @@ def line():
 @pytest.fixture(scope="module")
 def shells(line):
     """Its reach and areas."""
-    return workspace_regions(line)
+    return ff.workspace_regions(line)
 
 
 def singular_joints(problem, name, rng, lines):
     """Joints at which a measure changes its sign along random lines through joint space."""
-    measure, roots = singularity_measure(problem.model, problem.task, name), []
+    measure, roots = ff.singularity_measure(problem.model, problem.task, name), []
     for _ in range(lines):
         start, way = rng.uniform(-np.pi, np.pi, (2, problem.model.dof))
 
@@ -166,7 +155,7 @@ def test_nowhere_in_the_path_independent_shells_the_arm_factor_vanishes(
     """In a shell |S| keeps away from zero at all of very many configurations."""
     joints = rng.uniform(-np.pi, np.pi, (20_000, 6))
     radii = distances(line, shells, joints)
-    measure = singularity_measure(line.model, line.task, "arm")
+    measure = ff.singularity_measure(line.model, line.task, "arm")
     for low, high in shells.path_independent or ():
         middle, half = (low + high) / 2.0, 0.4 * (high - low)
         inside = joints[np.abs(radii - middle) < half]
@@ -178,7 +167,7 @@ def test_shoulder_and_wrist_are_singular_at_any_radius(line, shells, rng: np.ran
     """So the areas are about the arm factor: det S* vanishes in path-independent shells, too."""
     joints = singular_joints(line, "gjm", rng, 50)
     radii = distances(line, shells, joints)
-    measure = singularity_measure(line.model, line.task, "arm")
+    measure = ff.singularity_measure(line.model, line.task, "arm")
     for low, high in shells.path_independent or ():
         others = joints[(radii > low + 0.01) & (radii < high - 0.01)]
         assert len(others) > 0
@@ -194,10 +183,3 @@ def test_the_path_of_example_2_crosses_one_path_dependent_area(line, shells):
     ends, singular = np.array([[1, 0, 0], [-0.5, 0.8, 0.33]]), np.array([0.1214, 0.4686, 0.1943])
     s = (singular - ends[0]) @ (ends[1] - ends[0]) / np.sum((ends[1] - ends[0]) ** 2)
     assert low < s < high
-
-
-@pytest.mark.slow
-def test_arms_with_other_structures_have_no_exact_areas():
-    """No spherical wrist; more joints than the task has rows."""
-    for name in ("ur5_servicer/arc", "panda_servicer/line"):
-        assert exact_workspace(ff.load_scenario(name).problem()) is None

@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 from scipy.ndimage import label
 
-from freefloat.dynamics.measures import singularity_measure
-from freefloat.singularities.singularity_components import singularity_components
-from freefloat.singularities.singularity_map import singularity_map
+import freefloat as ff
 from tests.motions import bundled
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["planar_2dof/line", "planar_3dof/parabola"])
 def test_components_are_those_of_a_flood_fill(name: str) -> None:
     problem = bundled(name)
-    found = singularity_components(singularity_map(problem.model, problem.task))
-    measure = singularity_measure(problem.model, problem.task, "system")
+    found = ff.singularity_components(ff.singularity_map(problem.model, problem.task))
+    measure = ff.singularity_measure(problem.model, problem.task, "system")
     axis = np.radians(np.arange(-180.0, 180.0, 3.0))
     q = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
     joints = np.concatenate([q, np.zeros((len(q), problem.model.dof - 2))], axis=1)
@@ -43,7 +42,9 @@ def test_components_are_those_of_a_flood_fill(name: str) -> None:
 @pytest.mark.slow
 def test_the_components_of_an_elbow_arm_correspond_to_its_branches() -> None:
     problem = bundled("spatial_6dof/line")
-    found = singularity_components(singularity_map(problem.model, problem.task, np.radians(2.0)))
+    found = ff.singularity_components(
+        ff.singularity_map(problem.model, problem.task, np.radians(2.0))
+    )
     assert len(found.components) == 8
     assert sum(part.sign for part in found.components) == 0
     most = [max(part.branches, key=lambda name: part.branches[name]) for part in found.components]
@@ -53,6 +54,6 @@ def test_the_components_of_an_elbow_arm_correspond_to_its_branches() -> None:
 def test_components_of_maps_with_fixed_joints_have_no_branches() -> None:
     problem = bundled("planar_2dof/line")
     fixed = {problem.model.joint_names[0]: 0.5}
-    found = singularity_components(singularity_map(problem.model, problem.task, fixed=fixed))
+    found = ff.singularity_components(ff.singularity_map(problem.model, problem.task, fixed=fixed))
     assert [dict(part.branches) for part in found.components] == [{}] * len(found.components)
     assert {part.sign for part in found.components} == {1, -1}

@@ -25,7 +25,7 @@ from freefloat.studies.run import study_files
 from freefloat.studies.study import Study
 from tests.errors import error_key
 from tests.example_studies import BASE, a_study
-from tests.hostile_samples import NAME
+from tests.samples import NAME
 
 VARY = {"momentum.2": {"uniform": [-1, 1]}}
 FEASIBLE = Row(

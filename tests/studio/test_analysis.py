@@ -33,6 +33,7 @@ def no_progress(_: float) -> None:
     """Go on."""
 
 
+@pytest.mark.slow
 def test_the_ball_is_the_map_of_the_problem() -> None:
     studied, _ = analysis("spatial_6dof/line")
     answer = studied.next_map(no_progress)
@@ -62,6 +63,7 @@ def test_an_abandoned_map_is_made_again() -> None:
     assert studied.next_map(no_progress).content["samples"] == studied.levels[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "line"),
     [

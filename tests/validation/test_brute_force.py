@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import freefloat as ff
 from freefloat.attitude_grids import attitude_grid
 from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.motion.extrema import closest_approach
-from freefloat.motion.integration import integrate_motion
 from tests.motions import bundled
 from tests.validation.comparisons import assert_agrees
 
@@ -52,9 +51,9 @@ def test_a_map_agrees_with_precise_motions():
     result = FeasibilityEvaluator(problem, 1).evaluate(attitude_grid(10))
     for at, branch in np.argwhere(result.motions.endings >= 0)[::5]:
         joints = result.joints[at, branch]
-        motion = integrate_motion(problem, result.attitudes[at], joints)
+        motion = ff.integrate_motion(problem, result.attitudes[at], joints)
         assert motion.completed == (result.motions.endings[at, branch] == COMPLETED)
-        lowest = closest_approach(motion, problem.margin.measure)
+        lowest = ff.closest_approach(motion, problem.margin.measure)
         off = abs(lowest.value - result.motions.minimum[at, branch])
         assert_agrees(
             "test_a_map_agrees_with_precise_motions",

@@ -14,19 +14,15 @@ import freefloat as ff
 from freefloat.attitude_grids import attitude_grid
 from freefloat.certificate.certificate import certify
 from freefloat.cli.app import app
-from freefloat.dynamics.momentum import Task
 from freefloat.ensemble.endings import COMPLETED, SINGULAR
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import IntegrationError
 from freefloat.motion import integration
-from freefloat.motion.extrema import closest_approach
-from freefloat.motion.integration import integrate_motion
-from freefloat.motion.margin import Margin, keeps_threshold
+from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Ending
-from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths import PolynomialCurve
 from freefloat.planning.plane.ranges import find_range_limits, heading_ranges
 from freefloat.planning.space.robust_radius import robust_radius
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
 from freefloat.so3 import angle_between, heading_of
 from freefloat.verification.engines.mujoco import forward_run, inverse_run
@@ -101,7 +97,7 @@ def test_a_singular_start_is_the_end_of_the_motion(name, joints, step):
     problem = along(
         usual.model, usual.task, pose.position, pose.position + step, pose.rotation, 20.0
     )
-    motion = integrate_motion(problem, [0, 0, 0, 1], joints)
+    motion = ff.integrate_motion(problem, [0, 0, 0, 1], joints)
     assert motion.ending is Ending.SINGULAR
     assert (len(motion.times), motion.final.time) == (1, 0.0)
     compiled = compiled_motion(motion)
@@ -146,8 +142,8 @@ def test_a_margin_grazed_to_a_billionth_is_reported(planar, above):
     The verdict on a finished motion allows a millionth of S0 for rounding.
     """
     motion = simulated(planar, heading(200.0), 0)
-    lowest = closest_approach(motion, planar.margin.measure)
-    margin = Margin(planar.margin.measure, lowest.value + above)
+    lowest = ff.closest_approach(motion, planar.margin.measure)
+    margin = ff.Margin(planar.margin.measure, lowest.value + above)
     problem = replace(planar, margin=margin)
     grazing = simulated(problem, heading(200.0), 0, stop_at_margin=True)
     assert grazing.completed == (above < 0.0)
@@ -175,7 +171,7 @@ def test_a_motion_that_grazes_zero_is_reported_from_one_that_does_not(planar):
             low = middle
     ends = [simulated(planar, heading(np.degrees(limit)), 0) for limit in (low, high)]
     assert [motion.ending for motion in ends] == [Ending.SINGULAR, Ending.COMPLETED]
-    assert 0.0 < closest_approach(ends[1], planar.margin.measure).value < 1e-5
+    assert 0.0 < ff.closest_approach(ends[1], planar.margin.measure).value < 1e-5
     assert ends[1].residuals().momentum < 1e-4
     for near in (low - 1e-5, high + 1e-5):
         motion = simulated(planar, heading(np.degrees(near)), 0)
@@ -189,7 +185,7 @@ def test_the_ends_of_a_range_graze_the_margin(planar, ranges):
         for part in entry.ranges:
             for end in (part.low, part.high):
                 motion = simulated(planar, heading(np.degrees(end)), entry.branch)
-                minimum = closest_approach(motion, planar.margin.measure).value
+                minimum = ff.closest_approach(motion, planar.margin.measure).value
                 assert minimum == pytest.approx(5.0, abs=5e-7)
 
 
@@ -227,7 +223,7 @@ def test_in_a_millisecond_momentum_has_no_time_to_matter(spatial):
 def test_a_million_seconds_of_slow_drift_are_integrated(planar):
     """Expected: where S cannot vanish, the spacecraft rotates twice."""
     problem = along(
-        planar.model, Task.PLANAR_POSE, [2.1, 0, 0], [2.1, 0.2, 0], UPRIGHT, 1e6, [0, 0, 0.005]
+        planar.model, ff.Task.PLANAR_POSE, [2.1, 0, 0], [2.1, 0.2, 0], UPRIGHT, 1e6, [0, 0, 0.005]
     )
     motion = simulated(problem, heading(10.0), 0)
     assert motion.completed
@@ -254,7 +250,7 @@ def test_many_rotations_raise_an_error(spatial, monkeypatch):
 def test_a_spacecraft_that_tumbles_is_confirmed_by_both_engines(planar):
     """Expected: 20 N m s rotate it four times and more in 100 s; errors stay those of rounding."""
     problem = along(
-        planar.model, Task.PLANAR_POSE, [2.1, 0, 0], [2.1, 0.2, 0], UPRIGHT, 100.0, [0, 0, 20.0]
+        planar.model, ff.Task.PLANAR_POSE, [2.1, 0, 0], [2.1, 0.2, 0], UPRIGHT, 100.0, [0, 0, 20.0]
     )
     motion = simulated(problem, heading(10.0), 0)
     assert motion.completed
@@ -289,15 +285,15 @@ GRAM, HEAVY = 1e-3, 4e5
 def planar_line(masses, moments):
     """A short line of an arm of 1.0, 1.0 and 0.4 m."""
     text = planar_robot(masses, moments, [0.5, 0.5, 0.2], [0.5, 0.5, 0.5, 0.2])
-    model = FreeFloatingModel.from_urdf(text)
+    model = ff.FreeFloatingModel.from_urdf(text)
     pose = model.end_effector_pose([0, 0, 0, 1], [0.4, 0.9, -0.5])
     away = pose.position + np.array([-0.1, 0.05, 0.0])
-    return along(model, Task.PLANAR_POSE, pose.position, away, pose.rotation, 50.0)
+    return along(model, ff.Task.PLANAR_POSE, pose.position, away, pose.rotation, 50.0)
 
 
 def elbow_up(problem):
     (joints,) = [b.joints for b in problem.branches([0, 0, 0, 1]) if b.joints[1] > 0.0]
-    return integrate_motion(problem, [0, 0, 0, 1], joints)
+    return ff.integrate_motion(problem, [0, 0, 0, 1], joints)
 
 
 @pytest.mark.parametrize("mass", [GRAM, HEAVY])
@@ -328,7 +324,7 @@ def test_an_arm_of_1200_tonnes_on_a_gram_is_singular():
     """Expected: an ending, not a numerical failure."""
     problem = planar_line([GRAM, *[HEAVY] * 3], [1e-6, *[1e6] * 3])
     for branch in problem.branches([0, 0, 0, 1]):
-        motion = integrate_motion(problem, [0, 0, 0, 1], branch.joints)
+        motion = ff.integrate_motion(problem, [0, 0, 0, 1], branch.joints)
         assert motion.ending is Ending.SINGULAR
         assert compiled_motion(motion).endings[0] == SINGULAR
 
@@ -340,7 +336,7 @@ def small(name, metres, kilograms=1.0):
     """A bundled problem with all lengths and masses scaled, and what follows from them."""
     robot = name.split("/")[0]
     text = (models_folder() / robot / f"{robot}.urdf").read_text()
-    model = FreeFloatingModel.from_urdf(in_units(text, metres, kilograms), "end_effector")
+    model = ff.FreeFloatingModel.from_urdf(in_units(text, metres, kilograms), "end_effector")
     usual = bundled(name)
     path = ff.EndEffectorPath(
         PolynomialCurve(metres * usual.path.path.curve.coefficients),
@@ -350,7 +346,7 @@ def small(name, metres, kilograms=1.0):
     momentum = metres**2 * kilograms * usual.momentum
     plain = along(model, usual.task, [0, 0, 0], [1, 0, 0], UPRIGHT)
     value = metres**4 * kilograms * usual.margin.threshold  # S of (21a): an inertia times an area
-    return ff.Problem(model, timed, usual.task, momentum, Margin(plain.margin.measure, value))
+    return ff.Problem(model, timed, usual.task, momentum, ff.Margin(plain.margin.measure, value))
 
 
 @pytest.mark.parametrize(
@@ -403,12 +399,12 @@ def test_a_planar_end_effector_passes_through_the_centre_of_mass():
 
 def test_a_spatial_end_effector_passes_through_the_centre_of_mass(spatial):
     """Expected: the line is completed from some attitude, with the end-effector there to 1e-8 m."""
-    problem = along(spatial.model, Task.POSE, [1, 0, 0], [-1, 0, 0], LEVEL)
+    problem = along(spatial.model, ff.Task.POSE, [1, 0, 0], [-1, 0, 0], LEVEL)
     results = FeasibilityEvaluator(problem, 1).evaluate(attitude_grid(16))
     completed = np.argwhere(results.motions.endings == COMPLETED)
     assert len(completed)
     at, branch = completed[0]
-    motion = integrate_motion(problem, results.attitudes[at], results.joints[at, branch])
+    motion = ff.integrate_motion(problem, results.attitudes[at], results.joints[at, branch])
     (middle,) = motion.sample(50.0)
     place = spatial.model.end_effector_pose(middle.attitude, middle.joints).position
     assert_close(place, 0.0, atol=1e-8)
@@ -421,8 +417,8 @@ def test_a_wrist_that_passes_through_the_centre_of_mass_has_no_robust_radius(spa
 
     `arm` does not see the shoulder, det S* does.
     """
-    line = along(spatial.model, Task.POSE, [1, 0.4, 0], [-1, 0.4, 0], LEVEL)
-    margin = Margin(ff.singularity_measure(spatial.model, Task.POSE, "arm"), 0.5)
+    line = along(spatial.model, ff.Task.POSE, [1, 0.4, 0], [-1, 0.4, 0], LEVEL)
+    margin = ff.Margin(ff.singularity_measure(spatial.model, ff.Task.POSE, "arm"), 0.5)
     problem = ff.Problem(line.model, line.path, line.task, line.momentum, margin)
     evaluator = FeasibilityEvaluator(problem, 1)
     results = evaluator.evaluate(attitude_grid(64))
@@ -446,7 +442,9 @@ def test_both_signs_of_a_quaternion_are_one_start(spatial, attitude):
     assert (first.motions.endings == other.motions.endings).all()
     assert_close(first.joints, other.joints, atol=1e-12)
     assert_close(first.motions.minimum, other.motions.minimum, atol=1e-9)
-    motions = [integrate_motion(spatial, sign * unit, first.joints[0, 0]) for sign in (1.0, -1.0)]
+    motions = [
+        ff.integrate_motion(spatial, sign * unit, first.joints[0, 0]) for sign in (1.0, -1.0)
+    ]
     assert_close(motions[0].final.joints, motions[1].final.joints, atol=1e-12)
     assert_close(motions[0].final.attitude, -motions[1].final.attitude, atol=1e-12)
 
@@ -463,10 +461,10 @@ def test_a_rotation_by_pi_from_the_grids_first_attitude_is_nothing_special(spati
     ).all()  # rotations by pi and -pi are equal
     assert_close(results.motions.minimum[:3], results.motions.minimum[3:], atol=1e-9)
     for k in range(3):
-        motion = integrate_motion(spatial, away[k], results.joints[k, 0])
+        motion = ff.integrate_motion(spatial, away[k], results.joints[k, 0])
         assert motion.completed == (results.motions.endings[k, 0] == COMPLETED)
         assert_close(
-            closest_approach(motion, spatial.margin.measure).value,
+            ff.closest_approach(motion, spatial.margin.measure).value,
             results.motions.minimum[k, 0],
             atol=1e-3,
         )

@@ -10,13 +10,9 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.momentum import Task, end_effector_jacobian, generalized_jacobian
-from freefloat.motion.integration import integrate_motion
-from freefloat.paths.curves import Curve
-from freefloat.paths.orientation import FixedOrientation
-from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
-from freefloat.robot.model import FreeFloatingModel
+import freefloat as ff
+from freefloat.dynamics.momentum import end_effector_jacobian
+from freefloat.paths import Curve, FixedOrientation, Stop, TimeLaw
 from tests.motions import (
     BAD,
     GOOD,
@@ -44,7 +40,7 @@ def there_and_back(problem, attitude, branch):
     there = simulated(problem, attitude, branch)
     assert there.completed
     final = there.final
-    back = integrate_motion(
+    back = ff.integrate_motion(
         problem, final.attitude, final.joints, start=problem.path.duration, end=0.0
     )
     return there, back
@@ -78,11 +74,11 @@ def test_reversal_is_a_forward_motion_with_opposite_momentum(spatial):
     """(47): from x2, the path from B to A with -h, forwards in time, ends at x1."""
     there, back = there_and_back(spatial, GOOD, 2)
     path = spatial.path.path
-    reverse = EndEffectorPath(Reversed(path.curve), path.orientation)
+    reverse = ff.EndEffectorPath(Reversed(path.curve), path.orientation)
     problem = replace(
-        spatial, path=TimedPath(reverse, spatial.path.timing), momentum=-spatial.momentum
+        spatial, path=ff.TimedPath(reverse, spatial.path.timing), momentum=-spatial.momentum
     )
-    again = integrate_motion(problem, there.final.attitude, there.final.joints)
+    again = ff.integrate_motion(problem, there.final.attitude, there.final.joints)
     assert again.completed
     assert_close(again.final.joints, there.initial.joints, atol=1e-7)
     assert_close(again.final.attitude, there.initial.attitude, atol=1e-7)
@@ -90,31 +86,31 @@ def test_reversal_is_a_forward_motion_with_opposite_momentum(spatial):
         (forward,), (backward,) = again.sample(100.0 - t), back.sample(t)
         assert_close(forward.joints, backward.joints, atol=1e-7)
     wrong = replace(problem, momentum=spatial.momentum)
-    final = integrate_motion(wrong, there.final.attitude, there.final.joints).final
+    final = ff.integrate_motion(wrong, there.final.attitude, there.final.joints).final
     assert np.abs(final.joints - there.initial.joints).max() > 1e-2
 
 
 def timed(problem, momentum, timing):
     """Example 2 from the good attitude with other timing and momentum."""
-    path = TimedPath(problem.path.path, timing)
+    path = ff.TimedPath(problem.path.path, timing)
     motion = simulated(replace(problem, path=path, momentum=momentum), GOOD, 2)
     assert motion.completed
     return motion.final
 
 
 LAWS = [
-    Timing(100.0, TimeLaw.CUBIC),
-    Timing(100.0, TimeLaw.TRAPEZOIDAL),
-    Timing(100.0, TimeLaw.QUINTIC, (Stop(0.3, 45.0), Stop(0.7, 75.0))),
-    Timing(3.0),
-    Timing(1e4),
+    ff.Timing(100.0, TimeLaw.CUBIC),
+    ff.Timing(100.0, TimeLaw.TRAPEZOIDAL),
+    ff.Timing(100.0, TimeLaw.QUINTIC, (Stop(0.3, 45.0), Stop(0.7, 75.0))),
+    ff.Timing(3.0),
+    ff.Timing(1e4),
 ]
 
 
 @pytest.mark.parametrize("timing", LAWS)
 def test_without_momentum_the_end_does_not_depend_on_time(spatial, timing):
     """h = 0: the motion of the base is geometric, whatever the law, the stops, the duration."""
-    usual = timed(spatial, [0, 0, 0], Timing(100.0))
+    usual = timed(spatial, [0, 0, 0], ff.Timing(100.0))
     other = timed(spatial, [0, 0, 0], timing)
     assert_agrees("test_without_momentum_the_end_does_not_depend_on_time", apart(other, usual))
 
@@ -122,7 +118,7 @@ def test_without_momentum_the_end_does_not_depend_on_time(spatial, timing):
 @pytest.mark.parametrize("timing", LAWS[:4])
 def test_with_momentum_the_end_depends_on_time(spatial, timing):
     """h != 0: the system drifts while the end-effector follows, and longer drifts differ."""
-    usual = timed(spatial, [0.5, 0.3, 0.1], Timing(100.0))
+    usual = timed(spatial, [0.5, 0.3, 0.1], ff.Timing(100.0))
     other = timed(spatial, [0.5, 0.3, 0.1], timing)
     rotation = Rotation.from_quat(other.attitude).inv() * Rotation.from_quat(usual.attitude)
     assert rotation.magnitude() > 5e-3
@@ -190,10 +186,10 @@ class JointLoop(Curve):
 
 
 def looping(aside, loops, law=TimeLaw.QUINTIC):
-    model, upright = FreeFloatingModel.from_urdf(two(aside), "tool"), FixedOrientation(np.eye(3))
-    loop, timing = JointLoop(aside, loops), Timing(30.0 * loops, law)
-    problem = problem_with(model, Task.PLANAR_POSITION, [0, 0, 0], loop, upright, timing)
-    return integrate_motion(problem, [0, 0, 0, 1], [0.9, 0.7])
+    model, upright = ff.FreeFloatingModel.from_urdf(two(aside), "tool"), FixedOrientation(np.eye(3))
+    loop, timing = JointLoop(aside, loops), ff.Timing(30.0 * loops, law)
+    problem = problem_with(model, ff.Task.PLANAR_POSITION, [0, 0, 0], loop, upright, timing)
+    return ff.integrate_motion(problem, [0, 0, 0, 1], [0.9, 0.7])
 
 
 @pytest.mark.parametrize("law", TimeLaw)
@@ -224,7 +220,7 @@ def test_ten_closed_loops_turn_the_spacecraft_ten_times_as_far():
 
 def test_scaling_every_mass_and_the_momentum_changes_nothing(spatial):
     """Twice the mass with twice the momentum drifts alike."""
-    model = FreeFloatingModel.from_urdf(
+    model = ff.FreeFloatingModel.from_urdf(
         spatial.model.description.text, "end_effector", scale_mass=2.0
     )
     problem = replace(spatial, model=model, momentum=2.0 * spatial.momentum)
@@ -236,13 +232,13 @@ def test_scaling_every_mass_and_the_momentum_changes_nothing(spatial):
 def test_heavy_base_recovers_the_fixed_base_arm(data: st.DataObject, robot: Robot) -> None:
     """On a spacecraft 100 times heavier the arm is 100 times nearer to one on a fixed base."""
     light, heavy = (
-        FreeFloatingModel.from_urdf(robot.text, robot.end_effector, scale_mass={"bus": factor})
+        ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector, scale_mass={"bus": factor})
         for factor in (1e5, 1e7)
     )
     q = data.draw(joint_values(light.dof))
     fixed_base = end_effector_jacobian(light, q)[:, 6:]
     near, nearer = (
-        relative(generalized_jacobian(model, q), fixed_base) for model in (light, heavy)
+        relative(ff.generalized_jacobian(model, q), fixed_base) for model in (light, heavy)
     )
     assert near < 0.02
     assert_agrees("test_heavy_base_recovers_the_fixed_base_arm", abs(100.0 * nearer / near - 1.0))

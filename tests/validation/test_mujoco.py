@@ -13,9 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.momentum import generalized_jacobian
-from freefloat.io.scenario.scenario import load_scenario
-from freefloat.robot.model import FreeFloatingModel
+import freefloat as ff
 from freefloat.so3 import heading_quaternion
 from freefloat.verification.engines.mujoco import forward_run
 from freefloat.verification.engines.mujoco_model import Engine, wxyz
@@ -35,9 +33,11 @@ assert_close = partial(np.testing.assert_allclose, rtol=0)
 def motions():
     """Example 2 and Example 1, each from its good attitude."""
     return {
-        "spatial": simulated(load_scenario("spatial_6dof/line").problem(), GOOD, 2),
+        "spatial": simulated(ff.load_scenario("spatial_6dof/line").problem(), GOOD, 2),
         "planar": simulated(
-            load_scenario("planar_3dof/parabola").problem(), heading_quaternion(np.deg2rad(200)), 0
+            ff.load_scenario("planar_3dof/parabola").problem(),
+            heading_quaternion(np.deg2rad(200)),
+            0,
         ),
     }
 
@@ -168,7 +168,7 @@ def test_tampered_records_are_noticed_by_mujoco(motions, engines):
 def all_motions(motions):
     """And a stock arm without a spherical wrist, and a redundant one."""
     stock = {
-        name: simulated(load_scenario(name).problem(), [0, 0, 0, 1], branch)
+        name: simulated(ff.load_scenario(name).problem(), [0, 0, 0, 1], branch)
         for name, branch in (("ur5_servicer/arc", 7), ("panda_servicer/line", 0))
     }
     return {**motions, **stock}
@@ -231,11 +231,11 @@ def mujoco_generalized_jacobian(
 def test_mujoco_finds_the_same_generalized_jacobian(data: st.DataObject, robot: Robot) -> None:
     """Any structure: revolute, prismatic, fixed in mid-chain, a second, fixed arm."""
     fixed = dict(zip(robot.others, [0.7, -1.3, 0.4], strict=False))
-    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector, fixed_joints=fixed)
+    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector, fixed_joints=fixed)
     assert model.joint_names == robot.joints
     q = data.draw(joint_values(model.dof))
     expected = mujoco_generalized_jacobian(robot, q, fixed)
-    worst = relative(generalized_jacobian(model, q), expected)
+    worst = relative(ff.generalized_jacobian(model, q), expected)
     assert_agrees("test_mujoco_finds_the_same_generalized_jacobian", worst)
 
 

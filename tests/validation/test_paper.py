@@ -5,12 +5,10 @@ from functools import cache, partial
 import numpy as np
 import pytest
 
+import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.motion.extrema import closest_approach
-from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.planning.plane.ranges import find_range_limits, heading_ranges
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import heading_of, heading_quaternion
 from tests.motions import (
     BAD,
@@ -34,7 +32,7 @@ def test_example_2_completes_from_the_printed_attitude(spatial):
     near = [b for b in spatial.branches(attitude) if abs(b.joints[0] - 1.25) < 0.05]
     assert len(near) == 4  # elbow and wrist either way
     for branch in near:
-        motion = integrate_motion(spatial, attitude, branch.joints)
+        motion = ff.integrate_motion(spatial, attitude, branch.joints)
         assert motion.ending is Ending.COMPLETED
         assert motion.final.time == 100.0
         position, angle = tracking(motion, np.linspace(0.0, 100.0, 200))
@@ -71,7 +69,7 @@ def test_the_printed_tangency_point_leads_back_to_the_printed_attitude(spatial):
     assert min(gaps) < 3e-3  # four printed digits of the attitude, metres of arm
     joints = gaps[min(gaps)]
     assert spatial.margin.measure(joints) == pytest.approx(-5.0, abs=0.02)
-    motion = integrate_motion(spatial, attitude, joints, start=42.25, end=0.0)
+    motion = ff.integrate_motion(spatial, attitude, joints, start=42.25, end=0.0)
     assert motion.completed
     assert motion.final.time == 0.0
     error = np.abs(motion.final.attitude - [0.46, 0.0935, 0.7352, -0.489]).max()
@@ -86,17 +84,17 @@ def test_example_1_at_140_and_200_degrees(planar):
     assert bad.ending is Ending.SINGULAR
     assert 0.0 < bad.final.time < 69.73
     assert good.completed
-    assert closest_approach(good, planar.margin.measure).value > 5.0
+    assert ff.closest_approach(good, planar.margin.measure).value > 5.0
     for degrees in (140.0, 200.0):
         other = on_side(planar, degrees, -1)
         assert other.completed
-        assert closest_approach(other, planar.margin.measure).sign == -1
+        assert ff.closest_approach(other, planar.margin.measure).sign == -1
 
 
 @pytest.mark.parametrize(("degrees", "limit"), [(160.5, "<"), (161.5, ">")])
 def test_the_limit_at_161_degrees_is_where_it_was_printed(planar, degrees, limit):
     """Theta_AB = [0, 63] U [161, 360] at A: smallest |S| passes S0 = 5 at 161 degrees."""
-    result = closest_approach(on_side(planar, degrees, 1), planar.margin.measure)
+    result = ff.closest_approach(on_side(planar, degrees, 1), planar.margin.measure)
     assert result.sign == 1
     assert result.value < 5.0 if limit == "<" else result.value > 5.0
 
@@ -104,7 +102,7 @@ def test_the_limit_at_161_degrees_is_where_it_was_printed(planar, degrees, limit
 @pytest.mark.parametrize(("degrees", "kept"), [(62.0, True), (63.6, False), (0.0, True)])
 def test_the_limit_at_63_degrees_is_where_it_was_printed(planar, degrees, kept):
     """The minimum of |S| passes S0 = 5 near 63 degrees, coming from 0."""
-    result = closest_approach(on_side(planar, degrees, 1), planar.margin.measure)
+    result = ff.closest_approach(on_side(planar, degrees, 1), planar.margin.measure)
     assert (result.value >= 5.0) == kept
 
 
@@ -131,7 +129,7 @@ def test_printed_tangency_points_lead_to_the_printed_headings(
         gaps[float(np.abs(gap).max())] = branch.joints
     assert min(gaps) < 1e-3
     assert planar.margin.measure(gaps[min(gaps)]) == pytest.approx(5.0, abs=0.03)
-    motion = integrate_motion(planar, attitude, gaps[min(gaps)], start=t_tangency, end=t)
+    motion = ff.integrate_motion(planar, attitude, gaps[min(gaps)], start=t_tangency, end=t)
     assert motion.completed
     result = np.degrees(heading_of(motion.final.attitude))
     error = abs((result - printed + 180.0) % 360.0 - 180.0)
@@ -144,7 +142,7 @@ def test_the_tangency_at_the_end_leads_to_the_printed_heading_at_f(planar):
     values = {planar.margin.measure(b.joints): b for b in planar.branches(attitude, 100.0)}
     nearest = min(values, key=lambda value: abs(value - 5.0))
     assert nearest == pytest.approx(5.0, abs=0.1)
-    motion = integrate_motion(planar, attitude, values[nearest].joints, start=100.0, end=69.73)
+    motion = ff.integrate_motion(planar, attitude, values[nearest].joints, start=100.0, end=69.73)
     assert np.degrees(heading_of(motion.final.attitude)) == pytest.approx(298.7, abs=0.06)
 
 
@@ -170,7 +168,7 @@ def limits_of(problem, span):
     return find_range_limits(problem, span)
 
 
-def test_published_planar_barycentric_lengths(planar_3dof: FreeFloatingModel) -> None:
+def test_published_planar_barycentric_lengths(planar_3dof: ff.FreeFloatingModel) -> None:
     """The paper's a, b, c, d."""
     lengths = VirtualManipulator.of(planar_3dof).lengths
     error = np.abs(np.array(lengths) - [0.424628, 1.783439, 0.966030, 0.399575]).max()

@@ -9,10 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.momentum import Task
-from freefloat.motion.integration import integrate_motion
-from freefloat.paths.timing import TimeLaw, Timing
-from freefloat.robot.model import FreeFloatingModel
+import freefloat as ff
+from freefloat.paths import TimeLaw
 from tests.motions import (
     GOOD,
     PRISMATIC_ARM,
@@ -77,13 +75,13 @@ def deviation(motion, reference, times):
 
 
 def prismatic(momentum):
-    model = FreeFloatingModel.from_urdf(PRISMATIC_ARM, "tool")
+    model = ff.FreeFloatingModel.from_urdf(PRISMATIC_ARM, "tool")
     attitude = Rotation.from_rotvec([-0.2, 0.5, 0.3]).as_quat()
     joints = np.array([0.4, 0.7, 0.6])
-    timing = Timing(25.0, TimeLaw.TRAPEZOIDAL)
+    timing = ff.Timing(25.0, TimeLaw.TRAPEZOIDAL)
     step = [0.3, 0.5, -0.4]
     problem = from_here(
-        model, Task.POSITION, momentum, attitude, joints, step, [0, 0, 0], timing
+        model, ff.Task.POSITION, momentum, attitude, joints, step, [0, 0, 0], timing
     )  # fmt: skip
     return problem, attitude, joints
 
@@ -94,7 +92,7 @@ def example_2():
     return problem, attitude, problem.branches(attitude)[2].joints
 
 
-def example_1(task=Task.PLANAR_POSE):
+def example_1(task=ff.Task.PLANAR_POSE):
     problem = replace(bundled("planar_3dof/parabola"), task=task)
     attitude = heading(200.0)
     return problem, attitude, bundled("planar_3dof/parabola").branches(attitude)[0].joints
@@ -102,17 +100,17 @@ def example_1(task=Task.PLANAR_POSE):
 
 def wrist_free(momentum):
     problem, attitude, joints = example_2()
-    return replace(problem, task=Task.POSITION, momentum=momentum), attitude, joints
+    return replace(problem, task=ff.Task.POSITION, momentum=momentum), attitude, joints
 
 
 CASES = {
     "spatial pose": example_2,
     "planar pose with a stop": example_1,
-    "three joints, planar position": lambda: example_1(Task.PLANAR_POSITION),
+    "three joints, planar position": lambda: example_1(ff.Task.PLANAR_POSITION),
     "six joints, position": lambda: wrist_free([0.5, 0.3, 0.1]),
-    "seven joints, pose": lambda: seven(Task.POSE, [0.4, -0.2, 0.3]),
-    "seven joints, no momentum": lambda: seven(Task.POSE, [0, 0, 0]),
-    "seven joints, position": lambda: seven(Task.POSITION, [0.4, -0.2, 0.3]),
+    "seven joints, pose": lambda: seven(ff.Task.POSE, [0.4, -0.2, 0.3]),
+    "seven joints, no momentum": lambda: seven(ff.Task.POSE, [0, 0, 0]),
+    "seven joints, position": lambda: seven(ff.Task.POSITION, [0.4, -0.2, 0.3]),
     "prismatic joint": lambda: prismatic([0.2, 0.1, -0.3]),
     "prismatic joint, no momentum": lambda: prismatic([0, 0, 0]),
 }
@@ -127,7 +125,7 @@ FAST = {"planar pose with a stop", "seven joints, no momentum", "prismatic joint
 def test_a_plain_integration_agrees(case):
     """In time, from the mass matrix, redundant rates by a KKT system: the same to 1e-7."""
     problem, attitude, joints = CASES[case]()
-    motion = integrate_motion(problem, attitude, joints)
+    motion = ff.integrate_motion(problem, attitude, joints)
     assert motion.completed
     times = np.linspace(0.0, problem.path.duration, 12)
     worst = deviation(motion, plain(problem, attitude, joints, times), times)
@@ -148,7 +146,7 @@ def test_a_plain_integration_of_the_printed_path_agrees():
         return np.concatenate([(B - A) * 30 * tau**2 * (1 - tau) ** 2 / 100.0, np.zeros(3)])
 
     times = np.linspace(0.0, 100.0, 9)
-    motion = integrate_motion(problem, attitude, joints)
+    motion = ff.integrate_motion(problem, attitude, joints)
     assert deviation(motion, plain(problem, attitude, joints, times, twist), times) < 1e-7
 
 
@@ -156,7 +154,7 @@ def test_a_plain_integration_of_the_printed_path_agrees():
 def test_the_centre_of_mass_stays_put(case):
     """No force from outside: it rests at the origin, and what turns the base keeps it there."""
     problem, attitude, joints = CASES[case]()
-    motion = integrate_motion(problem, attitude, joints)
+    motion = ff.integrate_motion(problem, attitude, joints)
     model, T = problem.model.pin_model, problem.path.duration
     data, h = model.createData(), 1e-4 * problem.path.duration
     for t in np.linspace(0.1, 0.9, 9) * T:

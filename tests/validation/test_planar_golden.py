@@ -8,14 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from freefloat.dynamics.momentum import (
-    Task,
-    generalized_jacobian,
-    inertia_matrices,
-    system_matrix,
-)
+import freefloat as ff
+from freefloat.dynamics.momentum import inertia_matrices, system_matrix
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.robot.model import FreeFloatingModel
 from tests.motions import (
     bundled,
     relative,
@@ -45,8 +40,8 @@ CBK_PAN = (
 )
 
 
-def planar_task(dof: int) -> Task:
-    return {2: Task.PLANAR_POSITION, 3: Task.PLANAR_POSE}[dof]
+def planar_task(dof: int) -> ff.Task:
+    return {2: ff.Task.PLANAR_POSITION, 3: ff.Task.PLANAR_POSE}[dof]
 
 
 @pytest.mark.parametrize(
@@ -62,12 +57,12 @@ def test_planar_golden_values(
     table: tuple[list[float], ...], joints: list[float], S: float, D: float, gjm: float
 ) -> None:
     """det A, D and det S* of three planar systems, to all digits known from three other codes."""
-    model = FreeFloatingModel.from_urdf(planar_robot(*table))
+    model = ff.FreeFloatingModel.from_urdf(planar_robot(*table))
     task = planar_task(model.dof)
     result = [
         np.linalg.det(system_matrix(model, joints, task)),
         inertia_matrices(model, joints)[0][2, 2],
-        np.linalg.det(generalized_jacobian(model, joints, task)),
+        np.linalg.det(ff.generalized_jacobian(model, joints, task)),
     ]
     assert_agrees("test_planar_golden_values", np.abs(np.array(result) - [S, D, gjm]).max())
 
@@ -112,7 +107,7 @@ def test_planar_determinant_equals_the_closed_form(seed: int, q: np.ndarray) -> 
     rng, n = np.random.default_rng(seed), len(q)
     m, inertia = np.exp(rng.uniform(-1, 4, n + 1)), np.exp(rng.uniform(-3, 3, n + 1))
     before, after = rng.uniform(0.05, 1.5, n), rng.uniform(0.05, 1.5, n + 1)
-    model = FreeFloatingModel.from_urdf(planar_robot(m, inertia, before, after))
+    model = ff.FreeFloatingModel.from_urdf(planar_robot(m, inertia, before, after))
     S, size, D = closed_form(m, inertia, before, after, q)
     A = system_matrix(model, q, planar_task(n))
     D_model, Dq = inertia_matrices(model, q)
@@ -120,7 +115,7 @@ def test_planar_determinant_equals_the_closed_form(seed: int, q: np.ndarray) -> 
     error = abs(np.linalg.det(A) - S) / size
     assert_agrees("test_planar_determinant_equals_the_closed_form", error)
     assert D_model[2, 2] * np.linalg.det(
-        generalized_jacobian(model, q, planar_task(n))
+        ff.generalized_jacobian(model, q, planar_task(n))
     ) == pytest.approx(S, abs=1e-9 * size)
     # joint j rotates bodies j and beyond
     assert relative(rates, np.cumsum(D[::-1])[::-1]) < 1e-12
@@ -128,7 +123,7 @@ def test_planar_determinant_equals_the_closed_form(seed: int, q: np.ndarray) -> 
 
 def test_a_closed_joint_loop_rotates_the_base() -> None:
     """The base is rotated by -2.35462974398 degrees: drift is not holonomic."""
-    model = FreeFloatingModel.from_urdf(planar_robot(*TWO_LINKS))
+    model = ff.FreeFloatingModel.from_urdf(planar_robot(*TWO_LINKS))
 
     def rate(phase: float) -> float:
         q = [0.3 + 0.6 * np.cos(phase), 0.7 + 0.6 * np.sin(phase)]
@@ -144,5 +139,5 @@ def test_the_bundled_planar_arm_is_the_published_one() -> None:
     model = bundled("planar_2dof/line").model
     lengths = VirtualManipulator.of(model).lengths
     assert_close(lengths, [20 / 47, 42 / 47, 45.5 / 47], atol=1e-12)
-    S = np.linalg.det(system_matrix(model, [0.3, 0.7], Task.PLANAR_POSITION))
+    S = np.linalg.det(system_matrix(model, [0.3, 0.7], ff.Task.PLANAR_POSITION))
     assert np.isclose(S, 3.753986067, rtol=0, atol=1e-9)

@@ -10,15 +10,11 @@ from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipj
 
-from freefloat.io.scenario.scenario import load_scenario
+import freefloat as ff
 from freefloat.limits.collision import collision_shapes, scene_shapes
 from freefloat.limits.pairs import CollisionPairs
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_mesh
-from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
-from freefloat.scene.scene import Scene
-from freefloat.scene.scene_body import SceneBody
-from freefloat.scene.tumbling import Tumbling
+from freefloat.robot.shapes import MeshFile
 from freefloat.so3 import Pose
 from tests.prismatic import shape_text
 from tests.robots import random_robot
@@ -89,7 +85,7 @@ class Elliptic:
 def test_ten_revolutions_are_those_of_jacobi(moments, p, r):
     exact = Elliptic(moments, abs(p), r)
     sign = np.diag([np.sign(p), np.sign(p), 1.0])  # a half-turn about z of the whole motion
-    tumbling = Tumbling(np.array(moments), [p, 0.0, r])
+    tumbling = ff.Tumbling(np.array(moments), [p, 0.0, r])
     revolution = 2.0 * np.pi / np.linalg.norm(exact.rate)
     for t in TURNS * revolution * np.array([0.013, 0.21, 0.5, 0.77, 1.0]):
         expected = sign @ exact.rotation(t) @ sign
@@ -109,8 +105,8 @@ def test_distances_from_a_ball_are_exact(seed):
     last = robot.text.rindex("</link>")
     text = robot.text[:last] + shape_text(f'<sphere radius="{RADIUS}"/>') + robot.text[last:]
     size, radius = rng.uniform(0.1, 1.0, 3), 0.3
-    scene = Scene([SceneBody("box", Box(size)), SceneBody("ball", Sphere(radius))])
-    model = FreeFloatingModel.from_urdf(text, robot.end_effector)
+    scene = ff.Scene([ff.SceneBody("box", ff.Box(size)), ff.SceneBody("ball", ff.Sphere(radius))])
+    model = ff.FreeFloatingModel.from_urdf(text, robot.end_effector)
     pairs = CollisionPairs(model, scene=scene)
     for _ in range(100):
         attitude, joints = Rotation.random(rng=rng).as_quat(), rng.uniform(-2.0, 2.0, model.dof)
@@ -130,14 +126,14 @@ def test_distances_from_a_ball_are_exact(seed):
 @pytest.mark.parametrize("name", ["ur5_servicer/arc", "panda_servicer/line"])
 def test_distances_of_meshes_are_those_of_mujoco(name, rng):
     """Convex parts of the arm's meshes, and a box, a cylinder and a mesh in the scene."""
-    model = load_scenario(name).model()
+    model = ff.load_scenario(name).model()
     link = next(shape for link in model.description.links for shape in link.collisions
                 if isinstance(shape.geometry, MeshFile))  # fmt: skip
     mesh = find_mesh(link.geometry.filename, model.description.source)
-    scene = Scene([
-        SceneBody("box", Box([0.6, 0.5, 0.9])),
-        SceneBody("mast", Cylinder(0.05, 1.0)),
-        SceneBody("part", MeshFile(str(mesh), (3.0, 3.0, 3.0))),
+    scene = ff.Scene([
+        ff.SceneBody("box", ff.Box([0.6, 0.5, 0.9])),
+        ff.SceneBody("mast", ff.Cylinder(0.05, 1.0)),
+        ff.SceneBody("part", MeshFile(str(mesh), (3.0, 3.0, 3.0))),
     ])  # fmt: skip
     pairs = CollisionPairs(model, scene=scene)
     others = np.flatnonzero(pairs.pairs[:, 1] >= len(collision_shapes(model)))

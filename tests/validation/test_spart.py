@@ -9,10 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.momentum import (
-    generalized_jacobian,
-)
-from freefloat.robot.model import FreeFloatingModel
+import freefloat as ff
 from tests.motions import (
     relative,
 )
@@ -69,12 +66,12 @@ def test_spart_finds_the_same_generalized_jacobian(
         robot = random_robot(rng, chain, branch)
         fixed = dict(zip(robot.others, rng.uniform(-2.0, 2.0, len(robot.others)), strict=True))
         marked = robot.with_frame("centre", robot.end_effector_centre[0], "0 0 0")
-        model = FreeFloatingModel.from_urdf(marked.text, marked.end_effector, fixed_joints=fixed)
+        model = ff.FreeFloatingModel.from_urdf(marked.text, marked.end_effector, fixed_joints=fixed)
         for q in rng.uniform(-3.0, 3.0, (4, model.dof)):
             bus = Rotation.from_euler("xyz", _bus_angles(robot)).as_matrix()
             S = spart_generalized_jacobian(tmp_path / f"{number}.urdf", robot, q, fixed)
             seen = np.vstack([bus @ S[:3], bus @ S[3:]])
-            worst = relative(generalized_jacobian(model, q), seen)
+            worst = relative(ff.generalized_jacobian(model, q), seen)
             assert_agrees("test_spart_finds_the_same_generalized_jacobian", worst)
 
 

@@ -9,7 +9,6 @@ import pytest
 from matplotlib.axes import Axes
 
 import freefloat as ff
-from freefloat.motion.problem import Problem
 from freefloat.planning.simulation import Simulation
 from freefloat.so3 import heading_of
 from tests.figures import labels, line
@@ -20,7 +19,7 @@ NAMES = ["spacecraft (pointing.0)", "end_effector (pointing.1)", "turn of the sp
 
 
 @pytest.fixture(scope="module")
-def simulation(planar: Problem) -> Simulation:
+def simulation(planar: ff.Problem) -> Simulation:
     limits = ff.Limits(pointing=[ANTENNA, TRACKER], base_turn=0.5)
     return ff.simulate(planar, heading=np.radians(200.0), branch=0, limits=limits)
 
@@ -57,6 +56,7 @@ def test_the_forbidden_side_is_shaded(panels: list[Axes]) -> None:
     assert [labels(axes)[1].split()[0] for axes in panels] == ["inside", "outside", "at"]
 
 
+@pytest.mark.slow
 def test_plans_and_simulations_without_such_limits_have_no_figure(simulation: Simulation) -> None:
     rates = replace(simulation, limits=ff.Limits(base_rate=1.0), limit_results=())
     assert "angles" not in ff.figures(rates)

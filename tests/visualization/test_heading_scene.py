@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import umsgpack
 
 import freefloat as ff
 from freefloat.planning.domain import SearchDomain
@@ -14,6 +13,7 @@ from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.scenes.heading_scene import NODE, heading_scene
 from tests.maps import branch_results
+from tests.scene_commands import commands
 
 MARGINS = np.array([[9.0, 6.0, 4.0, 0.0], [np.nan, 20.0, np.nan, 7.0]])
 
@@ -29,16 +29,15 @@ def test_a_quadrilateral_stands_for_each_motion() -> None:
     results = branch_results(heading_quaternion(headings), MARGINS.T, 3)
     result = HeadingMap(problem, results, headings, (0, 3))
     scene = heading_scene(result)
-    commands = map(umsgpack.unpackb, scene.objects)
-    drawn = {c["path"]: c["object"] for c in commands if c["type"] == "set_object"}
+    drawn = commands(scene, "set_object")
     for number, name in enumerate(("elbow+", "branch 3")):
         (reached,) = np.nonzero(np.isfinite(MARGINS[number]))
-        centres = attribute(drawn[f"/meshcat/{NODE}/{name}"], "position").mean(axis=1)
+        centres = attribute(drawn[f"/meshcat/{NODE}/{name}"]["object"], "position").mean(axis=1)
         directions = centres[:, :2] / np.linalg.norm(centres, axis=1)[:, None]
         angles = result.headings[reached]
         wanted = np.column_stack([np.cos(angles), np.sin(angles)])
         assert directions == pytest.approx(wanted, abs=1e-6)
-        colours = attribute(drawn[f"/meshcat/{NODE}/{name}"], "color")[:, 0]
+        colours = attribute(drawn[f"/meshcat/{NODE}/{name}"]["object"], "color")[:, 0]
         wanted = scene.description.scale(MARGINS[number, reached])
         assert colours == pytest.approx(wanted, abs=1e-6)
     below, kept = scene.description.scale(np.array([4.0, 6.0]))

@@ -10,9 +10,9 @@ import pytest
 import umsgpack
 from scipy.spatial.transform import Rotation
 
+import freefloat as ff
 from freefloat.ensemble.endings import UNREACHED as UNREACHED_CODE
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import Ball, BoundaryPoint, Peak
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.mapping import sample_attitudes
@@ -40,7 +40,7 @@ def quaternion(vector: list[float]) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def result(spatial: Problem) -> AttitudeMap:
+def result(spatial: ff.Problem) -> AttitudeMap:
     sampled = sample_attitudes(FeasibilityEvaluator(spatial), 600)
     return replace(
         sampled,
@@ -120,6 +120,7 @@ def test_attitudes_that_do_not_reach_the_path_are_distinguished(result: Attitude
     assert samples.margins[others] == pytest.approx(result.margins[others, ::2])
 
 
+@pytest.mark.slow
 def test_many_samples_are_thinned_evenly(result: AttitudeMap) -> None:
     many = branch_results(np.tile(result.attitudes, (100, 1)), np.tile(result.margins, (100, 1)))
     drawn = points(map_scene(replace(result, results=many)), BEST_BRANCH)

@@ -8,23 +8,22 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
+import freefloat as ff
 from freefloat.io.formats.trajectory import Trajectory
-from freefloat.io.scenario.scenario import load_scenario
-from freefloat.planning.simulation import SimulatedBranch, simulate
+from freefloat.planning.simulation import SimulatedBranch
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figure_style import PALE, VERMILION, axis_label
 from freefloat.visualization.figures.motion_figures import (
     euler_angles,
-    headings,
     motion_figures,
     shown_times,
 )
-from tests.figures import labels, line
+from tests.figures import line
 
 
 def simulated(name: str, attitude: list[float] | float, branch: int) -> SimulatedBranch:
     start = attitude if isinstance(attitude, list) else heading_quaternion(np.deg2rad(attitude))
-    return simulate(load_scenario(name).problem(), start, branch=branch).chosen
+    return ff.simulate(ff.load_scenario(name).problem(), start, branch=branch).chosen
 
 
 @pytest.fixture(scope="module")
@@ -42,27 +41,17 @@ def spatial() -> SimulatedBranch:
     return simulated("spatial_6dof/line", [0.46008, 0.09337, 0.73519, -0.48898], 2)
 
 
-@pytest.fixture(scope="module")
-def redundant() -> SimulatedBranch:
-    return simulated("panda_servicer/line", [0.0, 0.0, 0.0, 1.0], 0)
-
-
 Drawn = tuple[SimulatedBranch, dict[str, Figure]]
 
 
-@pytest.fixture(
-    scope="module",
-    params=[
-        *("planar", "singular", "spatial"),
-        pytest.param("redundant", marks=pytest.mark.slow),
-    ],
-)
+@pytest.fixture(scope="module", params=["planar", "singular", "spatial"])
 def drawn(request: pytest.FixtureRequest) -> Drawn:
     """A motion and its figures."""
     branch: SimulatedBranch = request.getfixturevalue(request.param)
     return branch, motion_figures(branch.motion, branch.closest_approach)
 
 
+@pytest.mark.slow
 def test_the_motion_is_drawn_as_it_is(spatial: SimulatedBranch) -> None:
     motion = spatial.motion
     trajectory = Trajectory.of(motion, shown_times(motion))
@@ -91,27 +80,6 @@ def test_euler_angles_rebuild_the_attitude_and_do_not_jump() -> None:
         assert np.allclose(euler_angles(attitudes), angles, atol=1e-10)
 
 
-def test_headings_begin_in_the_first_revolution_and_do_not_jump() -> None:
-    for start in (200.0, 359.9):
-        wanted = start + np.linspace(0.0, 400.0, 60)
-        attitudes = heading_quaternion(np.radians(wanted))
-        assert np.allclose(headings(attitudes), wanted, atol=1e-10)
-
-
-def test_a_planar_motion_shows_its_heading_and_its_rest(planar: SimulatedBranch) -> None:
-    axes = motion_figures(planar.motion, planar.closest_approach)["motion"].axes
-    heading = line(axes[2], "heading")
-    assert heading[0, 1] == pytest.approx(200.0)
-    assert line(axes[3], r"$\omega_z$")[0, 1] == pytest.approx(
-        (heading[1, 1] - heading[0, 1]) / (heading[1, 0] - heading[0, 0]), rel=1e-2
-    )
-    assert labels(axes[4]) == ["$x$", "$y$"]
-    stop = planar.motion.problem.path.timing.stops[0].t
-    assert line(axes[5], "at rest")[:, 0].tolist() == [stop, stop]
-    for panel in axes:
-        assert any(set(np.atleast_1d(drawn.get_xdata())) == {stop} for drawn in panel.lines)
-
-
 def test_rates_stay_readable_towards_a_singular_end(singular: SimulatedBranch) -> None:
     axes = motion_figures(singular.motion, singular.closest_approach)["motion"].axes
     early = Trajectory.of(singular.motion, np.linspace(0.0, 0.97 * singular.motion.final.time, 50))
@@ -122,6 +90,7 @@ def test_rates_stay_readable_towards_a_singular_end(singular: SimulatedBranch) -
     assert line(axes[5], "singular")[:, 0].tolist() == [singular.motion.final.time] * 2
 
 
+@pytest.mark.slow
 def test_the_margin_is_drawn_where_it_is(drawn: Drawn) -> None:
     branch, figures = drawn
     (axes,) = figures["margin"].axes

@@ -11,8 +11,6 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.errors import InputError
-from freefloat.motion.problem import Problem
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.space.mapping import sample_attitudes
@@ -23,7 +21,7 @@ GOOD, BAD = [0.46008, 0.09337, 0.73519, -0.48898], [0.1, 0.5, 0.2, -0.8367]
 
 
 @pytest.mark.slow
-def test_a_page_plays_motions(browser: Browser, spatial: Problem, tmp_path: Path) -> None:
+def test_a_page_plays_motions(browser: Browser, spatial: ff.Problem, tmp_path: Path) -> None:
     """Example 2, feasible from one attitude and singular from the other."""
     motions = {
         "feasible": ff.simulate(spatial, GOOD, branch=0).chosen.motion,
@@ -92,7 +90,7 @@ def test_a_page_plays_phases_one_after_another(browser: Browser, tmp_path: Path)
 
 
 @pytest.mark.slow
-def test_a_page_shows_a_map(browser: Browser, spatial: Problem, tmp_path: Path) -> None:
+def test_a_page_shows_a_map(browser: Browser, spatial: ff.Problem, tmp_path: Path) -> None:
     result = sample_attitudes(FeasibilityEvaluator(spatial), 256)
     file = ff.playback(result).save(tmp_path / "map.html")
     with opened(browser, file) as page:
@@ -143,8 +141,8 @@ def test_a_page_shows_a_map_over_headings(browser: Browser, tmp_path: Path) -> N
         assert page.errors == []
 
 
-def test_what_cannot_be_shown_is_refused(spatial: Problem) -> None:
+def test_what_cannot_be_shown_is_refused(spatial: ff.Problem) -> None:
     infeasible = Plan(spatial, ff.Search(), False, "for a test")
     for result in (infeasible, spatial, {"name": spatial}, {}):
-        with pytest.raises(InputError):
+        with pytest.raises(ff.InputError):
             ff.playback(result)  # type: ignore[arg-type]

@@ -6,35 +6,28 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex
 
-from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.momentum import Task
-from freefloat.io.scenario.scenario import load_scenario
-from freefloat.motion.margin import Margin
+import freefloat as ff
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
 from freefloat.planning.plane.arcs import BranchRanges, HeadingRange
 from freefloat.planning.plane.heading_map import HeadingMap
-from freefloat.planning.simulation import simulate
 from freefloat.singularities.planar_regions import PlanarArm, point_3, two_angles
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figures.planar_figures import (
     headings_figure,
     joint_space_figure,
-    wrapped,
 )
 from tests.figures import labels, line
 from tests.maps import branch_results
 
-PLANAR = load_scenario("planar_3dof/parabola").problem()
+PLANAR = ff.load_scenario("planar_3dof/parabola").problem()
 BOTH = ("margin", "margin")
 
 
 @pytest.fixture(scope="module")
 def motions() -> list[Motion]:
     starts = [heading_quaternion(np.deg2rad(degrees)) for degrees in (200.0, 140.0)]
-    return [simulate(PLANAR, start, branch=0).chosen.motion for start in starts]
+    return [ff.simulate(PLANAR, start, branch=0).chosen.motion for start in starts]
 
 
 def test_s_is_what_the_curves_say(motions: list[Motion]) -> None:
@@ -75,25 +68,6 @@ def test_distance_curves_are_where_the_path_begins_and_ends(motions: list[Motion
         assert np.allclose(np.abs(point_3(arm, corners)), abs(point_3(arm, joints)), atol=1e-3)
 
 
-def test_levels_of_another_measure_are_not_drawn_as_s() -> None:
-    gjm = singularity_measure(PLANAR.model, PLANAR.task, "gjm")
-    problem = Problem(
-        PLANAR.model, PLANAR.path, PLANAR.task, PLANAR.momentum, Margin(gjm, 0.05)
-    )  # fmt: skip
-    (axes,) = joint_space_figure(problem, []).axes
-    assert [label for label in labels(axes) if "S" in label] == ["$S$ = 0 (singular)"]
-
-
-def test_curves_are_cut_where_they_leave_the_square() -> None:
-    rows = wrapped(np.array([[170.0, 0.0], [175.0, 10.0], [185.0, 20.0], [190.0, -10.0]]))
-    assert np.array_equal(
-        rows,
-        [[170.0, 0.0], [175.0, 10.0], [np.nan, np.nan], [-175.0, 20.0], [-170.0, -10.0]],
-        equal_nan=True,
-    )
-    assert np.array_equal(wrapped(np.array([[1.0, 2.0]])), [[1.0, 2.0]])
-
-
 def some_map() -> HeadingMap:
     """Two branches from eight headings, a margin of 5; one branch does not always reach."""
     margins = np.array([[0, 2, 6, 8, 9, 7, 4, 0], [9, 9, 9, np.nan, 0, 1, 5, 9]], dtype=float)
@@ -126,20 +100,10 @@ def test_shaded_spans_are_the_ranges() -> None:
         assert line(axes, "margin 5")[:, 1].tolist() == [5.0, 5.0]
 
 
-def test_without_ranges_the_samples_are_shaded() -> None:
-    first, second = headings_figure(some_map()).axes
-    assert np.allclose(spans(first), [(67.5, 247.5)])
-    assert np.allclose(spans(second), [(0.0, 112.5), (247.5, 360.0)])
-    assert labels(first)[0] == "elbow+"
-
-
 def test_a_redundant_arm_has_one_axes_for_the_best_branch() -> None:
     ranges = (BranchRanges(0, "any", (HeadingRange(0.5, 1.0, BOTH),), (0.5, 1.0)),)
-    redundant = replace(PLANAR, task=Task.PLANAR_POSITION)
-    result = replace(some_map(), problem=redundant)
-    (axes,) = headings_figure(result, ranges, (3, 0.7)).axes
+    redundant = replace(PLANAR, task=ff.Task.PLANAR_POSITION)
+    (axes,) = headings_figure(replace(some_map(), problem=redundant), ranges, (3, 0.7)).axes
     best = [9.0, 9.0, 9.0, 8.0, 9.0, 7.0, 5.0, 9.0]
     assert line(axes, "best branch")[:, 1].tolist() == best
     assert np.allclose(spans(axes), np.degrees([(0.5, 1.0)]))
-    assert len(line(axes, "chosen")) == 2
-    assert to_hex(axes.patches[0].get_facecolor()) != "#ffffff"

@@ -10,36 +10,28 @@ from typing import Any
 
 import numpy as np
 import pytest
-import umsgpack
 from meshcat import Visualizer
 from meshcat.path import Path as ScenePath
 from scipy.spatial.transform import Rotation, Slerp
 
+import freefloat as ff
 from freefloat.dynamics.measures import SingularityMeasure
-from freefloat.errors import InputError
-from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
-from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
-from freefloat.visualization.page.playback import Playback, playback
+from freefloat.visualization.page.playback import Playback
 from freefloat.visualization.scenes.description import MarginColours
 from freefloat.visualization.scenes.sampled_motion import key_times
 from freefloat.visualization.scenes.scene import motion_scene
 from freefloat.visualization.scenes.scene_builder import Scene
 from freefloat.visualization.scenes.visuals import body_poses, robot_visuals
+from tests.scene_commands import commands, tracks
 
-GOOD, BAD = [0.46008, 0.09337, 0.73519, -0.48898], [0.1, 0.5, 0.2, -0.8367]
-
-
-@pytest.fixture(scope="module")
-def motion(spatial: Problem) -> Motion:
-    return simulate(spatial, GOOD, branch=0).chosen.motion
+GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
 
 
 @pytest.fixture(scope="module")
-def singular(spatial: Problem) -> Motion:
-    return simulate(spatial, BAD, branch=2).chosen.motion
+def motion(spatial: ff.Problem) -> Motion:
+    return ff.simulate(spatial, GOOD, branch=0).chosen.motion
 
 
 @pytest.fixture(scope="module")
@@ -47,26 +39,13 @@ def scene(motion: Motion) -> Scene:
     return motion_scene({"good": motion}, "Example 2")
 
 
-def objects(scene: Scene) -> dict[str, dict[str, Any]]:
-    commands = map(umsgpack.unpackb, scene.objects)
-    return {c["path"]: c["object"] for c in commands if c["type"] == "set_object"}
-
-
 def attribute(item: dict[str, Any], name: str = "position") -> np.ndarray:
     packed = item["geometries"][0]["data"]["attributes"][name]["array"]
     return np.frombuffer(packed.data, dtype="<f4").reshape(-1, 3)
 
 
-def tracks(scene: Scene) -> dict[str, dict[str, np.ndarray]]:
-    """Times and values of float tracks by path and property."""
-    animation, values = umsgpack.unpackb(scene.animation), {}
-    for clip in animation["animations"]:
-        for track in clip["clip"]["tracks"]:
-            if track["type"] != "boolean":
-                key = f"{clip['path']}{track['name']}"
-                numbers = (track["times"].data, track["values"].data)
-                values[key] = [np.frombuffer(n, dtype="<f4").astype(float) for n in numbers]
-    return values
+def objects(scene: Scene) -> dict[str, dict[str, Any]]:
+    return {path: found["object"] for path, found in commands(scene, "set_object").items()}
 
 
 def test_tracks_are_the_poses_of_the_bodies(scene: Scene, motion: Motion) -> None:
@@ -81,11 +60,9 @@ def test_tracks_are_the_poses_of_the_bodies(scene: Scene, motion: Motion) -> Non
         assert off.magnitude().max() < 1e-5
 
 
-@pytest.mark.parametrize("name", ["motion", pytest.param("singular", marks=pytest.mark.slow)])
 def test_motions_are_nearly_straight_between_key_times(
-    name: str, request: pytest.FixtureRequest, rng: np.random.Generator
+    motion: Motion, rng: np.random.Generator
 ) -> None:
-    motion: Motion = request.getfixturevalue(name)
     keys = key_times(motion)
     assert (keys[0], keys[-1]) == (0.0, pytest.approx(motion.final.time, rel=1e-7))
     assert (np.diff(keys) > 0.0).all()
@@ -126,24 +103,12 @@ def test_the_momentum_arrow_points_along_the_momentum(scene: Scene, motion: Moti
 
 
 @pytest.mark.slow
-def test_clips_move_known_objects_and_last_as_long(motion: Motion) -> None:
-    long, short = (motion.cut(panels, motion.ending) for panels in (2.0, 1.0))
-    scene = motion_scene({"long": long, "short": short})
-    animation = umsgpack.unpackb(scene.animation)
-    (duration,) = {clip["clip"]["duration"] for clip in animation["animations"]}
-    assert duration == pytest.approx(long.final.time)
-    known = set(objects(scene)) | {f"/{target}" for _, target in scene.copies}
-    for clip in animation["animations"]:
-        assert any(path == clip["path"] or path.startswith(clip["path"] + "/") for path in known)
-
-
-@pytest.mark.slow
 def test_a_playback_goes_into_a_visualizer(motion: Motion) -> None:
     sent: list[dict[str, Any]] = []
     window = SimpleNamespace(send=lambda command: sent.append(command.lower()))
     visualizer = Visualizer.view_into(window, ScenePath(("meshcat", "mine")))
     short = motion.cut(1.0, motion.ending)
-    playback({"first": short, "second": short}).into(visualizer)
+    ff.playback({"first": short, "second": short}).into(visualizer)
     objects = [command["path"] for command in sent if command["type"] == "set_object"]
     shapes = len(robot_visuals(motion.problem.model).shapes)
     for name in ("first", "second"):  # the second robot is a copy
@@ -154,9 +119,9 @@ def test_a_playback_goes_into_a_visualizer(motion: Motion) -> None:
 
 
 @pytest.mark.slow
-def test_planar_rings_have_the_radii_of_the_areas(planar: Problem) -> None:
+def test_planar_rings_have_the_radii_of_the_areas(planar: ff.Problem) -> None:
     """The paper's areas of the last joint: dependent, independent, dependent."""
-    motion = simulate(planar, heading_quaternion(3.5), branch=0).chosen.motion
+    motion = ff.simulate(planar, heading_quaternion(3.5), branch=0).chosen.motion
     drawn = objects(motion_scene({"m": motion}))
     rings = [attribute(drawn[f"/meshcat/m/Areas/{k}"])[:, :2] for k in (1, 2, 3)]
     radii = [np.linalg.norm(ring, axis=1) for ring in rings]
@@ -168,20 +133,12 @@ def test_planar_rings_have_the_radii_of_the_areas(planar: Problem) -> None:
 
 def test_colours_show_what_is_below_the_margin() -> None:
     measure = SingularityMeasure("gjm", "", "m^3", lambda joints: 0.0)
-    scale = MarginColours.over(Margin(measure, 5.0), [np.array([1.0, 20.0]), np.array([])])
+    scale = MarginColours.over(ff.Margin(measure, 5.0), [np.array([1.0, 20.0]), np.array([])])
     below, just_below, margin, bright = scale(np.array([0.0, 4.999, 5.0, 20.0]))
     assert below.tolist() == just_below.tolist()
     assert np.abs(margin - below).max() > 0.3
     assert bright.sum() > margin.sum()
-    assert np.isfinite(MarginColours.over(Margin(measure, 0.0), [])(np.array([0.0]))).all()
-
-
-def test_the_first_view_covers_the_motion(scene: Scene, motion: Motion) -> None:
-    view, (positions, _) = scene.description.view, body_poses(motion, motion.node_coordinates)
-    points = np.concatenate([positions[:, 0], positions[:, -1]])
-    assert np.linalg.norm(points - view.centre, axis=1).max() <= view.radius + 0.05
-    arm = positions[:, 1:-1].mean(axis=1) - positions[:, 0]
-    assert (arm @ view.direction).mean() > 0.0  # in front of the spacecraft
+    assert np.isfinite(MarginColours.over(ff.Margin(measure, 0.0), [])(np.array([0.0]))).all()
 
 
 def test_a_page_carries_the_commands_and_may_request_nothing(scene: Scene) -> None:
@@ -197,8 +154,8 @@ def test_a_page_carries_the_commands_and_may_request_nothing(scene: Scene) -> No
     assert "Robin Deits" in text  # MeshCat's licence
 
 
-def test_motions_that_do_not_fit_on_a_page_are_refused(motion: Motion, planar: Problem) -> None:
-    other = simulate(planar, heading_quaternion(3.5), branch=0).chosen.motion
+def test_motions_that_do_not_fit_on_a_page_are_refused(motion: Motion, planar: ff.Problem) -> None:
+    other = ff.simulate(planar, heading_quaternion(3.5), branch=0).chosen.motion
     for motions in ({}, {"a/b": motion, "a∕b": motion}, {"a": motion, "b": other}):
-        with pytest.raises(InputError):
+        with pytest.raises(ff.InputError):
             motion_scene(motions)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from itertools import pairwise
 
 import numpy as np
@@ -10,28 +9,24 @@ import pytest
 from matplotlib.patches import Circle, Polygon, Wedge
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from freefloat.io.scenario.scenario import load_scenario
+import freefloat as ff
 from freefloat.motion.motion import Ending, Motion
-from freefloat.planning.simulation import simulate
-from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.names import models_folder
 from freefloat.singularities.planar_regions import point_3_on_path
-from freefloat.singularities.regions import exact_workspace, workspace_regions
+from freefloat.singularities.regions import exact_workspace
 from freefloat.so3 import heading_quaternion, rotation_matrix
 from freefloat.visualization.figures.scene_figures import (
     outlines,
     snapshots_figure,
     workspace_figure,
 )
-from freefloat.visualization.scenes.visuals import largest_box, robot_visuals
 from tests.figures import labels, line
 
-PLANAR = load_scenario("planar_3dof/parabola").problem()
+PLANAR = ff.load_scenario("planar_3dof/parabola").problem()
 AREAS = exact_workspace(PLANAR)
 
 
 def heading(degrees: float) -> Motion:
-    return simulate(PLANAR, heading_quaternion(np.deg2rad(degrees)), branch=0).chosen.motion
+    return ff.simulate(PLANAR, heading_quaternion(np.deg2rad(degrees)), branch=0).chosen.motion
 
 
 @pytest.fixture(scope="module")
@@ -46,8 +41,8 @@ def singular() -> Motion:
 
 @pytest.fixture(scope="module")
 def spatial() -> Motion:
-    problem = load_scenario("spatial_6dof/line").problem()
-    return simulate(problem, [0.1, 0.5, 0.2, -0.8367], branch=2).chosen.motion
+    problem = ff.load_scenario("spatial_6dof/line").problem()
+    return ff.simulate(problem, [0.1, 0.5, 0.2, -0.8367], branch=2).chosen.motion
 
 
 def test_areas_are_rings_around_the_centre_of_mass() -> None:
@@ -77,8 +72,8 @@ def test_the_path_runs_from_its_start_to_its_end() -> None:
 @pytest.mark.slow
 def test_in_space_the_distance_from_the_centre_is_shown() -> None:
     """The wrist of Example 2 passes two shells in which its arm can be singular."""
-    problem = load_scenario("spatial_6dof/line").problem()
-    areas = workspace_regions(problem)
+    problem = ff.load_scenario("spatial_6dof/line").problem()
+    areas = ff.workspace_regions(problem)
     figure = workspace_figure(problem, areas)
     (axes,) = figure.axes
     assert areas.path_dependent is not None
@@ -94,16 +89,6 @@ def test_in_space_the_distance_from_the_centre_is_shown() -> None:
     assert labels(axes) == [
         "measure arm can vanish", "measure arm cannot vanish", "reach", "wrist centre",
     ]  # fmt: skip
-
-
-@pytest.mark.slow
-def test_areas_that_are_not_known_are_not_drawn() -> None:
-    problem = load_scenario("panda_servicer/line").problem()
-    areas = workspace_regions(problem)
-    assert areas.path_dependent is None
-    (axes,) = workspace_figure(problem, areas).axes
-    assert len(axes.patches) == 0
-    assert labels(axes) == ["reach", "end-effector"]
 
 
 def test_the_robot_is_drawn_at_several_instants_the_last_the_darkest(good: Motion) -> None:
@@ -148,7 +133,7 @@ def test_snapshots_in_space_show_the_first_and_the_last_state(spatial: Motion) -
 
 def motion_at_rest(name: str, attitude: list[float]) -> Motion:
     """A motion with a single state."""
-    problem = load_scenario(name).problem()
+    problem = ff.load_scenario(name).problem()
     joints = problem.branches(attitude)[0].joints
     return Motion(problem, Ending.COMPLETED, np.zeros(1), np.array([attitude]), joints[None])
 
@@ -171,41 +156,3 @@ def test_the_arm_runs_from_its_mount_to_the_end_effector(name: str) -> None:
     lengths = [np.linalg.norm(body.placement.position) for body in model.bodies[2:]]
     drawn = [np.linalg.norm(b - a) for a, b in pairwise(shown.arm[1:-1])]
     assert np.allclose(drawn, lengths, atol=1e-12)
-
-
-@pytest.mark.slow
-def test_the_arm_starts_on_the_spacecraft() -> None:
-    """The first joint of a UR5 is 0.089 m above its base, which is on top of a cube of 1 m."""
-    motion = motion_at_rest("ur5_servicer/arc", [0.0, 0.0, 0.0, 1.0])
-    (shown,) = outlines(motion, [0.0])
-    mount, joint = shown.arm[:2] - motion.base_positions[0]
-    assert np.allclose(mount, [0.0, 0.0, 0.5], atol=1e-12)
-    assert joint[2] == pytest.approx(0.589, abs=1e-3)
-    (planar,) = outlines(motion_at_rest("planar_3dof/parabola", [0.0, 0.0, 0.0, 1.0]), [0.0])
-    assert np.allclose(planar.arm[0], planar.arm[1])  # the first joint is on the edge
-
-
-def test_the_spacecraft_is_its_largest_box() -> None:
-    """Not one of its solar panels; it moves with the spacecraft."""
-    attitude = heading_quaternion(0.7)
-    motion = motion_at_rest("planar_3dof/parabola", attitude.tolist())
-    box = largest_box(robot_visuals(motion.problem.model), 0)
-    assert np.allclose(np.ptp(box, axis=0), [1.0, 1.0, 0.6])
-    assert np.allclose(box.mean(axis=0), 0.0)
-    (shown,) = outlines(motion, [0.0])
-    corners = (shown.spacecraft - motion.base_positions[0]) @ rotation_matrix(attitude)
-    assert np.allclose(corners, box, atol=1e-12)
-
-
-def test_a_spacecraft_without_boxes_gets_the_box_around_its_shape() -> None:
-    text = (models_folder() / "planar_3dof" / "planar_3dof.urdf").read_text()
-    whole, _, rest = text.partition("</link>")
-    bare = re.sub(r"<visual>.*</visual>", "", whole, flags=re.DOTALL)
-    shown = (
-        '<visual><origin xyz="0 0 1"/><geometry><cylinder radius="0.5" length="3"/></geometry>'
-        "</visual>"
-    )
-    text = f"{bare}{shown}</link>{rest}"
-    box = largest_box(robot_visuals(FreeFloatingModel.from_urdf(text)), 0)
-    assert np.allclose(box.min(axis=0), [-0.5, -0.5, -0.5])
-    assert np.allclose(box.max(axis=0), [0.5, 0.5, 2.5])

@@ -7,12 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from freefloat.dynamics.measures import singularity_measure
-from freefloat.errors import InputError
-from freefloat.motion.problem import Problem
-from freefloat.robot.model import FreeFloatingModel
-from freefloat.singularities.singularity_map import SingularityMap, singularity_map
-from freefloat.visualization.figures.figures import figures
+import freefloat as ff
+from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.visualization.figures.singularity_figures import singularity_figures
 from freefloat.visualization.scenes.joint_sections import (
     influential_joints,
@@ -25,16 +21,16 @@ RESOLUTIONS = {"planar_3dof/parabola": 1.0, "spatial_6dof/line": 8.0}
 
 
 @cache
-def mapped(name: str) -> tuple[Problem, SingularityMap]:
+def mapped(name: str) -> tuple[ff.Problem, SingularityMap]:
     problem = bundled(name)
-    return problem, singularity_map(problem.model, problem.task, np.radians(RESOLUTIONS[name]))
+    return problem, ff.singularity_map(problem.model, problem.task, np.radians(RESOLUTIONS[name]))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", RESOLUTIONS)
 def test_curves_and_colours_agree_with_the_determinant(name: str) -> None:
     problem, found = mapped(name)
-    measure = singularity_measure(problem.model, problem.task, "system")
+    measure = ff.singularity_measure(problem.model, problem.task, "system")
     at = reference_configuration(found)
     largest = abs(measure(at))
     (figure,) = singularity_figures(found).values()
@@ -62,10 +58,10 @@ def test_curves_and_colours_agree_with_the_determinant(name: str) -> None:
 @pytest.mark.slow
 def test_prismatic_joints_are_shown_over_their_range_in_metres() -> None:
     robot = random_robot(np.random.default_rng(9), "RPRRPR")
-    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
-    found = singularity_map(model, resolution=np.radians(30.0))
+    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    found = ff.singularity_map(model, resolution=np.radians(30.0))
     joints = influential_joints(found, 4)
-    axes = next(iter(figures(found).values())).axes[0]
+    axes = next(iter(ff.figures(found).values())).axes[0]
     names = [f"{model.joint_names[k]} [{'m' if model.prismatic[k] else 'deg'}]" for k in joints]
     assert [axes.get_xlabel(), axes.get_ylabel()] == names[:2]
     assert model.prismatic[joints[0]]
@@ -80,13 +76,3 @@ def test_the_most_influential_joints_and_a_regular_configuration() -> None:
     at = reference_configuration(found)
     assert abs(found.polynomial.values(at[None])[0]) > np.quantile(values, 0.99)
     assert np.degrees(at) % 5.0 == pytest.approx(np.round(np.degrees(at)) % 5.0, abs=1e-9)
-
-
-@pytest.mark.slow
-def test_values_of_the_other_joints_are_checked_and_named() -> None:
-    _, found = mapped("spatial_6dof/line")
-    figure = singularity_figures(found, np.radians([0.0, 10.0, -90.0, 0.0, 30.0, 0.0]))["slices"]
-    title = figure.legends[0].get_title().get_text()
-    assert title.endswith("q2 = 10°, q3 = −90°, q4 = 0°, q5 = 30°.")
-    with pytest.raises(InputError):
-        singularity_figures(found, [0.0, np.nan])

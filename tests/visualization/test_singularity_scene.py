@@ -10,10 +10,8 @@ import pytest
 from playwright.sync_api import Browser
 
 import freefloat as ff
-from freefloat.dynamics.measures import singularity_measure
-from freefloat.errors import InputError
-from freefloat.singularities.singularity_map import SingularityMap, singularity_map
-from freefloat.visualization.page.playback import Playback, playback
+from freefloat.singularities.singularity_map import SingularityMap
+from freefloat.visualization.page.playback import Playback
 from freefloat.visualization.scenes.implicit_surface import zero_surface
 from freefloat.visualization.scenes.joint_sections import influential_joints, section
 from freefloat.visualization.scenes.singularity_scene import (
@@ -31,7 +29,7 @@ from tests.motions import bundled
 @cache
 def mapped(name: str) -> SingularityMap:
     problem = bundled(name)
-    return singularity_map(problem.model, problem.task, np.radians(20.0))
+    return ff.singularity_map(problem.model, problem.task, np.radians(20.0))
 
 
 def test_a_sphere_is_closed_and_has_its_radius_and_volume() -> None:
@@ -47,7 +45,7 @@ def test_a_sphere_is_closed_and_has_its_radius_and_volume() -> None:
 @pytest.mark.slow
 def test_the_determinant_vanishes_on_the_surface_and_is_positive_in_front() -> None:
     problem, found = bundled("spatial_6dof/line"), mapped("spatial_6dof/line")
-    measure = singularity_measure(problem.model, problem.task, "system")
+    measure = ff.singularity_measure(problem.model, problem.task, "system")
     part = section(found, influential_joints(found, 3))
     assert part.joints == (1, 2, 4)
     largest = abs(measure(part.at))
@@ -76,7 +74,7 @@ def test_the_determinant_vanishes_on_the_surface_and_is_positive_in_front() -> N
 def test_a_page_shows_the_singularities(
     name: str, items: list[str], browser: Browser, tmp_path: Path
 ) -> None:
-    file = playback(mapped(name)).save(tmp_path / "page.html")
+    file = ff.playback(mapped(name)).save(tmp_path / "page.html")
     with opened(browser, file) as page:
         assert [item["name"] for item in page.ask("freefloat.about.items")] == items
         page.only()
@@ -89,6 +87,7 @@ def test_a_page_shows_the_singularities(
         assert page.errors == []
 
 
+@pytest.mark.slow
 def test_joints_are_chosen_by_name() -> None:
     found = mapped("spatial_6dof/line")
     scene = singularity_scene(found, joints=["q3", "q4", "q5"], at=np.full(6, 0.5))
@@ -97,7 +96,7 @@ def test_joints_are_chosen_by_name() -> None:
     assert texts == [text for name in ("q3", "q4", "q5") for text in ("−180°", name, "180°")]
     assert shown.lines[0] == "at q2 = 28.65°"
     for names in (["q3"], ["q3", "q3"], ["q3", "q9"]):
-        with pytest.raises(InputError):
+        with pytest.raises(ff.InputError):
             singularity_scene(found, joints=names)
 
 

@@ -65,18 +65,6 @@ def test_places_outside_the_ball_are_nan(slices):
 
 
 @pytest.mark.slow
-def test_opposite_ends_of_a_diameter_have_equal_margins(evaluator):
-    """Rotations by pi and -pi are equal; without marks slices pass through the centre."""
-    slices = map_slices(evaluator, [], side=SIDE)
-    middle = SIDE // 2
-    for plane in slices:
-        assert plane.mark is None
-        assert plane.offset == 0.0
-        assert plane.margins[middle, 0] == pytest.approx(plane.margins[middle, -1], rel=1e-4)
-        assert plane.margins[0, middle] == pytest.approx(plane.margins[-1, middle], rel=1e-4)
-
-
-@pytest.mark.slow
 def test_unreached_attitudes_differ_from_infeasible_ones():
     """The UR5 reaches the start of its path from less than half of all attitudes."""
     evaluator = FeasibilityEvaluator(ff.load_scenario("ur5_servicer/arc").problem())
@@ -89,10 +77,3 @@ def test_unreached_attitudes_differ_from_infeasible_ones():
     assert (margins[~reached] == 0.0).all()
     assert (margins[reached] == 0.0).any()
     assert fractions[-1] == 1.0
-
-
-@pytest.mark.slow
-def test_slices_are_coarser_where_branches_have_no_closed_form():
-    evaluator = FeasibilityEvaluator(ff.load_scenario("panda_servicer/line").problem())
-    assert evaluator.sample_reduction > 1
-    assert len(map_slices(evaluator, [], side=7)[0].ticks) < 7

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
-from freefloat.errors import InputError
+import freefloat as ff
 from freefloat.visualization.page.video import frame_times, write_gif, write_mp4
 from tests.errors import error_key
 
@@ -59,7 +59,7 @@ def test_an_mp4_has_every_picture(tmp_path: Path) -> None:
     assert (stream["codec_name"], stream["pix_fmt"]) == ("h264", "yuv420p")
     assert (stream["width"], stream["height"]) == (WIDTH + 1, HEIGHT)
     assert (stream["nb_read_frames"], stream["avg_frame_rate"]) == (str(COUNT), "25/1")
-    with pytest.raises(InputError, match="ffmpeg failed"):
+    with pytest.raises(ff.InputError, match="ffmpeg failed"):
         write_mp4(file, [b"no picture"], 25.0)
 
 
@@ -99,5 +99,5 @@ def test_impossible_videos_are_refused(
 
 def test_mp4_needs_ffmpeg(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(InputError, match="ffmpeg"):
+    with pytest.raises(ff.InputError, match="ffmpeg"):
         frame_times(tmp_path / "v.mp4", 10.0)

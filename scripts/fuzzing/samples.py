@@ -1,27 +1,18 @@
-"""Valid files of every kind that is read, changed by :mod:`tests.mutations`."""
+"""Valid scenarios, studies, samples, maps and a robot with meshes, from which mutations begin."""
 
 from __future__ import annotations
 
-import base64
-import tempfile
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
-import yaml
 
-from freefloat.certificate.certificate import certify
-from freefloat.io.records.results import save
-from freefloat.io.scenario.scenario import load_scenario
-from freefloat.planning.plan import Plan
-from freefloat.planning.plane.arcs import BranchRanges, HeadingRange
-from freefloat.planning.settings import Search
-from freefloat.planning.simulation import simulate
-from freefloat.robot.names import models_folder
+import freefloat as ff
+from freefloat.planning.plane.heading_map import HeadingMap
+from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import heading_quaternion
-from tests.example_studies import SHORT
+from tests.maps import branch_results
+from tests.samples import bundled, content
 
 RICH = """\
 robot:
@@ -42,6 +33,8 @@ margin: {measure: sigma, value: 0.01}
 search: {objective: nearest, from_attitude: [0, 0, 0, 1], samples: 64, seed: 3}
 limits: {joint_rate: 0.5, joint_torque: {}, base_rate: 1, clearance: 0.01}
 """
+
+
 SAMPLED = """\
 robot:
   urdf: planar_3dof.urdf
@@ -52,7 +45,11 @@ path: {samples: points.csv}
 timing: {duration: 20}
 margin: {value: 0}
 """
+
+
 POINTS = "s,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n0.4,0.5,0,0.1,0,0,0.1,1\n1,1,0.2,0.3,0,0,1,0\n"
+
+
 STUDY: dict[str, Any] = {
     "base": "base.yaml",
     "command": "plan",
@@ -65,6 +62,8 @@ STUDY: dict[str, Any] = {
     "cases": 3,
     "seed": 1,
 }
+
+
 START: dict[str, Any] = {
     "base": "base.yaml",
     "command": "simulate",
@@ -76,17 +75,12 @@ START: dict[str, Any] = {
     },
     "cases": 4,
 }
+
+
 HEADINGS = {
     "base": "planar_3dof/parabola", "command": "simulate", "combine": "zipped",
     "vary": {"heading_deg": {"list": [200.0, 20.0]}, "momentum.2": {"list": [0.1, 0.2]}},
 }  # fmt: skip
-NAME = "</script><script>window.hacked=1</script><img src=x onerror=alert(1)>"
-"""A name that would be code on a page that does not escape it."""
-
-
-def bundled(*names: str) -> tuple[bytes, ...]:
-    """URDFs of bundled robots."""
-    return tuple((models_folder() / name / f"{name}.urdf").read_bytes() for name in names)
 
 
 def meshed() -> bytes:
@@ -100,57 +94,13 @@ def meshed() -> bytes:
 
 
 @cache
-def plans() -> tuple[bytes, bytes]:
-    """A simulation, and its motion as a plan."""
-    with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "base.yaml").write_text(yaml.safe_dump(SHORT, sort_keys=False))
-        problem = load_scenario(Path(folder) / "base.yaml").problem()
-    simulation = simulate(problem, heading_quaternion(np.radians(200.0)))
-    ranges = (HeadingRange(np.radians(10.0), np.radians(20.0), ("margin",) * 2),)
-    plan = Plan(
-        problem, Search(), True, "", (BranchRanges(0, "0", ranges, ()),), (), simulation.chosen,
-        certificate=certify(simulation.chosen.motion),
-    )  # fmt: skip
-    return content(simulation), content(plan)
-
-
-def content(result: Any) -> bytes:
-    """Content of the file of a result."""
-    with tempfile.TemporaryDirectory() as folder:
-        save(result, Path(folder) / "result.h5")
-        return (Path(folder) / "result.h5").read_bytes()
-
-
-@cache
 def maps() -> tuple[bytes, bytes]:
     """A map over headings and one over attitudes."""
-    from freefloat.planning.plane.heading_map import HeadingMap
-    from freefloat.planning.space.attitude_map import AttitudeMap
-    from tests.maps import branch_results
-
-    problem = load_scenario("planar_3dof/parabola").problem()
+    problem = ff.load_scenario("planar_3dof/parabola").problem()
     headings = np.linspace(0.0, 3.0, 4)
     attitudes = heading_quaternion(headings)
     results = branch_results(attitudes, np.ones((4, 2)), 3, ended_at=np.full((4, 2), 100.0))
     heading_map = HeadingMap(problem, results, headings, (0, 1))
-    spatial = load_scenario("spatial_6dof/line").problem()
+    spatial = ff.load_scenario("spatial_6dof/line").problem()
     attitude_map = AttitudeMap(spatial, branch_results(attitudes, np.ones((4, 8))))
     return content(heading_map), content(attitude_map)
-
-
-@cache
-def meshes() -> tuple[bytes, ...]:
-    """A box in several formats."""
-    box: Any = trimesh.creation.box()
-    exported = [box.export(file_type=kind) for kind in ("stl", "stl_ascii", "ply", "glb", "dae")]
-    lines = ["mtllib part.mtl", "usemtl a", *(f"v {x} {y} {z}" for x, y, z in box.vertices),
-             *("vt 0 0" for _ in box.vertices),
-             *(f"f {a + 1}/1 {b + 1}/1 {c + 1}/1" for a, b, c in box.faces)]  # fmt: skip
-    gltf = box.export(file_type="gltf")
-    text = gltf["model.gltf"].decode()
-    named = {name: f"data:application/octet-stream;base64,{base64.b64encode(data).decode()}"
-             for name, data in gltf.items() if name != "model.gltf"}  # fmt: skip
-    for name, data in named.items():
-        text = text.replace(name, data)
-    files = (*exported, "\n".join(lines), text)
-    return tuple(file if isinstance(file, bytes) else file.encode() for file in files)

@@ -1,7 +1,7 @@
 """Mutations of input files: the same bytes for the same seed, on every machine.
 
 A mutator takes a random generator and the bytes of a valid file, and returns other bytes, most of
-them invalid. Those of result files are in :mod:`tests.result_mutations`.
+them invalid. Those of result files are in :mod:`fuzzing.result_mutations`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Hostile input: valid files of every kind, what is done with them, and the possible outcomes.
 
-A kind of file is mutated at random (:mod:`tests.mutations`) and read as the commands read it.
+A kind of file is mutated at random (:mod:`fuzzing.mutations`) and read as the commands read it.
 Either it is read, or refused with one message; see :func:`outcome` for all other outcomes.
 """
 
@@ -38,9 +38,10 @@ from freefloat.studies.run import study_files
 from freefloat.studies.study import load_study
 from freefloat.verification.check import check
 from freefloat.visualization.scenes.visuals import robot_visuals
-from tests import hostile_samples as good
-from tests.mutations import CSV, LINES, XML, YAML, Mutator, mutated
-from tests.result_mutations import HDF5, mutated_result
+from fuzzing import samples
+from fuzzing.mutations import CSV, LINES, XML, YAML, Mutator, mutated
+from fuzzing.result_mutations import HDF5, mutated_result
+from tests import samples as good
 from tests.scenarios import PARABOLA
 
 READ, REFUSED = "read", "refused"
@@ -158,14 +159,15 @@ def _yaml(*documents: Any) -> tuple[bytes, ...]:
 
 
 KINDS = {
-    "scenario": Kind("scenario.yaml", lambda: _yaml(PARABOLA, good.RICH, good.SAMPLED),
+    "scenario": Kind("scenario.yaml", lambda: _yaml(PARABOLA, samples.RICH, samples.SAMPLED),
                      YAML, _scenario),
-    "urdf": Kind("robot.urdf", lambda: (*good.bundled("planar_3dof", "ets_vii"), good.meshed()),
+    "urdf": Kind("robot.urdf", lambda: (*good.bundled("planar_3dof", "ets_vii"), samples.meshed()),
                  XML, _urdf),
-    "csv": Kind("path.csv", lambda: (good.POINTS.encode(),), CSV, _csv),
+    "csv": Kind("path.csv", lambda: (samples.POINTS.encode(),), CSV, _csv),
     "plan": Kind("plan.h5", good.plans, HDF5, _result),
-    "map": Kind("map.h5", good.maps, HDF5, _result),
-    "study": Kind("study.yaml", lambda: _yaml(good.STUDY, good.START, good.HEADINGS), YAML, _study),
+    "map": Kind("map.h5", samples.maps, HDF5, _result),
+    "study": Kind("study.yaml", lambda: _yaml(samples.STUDY, samples.START, samples.HEADINGS),
+                  YAML, _study),
     "mesh": Kind("mesh", good.meshes, LINES, _mesh),
 }  # fmt: skip
 
@@ -200,9 +202,9 @@ class Watch:
         os.mkfifo(self.inside / "fifo")
         for name in ("planar_3dof", "spatial_6dof"):
             (self.inside / f"{name}.urdf").write_bytes(good.bundled(name)[0])
-        (self.inside / "points.csv").write_text(good.POINTS)
+        (self.inside / "points.csv").write_text(samples.POINTS)
         (self.inside / "base.yaml").write_text(PARABOLA)
-        (self.inside / "good_study.yaml").write_text(yaml.safe_dump(good.HEADINGS))
+        (self.inside / "good_study.yaml").write_text(yaml.safe_dump(samples.HEADINGS))
         (self.inside / "part.stl").write_bytes(good.meshes()[0])
         self._before = self._state()
         self._allowed = tuple(os.path.realpath(folder / name) + os.sep for name in ("in", "out"))

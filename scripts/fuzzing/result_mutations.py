@@ -11,7 +11,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from tests.mutations import (
+from fuzzing.mutations import (
     BYTES,
     NUMBERS,
     XML,
