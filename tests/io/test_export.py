@@ -18,6 +18,7 @@ from freefloat.io.formats.export import csv_text, export, json_text, ros2_text, 
 from freefloat.io.formats.trajectory import Trajectory, even_times
 from freefloat.io.records.results import load, save
 from freefloat.io.scenario.scenario import load_scenario
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.planning.simulation import SimulatedBranch, Simulation
 from freefloat.so3 import heading_quaternion
@@ -51,7 +52,8 @@ def saved(tmp_path_factory, motions):
     folder = tmp_path_factory.mktemp("saved")
     for name, motion in zip(("good.h5", "bad.h5"), motions, strict=True):
         branch = motion.problem.branches(motion.initial.attitude)[0]
-        chosen = SimulatedBranch(branch, motion)
+        approach = closest_approach(motion, motion.problem.margin.measure)
+        chosen = SimulatedBranch(branch, motion, approach)
         save(Simulation((chosen,), chosen), folder / name)
     return folder
 

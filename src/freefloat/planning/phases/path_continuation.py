@@ -10,6 +10,7 @@ from freefloat.ik.numbering import MAX_BRANCHES
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.contact import self_contact
 from freefloat.limits.limits import LimitResult, Limits, violated
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.phases.phases import PathPhase
@@ -46,8 +47,9 @@ def continued(state: Handover, phase: PathPhase, limits: Limits) -> Plan:
     """
     problem = state.problem_of(phase)
     motion = integrate_motion(problem, state.attitude, state.joints)
+    approach = closest_approach(motion, problem.margin.measure)
     branch = branch_at(problem, state.attitude, state.joints)
-    chosen = SimulatedBranch(branch, motion)
+    chosen = SimulatedBranch(branch, motion, approach)
     results = LimitChecker(problem, limits).results(motion)
     failure = _failure(state, chosen, results)
     return Plan(
