@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import freefloat
+from tests.hostile_samples import plans
 
 HEAVY = {"matplotlib", "meshcat", "numba", "dask", "pinocchio", "scipy", "numpy", "pydantic"}
 
@@ -45,6 +46,18 @@ def test_a_scenario_is_read_without_compiled_kernels(tmp_path: Path) -> None:
         "ff.load_scenario('planar_2dof/line').search()\n"
         "print('\\n'.join(sys.modules))"
     )
+    assert "numba" not in python(code, tmp_path).split()
+
+
+@pytest.mark.slow
+def test_a_file_is_loaded_without_compiled_kernels(tmp_path: Path) -> None:
+    code = (
+        "import sys, freefloat as ff\n"
+        "for name in ('motion.h5', 'plan.h5'): ff.load(name)\n"
+        "print('\\n'.join(sys.modules))"
+    )
+    for name, content in zip(("motion.h5", "plan.h5"), plans(), strict=True):
+        (tmp_path / name).write_bytes(content)
     assert "numba" not in python(code, tmp_path).split()
 
 
