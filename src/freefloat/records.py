@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
-from enum import Enum
+from enum import Enum, EnumType
 from functools import cache, cached_property
 from types import NoneType, UnionType
 from typing import Annotated, Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -105,6 +105,17 @@ def _derived(kind: Any) -> dict[str, str]:
     }
 
 
+@cache
+def _is_table(classes: tuple[type, ...]) -> bool:
+    """Whether a tuple of records of these classes is a table: they have values and arrays alone."""
+    return len(classes) == 1 and all(
+        hint.container is np.ndarray
+        or hint.kinds[0] in _VALUES
+        or isinstance(hint.kinds[0], EnumType)
+        for hint in _fields(classes[0]).values()
+    )
+
+
 @dataclass(frozen=True)
 class Codec:
     """Encoder and decoder of records.
@@ -144,13 +155,6 @@ class Codec:
     def is_given(self, hint: _Hint) -> bool:
         """Whether values are not stored."""
         return hint.kinds[0] in self.context
-
-    def is_table(self, classes: tuple[type, ...]) -> bool:
-        """Whether tuples of records of these classes, of values and arrays alone, are tables."""
-        return len(classes) == 1 and all(
-            hint.container in (None, np.ndarray) and not self.classes(hint)
-            for hint in _fields(classes[0]).values()
-        )
 
 
 class _Encoder:
@@ -192,7 +196,7 @@ class _Encoder:
         classes = self._codec.classes(hint)
         if not classes:
             return _column(hint._replace(unit=unit), entries)
-        if not entries or not self._codec.is_table(classes):
+        if not entries or not _is_table(classes):
             return {str(number): entry for number, entry in enumerate(entries)}
         return {name: _column(inner, [entry[name] for entry in entries])
                 for name, inner in _fields(classes[0]).items()}  # fmt: skip
@@ -258,7 +262,7 @@ class _Decoder:
         classes = self._codec.classes(hint)
         if not classes:
             entries = _checked(entry, Quantity, place).values.tolist()
-        elif self._codec.is_table(classes):
+        elif _is_table(classes):
             entries = _rows(classes[0], _checked(entry, dict, place), place)
         else:
             entries = [entry.get(str(k)) for k in range(len(_checked(entry, dict, place)))]
@@ -279,13 +283,15 @@ def _rows(kind: type, columns: Tree, place: str) -> list[Tree]:
 
 
 def _cell(hint: _Hint, cell: Any) -> Any:
+    """An entry of a table; None and whole numbers are floats there."""
     if isinstance(cell, np.ndarray):
         return Quantity(cell)
-    if not isinstance(cell, np.generic) or not hint.optional:
-        return cell.item() if isinstance(cell, np.generic) else cell
-    if np.isnan(cell):
+    value = cell.item() if isinstance(cell, np.generic) else cell
+    if not hint.optional or not isinstance(value, float):
+        return value
+    if math.isnan(value):
         return None
-    return int(cell) if int in hint.kinds and cell == int(cell) else cell.item()
+    return int(value) if int in hint.kinds and value.is_integer() else value
 
 
 def _array(kind: Any, entry: Any, place: str) -> npt.NDArray[Any]:

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from tests.hostile_samples import plans
 
 import freefloat
 
@@ -55,6 +56,18 @@ def test_every_public_name_can_be_imported_and_is_listed() -> None:
         loaded = getattr(freefloat, name)
         assert getattr(loaded, "__module__", loaded.__name__).startswith("freefloat.")
         assert loaded.__name__.removeprefix("freefloat.") == name
+
+
+@pytest.mark.slow
+def test_a_file_is_loaded_without_compiled_kernels(tmp_path: Path) -> None:
+    code = (
+        "import sys, freefloat as ff\n"
+        "for name in ('motion.h5', 'plan.h5'): ff.load(name)\n"
+        "print('\\n'.join(sys.modules))"
+    )
+    for name, content in zip(("motion.h5", "plan.h5"), plans(), strict=True):
+        (tmp_path / name).write_bytes(content)
+    assert "numba" not in python(code, tmp_path).split()
 
 
 def test_an_unknown_name_is_an_attribute_error() -> None:

@@ -48,7 +48,8 @@ def saved(tmp_path_factory, motions):
     folder = tmp_path_factory.mktemp("saved")
     for name, motion in zip(("good.h5", "bad.h5"), motions, strict=True):
         branch = motion.problem.branches(motion.initial.attitude)[0]
-        chosen = SimulatedBranch(branch, motion)
+        approach = ff.closest_approach(motion, motion.problem.margin.measure)
+        chosen = SimulatedBranch(branch, motion, approach)
         ff.save(Simulation((chosen,), chosen), folder / name)
     return folder
 

@@ -383,7 +383,7 @@ def test_the_command_prints_checks_or_json(file):
 
 @pytest.mark.parametrize("resealed", [True, False])
 def test_an_altered_file_is_exit_code_1(file, tmp_path, resealed):
-    change = replaced("motion/joints", lambda joints: joints + 1e-3)
+    change = replaced("result/chosen/motion/joints", lambda joints: joints + 1e-3)
     content = altered(file.read_bytes(), change)
     if not resealed:
         content = content[:100] + b"x" + content[101:]  # behind the digest, in the user block

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -35,15 +34,12 @@ class SimulatedBranch:
     Attributes:
         branch: The arm at the start.
         motion: Its motion along the path.
+        closest_approach: To a dynamic singularity, by the problem's measure.
     """
 
     branch: ArmBranch
     motion: Motion = field(repr=False)
-
-    @cached_property
-    def closest_approach(self) -> ClosestApproach:
-        """The closest approach to a dynamic singularity, by the problem's measure."""
-        return closest_approach(self.motion, self.motion.problem.margin.measure)
+    closest_approach: ClosestApproach
 
     @property
     def title(self) -> str:
@@ -250,7 +246,8 @@ def _simulated(
     problem: Problem, attitude: Array, start: ArmBranch, **options: Any
 ) -> SimulatedBranch:
     motion = unwrapped(integrate_motion(problem, attitude, start.joints, **options))
-    return SimulatedBranch(replace(start, joints=motion.initial.joints), motion)
+    approach = closest_approach(motion, problem.margin.measure)
+    return SimulatedBranch(replace(start, joints=motion.initial.joints), motion, approach)
 
 
 def _branches(

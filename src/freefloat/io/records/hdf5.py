@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +19,6 @@ from freefloat.errors import InputError
 from freefloat.io.files import written_beside
 from freefloat.records import Quantity, Tree
 
-TEXT = h5py.string_dtype()
-"""Type of texts."""
 _BLOCK = 512
 """Bytes of the user block."""
 _MARK = b"freefloat SHA-256 "
@@ -38,15 +34,18 @@ class AlteredFileError(InputError):
     """A result file is not as freefloat wrote it."""
 
 
-def write_hdf5(path: Path, build: Callable[[Any], None]) -> None:
-    """Write an HDF5 file whole, or not at all: it is built in memory first.
+def write_hdf5(path: Path, tree: Tree) -> None:
+    """Write a tree to an HDF5 file, whole, or not at all: it is built in memory first.
+
+    Dictionaries become groups, arrays datasets with their unit, other values attributes. A
+    dictionary in two places is one group with two names.
 
     Raises:
         InputError: If the file cannot be written.
     """
     stream = io.BytesIO()
     with h5py.File(stream, "w", userblock_size=_BLOCK) as file:
-        build(file)
+        _write(file, tree, {})
     content = stream.getbuffer()[_BLOCK:]
     block = _MARK + hashlib.sha256(content).hexdigest().encode() + b"\n"
     with written_beside(path) as temporary, temporary.open("wb") as output:
@@ -54,12 +53,28 @@ def write_hdf5(path: Path, build: Callable[[Any], None]) -> None:
         output.write(content)
 
 
-@contextmanager
-def open_hdf5(path: Path, accepted: str) -> Iterator[Any]:
-    """Context with an HDF5 file that was verified and is open for reading.
+def _write(group: Any, tree: Tree, known: dict[int, Any]) -> None:
+    known[id(tree)] = group
+    for name, value in tree.items():
+        if isinstance(value, dict) and id(value) in known:
+            group[name] = known[id(value)]
+        elif isinstance(value, dict):
+            _write(group.create_group(name), value, known)
+        elif isinstance(value, Quantity):
+            packed = "gzip" if value.values.dtype == np.uint8 else None
+            text = h5py.string_dtype() if value.values.dtype == object else None
+            data = group.create_dataset(name, data=value.values, dtype=text, compression=packed)
+            if value.unit:
+                data.attrs["unit"] = value.unit
+        elif value is not None:
+            group.attrs[name] = value
+
+
+def read_hdf5(path: Path, accepted: str) -> Tree:
+    """The tree of a file of :func:`write_hdf5`, which is verified first.
 
     Raises:
-        InputError: If it is no result file.
+        InputError: If it is no such file.
         AlteredFileError: If its digest is not that of its content.
     """
     try:
@@ -76,10 +91,24 @@ def open_hdf5(path: Path, accepted: str) -> Iterator[Any]:
                 raise AlteredFileError("file", problem, accepted, str(path))
         with h5py.File(path, "r") as file:
             _require_plain(file)
-            yield file
+            return _read(file, {})
     except _UNREADABLE as error:
         problem = f"it cannot be read ({' '.join(str(error).split())})"
         raise InputError("file", problem, accepted, str(path)) from None
+
+
+def _read(group: Any, known: dict[int, Tree]) -> Tree:
+    place = h5py.h5o.get_info(group.id).addr
+    if place not in known:
+        values = {name: group.attrs[name] for name in group.attrs}
+        known[place] = {k: v.item() if isinstance(v, np.generic) else v for k, v in values.items()}
+        for name, item in group.items():
+            if isinstance(item, h5py.Group):
+                known[place][name] = _read(item, known)
+            else:
+                text = h5py.check_string_dtype(item.dtype) is not None
+                known[place][name] = Quantity(np.asarray(item.asstr()[()] if text else item[()]))
+    return known[place]
 
 
 def _require_plain(group: Any) -> None:
@@ -96,47 +125,3 @@ def _require_plain(group: Any) -> None:
             raise ValueError(f"its part {name} is in another file")
         elif (item.nbytes or 0) > max(_MAX_SMALL, _MAX_RATIO * item.id.get_storage_size()):
             raise ValueError(f"its part {name} states a size that the file does not hold")
-
-
-def write_tree(group: Any, tree: Tree, known: dict[int, Any] | None = None) -> None:
-    """Write a tree: groups for dictionaries, datasets with units for arrays, else attributes.
-
-    A dictionary in two places is one group with two names.
-    """
-    known = {} if known is None else known
-    known[id(tree)] = group
-    for name, value in tree.items():
-        if isinstance(value, dict) and id(value) in known:
-            group[name] = known[id(value)]
-        elif isinstance(value, dict):
-            write_tree(group.create_group(name), value, known)
-        elif isinstance(value, Quantity):
-            values, unit = value
-            packed = "gzip" if values.dtype == np.uint8 else None
-            text = TEXT if values.dtype == object else None
-            data = group.create_dataset(name, data=values, dtype=text, compression=packed)
-            if unit:
-                data.attrs["unit"] = unit
-        elif value is not None:
-            group.attrs[name] = value
-
-
-def read_tree(group: Any, known: dict[int, Tree] | None = None) -> Tree:
-    """The tree that :func:`write_tree` wrote to a group."""
-    known = {} if known is None else known
-    place = h5py.h5o.get_info(group.id).addr
-    if place not in known:
-        values = {name: group.attrs[name] for name in group.attrs}
-        known[place] = {k: v.item() if isinstance(v, np.generic) else v for k, v in values.items()}
-        for name, item in group.items():
-            if isinstance(item, h5py.Group):
-                known[place][name] = read_tree(item, known)
-            else:
-                text = h5py.check_string_dtype(item.dtype) is not None
-                known[place][name] = Quantity(np.asarray(item.asstr()[()] if text else item[()]))
-    return known[place]
-
-
-def read_text(file: Any, name: str) -> str:
-    """A text of an open file."""
-    return str(file[name].asstr()[()])

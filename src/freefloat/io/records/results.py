@@ -18,15 +18,7 @@ import numpy as np
 
 from freefloat.errors import InputError
 from freefloat.io.records.differences import differences
-from freefloat.io.records.hdf5 import (
-    TEXT,
-    AlteredFileError,
-    open_hdf5,
-    read_text,
-    read_tree,
-    write_hdf5,
-    write_tree,
-)
+from freefloat.io.records.hdf5 import AlteredFileError, read_hdf5, write_hdf5
 from freefloat.io.records.kinds import CODEC, KINDS, Result
 from freefloat.io.records.manoeuvres import decode_manoeuvre
 from freefloat.io.scenario.scenario import Scenario, parse_scenario, scenario_of
@@ -35,7 +27,7 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.settings import Search
-from freefloat.records import Tree
+from freefloat.records import Quantity, Tree
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import read_urdf
 from freefloat.singularities.singularity_map import SingularityMap
@@ -45,8 +37,8 @@ FORMAT_VERSION = 3
 _PREFIX = "freefloat "
 _SOFTWARE = ("freefloat", "pin", "numpy", "scipy")
 _ACCEPTED = f"a plan, motion or map file of freefloat (-o), format {FORMAT_VERSION}"
-_INVALID = (InputError, KeyError, ValueError, IndexError, TypeError, OSError)
-"""Errors of reading a file whose content does not fit together; HDF5 raises OSError."""
+_INVALID = (InputError, KeyError, ValueError, IndexError, TypeError, AttributeError)
+"""Errors of a file whose content does not fit together."""
 
 
 def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> None:
@@ -75,14 +67,10 @@ def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> 
     holder: Any = problem or result
     model = holder.model
 
-    def build(file: Any) -> None:
-        file.attrs["format"], file.attrs["version"] = _PREFIX + result.kind, FORMAT_VERSION
-        _write_origin(file, model, described)
-        text = json.dumps(result.to_dict(), allow_nan=False)
-        file.create_dataset("document", data=text, dtype=TEXT)
-        write_tree(file.create_group("result"), CODEC.encode(result))
-
-    write_hdf5(Path(path), build)
+    texts = {**_origin(model, described), "document": json.dumps(result.to_dict(), allow_nan=False)}
+    tree: Tree = {"format": _PREFIX + result.kind, "version": FORMAT_VERSION, **_software()}
+    tree |= {name: Quantity(np.array(text, dtype=object)) for name, text in texts.items()}
+    write_hdf5(Path(path), tree | {"result": CODEC.encode(result)})
 
 
 def _require_result(result: object) -> None:
@@ -115,25 +103,27 @@ def _describe(result: Any, scenario: Scenario | None) -> Scenario:
     return replace(scenario, shapes=described.shapes)
 
 
-def _write_origin(file: Any, model: FreeFloatingModel, scenario: Scenario | None) -> None:
-    """Write software, scenario and robot."""
-    for package in _SOFTWARE:
-        file.attrs[f"software_{package}"] = version(package)
-    file.attrs["software_python"] = platform.python_version()
-    file.attrs["end_effector"] = model.end_effector
-    file.attrs["joint_names"] = np.array(model.joint_names, dtype=TEXT)
-    texts = {
-        "scenario": scenario and scenario.text,
-        "scenario_file": scenario and str(scenario.source),
-        "samples": scenario and scenario.samples,
-        "scene": shapes_text(scenario.shapes) if scenario and scenario.shapes else None,
+def _software() -> Tree:
+    """Versions of the software that computed a result."""
+    versions = {f"software_{package}": version(package) for package in _SOFTWARE}
+    return {**versions, "software_python": platform.python_version()}
+
+
+def _origin(model: FreeFloatingModel, scenario: Scenario | None) -> dict[str, Any]:
+    """Texts of the robot, and of the scenario of results that have one."""
+    robot = {
+        "end_effector": model.end_effector,
+        "joint_names": model.joint_names,
         "robot": model.description.text,
         "robot_file": os.path.abspath(model.description.source),
         "held": json.dumps(dict(model.fixed_joints)),
     }
-    for name, text in texts.items():
-        if text is not None:
-            file.create_dataset(name, data=text, dtype=TEXT)
+    if scenario is None:
+        return robot
+    source = {"scenario": scenario.text, "scenario_file": str(scenario.source)}
+    return {
+        **robot, **source, "samples": scenario.samples or "", "scene": shapes_text(scenario.shapes),
+    }  # fmt: skip
 
 
 def load(path: str | Path) -> Result:
@@ -151,21 +141,21 @@ def load(path: str | Path) -> Result:
         True
     """
     path = Path(path)
-    with open_hdf5(path, _ACCEPTED) as file:
-        kind = _kind_of(file, path)
-        try:
-            return _load_record(file, kind)
-        except _INVALID as error:
-            key = "file"
-            problem = str(error).splitlines()[0] or type(error).__name__
-            if isinstance(error, InputError):
-                key, problem = error.key, error.problem
-            raise AlteredFileError(key, problem, _ACCEPTED, str(path)) from error
+    tree = read_hdf5(path, _ACCEPTED)
+    kind = _kind_of(tree, path)
+    try:
+        return _load_record(tree, kind)
+    except _INVALID as error:
+        key = "file"
+        problem = str(error).splitlines()[0] or type(error).__name__
+        if isinstance(error, InputError):
+            key, problem = error.key, error.problem
+        raise AlteredFileError(key, problem, _ACCEPTED, str(path)) from error
 
 
-def _kind_of(file: Any, path: Path) -> type[Result]:
+def _kind_of(tree: Tree, path: Path) -> type[Result]:
     """The class of the result of a file."""
-    name, number = file.attrs.get("format"), file.attrs.get("version")
+    name, number = tree.get("format"), tree.get("version")
     problem = "it is an HDF5 file of another kind"
     if isinstance(name, str) and name.startswith(_PREFIX):
         kind = name.removeprefix(_PREFIX)
@@ -175,13 +165,13 @@ def _kind_of(file: Any, path: Path) -> type[Result]:
     raise InputError("file", problem, _ACCEPTED, str(path))
 
 
-def _load_record(file: Any, kind: type[Result]) -> Result:
-    model, tree = _read_robot(file), read_tree(file["result"])
+def _load_record(tree: Tree, kind: type[Result]) -> Result:
+    model = _read_robot(tree)
     if kind is SingularityMap:
-        result: Result = _decode_singularity_map(tree, model)
+        result: Result = _decode_singularity_map(tree["result"], model)
     else:
-        result = _decode(kind, tree, _read_scenario(file, model))
-    document = json.loads(read_text(file, "document"))
+        result = _decode(kind, tree["result"], _read_scenario(tree, model))
+    document = json.loads(_text(tree, "document"))
     for key, stated, recomputed in differences(document, json.loads(json.dumps(result.to_dict()))):
         problem = f"its document states {stated}, but it is {recomputed}"
         raise InputError(key, problem, _ACCEPTED)
@@ -206,20 +196,26 @@ def _decode_singularity_map(tree: Tree, model: FreeFloatingModel) -> Singularity
     return result
 
 
-def _read_robot(file: Any) -> FreeFloatingModel:
+def _read_robot(tree: Tree) -> FreeFloatingModel:
     """The robot of a file."""
-    description = replace(read_urdf(read_text(file, "robot")), source=read_text(file, "robot_file"))
-    held = {str(name): float(value) for name, value in json.loads(read_text(file, "held")).items()}
-    return FreeFloatingModel(description, str(file.attrs["end_effector"]), held)
+    description = replace(read_urdf(_text(tree, "robot")), source=_text(tree, "robot_file"))
+    held = {str(name): float(value) for name, value in json.loads(_text(tree, "held")).items()}
+    return FreeFloatingModel(description, _text(tree, "end_effector"), held)
 
 
-def _read_scenario(file: Any, model: FreeFloatingModel) -> Scenario:
+def _read_scenario(tree: Tree, model: FreeFloatingModel) -> Scenario:
     """The scenario of a file, with the robot of the file."""
-    samples = read_text(file, "samples") if "samples" in file else ""
-    shapes = parse_shapes(read_text(file, "scene")) if "scene" in file else {}
-    source = Path(read_text(file, "scenario_file"))
-    scenario = parse_scenario(read_text(file, "scenario"), source, samples, model, shapes)
+    shapes, source = parse_shapes(_text(tree, "scene")), Path(_text(tree, "scenario_file"))
+    samples = _text(tree, "samples")
+    scenario = parse_scenario(_text(tree, "scenario"), source, samples, model, shapes)
     robot = scenario.content.robot
     if (robot.end_effector, robot.held) != (model.end_effector, dict(model.fixed_joints)):
         raise ValueError("its robot is not that of its scenario")
     return scenario
+
+
+def _text(tree: Tree, name: str) -> str:
+    text = tree[name].values.item()
+    if not isinstance(text, str):
+        raise ValueError(f"its part {name} is no text")
+    return text

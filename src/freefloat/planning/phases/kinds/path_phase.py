@@ -16,6 +16,7 @@ from freefloat.limits.check import LimitChecker
 from freefloat.limits.contact import self_contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
@@ -123,8 +124,9 @@ class PathPhase(Phase):
         """The motion along the path from a state, exactly as it is."""
         problem = self.problem_at(state)
         motion = integrate_motion(problem, state.attitude, state.joints)
+        approach = closest_approach(motion, problem.margin.measure)
         branch = branch_at(problem, state.attitude, state.joints)
-        chosen = SimulatedBranch(branch, motion)
+        chosen = SimulatedBranch(branch, motion, approach)
         results = LimitChecker(problem, limits).results(motion)
         verdict = _verdict(state, chosen, results)
         reason = "the state at the end of the phase before" if verdict.feasible else str(verdict)
