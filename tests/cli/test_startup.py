@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from tests.hostile_samples import plans
 
 import freefloat
+from tests.samples import plans
 
 HEAVY = {"matplotlib", "meshcat", "numba", "dask", "pinocchio", "scipy", "numpy", "pydantic"}
 
