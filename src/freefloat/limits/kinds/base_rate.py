@@ -21,5 +21,5 @@ class BaseRateLimit(Limit[float]):
     def worst(self, motion: Motion) -> LimitResult:
         """The largest angular velocity of the spacecraft."""
         rates = rates_along(motion)
-        rate, time = largest_magnitude(motion, lambda panel, x: rates(panel, x).base)
-        return self.result(rate, self.bound, rate / self.bound, time, "spacecraft")
+        ratio, time = largest_magnitude(motion, lambda panel, x: rates(panel, x).base / self.bound)
+        return self.result(ratio * self.bound, self.bound, ratio, time, "spacecraft")
