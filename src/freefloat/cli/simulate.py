@@ -133,7 +133,8 @@ def _tables(name: str, simulation: Simulation, mark: str) -> Iterator[Renderable
 def _verdict(simulation: Simulation, entry: SimulatedBranch) -> Text:
     """The verdict on an arm branch: by margin and limits, or by the margin alone."""
     verdict = simulation.verdicts.get(entry.branch.index)
-    words = "keeps the margin" if verdict is None else "keeps margin and limits"
+    if verdict is None and entry.feasible:
+        return Text("keeps the margin", "green")
     verdict = verdict or entry.verdict()
     style = {"kept": "green", "singular": "red"}.get(verdict.cause, "yellow")
-    return Text(words if verdict.feasible else str(verdict), style)
+    return Text(verdict.brief, style)

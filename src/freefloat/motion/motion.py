@@ -135,8 +135,8 @@ class Motion:
         if error.max() > _ROUNDING or ((attitudes[1:] * attitudes[:-1]).sum(axis=1) < 0.0).any():
             problem = f"node {error.argmax()} has the norm 1 + {error.max():.3g}, or signs change"
             raise InputError("motion.attitudes", problem, "unit quaternions, neighbours near")
-        steps = np.diff(times)
-        if not ((steps >= 0.0).all() or (steps <= 0.0).all()):
+        steps, rounding = np.diff(times), _ROUNDING * np.abs(times).max()
+        if not ((steps >= -rounding).all() or (steps <= rounding).all()):
             raise InputError("motion.times", "they rise and fall", "times that rise, or fall")
 
     @property

@@ -50,6 +50,11 @@ class Verdict:
         """The verdict as a sentence without its full stop."""
         return _SENTENCES[self.cause].format(verdict=self)
 
+    @property
+    def brief(self) -> str:
+        """The verdict in a cell of a table."""
+        return _CELLS[self.cause].format(verdict=self)
+
 
 _SENTENCES = {
     Cause.KEPT: "margin and limits are kept",
@@ -60,6 +65,13 @@ _SENTENCES = {
     "t = {verdict.time:.4g} s, {verdict.allowed:.4g} is allowed",
     Cause.JUMP: "joint rates would change by {verdict.value:.3g} rad/s or m/s where it begins; "
     "a phase of joints before it brings the arm to rest",
+}
+_CELLS = {
+    Cause.KEPT: "keeps margin and limits",
+    Cause.SINGULAR: "singular at {verdict.time:.4f} s",
+    Cause.MARGIN: "below the margin at {verdict.time:.4f} s",
+    Cause.LIMIT: "keeps the margin, violates {verdict.name}",
+    Cause.JUMP: "joint rates jump",
 }
 
 

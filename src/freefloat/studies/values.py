@@ -56,11 +56,17 @@ def tracking_values(followed: Plan | Simulation, tracking: dict[str, Any]) -> di
 
 def _simulation_values(simulation: Simulation) -> dict[str, Any]:
     """Return the values of a simulation."""
-    values = {"verdict": FEASIBLE, "reason": ""}
-    if not simulation.feasible:
-        values = {"verdict": INFEASIBLE, "reason": simulation.reason}
-    limits = _limit_values(simulation.limit_results)
-    return {**values, **_motion_values(simulation.chosen), **limits}
+    chosen, limits = simulation.chosen, simulation.limit_results
+    names = ", ".join(result.limit for result in violated(limits))
+    reason = ""
+    if not chosen.motion.completed:
+        reason = chosen.motion.ending.value
+    elif not chosen.feasible:
+        reason = "The margin is not kept."
+    elif names:
+        reason = f"Limits are not kept: {names}."
+    verdict = INFEASIBLE if reason else FEASIBLE
+    return {"verdict": verdict, "reason": reason, **_motion_values(chosen), **_limit_values(limits)}
 
 
 def _plan_values(plan: Plan) -> dict[str, Any]:
