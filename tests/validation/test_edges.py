@@ -28,7 +28,6 @@ from freefloat.so3 import angle_between, heading_of
 from freefloat.verification.engines.mujoco import forward_run, inverse_run
 from freefloat.verification.engines.mujoco_model import Engine
 from tests.motions import GOOD, along, bundled, compiled_motion, heading, lasting, simulated
-from tests.result_files import altered, replaced
 from tests.robots import in_units, planar_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
@@ -468,19 +467,3 @@ def test_a_rotation_by_pi_from_the_grids_first_attitude_is_nothing_special(spati
             results.motions.minimum[k, 0],
             atol=1e-3,
         )
-
-
-@pytest.mark.slow
-def test_recorded_quaternions_of_either_sign_are_one_motion(spatial, tmp_path):
-    """Expected: a file in which some have the other sign says the same and passes."""
-    simulation = ff.simulate(spatial, GOOD, branch=2)
-    ff.save(simulation, tmp_path / "motion.h5")
-
-    def negated(attitudes):
-        attitudes[:64] *= -1.0  # the first, too; and one alone
-        attitudes[40] *= -1.0
-        return attitudes
-
-    content = (tmp_path / "motion.h5").read_bytes()
-    (tmp_path / "other.h5").write_bytes(altered(content, replaced("motion/attitude", negated)))
-    assert ff.check(ff.load(tmp_path / "other.h5")).discrepancies == ()

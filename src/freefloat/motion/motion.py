@@ -29,6 +29,8 @@ _LARGEST = 1e12
 """Largest number in a motion."""
 _ROUNDING = 1e-9
 """Deviation of the norm of a quaternion from 1."""
+_BACKWARD = 1e-6
+"""Largest step back in time over the duration, of motions that graze a singularity."""
 
 
 class Ending(Enum):
@@ -135,8 +137,8 @@ class Motion:
         if error.max() > _ROUNDING or ((attitudes[1:] * attitudes[:-1]).sum(axis=1) < 0.0).any():
             problem = f"node {error.argmax()} has the norm 1 + {error.max():.3g}, or signs change"
             raise InputError("motion.attitudes", problem, "unit quaternions, neighbours near")
-        steps, rounding = np.diff(times), _ROUNDING * np.abs(times).max()
-        if not ((steps >= -rounding).all() or (steps <= rounding).all()):
+        steps, slack = np.diff(times), _BACKWARD * float(np.ptp(times))
+        if not ((steps >= -slack).all() or (steps <= slack).all()):
             raise InputError("motion.times", "they rise and fall", "times that rise, or fall")
 
     @property
