@@ -48,6 +48,7 @@ def result(kind: str) -> Any:
 
 @pytest.fixture(params=[*ANSWERS, *MAPS])
 def kind(request: pytest.FixtureRequest) -> str:
+    result(request.param)
     return request.param
 
 

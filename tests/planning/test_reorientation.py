@@ -74,7 +74,7 @@ def test_a_spatial_arm_reaches_the_goal_within_its_limits() -> None:
     distances = [pairs.distances(q, every).min() for q in joints[::40]]
     assert min(distances) >= limits.clearance * (1.0 - 1e-6)
     # a limit of rates or torques is used up
-    ratios = [entry.ratio for entry in result.limit_results if "r" in entry.limit.value]
+    ratios = [entry.ratio for entry in result.limit_results if "r" in entry.limit]
     assert max(ratios) == pytest.approx(1.0, abs=2e-3)
     assert forward_run(motion, Engine(model), steps=6000).attitude < 1e-4
 
