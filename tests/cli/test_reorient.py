@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -39,8 +40,8 @@ def test_an_altered_loop_is_a_discrepancy(file: Path) -> None:
     loaded = ff.load(file)
     loops = ff.load(file).loops
     changed = type(loops)(loops.joints, 1.01 * loops.cosines, loops.sines, loops.count)
-    object.__setattr__(loaded, "loops", changed)
-    report = ff.check(loaded)
+    altered = replace(loaded, motion=replace(loaded.motion, curve=changed))
+    report = ff.check(altered)
     assert {entry.name for entry in report.discrepancies} >= {"integrated again", "final attitude"}
 
 
@@ -55,10 +56,6 @@ def test_an_export_has_the_rates_of_the_joints(file: Path, tmp_path: Path) -> No
     times, joints = np.array(rows["time"]), np.array(rows["joints"])
     differences = np.gradient(joints, times, axis=0, edge_order=2)
     np.testing.assert_allclose(rows["joint_rates"], differences, atol=2e-4)
-
-
-def test_there_are_no_figures_of_reorientations(file: Path) -> None:
-    assert error("plot", file, "-o", file.parent / "figures")["key"] == "file"
 
 
 @pytest.mark.slow

@@ -90,9 +90,9 @@ def test_a_spatial_plan_has_the_figures_of_its_motion() -> None:
 
 @pytest.mark.slow
 def test_commands_write_pdf_and_png_and_list_them(folder: Path) -> None:
-    plots = document("map", "strict.yaml", "--samples", "36", "--plots", "a/b", code=1)["plots"]
-    assert plots == ["a/b/headings.pdf", "a/b/headings.png"]
-    assert sorted(os.listdir("a/b")) == ["headings.pdf", "headings.png"]
+    plots = document("map", "strict.yaml", "--samples", "36", "--plots", "drawn", code=1)["plots"]
+    assert plots == ["drawn/headings.pdf", "drawn/headings.png"]
+    assert sorted(os.listdir("drawn")) == ["headings.pdf", "headings.png"]
 
 
 @pytest.mark.slow
