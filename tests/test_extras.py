@@ -64,6 +64,7 @@ def imported() -> set[str]:
     return {(PARTS.get(name) or distributions[name][0]).lower() for name in others}
 
 
+@pytest.mark.slow
 def test_every_package_that_is_imported_is_listed() -> None:
     extras = set[str]().union(*map(installed_by, EXTRAS.values()))
     listed = installed_by(PROJECT["dependencies"])

@@ -46,7 +46,11 @@ def result(kind: str) -> Any:
     return ff.singularity_map(problem.model, problem.task)
 
 
-@pytest.fixture(params=[*ANSWERS, *MAPS])
+SLOW = ("reorientation",)
+KINDS = [pytest.param(x, marks=pytest.mark.slow) if x in SLOW else x for x in (*ANSWERS, *MAPS)]
+
+
+@pytest.fixture(params=KINDS)
 def kind(request: pytest.FixtureRequest) -> str:
     result(request.param)
     return request.param

@@ -97,6 +97,7 @@ def test_phases_that_do_not_join_are_a_discrepancy(file: Path) -> None:
     assert "path: begins where settling ends" in names
 
 
+@pytest.mark.slow
 def test_rates_and_places_that_do_not_join_are_discrepancies(file: Path) -> None:
     loaded = ff.load(file)
     _, settling, _, _, joints, _ = loaded.phases
@@ -122,6 +123,7 @@ def test_figures_have_all_phases(file: Path, tmp_path: Path) -> None:
     assert any(name.endswith("manoeuvre.png") for name in found["figures"])
 
 
+@pytest.mark.slow
 def test_exports_of_the_phases_join(file: Path, tmp_path: Path) -> None:
     found = document("export", file, "-o", tmp_path / "m.json", "--times", 301)
     names = ["1_reorientation", "2_settling", "3_path", "5_joints", "6_to"]

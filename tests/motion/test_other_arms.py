@@ -132,6 +132,7 @@ def test_invalid_fixed_joints_raise(slide: Path) -> None:
 # --------------------------------------------------------------------------------------- in space
 
 
+@pytest.mark.slow
 def test_an_arm_on_a_rail_with_a_fixed_arm_agrees_with_mujoco(rail: Path) -> None:
     motion = simulated(rail)
     assert motion.problem.model.joint_names[0] == "rail"

@@ -133,6 +133,7 @@ def test_the_place_of_a_point_before_a_reorientation_with_drift_is_unknown(
     assert raised.value.key == "limits.pointing.0.target.point"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("reorient", "name"), [(False, "away"), (True, "settling")])
 def test_a_motion_of_joints_out_of_the_corridor_is_infeasible(
     problem: ff.Problem, reorient: bool, name: str
@@ -154,6 +155,7 @@ def test_a_motion_of_joints_out_of_the_corridor_is_infeasible(
     assert result.worst > 0.1
 
 
+@pytest.mark.slow
 def test_joints_may_wait(problem: ff.Problem) -> None:
     """Of a phase in which nothing moves there is no path."""
     path = problem.path
