@@ -43,7 +43,7 @@ _DryRun = Annotated[
     bool, typer.Option("--dry-run", help="List the runs and estimate the time; time two runs.")
 ]
 _Report = Annotated[
-    bool, typer.Option("--report", help="Write report.html, a page with figure and runs.")
+    bool, typer.Option("--report", help="Draw a figure, and write report.html, a page with runs.")
 ]
 
 
@@ -127,7 +127,7 @@ def _result_lines(result: StudyResult) -> Iterator[str]:
     study = result.study
     errors = result.errors
     counts = ", ".join(f"{count:,} {verdict}" for verdict, count in result.verdicts.items())
-    yield f"{study.source}: {_runs(len(result.rows))} of command {study.content.command}: {counts}"
+    yield f"{study.source}: {_runs(result.done)} of command {study.content.command}: {counts}"
     if study.branch_rule is not None:
         yield f"arm branch: {study.branch_rule}"
     if result.feasible_percentage is not None:
@@ -141,7 +141,7 @@ def _result_lines(result: StudyResult) -> Iterator[str]:
     if result.verdicts["error"] > len(errors):
         yield f"  and {result.verdicts['error'] - len(errors):,} more errors"
     yield (
-        f"{_runs(result.computed)} computed, {len(result.rows) - result.computed:,} reused, in "
+        f"{_runs(result.computed)} computed, {result.done - result.computed:,} reused, in "
         f"{_duration(result.seconds)}; total time of the runs {_duration(result.run_seconds)}"
     )
     names = (result.files.get(key) for key in ("csv", "parquet", "figure", "report"))

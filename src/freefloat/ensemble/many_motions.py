@@ -14,12 +14,20 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.concurrency import Progress, step_of
-from freefloat.ensemble.endings import COMPLETED, FAILED, SINGULAR, UNREACHED
+from freefloat.ensemble.endings import (
+    COMPLETED,
+    FAILED,
+    MOTION,
+    NORMAL,
+    SINGULAR,
+    STRICT,
+    UNREACHED,
+)
 from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator
 from freefloat.ensemble.equivalence import Equivalents, broadcast, equivalents
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.starts import starts_at
-from freefloat.errors import InputError
+from freefloat.errors import InputError, IntegrationError
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import keeps_threshold
@@ -28,9 +36,6 @@ from freefloat.motion.problem import Problem, require_problem
 from freefloat.so3 import Array, IntArray, heading_quaternion
 
 BoolArray = npt.NDArray[np.bool_]
-DECIDERS = ("ensemble", "ensemble at 1e-10", "motion")
-"""What decided a motion: an ensemble, another one with that tolerance, or a precise motion."""
-_ENSEMBLE, _STRICT, _MOTION = range(3)
 _STRICT_TOLERANCE = 1e-10
 _NEAR, _STILL_NEAR = 1e-4, 1e-5
 """Differences of minimum and threshold, relative to the threshold, below which an ensemble and one
@@ -57,7 +62,8 @@ class ManyMotions:
             shape (K,).
         minimum_times: Their times [s], shape (K,).
         thresholds: The margins that are required, shape (K,).
-        deciders: What decided: indices into :data:`DECIDERS`, shape (K,).
+        deciders: What decided: indices into
+            :data:`freefloat.ensemble.endings.DECIDERS`, shape (K,).
         lower: Smallest joint values at the integrator's steps, shape (K, n).
         upper: Largest joint values at the steps, shape (K, n).
     """
@@ -95,6 +101,11 @@ class ManyMotions:
     def singular(self) -> BoolArray:
         """Whether the arm becomes singular, shape (K,)."""
         return np.asarray(self.endings == SINGULAR)
+
+    @property
+    def failed(self) -> BoolArray:
+        """Whether the integration failed, so that there is no verdict, shape (K,)."""
+        return np.asarray(self.endings == FAILED)
 
     @property
     def feasible(self) -> BoolArray:
@@ -213,7 +224,7 @@ def integrate_disturbed(
         attitudes: Initial attitudes, unit quaternions x, y, z, w, shape (K, 4).
         thresholds: Required margins, shape (K,).
         branch: Number of the arm branch.
-        joints: Joint values near those of the arm branch, shape (n,).
+        joints: Joint values near those of the arm branch, shape (n,) or (K, n).
         threads: Number of threads.
         progress: Called with the fraction done.
     """
@@ -280,7 +291,7 @@ def _decided(
     motions.assign(again, strict)
     for k in np.flatnonzero(doubtful).tolist():
         _decide_precisely(disturbed.problem_of(k), attitudes[k], joints[k], motions, k)
-    deciders = np.where(again, np.where(doubtful, _MOTION, _STRICT), _ENSEMBLE)
+    deciders = np.where(again, np.where(doubtful, MOTION, STRICT), NORMAL)
     return motions, deciders.astype(np.int8)
 
 
@@ -291,8 +302,12 @@ def _is_near(minimum: Array, required: Array, distance: float) -> BoolArray:
 def _decide_precisely(
     problem: Problem, attitude: Array, joints: Array, motions: EnsembleResult, k: int
 ) -> None:
-    """Write ending and minimum of a precise motion."""
-    motion = integrate_motion(problem, attitude, joints)
+    """Write ending and minimum of a precise motion; one that fails keeps the ending FAILED."""
+    try:
+        motion = integrate_motion(problem, attitude, joints)
+    except IntegrationError:
+        motions.endings[k] = FAILED
+        return
     approach = closest_approach(motion, problem.margin.measure)
     motions.endings[k] = _CODES[motion.ending]
     motions.ended_at[k] = motion.final.time

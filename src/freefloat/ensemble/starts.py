@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.ensemble.feasibility import has_wrist_flipped_branches
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, IntArray
@@ -39,13 +40,14 @@ def starts_at(
         problem: Robot and path.
         attitudes: Unit quaternions x, y, z, w, shape (K, 4).
         branch: Only the arm branch with this number.
-        joints: Only the arm branch nearest to these joint values, shape (n,); for a redundant arm
-            see :func:`~freefloat.ik.nearest.closest_branches`. With neither argument all arm
-            branches are candidates.
+        joints: Only the arm branch nearest to these joint values, shape (n,) or (K, n); of a
+            redundant arm, shape (n,), see :func:`~freefloat.ik.nearest.closest_branches`. With
+            neither argument all arm branches are candidates.
     """
     if branch is not None and joints is not None:
         raise InputError("branch", f"{branch} was given together with joints", "branch or joints")
     same = len(attitudes) > 1 and bool((attitudes == attitudes[0]).all())
+    same &= joints is None or joints.ndim == 1
     starts = _distinct_starts(problem, attitudes[:1] if same else attitudes, branch, joints)
     if not same:
         return starts
@@ -60,6 +62,8 @@ def _distinct_starts(
         sets = problem.many_branches(attitudes)
         numbers = np.where(sets.exist, np.arange(sets.names.shape[1]), -1)
         if branch is None:
+            if has_wrist_flipped_branches(problem):  # the same motions: the first counts
+                numbers[:, 1::2] = np.where(sets.exist[:, ::2], -1, numbers[:, 1::2])
             return Starts(sets.joints, numbers)
         column = slice(branch, branch + 1)
         if not numbers[:, column].size:
@@ -78,7 +82,7 @@ def _none(count: int, n: int) -> Starts:
 def _nearest(problem: Problem, attitudes: Array, joints: Array) -> Starts:
     """Of all arm branches the nearest to joint values."""
     sets = problem.many_branches(attitudes)
-    distances = problem.model.joint_distance(sets.joints, joints)
+    distances = problem.model.joint_distance(sets.joints, joints[..., None, :])
     distances = np.where(sets.exist, distances, np.inf)
     columns, rows = distances.argmin(axis=1), np.arange(len(attitudes))
     numbers = np.where(np.isfinite(distances[rows, columns]), columns, -1)

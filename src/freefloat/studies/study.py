@@ -64,8 +64,9 @@ class StudyFile(Section):
     """Number of random draws; where keys have listed values too, per combination of these."""
     seed: Seed = 0
     """Seed of all random values."""
-    files: Annotated[bool, Field(strict=True)] = True
-    """Whether to keep the result file of each run, as the commands write it with -o; track has
+    files: Annotated[str, Field(pattern=r"^(none|all|worst [1-9][0-9]{0,6})$")] = "worst 20"
+    """Runs whose result files are kept, as the commands write them with -o: ``none``, ``all``, or
+    ``worst 20``, those with the smallest margins, and the undisturbed simulation; track has
     none."""
     attitude: Quaternion | None = None
     """Commands simulate and track: initial attitude of the spacecraft, quaternion x, y, z, w.
@@ -107,6 +108,14 @@ class Study:
     def count(self) -> int:
         """Number of runs; they are numbered from 0."""
         return self.variation.count
+
+    @property
+    def kept_files(self) -> int:
+        """Number of runs whose result files are kept, those with the smallest margins."""
+        kind, _, number = self.content.files.partition(" ")
+        if kind == "none" or self.content.command is Command.TRACK:
+            return 0
+        return self.count if kind == "all" else int(number)
 
     def parameters(self, number: int) -> dict[str, Any]:
         """Return the varied keys of a run and their values, in the order of the study file."""
