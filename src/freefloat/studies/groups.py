@@ -132,20 +132,23 @@ def _group(study: Study, number: int) -> Group | None:
         return None
     attitude = unvaried = joints = None
     branch = content.branch if isinstance(content.branch, int) else None
+    if content.branch is None:
+        base = scenario_from(study.base, study.base_source.absolute())
+        unvaried = None if problem.redundant or any(_limits(base)) else base.problem()
     if not any(key in parameters for key in START_KEYS):
         heading = None if content.heading_deg is None else np.radians(content.heading_deg)
         attitude = problem.attitude(content.attitude, heading=heading)
         if not problem.branches(attitude):
             return None
-        choice = branch_choice(
-            content.branch, study.base, problem, attitude, study.base_source.absolute()
-        )
-        branch, joints = choice.get("branch"), choice.get("joints")
-    elif content.branch is None:
-        base = scenario_from(study.base, study.base_source.absolute())
-        if problem.redundant or any(_limits(base)):
-            return None
-        unvaried = base.problem()
+        if unvaried is not None:
+            (joints,), unvaried = _best_joints(unvaried, attitude[None], 1), None
+        elif content.branch is None:
+            choice = branch_choice(
+                None, study.base, problem, attitude, study.base_source.absolute()
+            )
+            branch, joints = choice.get("branch"), choice.get("joints")
+    elif content.branch is None and unvaried is None:
+        return None
     return Group(
         study, problem, margin.fraction is not None, attitude, branch, joints, unvaried, ranges,
         limited,

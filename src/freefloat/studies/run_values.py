@@ -20,6 +20,15 @@ NUMBERS = {
     "margin.value": "thresholds",
 }
 """Scenario keys of numbers, and what they are in ensembles."""
+_HARMLESS = {
+    "momenta": np.zeros(3),
+    "wheels": np.zeros(3),
+    "drifts": np.zeros(3),
+    "durations": np.ones(()),
+    "scale_mass": np.ones(()),
+    "thresholds": np.ones(()),
+    "attitudes": np.array([0.0, 0.0, 0.0, 1.0]),
+}
 _FEWEST = 16
 """Fewer runs are not worth an ensemble."""
 _LARGEST = 1e9
@@ -73,7 +82,7 @@ def arrays_of(
     Returns:
         Arrays by argument of :func:`~freefloat.ensemble.many_motions.simulate_many`, shape (K,) or
         (K, 3), and ``attitudes`` (K, 4) where the start varies; and whether a run fits, shape (K,).
-        The values of others are arbitrary.
+        The values of others are harmless ones.
     """
     nominal = {
         "momenta": problem.momentum,
@@ -96,11 +105,9 @@ def arrays_of(
     fits = np.ones(count, dtype=bool)
     for name, array in arrays.items():
         fits &= _accepted(name, array, problem.task.planar)
-    return {name: np.where(_rows(fits, array), array, 1.0) for name, array in arrays.items()}, fits
-
-
-def _rows(chosen: BoolArray, array: Array) -> BoolArray:
-    return chosen.reshape(-1, *[1] * (array.ndim - 1))
+    for name, array in arrays.items():
+        arrays[name] = np.where(fits if array.ndim == 1 else fits[:, None], array, _HARMLESS[name])
+    return arrays, fits
 
 
 def _numbers(column: Array | Sequence[Any], shape: tuple[int, ...]) -> Array:

@@ -65,6 +65,13 @@ def _columns_of_maps(maps: Sequence[Mapping[str, Any] | None]) -> Table:
 
 def _flat(key: str, values: list[Any]) -> Table:
     """Return entries of lists and maps of numbers in columns of their own, and other values."""
+    kinds = set(map(type, values))
+    if not kinds & {list, dict}:
+        return {key: values}
+    if kinds == {list} and len(set(map(len, values))) == 1:  # of all runs at once
+        entries = [list(column) for column in zip(*values, strict=True)]
+        if all(set(map(type, column)) <= {int, float} for column in entries):
+            return {f"{key}.{index}": column for index, column in enumerate(entries)}
     columns: Table = {}
     for place, value in enumerate(values):
         for name, entry in _entries(key, value):
@@ -102,7 +109,7 @@ def _texts_of_lists(values: list[Any]) -> list[Any]:
 def save_tables(folder: Path, table: Table) -> dict[str, Path | None]:
     """Write a table of runs in two formats; return the files by kind, None for one not written.
 
-    The Parquet table needs PyArrow (the extra ``parquet``).
+    The Parquet table, the other one with types, needs PyArrow (the extra ``parquet``).
 
     Raises:
         InputError: If they cannot be written.
@@ -116,12 +123,17 @@ def save_tables(folder: Path, table: Table) -> dict[str, Path | None]:
         writer.writerows(zip(*map(_csv_column, table.values()), strict=True))
     if find_spec("pyarrow") is None:
         return {"parquet": None, "csv": folder / CSV}
-    import pyarrow
-    import pyarrow.parquet
+    from pyarrow import csv as arrow
+    from pyarrow import parquet
 
-    arrays = {name: pyarrow.array(column, _type(name, column)) for name, column in table.items()}
+    types = {name: _type(name, column) for name, column in table.items()}
+    nothing = arrow.ConvertOptions(
+        column_types=types, null_values=["", "nan"], strings_can_be_null=True
+    )
+    lines = arrow.ParseOptions(newlines_in_values=True)
     with written_beside(folder / PARQUET) as beside:
-        pyarrow.parquet.write_table(pyarrow.table(arrays), beside)
+        read = arrow.read_csv(folder / CSV, parse_options=lines, convert_options=nothing)
+        parquet.write_table(read, beside)
     return {"parquet": folder / PARQUET, "csv": folder / CSV}
 
 
