@@ -113,6 +113,8 @@ def _texts(array: Array) -> list[str]:
     """Rows of an array as JSON texts, numbers or lists."""
     if not len(array):
         return []
+    if len(array) > 1 and (array == array[0]).all():  # such as the same attitude of all runs
+        return _texts(array[:1]) * len(array)
     text = json.dumps(array.tolist())
     if array.ndim == 1:
         return text[1:-1].split(", ")

@@ -78,7 +78,9 @@ def parsed(name: str, values: Sequence[Any]) -> list[Any]:
         return [None if value is None else bool(value) for value in values]
     if COLUMNS[name] != "JSON":
         return list(values)
-    texts = ("null" if value is None else value for value in values)
+    texts = ["null" if value is None else value for value in values]
+    if len(set(texts)) == 1:  # such as the same attitude of all runs
+        return [json.loads(texts[0])] * len(texts)
     entries: list[Any] = json.loads(f"[{','.join(texts)}]")
     return entries
 

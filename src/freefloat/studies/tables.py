@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from itertools import repeat
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 from freefloat.io.files import written_beside
@@ -97,7 +98,10 @@ def _is_number(value: Any) -> bool:
 
 def _parameter_column(values: list[Any]) -> list[Any]:
     """Return numbers if all values are numbers, else texts."""
-    if all(value is None or _is_number(value) for value in values):
+    kinds = set(map(type, values))
+    if kinds == {float}:
+        return values
+    if kinds <= {int, float, NoneType}:
         return [None if value is None else float(value) for value in values]
     return [v if v is None or isinstance(v, str) else json.dumps(v) for v in values]
 
@@ -138,12 +142,11 @@ def save_tables(folder: Path, table: Table) -> dict[str, Path | None]:
 
 
 def _csv_column(values: list[Any]) -> list[Any]:
-    if not any(value is True or value is False for value in values):
+    if bool not in set(map(type, values)):
         return values
     return [json.dumps(value) if isinstance(value, bool) else value for value in values]
 
 
 def _type(name: str, column: list[Any]) -> str:
-    text = any(isinstance(value, str) for value in column)
-    integer = name == "case"
+    text, integer = str in set(map(type, column)), name == "case"
     return _TYPES.get("TEXT" if text else "INTEGER" if integer else COLUMNS.get(name, ""), "double")
