@@ -40,7 +40,7 @@ pytestmark = pytest.mark.usefixtures("kernels")
 RANDOM = {"momentum.2": {"uniform": [-1, 1]}}
 PATHS = {"path.polynomial.y.1": {"uniform": [0.01, 0.0101]}}
 """Runs that no ensemble represents."""
-CHUNK = 8192
+CHUNK = 4096
 """Runs of an ensemble that are stored together."""
 
 

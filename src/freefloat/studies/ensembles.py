@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from datetime import UTC, datetime
 from typing import Any
 
@@ -19,7 +20,7 @@ from freefloat.studies.row import FEASIBLE, INFEASIBLE
 from freefloat.studies.study import Study
 from freefloat.studies.values import MARGIN_REASON
 
-_CHUNK = 8192
+_CHUNK = 4096
 """Runs that are integrated and stored together."""
 Columns = Mapping[str, Sequence[Any]]
 """Rows by column as the database stores them."""
@@ -36,13 +37,26 @@ def decided_rows(
         missing: Numbers of the runs, ascending.
         threads: Number of threads.
     """
+    with ThreadPoolExecutor(1) as ahead:  # integrates a chunk while rows of the last are written
+        integrated: Future[Columns] | None = None
+        for group, numbers in _chunks(study, groups, missing):
+            following = ahead.submit(_rows, group, numbers, threads)
+            if integrated is not None:
+                yield integrated.result()
+            integrated = following
+        if integrated is not None:
+            yield integrated.result()
+
+
+def _chunks(study: Study, groups: IntArray, missing: IntArray) -> Iterator[tuple[Group, IntArray]]:
+    """Groups and the numbers of their missing runs, some at a time."""
     _, first_runs = np.unique(groups, return_index=True)
     first_of = dict(zip(groups[first_runs].tolist(), first_runs.tolist(), strict=True))
     for chunk in np.split(missing, np.flatnonzero(np.diff(missing // _CHUNK)) + 1):
         for number in np.unique(groups[chunk]).tolist():
             group = group_of(study, first_of[number]) if number >= 0 else None
             if group is not None:
-                yield _rows(group, chunk[groups[chunk] == number], threads)
+                yield group, chunk[groups[chunk] == number]
 
 
 def _rows(group: Group, numbers: IntArray, threads: int) -> Columns:
@@ -50,9 +64,10 @@ def _rows(group: Group, numbers: IntArray, threads: int) -> Columns:
     began, begin = datetime.now(UTC).isoformat(timespec="milliseconds"), time.perf_counter()
     numbers, motions = group.integrate(numbers, threads)
     decided = np.flatnonzero(group.are_decided(motions))
-    columns = _columns(group, numbers, motions, decided)
     each = (time.perf_counter() - begin) / max(len(numbers), 1)
-    return columns | {"seconds": [each] * len(decided), "began": [began] * len(decided)}
+    columns = _columns(group, numbers, motions, decided)
+    columns["seconds"], columns["began"] = [each] * len(decided), [began] * len(decided)
+    return columns
 
 
 def _columns(

@@ -24,6 +24,8 @@ _FIRST = (
 """Columns after the parameters; then joints, residuals, limits and heading ranges."""
 _VARYING = ("joints", "residuals", "limits", "attitude_ranges_deg")
 _LAST = ("decided_by", "seconds", "began", "file", "bytes", "error")
+_FEW = 1000
+"""Distinct values of a column that are formatted once."""
 _TYPES = {"TEXT": "string", "INTEGER": "int64", "BOOLEAN": "bool"}
 """Parquet types of columns by those of the database; others are floating-point numbers."""
 Table = dict[str, list[Any]]
@@ -142,9 +144,12 @@ def save_tables(folder: Path, table: Table) -> dict[str, Path | None]:
 
 
 def _csv_column(values: list[Any]) -> list[Any]:
-    if bool not in set(map(type, values)):
+    """Return what the CSV writer shall write; texts of numbers that repeat are made once."""
+    kinds = set(map(type, values)) - {NoneType}
+    if len(kinds) != 1 or kinds == {str} or len(distinct := set(values)) > _FEW:
         return values
-    return [json.dumps(value) if isinstance(value, bool) else value for value in values]
+    texts = {value: "" if value is None else json.dumps(value) for value in distinct}
+    return [texts[value] for value in values]
 
 
 def _type(name: str, column: list[Any]) -> str:
