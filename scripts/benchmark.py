@@ -17,6 +17,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from benchmarks.batches import batch_results
 from benchmarks.bound import bound_results
 from benchmarks.costs import cost_results
 from benchmarks.jacobians import jacobian_results
@@ -31,6 +32,7 @@ GROUPS: dict[str, Callable[[bool], list[Result]]] = {
     "jacobians": jacobian_results,
     "motions": motion_results,
     "scaling": scaling_results,
+    "batches": batch_results,
     "costs": cost_results,
     "bound": bound_results,
 }

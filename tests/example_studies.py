@@ -8,6 +8,10 @@ from typing import Any
 import yaml
 
 import freefloat as ff
+from freefloat.studies.database import open_results
+from freefloat.studies.row import Row
+from freefloat.studies.run import study_files
+from freefloat.studies.stored_rows import StoredRows
 from freefloat.studies.study import Study
 
 BASE: dict[str, Any] = {
@@ -47,3 +51,11 @@ def write_study(
 def a_study(folder: Path, vary: dict[str, Any] | None = None, **keys: Any) -> Study:
     """Write a study and load it."""
     return ff.load_study(write_study(folder, HEADINGS if vary is None else vary, **keys))
+
+
+def finished(study: Study, folder: Path, *rows: Row, content: bytes | None = None) -> StoredRows:
+    """Add rows to the database of a study, and return all of them."""
+    with open_results(folder, study, study_files(study)) as database:
+        for row in rows:
+            database.add(row, content)
+        return database.rows

@@ -18,13 +18,15 @@ from lxml import html
 from playwright.sync_api import Browser
 
 from freefloat.errors import InputError
-from freefloat.studies.database import COLUMNS, open_results
-from freefloat.studies.report import heading, save_summary, save_tables, study_table
-from freefloat.studies.results import Row, StudyResult
-from freefloat.studies.run import study_files
+from freefloat.studies.database import open_results
+from freefloat.studies.report import heading, save_report
+from freefloat.studies.results import StudyResult
+from freefloat.studies.row import Row
+from freefloat.studies.stored_rows import COLUMNS
 from freefloat.studies.study import Study
+from freefloat.studies.tables import save_tables, study_table
 from tests.errors import error_key
-from tests.example_studies import BASE, a_study
+from tests.example_studies import BASE, a_study, finished
 from tests.samples import NAME
 
 VARY = {"momentum.2": {"uniform": [-1, 1]}}
@@ -44,7 +46,7 @@ ERROR = Row(
     2, "error", {"momentum": [0, 0, math.nan], "timing.duration": 70, "robot.scale_mass": 1.5},
     error=f'base.yaml: "x", {NAME}', seconds=0.1,
 )  # fmt: skip
-ROWS = {row.number: row for row in (ERROR, FEASIBLE, INFEASIBLE)}
+ROWS = ERROR, FEASIBLE, INFEASIBLE
 
 
 @pytest.fixture
@@ -52,14 +54,9 @@ def study(tmp_path: Path) -> Study:
     return a_study(tmp_path, VARY, cases=4)
 
 
-def finished(
-    study: Study, folder: Path, *rows: Row, content: bytes | None = None
-) -> dict[int, Row]:
-    """Add rows to the database of a study, and return all of them."""
-    with open_results(folder, study, study_files(study)) as database:
-        for row in rows:
-            database.add(row, content)
-        return database.rows
+def report_of(result: StudyResult) -> Path:
+    table = study_table(result.rows)
+    return save_report(result, table, save_tables(result.folder, table))["report"]
 
 
 def test_a_database_returns_the_rows_that_were_added(study: Study, tmp_path: Path) -> None:
@@ -174,8 +171,8 @@ def test_a_database_that_was_changed_by_hand_is_an_error(
     assert error_key(finished, study, tmp_path / "out") == "output"
 
 
-def test_tables_have_parameters_and_results_in_order(tmp_path: Path) -> None:
-    files = save_tables(tmp_path, study_table(ROWS))
+def test_tables_have_parameters_and_results_in_order(study: Study, tmp_path: Path) -> None:
+    files = save_tables(tmp_path, study_table(finished(study, tmp_path, *ROWS)))
     table = pyarrow.parquet.read_table(files["parquet"]).to_pydict()
     assert table["case"] == [0, 1, 2]
     assert table["timing.duration"] == [50.0, 60.0, 70.0]
@@ -197,14 +194,17 @@ def test_tables_have_parameters_and_results_in_order(tmp_path: Path) -> None:
     assert lines[2]["error"] == ERROR.error
 
 
-def test_a_varied_result_column_keeps_both_columns() -> None:
-    table = study_table({0: replace(FEASIBLE, parameters={"heading_deg": 1.0})})
+def test_a_varied_result_column_keeps_both_columns(study: Study, tmp_path: Path) -> None:
+    row = replace(FEASIBLE, parameters={"heading_deg": 1.0})
+    table = study_table(finished(study, tmp_path, row))
     assert table["heading_deg"] == [1.0]
     assert table["found.heading_deg"] == [73.7]
 
 
 def test_the_summary_counts_verdicts_and_margins(study: Study, tmp_path: Path) -> None:
-    result = StudyResult(study, ROWS, tmp_path, computed=2)
+    empty = StudyResult(study, finished(study, tmp_path), tmp_path)
+    assert empty.to_dict()["feasible_fraction"] is None
+    result = StudyResult(study, finished(study, tmp_path, *ROWS), tmp_path, computed=2)
     document = result.to_dict()
     assert (document["cases"], document["done"], document["reused"]) == (4, 3, 1)
     assert document["verdicts"] == {"feasible": 1, "infeasible": 1, "error": 1}
@@ -215,16 +215,14 @@ def test_the_summary_counts_verdicts_and_margins(study: Study, tmp_path: Path) -
     assert document["reasons"] == {INFEASIBLE.reason: 1}
     assert document["errors"] == [{"case": 2, "error": ERROR.error}]
     assert document["case_seconds"] == pytest.approx(1.1)
-    assert StudyResult(study, {}, tmp_path).to_dict()["feasible_fraction"] is None
 
 
 @pytest.mark.slow
 def test_the_report_has_the_numbers_and_escapes_names(tmp_path: Path) -> None:
     vary = {"timing.duration": {"list": [50, 60, 70]}, "momentum.2": {"uniform": [0, 1]}}
-    result = StudyResult(a_study(tmp_path, vary, cases=2), ROWS, tmp_path)
-    file = save_summary(result)["report"]
-    assert file is not None
-    page = html.fromstring(file.read_text())
+    study = a_study(tmp_path, vary, cases=2)
+    result = StudyResult(study, finished(study, tmp_path, *ROWS), tmp_path)
+    page = html.fromstring(report_of(result).read_text())
     assert page.xpath("count(//script)") == page.xpath("count(//img)") == 1  # its own
     assert page.xpath("//@*[starts-with(name(), 'on')]") == []
     texts = ("3 of 6", "50.00% (95% confidence: 9.45% to 90.55%)", "7.5", "timing.duration [s]")
@@ -248,10 +246,10 @@ def test_columns_of_parameters_have_the_units_of_the_schema(key: str, text: str)
 
 
 def test_tables_are_written_without_pyarrow(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    assert save_tables(tmp_path, study_table(ROWS)) == {
+    assert save_tables(tmp_path, study_table(finished(study, tmp_path, *ROWS))) == {
         "parquet": None,
         "csv": tmp_path / "cases.csv",
     }
@@ -262,7 +260,7 @@ def test_runs_of_the_report_are_sorted_and_linked(
     study: Study, tmp_path: Path, browser: Browser
 ) -> None:
     rows = finished(study, tmp_path, FEASIBLE, INFEASIBLE, content=b"content")
-    save_summary(StudyResult(study, rows, tmp_path))
+    report_of(StudyResult(study, rows, tmp_path))
     page = browser.new_page()
     page.goto((tmp_path / "report.html").as_uri())
     runs = "[...document.querySelectorAll('#cases tbody tr')].map(row => row.id)"

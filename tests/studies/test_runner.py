@@ -7,6 +7,7 @@ import os
 import re
 import signal
 import socket
+import sqlite3
 import subprocess
 import sys
 import threading
@@ -25,9 +26,10 @@ from freefloat.io.records.results import load
 from freefloat.robot.names import bundled_studies, models_folder
 from freefloat.studies.clients import _CONFIG
 from freefloat.studies.database import open_results
-from freefloat.studies.results import Row
+from freefloat.studies.execution import execute_all
+from freefloat.studies.row import Row
 from freefloat.studies.run import Run, RunResult, execute, study_files
-from freefloat.studies.runner import estimate_study, execute_all, run_study
+from freefloat.studies.runner import estimate_study, run_study
 from freefloat.studies.study import load_study
 from tests.commands import document, error, run
 from tests.errors import error_key
@@ -36,6 +38,10 @@ from tests.example_studies import HEADINGS, SHORT, a_study, write_study
 pytestmark = pytest.mark.usefixtures("kernels")
 
 RANDOM = {"momentum.2": {"uniform": [-1, 1]}}
+PATHS = {"path.polynomial.y.1": {"uniform": [0.01, 0.0101]}}
+"""Runs that no ensemble represents."""
+CHUNK = 4096
+"""Runs of an ensemble that are stored together."""
 
 
 @pytest.fixture(autouse=True)
@@ -85,7 +91,7 @@ def test_runs_that_fail_stop_no_other(folder: Path) -> None:
     runs = [good | bad[k // 4] if k % 4 == 3 else good for k in range(16)]
     names = {"momentum.2": "momentum.2", "x": "path.polynomial.x.0", "robot.urdf": "robot.urdf"}
     vary = {key: {"list": [values[name] for values in runs]} for name, key in names.items()}
-    write_study(folder, vary, base=SHORT, combine="zipped", files=False)
+    write_study(folder, vary, base=SHORT, combine="zipped", files="none")
     result = run("batch", "study.yaml", "-o", "out", "--workers", "1")
     assert result.exit_code == 1
     assert len(result.stderr.splitlines()) == 1
@@ -105,7 +111,7 @@ def started(*words: str) -> subprocess.Popen[str]:
 
 def files(folder: Path) -> list[str]:
     """Result files of the finished runs."""
-    return sorted(path.name for path in folder.glob("cases/*.h5"))
+    return sorted(path.name for path in folder.glob("cases/0*.h5"))
 
 
 def wait_until(condition: Callable[[], bool], process: subprocess.Popen[str]) -> None:
@@ -153,11 +159,46 @@ def test_no_finished_run_is_lost_or_repeated_whatever_process_is_killed(folder: 
         assert (out / "cases" / name).stat().st_mtime_ns == modified
 
 
+def stored(folder: Path, columns: str) -> list[Any]:
+    connection = sqlite3.connect(folder / "study.sqlite", timeout=60.0)
+    try:
+        return connection.execute(f"SELECT {columns} FROM runs ORDER BY number").fetchall()
+    except sqlite3.OperationalError:  # it has no tables yet
+        return []
+    finally:
+        connection.close()
+
+
+@pytest.mark.slow
+def test_a_killed_ensemble_loses_at_most_the_chunk_in_flight(folder: Path) -> None:
+    write_study(folder, RANDOM, base=SHORT, cases=3 * CHUNK, files="none")
+    process = started("study.yaml", "-o", "out")
+    database = folder / "out" / "study.sqlite"
+    wait_until(lambda: database.exists() and len(stored(folder / "out", "number")) > 0, process)
+    process.kill()
+    process.communicate()
+    reused = document("batch", "study.yaml", "-o", "out")["reused"]
+    assert reused in (CHUNK, 2 * CHUNK, 3 * CHUNK)
+    run("batch", "study.yaml", "-o", "whole")
+    columns = "number, verdict, margin, margin_time, parameters, joints, decided_by"
+    assert stored(folder / "out", columns) == stored(folder / "whole", columns)
+
+
+@pytest.mark.slow
+def test_a_run_of_a_study_is_written_as_a_file(folder: Path) -> None:
+    study = a_study(folder, RANDOM, base=SHORT, cases=40, files="none")
+    written = document("batch", "study.yaml", "--run", "17", "-o", "run.h5")
+    assert written["margin"] == load(folder / "run.h5").chosen.minimum_margin
+    row = run_study(study, folder / "out", report=False).rows[17]
+    assert (written["case"], written["verdict"]) == (17, row.verdict)
+    assert written["margin"] == pytest.approx(row.margin, rel=1e-4)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("finished", [0, 1])
 def test_an_interruption_ends_all_processes_and_keeps_rows(finished: int, folder: Path) -> None:
     """Ctrl-C in a terminal reaches the workers too, before and after the first runs."""
-    write_study(folder, RANDOM, base=SHORT, cases=500)
+    write_study(folder, PATHS, base=SHORT, cases=500, files="all")
     process = started("study.yaml", "-o", "out", "--workers", "1")
     wait_until(lambda: len(files(folder / "out")) >= finished and bool(workers(process)), process)
     processes, begin = workers(process), time.monotonic()
@@ -200,7 +241,7 @@ def test_a_run_that_kills_its_workers_becomes_an_error(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(_CONFIG, "distributed.scheduler.allowed-failures", 1)
-    study = a_study(folder, RANDOM, base=SHORT, cases=3, files=False)
+    study = a_study(folder, RANDOM, base=SHORT, cases=3, files="none")
     runs = [Run.of(study, number) for number in range(3)]
     runs[1] = replace(runs[1], document={"robot": Deadly()})
     rows = {result.row.number: result.row for result in execute_all(runs)}
@@ -310,6 +351,9 @@ def execute_nothing(run: Run) -> Any:
     ("words", "key"),
     [
         (["study.yaml"], "output"),
+        (["study.yaml", "--run", "3", "-o", "run.h5"], "run"),
+        (["study.yaml", "-o", "out", "--until", "many"], "until"),
+        (["study.yaml", "-o", "out", "--until", "0"], "until"),
         (["nothing.yaml", "-o", "out"], "study"),
         (["study.yaml", "-o", "base.yaml"], "output"),
         (["study.yaml", "-o", "out", "--workers", "2", "--scheduler", "tcp://a:1"], "workers"),

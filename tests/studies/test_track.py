@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from freefloat.studies.results import Combination, StudyResult
 from freefloat.studies.run import Run, execute
 from freefloat.studies.study import Study
 from tests.errors import error_key
-from tests.example_studies import SHORT, a_study, write_study
+from tests.example_studies import SHORT, a_study, finished, write_study
 
 VARY: dict[str, Any] = {
     "track.mass_error": {"list": [0.0, 0.2]},
@@ -24,8 +25,9 @@ TRACK: dict[str, Any] = {"base": SHORT, "command": "track", "track": {"friction"
 
 
 def result_of(study: Study) -> StudyResult:
-    rows = {number: execute(Run.of(study, number)).row for number in range(study.count)}
-    return StudyResult(study, rows, Path())
+    rows = [execute(Run.of(study, number)).row for number in range(study.count)]
+    folder = Path(tempfile.mkdtemp(dir=Path(study.source).parent))
+    return StudyResult(study, finished(study, folder, *rows), folder)
 
 
 @pytest.mark.slow

@@ -13,11 +13,12 @@ from rich.text import Text
 from freefloat.cli.console import DONE, NO, Console, say, table
 from freefloat.cli.options import Json, Quiet, study_names
 from freefloat.errors import InputError, MissingExtraError
-from freefloat.io.files import make_folder
+from freefloat.io.files import make_folder, require_writable, written_beside
 
 if TYPE_CHECKING:
     from freefloat.studies.results import Combination, StudyResult
     from freefloat.studies.runner import StudyEstimate
+    from freefloat.studies.study import Study
 
 _MAX_ROWS = 20
 """Runs listed by a dry run; --json lists all."""
@@ -42,8 +43,17 @@ _Scheduler = Annotated[
 _DryRun = Annotated[
     bool, typer.Option("--dry-run", help="List the runs and estimate the time; time two runs.")
 ]
+_Until = Annotated[
+    str | None,
+    typer.Option(metavar="PERCENT",
+                 help="Stop when the 95 % interval of the feasible fraction is that narrow: 0.5%"),
+]  # fmt: skip
+_Run = Annotated[
+    int | None,
+    typer.Option(min=0, metavar="N", help="Write the result file of this run alone to -o FILE."),
+]
 _Report = Annotated[
-    bool, typer.Option("--report", help="Write report.html, a page with figure and runs.")
+    bool, typer.Option("--report", help="Draw a figure, and write report.html, a page with runs.")
 ]
 
 
@@ -53,18 +63,23 @@ def batch(
     workers: _Workers = None,
     scheduler: _Scheduler = None,
     dry_run: _DryRun = False,
+    until: _Until = None,
+    run: _Run = None,
     report: _Report = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Run a scenario many times, with lists, grids and random values of any of its keys.
 
-    Every finished run is on disk at once; the same command continues a study that was interrupted.
-    Exit code 1: some runs ended in an error; infeasible ones have not.
+    Simulations with other momenta, durations, masses and attitudes are integrated thousands at a
+    time. The same command continues a study that was interrupted. Exit code 1: some runs ended in
+    an error; infeasible ones have not.
 
     Example: freefloat batch spatial_6dof/montecarlo --dry-run
 
     Example: freefloat batch spatial_6dof/montecarlo -o montecarlo --workers 2 --report
+
+    Example: freefloat batch spatial_6dof/montecarlo --run 17 -o run.h5
     """
     from freefloat.studies.runner import estimate_study, run_study
     from freefloat.studies.study import load_study
@@ -81,12 +96,15 @@ def batch(
     if output is None:
         accepted = "-o DIR, a folder for the results; or --dry-run"
         raise InputError("output", "it is missing", accepted)
+    if run is not None:
+        _write_run(loaded, run, output, console)
+        return
     make_folder("output", output)
     try:
         with console.progress(f"{loaded.count:,} runs") as progress:
             result = run_study(
-                loaded, output, workers=workers, scheduler=scheduler, report=report,
-                progress=progress,
+                loaded, output, workers=workers, scheduler=scheduler, until=_fraction(until),
+                report=report, progress=progress,
             )  # fmt: skip
     except KeyboardInterrupt:
         say("the same command continues the study")
@@ -99,6 +117,39 @@ def batch(
         count, first = result.verdicts["error"], result.errors[0]
         say(f"{count} of {loaded.count} runs ended in an error; run {first.number}: {first.error}")
     raise typer.Exit(NO if result.errors else DONE)
+
+
+def _write_run(study: Study, number: int, file: Path, console: Console) -> None:
+    """Execute one run of a study and write its result file."""
+    from freefloat.studies.run import Run, execute
+
+    if number >= study.count:
+        raise InputError("run", f"{number} was given", f"0 to {study.count - 1}, a run")
+    if study.content.command == "track":
+        raise InputError("run", "the command track writes no result files", "another command")
+    require_writable("output", file)
+    with console.progress(f"run {number}"):
+        result = execute(Run.of(study, number, save=True))
+    row, written = result.row, None
+    if result.content is not None:
+        with written_beside(file) as beside:
+            beside.write_bytes(result.content)
+        written = str(file)
+    console.json({"case": number, **vars(row), "file": written})
+    console.tables([f"run {number}: {row.verdict}", f"written: {written or 'nothing'}"])
+    if row.error is not None:
+        say(f"run {number} ended in an error: {row.error}")
+        raise typer.Exit(NO)
+
+
+def _fraction(percent: str | None) -> float | None:
+    """The fraction of a percentage, with or without its sign."""
+    if percent is None:
+        return None
+    try:
+        return float(percent.removesuffix("%")) / 100.0
+    except ValueError:
+        raise InputError("until", f"{percent} was given", "a percentage, such as 0.5%") from None
 
 
 def _estimate_tables(estimate: StudyEstimate) -> Iterator[RenderableType]:
@@ -127,7 +178,7 @@ def _result_lines(result: StudyResult) -> Iterator[str]:
     study = result.study
     errors = result.errors
     counts = ", ".join(f"{count:,} {verdict}" for verdict, count in result.verdicts.items())
-    yield f"{study.source}: {_runs(len(result.rows))} of command {study.content.command}: {counts}"
+    yield f"{study.source}: {_runs(result.done)} of command {study.content.command}: {counts}"
     if study.branch_rule is not None:
         yield f"arm branch: {study.branch_rule}"
     if result.feasible_percentage is not None:
@@ -141,8 +192,8 @@ def _result_lines(result: StudyResult) -> Iterator[str]:
     if result.verdicts["error"] > len(errors):
         yield f"  and {result.verdicts['error'] - len(errors):,} more errors"
     yield (
-        f"{_runs(result.computed)} computed, {len(result.rows) - result.computed:,} reused, in "
-        f"{_duration(result.seconds)}; total time of the runs {_duration(result.run_seconds)}"
+        f"{_runs(result.computed)} computed, {result.done - result.computed:,} reused, in "
+        f"{_duration(result.seconds)}"
     )
     names = (result.files.get(key) for key in ("csv", "parquet", "figure", "report"))
     yield f"written: {', '.join(str(name) for name in names if name)}"

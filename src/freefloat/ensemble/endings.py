@@ -1,4 +1,4 @@
-"""Codes of the endings of compiled motions."""
+"""Codes of the endings of compiled motions, and of what decided them."""
 
 from __future__ import annotations
 
@@ -7,3 +7,6 @@ COMPLETED, SINGULAR, MARGIN, FAILED, LIMITED = 0, 1, 2, 3, 4
 the path was followed, and a limit of attitude is violated."""
 UNREACHED = -1
 """The arm branch does not exist at the attitude."""
+NORMAL, STRICT, MOTION = range(3)
+DECIDERS = "ensemble", "ensemble at 1e-10", "motion"
+"""What decided a motion: an ensemble, another one with that tolerance, or a precise motion."""

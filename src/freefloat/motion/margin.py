@@ -48,7 +48,7 @@ class Margin:
         return keeps_threshold(values, self.threshold)
 
 
-def keeps_threshold(values: npt.ArrayLike, threshold: float) -> npt.NDArray[np.bool_]:
-    """The rule of :meth:`Margin.keeps` for any threshold."""
-    magnitudes = np.asarray(values)
-    return np.asarray((magnitudes > 0.0) & (magnitudes >= threshold * (1.0 - ROUNDING)))
+def keeps_threshold(values: npt.ArrayLike, threshold: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+    """The rule of :meth:`Margin.keeps` for any threshold, or one for each value."""
+    magnitudes, required = np.asarray(values), np.asarray(threshold)
+    return np.asarray((magnitudes > 0.0) & (magnitudes >= required * (1.0 - ROUNDING)))

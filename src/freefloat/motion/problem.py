@@ -31,8 +31,8 @@ from freefloat.so3 import (
     unit_quaternion,
 )
 
-_MAX_REVOLUTIONS = 50
-"""Rotations of the system along a path, on which the time of an integration depends."""
+MAX_REVOLUTIONS = 50
+"""Most rotations of the system along a path: the time of an integration depends on them."""
 _NEAR = 0.05
 """Largest difference of joint values from those of a branch [rad, m]."""
 
@@ -153,16 +153,14 @@ class Problem:
 
     def _require_few_revolutions(self) -> None:
         """The time of an integration grows with the rotations of the spacecraft."""
-        momentum = float(np.linalg.norm(self.momentum) + np.linalg.norm(self.wheel_momentum))
-        duration = self.path.duration
-        locked_inertia = inertia_matrices(self.model, np.zeros(self.model.dof))[0]
-        rate = momentum / (np.trace(locked_inertia) / 3.0)
-        revolutions = rate * duration / (2.0 * np.pi)
-        if revolutions > _MAX_REVOLUTIONS:
+        turns = float(revolutions(self, self.momentum, self.wheel_momentum))
+        if turns > MAX_REVOLUTIONS:
+            momentum = float(np.linalg.norm(self.momentum) + np.linalg.norm(self.wheel_momentum))
             raise InputError(
                 "momentum",
-                f"{momentum:g} N m s rotates the system {revolutions:.3g} times in {duration:g} s",
-                f"momentum and duration of at most {_MAX_REVOLUTIONS} revolutions",
+                f"{momentum:g} N m s rotates the system {turns:.3g} times in "
+                f"{self.path.duration:g} s",
+                f"momentum and duration of at most {MAX_REVOLUTIONS} revolutions",
             )
 
     def attitude(
@@ -268,6 +266,20 @@ class Problem:
             f"within {_NEAR} rad each of: "
             + "; ".join(f"{b.index} {np.round(b.joints, 4).tolist()}" for b in branches),
         )
+
+
+def revolutions(problem: Problem, momenta: Array, wheels: Array) -> Array:
+    """How often the system rotates along the path with angular momenta (..., 3), shape (...).
+
+    Args:
+        problem: Robot and path; its own momenta do not count.
+        momenta: Angular momenta [N m s].
+        wheels: Momenta stored in wheels [N m s].
+    """
+    magnitudes = np.linalg.norm(momenta, axis=-1) + np.linalg.norm(wheels, axis=-1)
+    locked_inertia = inertia_matrices(problem.model, np.zeros(problem.model.dof))[0]
+    rates = magnitudes / (np.trace(locked_inertia) / 3.0)
+    return np.asarray(rates * problem.path.duration / (2.0 * np.pi))
 
 
 def require_problem(value: object) -> None:

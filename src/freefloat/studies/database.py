@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import os
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
-from dataclasses import fields, replace
+from dataclasses import replace
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
@@ -15,36 +15,16 @@ from typing import Any
 
 from freefloat.errors import InputError
 from freefloat.io.files import make_folder, written_beside
-from freefloat.studies.results import VERDICTS, Row
+from freefloat.studies.row import UNDISTURBED, Row
+from freefloat.studies.stored_rows import COLUMNS, StoredRows, check_rows, database_errors, stored
 from freefloat.studies.study import Study
 
 DATABASE, _LOCK, _FILES = "study.sqlite", "study.lock", "cases"
 """Names in the folder of a study."""
+_UNDISTURBED_FILE = f"{_FILES}/undisturbed.h5"
 Files = tuple[tuple[str, bytes], ...]
 """Absolute paths of files and their contents."""
 _SOFTWARE = ("freefloat", "pin", "numpy", "scipy", "numba")
-_SQL_TYPES = {"int": "INTEGER", "str": "TEXT", "float": "REAL", "bool": "BOOLEAN"}
-COLUMNS = {
-    entry.name: _SQL_TYPES.get(str(entry.type).removesuffix(" | None"), "JSON")
-    for entry in fields(Row)
-}
-"""Types of the columns of a row in the database."""
-_STORED: dict[str, Any] = {
-    "INTEGER": int,
-    "TEXT": str,
-    "REAL": (int, float),
-    "BOOLEAN": int,
-    "JSON": str,
-}
-_PARSERS: dict[str, Callable[[Any], Any]] = {"JSON": json.loads, "BOOLEAN": bool}
-
-
-def _parsed(kind: str, value: Any) -> Any:
-    if value is None:
-        return None
-    if not isinstance(value, _STORED[kind]):
-        raise ValueError(f"{value!r} is not of type {kind}")
-    return _PARSERS[kind](value) if kind in _PARSERS else value
 
 
 class StudyDatabase:
@@ -55,25 +35,23 @@ class StudyDatabase:
         rows: The finished runs by number.
     """
 
-    def __init__(self, folder: Path, connection: sqlite3.Connection, count: int) -> None:
+    def __init__(self, folder: Path, connection: sqlite3.Connection) -> None:
         self.folder = folder
+        self.rows = StoredRows(folder / DATABASE)
         self._connection = connection
-        self._count = count
-        self.rows = self.stored()
 
-    def stored(self) -> dict[int, Row]:
-        """Read the rows: an interruption may have come between a commit and its row here."""
-        rows: dict[int, Row] = {}
-        stored = self._connection.execute(f"SELECT {', '.join(COLUMNS)} FROM runs ORDER BY number")
-        for number, verdict, *values in stored:
-            try:
-                if number not in range(self._count) or verdict not in VERDICTS:
-                    raise ValueError(f"no run of this study has the verdict {verdict!r}")
-                parsed = map(_parsed, list(COLUMNS.values())[2:], values)
-                rows[number] = Row(number, verdict, *parsed)
-            except ValueError as error:
-                raise sqlite3.DatabaseError(f"run {number}: {error}") from None
-        return rows
+    @property
+    def has_undisturbed_file(self) -> bool:
+        """Whether the file of the undisturbed simulation is there."""
+        return (self.folder / _UNDISTURBED_FILE).is_file()
+
+    def worst_without_file(self, count: int) -> list[int]:
+        """Numbers of those of the ``count`` runs with the smallest margins that have no file."""
+        ranked = self.rows.columns(
+            "number", "file", last=f"WHERE margin IS NOT NULL ORDER BY margin, number LIMIT {count}"
+        )
+        pairs = zip(ranked["number"], ranked["file"], strict=True)
+        return [number for number, file in pairs if file is None]
 
     def add(self, row: Row, content: bytes | None = None) -> None:
         """Write the result file of a run, if there is one, then commit its row.
@@ -81,19 +59,33 @@ class StudyDatabase:
         Raises:
             InputError: If they cannot be written.
         """
-        with _errors(self.folder), self._connection:
-            if content is not None:
-                name = f"{_FILES}/{row.number:05d}.h5"
-                (self.folder / _FILES).mkdir(exist_ok=True)
-                with written_beside(self.folder / name) as temporary:
-                    temporary.write_bytes(content)
-                row = replace(row, file=name, bytes=len(content))
-            values = [
-                json.dumps(v) if isinstance(v, dict | list) else v for v in vars(row).values()
-            ]
-            places = ", ".join("?" * len(values))
-            self._connection.execute(f"INSERT INTO runs VALUES ({places})", values)
-        self.rows[row.number] = row
+        if content is not None:
+            name = f"{_FILES}/{row.number:05d}.h5"
+            self._write_file(name, content)
+            row = replace(row, file=name, bytes=len(content))
+        self.add_columns(stored(row))
+
+    def add_columns(self, columns: Mapping[str, Sequence[Any]]) -> None:
+        """Commit rows as columns of what is stored, see :mod:`freefloat.studies.stored_rows`."""
+        places = ", ".join("?" * len(columns))
+        statement = f"INSERT INTO runs ({', '.join(columns)}) VALUES ({places})"
+        with database_errors(self.folder / DATABASE), self._connection:
+            self._connection.executemany(statement, zip(*columns.values(), strict=True))
+
+    def add_file(self, number: int, content: bytes) -> None:
+        """Write the result file of a finished run and name it in its row, if it has one."""
+        name = _UNDISTURBED_FILE if number == UNDISTURBED else f"{_FILES}/{number:05d}.h5"
+        self._write_file(name, content)
+        with database_errors(self.folder / DATABASE), self._connection:
+            statement = "UPDATE runs SET file = ?, bytes = ? WHERE number = ?"
+            self._connection.execute(statement, (name, len(content), number))
+
+    def _write_file(self, name: str, content: bytes) -> None:
+        """Write a file below the folder of the study, whole or not at all."""
+        with database_errors(self.folder / DATABASE):
+            (self.folder / name).parent.mkdir(exist_ok=True)
+            with written_beside(self.folder / name) as temporary:
+                temporary.write_bytes(content)
 
 
 @contextmanager
@@ -105,26 +97,26 @@ def open_results(folder: Path, study: Study, files: Files) -> Iterator[StudyData
     Raises:
         InputError: If the folder cannot be written to, is in use, or holds another study.
     """
-    columns = ", ".join(f"{name} {kind}" for name, kind in COLUMNS.items())
     make_folder("output", folder)
-    with _errors(folder):
+    with database_errors(folder / DATABASE):
         for path in (*folder.glob(f"{DATABASE}*"), *folder.glob(f"{_LOCK}*")):
             if not path.is_file():  # opening a named pipe would wait for ever
                 raise InputError("output", f"{path} is not a regular file", "another folder")
     with ExitStack() as stack:
-        with _errors(folder):
+        with database_errors(folder / DATABASE):
             stack.enter_context(_locked(folder / _LOCK))
             connection = stack.enter_context(closing(sqlite3.connect(folder / DATABASE)))
             connection.execute("PRAGMA journal_mode = WAL")  # readers do not block the writer
             connection.execute("BEGIN IMMEDIATE")
+            columns = ", ".join(f"{name} {kind}" for name, kind in COLUMNS.items())
             connection.execute(f"CREATE TABLE IF NOT EXISTS runs ({columns}, PRIMARY KEY (number))")
             connection.execute(
                 "CREATE TABLE IF NOT EXISTS study (digest TEXT, content JSON, software JSON)"
             )
             _check_study(connection, folder, study, files)
+            check_rows(connection, study.count)
             connection.commit()
-            database = StudyDatabase(folder, connection, study.count)
-        yield database
+        yield StudyDatabase(folder, connection)
 
 
 @contextmanager
@@ -155,18 +147,3 @@ def _check_study(connection: sqlite3.Connection, folder: Path, study: Study, fil
     elif stored != digest:
         problem = f"{folder} holds the results of another study, base scenario or robot"
         raise InputError("output", problem, "the unchanged study, or another folder")
-
-
-@contextmanager
-def _errors(folder: Path) -> Iterator[None]:
-    """Raise errors of the file system and of SQLite as errors of the output folder."""
-    accepted = "a writable folder with space, and an unaltered database"
-    try:
-        yield
-    except (sqlite3.Error, UnicodeDecodeError) as error:
-        problem = f"{folder / DATABASE}: {error}"
-        if getattr(error, "sqlite_errorname", "").startswith("SQLITE_BUSY"):
-            problem, accepted = f"{folder}: another process is running this study", "another folder"
-        raise InputError("output", problem, accepted) from None
-    except OSError as error:
-        raise InputError("output", f"{folder}: {error.strerror}", accepted) from None

@@ -55,7 +55,7 @@ def computed_record(
     if heading is not None:
         heading = math.radians(finite_number("heading_deg", heading, "a finite number of degrees"))
     attitude = problem.attitude(start.get("attitude"), heading=heading)
-    choice = _branch_choice(start.get("branch"), base, problem, attitude, source)
+    choice = branch_choice(start.get("branch"), base, problem, attitude, source)
     return simulate(problem, attitude, limits=scenario.limits(), **choice)
 
 
@@ -73,7 +73,7 @@ def followed_motion(inputs: str, source: Path) -> Plan | Simulation:
     return record
 
 
-def _branch_choice(
+def branch_choice(
     branch: Any, base: dict[str, Any], problem: Problem, attitude: Any, source: Path
 ) -> dict[str, Any]:
     """Return the arguments of simulate that choose the arm branch."""

@@ -2,88 +2,24 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from freefloat.statistics import confidence_interval, percentage
+from freefloat.studies.row import ERROR, FEASIBLE, INFEASIBLE, VERDICTS, Row
+from freefloat.studies.stored_rows import StoredRows
 from freefloat.studies.study import Study
 from freefloat.studies.track_section import TRACK_SEED
 
-FEASIBLE, INFEASIBLE, ERROR = "feasible", "infeasible", "error"
-VERDICTS = (FEASIBLE, INFEASIBLE, ERROR)
-"""Verdicts."""
 _MAX_LISTED = 20
 """Largest number of errors and of reasons in the document."""
-
-
-@dataclass(frozen=True)
-class Row:
-    """Results of a run; None where a command does not compute a value.
-
-    Attributes:
-        number: Number of the run.
-        verdict: ``feasible``, ``infeasible`` or ``error``.
-        parameters: The varied keys and their values.
-        error: Message of the error that ended the run.
-        reason: Why the run is infeasible, or why a plan's attitude was chosen.
-        measure: Name of the singularity measure.
-        margin: Minimum margin of the chosen motion; of a map the largest one.
-        margin_time: Time of the closest approach [s].
-        margin_required: Margin threshold.
-        completed: Whether the motion reached the end of the path.
-        singular_time: Time of the dynamic singularity [s].
-        branch: Arm branch.
-        attitude: Initial attitude, quaternion x, y, z, w.
-        heading_deg: Initial heading [degrees].
-        joints: Initial joint values [rad or m].
-        residuals: Largest errors of the motion by quantity.
-        limits_kept: Whether the motion keeps all limits.
-        limits: Ratio of the largest value to the limit, by limit.
-        robust_radius_deg: Attitude tolerance [degrees].
-        deviation_deg: Angle from the attitude ``search.from_attitude`` [degrees].
-        feasible_fraction: Fraction of attitudes with a feasible motion.
-        motion_fraction: Fraction of feasible motions.
-        attitude_ranges_deg: Feasible heading ranges by arm branch [degrees].
-        seconds: Duration of the computation [s].
-        began: When the computation started, UTC.
-        file: Result file, relative to the study's folder.
-        bytes: Its size.
-    """
-
-    number: int
-    verdict: str
-    parameters: dict[str, Any]
-    error: str | None = None
-    reason: str | None = None
-    measure: str | None = None
-    margin: float | None = None
-    margin_time: float | None = None
-    margin_required: float | None = None
-    completed: bool | None = None
-    singular_time: float | None = None
-    branch: int | None = None
-    attitude: list[float] | None = None
-    heading_deg: float | None = None
-    joints: list[float] | None = None
-    residuals: dict[str, float] | None = None
-    limits_kept: bool | None = None
-    limits: dict[str, float] | None = None
-    robust_radius_deg: float | None = None
-    deviation_deg: float | None = None
-    feasible_fraction: float | None = None
-    motion_fraction: float | None = None
-    attitude_ranges_deg: dict[str, list[list[float]]] | None = None
-    seconds: float | None = None
-    began: str | None = None
-    file: str | None = None
-    bytes: int | None = None
 
 
 @dataclass(frozen=True)
@@ -126,17 +62,26 @@ class StudyResult:
     """
 
     study: Study
-    rows: Mapping[int, Row] = field(repr=False)
+    rows: StoredRows = field(repr=False)
     folder: Path
     computed: int = 0
     seconds: float = 0.0
     files: Mapping[str, Path | None] = field(default_factory=dict)
 
-    @property
+    @cached_property
+    def _columns(self) -> dict[str, list[Any]]:
+        return self.rows.columns("number", "verdict", "margin", "reason", "seconds")
+
+    @cached_property
     def verdicts(self) -> dict[str, int]:
         """Number of runs by verdict: feasible, infeasible, error."""
-        counts = Counter(row.verdict for row in self.rows.values())
+        counts = Counter(self._columns["verdict"])
         return {verdict: counts[verdict] for verdict in VERDICTS}
+
+    @property
+    def done(self) -> int:
+        """Number of finished runs."""
+        return len(self._columns["number"])
 
     @property
     def feasible_fraction(self) -> float | None:
@@ -172,7 +117,7 @@ class StudyResult:
     @property
     def margins(self) -> dict[str, float] | None:
         """Smallest, median and largest margin; None if no run has one."""
-        values = [row.margin for row in self.rows.values() if row.margin is not None]
+        values = [margin for margin in self._columns["margin"] if margin is not None]
         if not values:
             return None
         median = float(np.median(values))
@@ -184,31 +129,44 @@ class StudyResult:
 
         Empty where every combination has one run, or there is only one.
         """
-        vary = self.study.content.vary
-        keys = [key for key, section in vary.items() if not section.random and key != TRACK_SEED]
-        groups: dict[str, list[Row]] = {}
-        for row in self.rows.values():
-            values = [row.parameters[key] for key in keys]
-            groups.setdefault(json.dumps(values), []).append(row)
-        if not 1 < len(groups) < len(self.rows):
+        variation, columns = self.study.variation, self._columns
+        places = variation.places(0, self.study.count)
+        keys = [key for key in self.study.content.vary if key in places and key != TRACK_SEED]
+        indices = np.stack([places[key] for key in keys] or [np.zeros(self.study.count, int)])
+        groups: dict[tuple[int, ...], list[tuple[str, float | None]]] = {}
+        finished = zip(
+            indices[:, columns["number"]].T.tolist(), columns["verdict"], columns["margin"],
+            strict=True,
+        )  # fmt: skip
+        for place, verdict, margin in finished:
+            groups.setdefault(tuple(place), []).append((verdict, margin))
+        if not 1 < len(groups) < len(columns["number"]):
             return []
-        return [_combination(rows, keys) for rows in groups.values()]
+        return [
+            _combination(
+                {key: variation.listed[key][i] for key, i in zip(keys, place, strict=True)}, runs
+            )
+            for place, runs in groups.items()
+        ]
 
     @property
     def reasons(self) -> dict[str, int]:
         """Number of infeasible runs by reason, the most frequent first."""
-        infeasible = (row for row in self.rows.values() if row.verdict == INFEASIBLE)
-        return dict(Counter(str(row.reason) for row in infeasible).most_common(_MAX_LISTED))
+        runs = zip(self._columns["verdict"], self._columns["reason"], strict=True)
+        infeasible = (str(reason) for verdict, reason in runs if verdict == INFEASIBLE)
+        return dict(Counter(infeasible).most_common(_MAX_LISTED))
 
-    @property
+    @cached_property
     def errors(self) -> list[Row]:
         """The first runs that ended in an error."""
-        return [row for row in self.rows.values() if row.verdict == ERROR][:_MAX_LISTED]
+        runs = zip(self._columns["number"], self._columns["verdict"], strict=True)
+        numbers = [number for number, verdict in runs if verdict == ERROR]
+        return [self.rows[number] for number in numbers[:_MAX_LISTED]]
 
     @property
     def run_seconds(self) -> float:
         """Total duration of the finished runs [s]."""
-        return float(sum(row.seconds or 0.0 for row in self.rows.values()))
+        return float(sum(seconds or 0.0 for seconds in self._columns["seconds"]))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON document of the command batch."""
@@ -218,7 +176,7 @@ class StudyResult:
             "base": str(self.study.base_source),
             "command": str(self.study.content.command),
             "cases": self.study.count,
-            "done": len(self.rows),
+            "done": self.done,
             "verdicts": self.verdicts,
             "feasible_fraction": self.feasible_fraction,
             "feasible_fraction_error": self.feasible_fraction_error,
@@ -230,16 +188,16 @@ class StudyResult:
             "case_seconds": self.run_seconds,
             "output": str(self.folder),
             "computed": self.computed,
-            "reused": len(self.rows) - self.computed,
+            "reused": self.done - self.computed,
             "seconds": self.seconds,
+            "runs_per_second": self.computed / self.seconds if self.seconds else None,
             "files": files,
         }
 
 
-def _combination(rows: list[Row], keys: list[str]) -> Combination:
-    """Return the results of runs with the same values of some keys."""
-    verdicts = [row.verdict for row in rows]
-    margins = [row.margin for row in rows if row.margin is not None]
-    values = {key: rows[0].parameters[key] for key in keys}
+def _combination(values: dict[str, Any], runs: list[tuple[str, float | None]]) -> Combination:
+    """Return the results of runs, verdict and margin of each, with the same values of some keys."""
+    verdicts = [verdict for verdict, _ in runs]
+    least = min((margin for _, margin in runs if margin is not None), default=None)
     feasible, errors = verdicts.count(FEASIBLE), verdicts.count(ERROR)
-    return Combination(values, feasible, len(rows) - errors, min(margins, default=None))
+    return Combination(values, feasible, len(runs) - errors, least)

@@ -22,7 +22,7 @@ from freefloat.robot.urdf import parse_urdf
 from freefloat.studies.database import Files
 from freefloat.studies.document import error_of_study
 from freefloat.studies.records import computed_record, followed_motion
-from freefloat.studies.results import ERROR, Row
+from freefloat.studies.row import ERROR, UNDISTURBED, Row
 from freefloat.studies.study import Command, Study
 from freefloat.studies.values import finite, record_values, tracking_values
 
@@ -58,12 +58,21 @@ class Run:
     files: Files = field(default=(), repr=False)
 
     @classmethod
-    def of(cls, study: Study, number: int, files: Files = ()) -> Run:
+    def of(cls, study: Study, number: int, files: Files = (), *, save: bool = False) -> Run:
         """Return a run of a study."""
         return cls(
             number, study.content.command, study.document(number), study.base, study.source,
             study.base_source.absolute(), study.start(number), study.parameters(number),
-            study.tracking(number), study.content.files, files,
+            study.tracking(number), save, files,
+        )  # fmt: skip
+
+    @classmethod
+    def undisturbed(cls, study: Study, files: Files = ()) -> Run:
+        """Return the simulation of the unvaried scenario, which has no number, with its file."""
+        start = {key: value for key, value in study.start(0).items() if key != "branch"}
+        return cls(
+            UNDISTURBED, study.content.command, study.base, study.base, study.source,
+            study.base_source.absolute(), start, {}, save=True, files=files,
         )  # fmt: skip
 
 

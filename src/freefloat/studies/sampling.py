@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import itertools
 import math
+from functools import partial
 from hashlib import sha256
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 from scipy.spatial.transform import Rotation
+from scipy.special import ndtri
 
 from freefloat.io.scenario.field_types import NotNegative, Number, Quaternion, Section
 from freefloat.so3 import Array
@@ -21,6 +23,8 @@ _ROUNDING_ERROR = 1e-15
 """Largest error of accumulated steps, relative to the largest value."""
 _STEP_TOLERANCE = 1e-9
 """Fraction of a step by which a range may miss its last value."""
+_HALF = 0.5**54
+"""Half the spacing of random numbers, which are otherwise multiples of it from 0 on."""
 
 _Value = TypeVar("_Value")
 _List = Annotated[list[_Value], Field(min_length=1, max_length=100)]
@@ -97,12 +101,15 @@ class BallSection(Section):
     radius: NotNegative
     """Radius of the ball, in the unit of the key."""
 
-    def draw(self, rng: np.random.Generator) -> Array:
-        """A random point."""
-        direction = rng.normal(size=len(self.center))
-        length = np.linalg.norm(direction)
-        point = direction / length * rng.random() ** (1.0 / len(self.center))
-        return np.asarray(self.center + self.radius * point)
+    @property
+    def width(self) -> int:
+        """Number of random numbers for a point."""
+        return len(self.center) + 1
+
+    def points(self, numbers: Array) -> Array:
+        """The points (K, k) of random numbers in (0, 1), shape (K, k + 1)."""
+        radii = numbers[:, -1:] ** (1.0 / len(self.center))
+        return np.asarray(self.center + self.radius * radii * _directions(numbers[:, :-1]))
 
 
 class RotationSection(Section):
@@ -119,16 +126,21 @@ class RotationSection(Section):
             raise ValueError("center and angle_deg, or {} for all attitudes")
         return self
 
-    def draw(self, rng: np.random.Generator) -> Array:
-        """A random quaternion x, y, z, w; the volume of a ball of angle a is a - sin(a), scaled."""
+    width: ClassVar[int] = 4
+    """Number of random numbers for an attitude."""
+
+    def quaternions(self, numbers: Array) -> Array:
+        """The quaternions x, y, z, w (K, 4) of random numbers in (0, 1), shape (K, 4).
+
+        The volume of a ball of angle a is a - sin(a), scaled.
+        """
         if self.center is None or self.angle_deg is None:
-            return np.asarray(Rotation.random(rng=rng).as_quat())
+            return _directions(numbers)
         angles = np.linspace(0.0, np.radians(self.angle_deg), 1025)
         volume = angles - np.sin(angles)
-        angle = np.interp(rng.random() * volume[-1], volume, angles)
-        axis = rng.normal(size=3)
-        rotation = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis))
-        return np.asarray((rotation * Rotation.from_quat(self.center)).as_quat())
+        angle = np.interp(numbers[:, 3] * volume[-1], volume, angles)
+        turns = Rotation.from_rotvec(angle[:, None] * _directions(numbers[:, :3]))
+        return np.asarray((turns * Rotation.from_quat(self.center)).as_quat())
 
 
 class ValuesSection(Section):
@@ -186,24 +198,46 @@ class ValuesSection(Section):
             return _integers(_rounded([first + step * index for index in range(self.numbers)]))
         return None if self.grid is None else self.grid.values()
 
-    def draw(self, seed: int, key: str, number: int) -> Any:
-        """The random value of a key in one run: a number or a list of numbers.
+    def draws(self, seed: int, key: str, first: int, count: int) -> Array:
+        """The random values of a key in runs ``first`` to ``first + count``: numbers or lists.
 
-        It depends on the arguments alone, not on other keys or earlier runs.
+        A value depends on seed, key and number of the run alone, not on other keys or runs.
+
+        Returns:
+            Shape (count,) or (count, k).
         """
-        key_number = int.from_bytes(sha256(key.encode()).digest()[:16])
-        rng = np.random.default_rng([seed, key_number, number])
-        value: Any = None
+        stream = partial(_random_numbers, seed, key, first, count)
+        if self.ball is not None:
+            return self.ball.points(stream(self.ball.width))
+        if self.so3 is not None:
+            return self.so3.quaternions(stream(self.so3.width))
         if self.uniform is not None:
-            low, high = self.uniform
-            value = rng.uniform(np.add(low, 0.0), np.add(high, 0.0))  # no -0.0, which it orders
-        elif self.normal is not None:
-            value = rng.normal(self.normal.mean, np.abs(self.normal.sd))  # -0.0 is refused
-        elif self.ball is not None:
-            value = self.ball.draw(rng)
-        elif self.so3 is not None:
-            value = self.so3.draw(rng)
-        return np.asarray(value).tolist()
+            low, high = (np.asarray(end, dtype=float) for end in self.uniform)
+            numbers = stream(low.size).reshape(count, *low.shape)
+            return np.asarray(low + (high - low) * numbers)
+        if self.normal is not None:
+            mean, sd = (np.asarray(v, dtype=float) for v in (self.normal.mean, self.normal.sd))
+            numbers = stream(mean.size).reshape(count, *mean.shape)
+            return np.asarray(mean + sd * ndtri(numbers))
+        raise ValueError(f"the values of {key} are listed")
+
+
+def _random_numbers(seed: int, key: str, first: int, count: int, width: int) -> Array:
+    """Random numbers in (0, 1) of runs, shape (count, width).
+
+    The generator counts: its position follows from the number of the run (Salmon et al., "Parallel
+    random numbers: as easy as 1, 2, 3", 2011). A count gives four numbers.
+    """
+    counts = -(-width // 4)
+    stream = int.from_bytes(sha256(f"{seed} {key}".encode()).digest()[:16])
+    generator = np.random.Generator(np.random.Philox(key=stream, counter=first * counts))
+    return generator.random((count, 4 * counts))[:, :width] + _HALF
+
+
+def _directions(numbers: Array) -> Array:
+    """Unit vectors (K, k) without preferred direction, of random numbers in (0, 1)."""
+    normal = ndtri(numbers)
+    return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
 
 
 def _rounded(values: list[float]) -> list[float]:

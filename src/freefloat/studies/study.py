@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
@@ -23,6 +22,7 @@ from freefloat.so3 import unit_quaternion
 from freefloat.studies.document import error_of_study, scenario_from, with_values
 from freefloat.studies.sampling import MAX_RUNS, Count, ValuesSection
 from freefloat.studies.track_section import TRACK, TrackSection, require_track_values
+from freefloat.studies.variation import Variation
 
 START_KEYS = ("attitude", "heading_deg")
 """Keys that may vary but belong to the commands simulate and track, not to the scenario."""
@@ -64,8 +64,9 @@ class StudyFile(Section):
     """Number of random draws; where keys have listed values too, per combination of these."""
     seed: Seed = 0
     """Seed of all random values."""
-    files: Annotated[bool, Field(strict=True)] = True
-    """Whether to keep the result file of each run, as the commands write it with -o; track has
+    files: Annotated[str, Field(pattern=r"^(none|all|worst [1-9][0-9]{0,6})$")] = "worst 20"
+    """Runs whose result files are kept, as the commands write them with -o: ``none``, ``all``, or
+    ``worst 20``, those with the smallest margins, and the undisturbed simulation; track has
     none."""
     attitude: Quaternion | None = None
     """Commands simulate and track: initial attitude of the spacecraft, quaternion x, y, z, w.
@@ -97,35 +98,28 @@ class Study:
     base: dict[str, Any] = field(repr=False)
 
     @cached_property
-    def _listed(self) -> dict[str, list[Any]]:
-        values = {key: section.listed() for key, section in self.content.vary.items()}
-        return {key: listed for key, listed in values.items() if listed is not None}
-
-    @cached_property
-    def combinations(self) -> int:
-        """Number of combinations of listed values."""
-        lengths = [len(values) for values in self._listed.values()]
-        if self.content.combine is Combine.ZIPPED:
-            return lengths[0] if lengths else 1
-        return math.prod(lengths)
+    def variation(self) -> Variation:
+        """The values of the varied keys."""
+        content = self.content
+        zipped = content.combine is Combine.ZIPPED
+        return Variation(content.vary, zipped, content.cases or 1, content.seed)
 
     @property
     def count(self) -> int:
         """Number of runs; they are numbered from 0."""
-        return self.combinations * (self.content.cases or 1)
+        return self.variation.count
+
+    @property
+    def kept_files(self) -> int:
+        """Number of runs whose result files are kept, those with the smallest margins."""
+        kind, _, number = self.content.files.partition(" ")
+        if kind == "none" or self.content.command is Command.TRACK:
+            return 0
+        return self.count if kind == "all" else int(number)
 
     def parameters(self, number: int) -> dict[str, Any]:
         """Return the varied keys of a run and their values, in the order of the study file."""
-        combination = number // (self.content.cases or 1)
-        values: dict[str, Any] = {}
-        for key, listed in reversed(self._listed.items()):  # the last key varies fastest
-            values[key] = listed[combination % len(listed)]
-            if self.content.combine is Combine.CROSSED:
-                combination //= len(listed)
-        for key, section in self.content.vary.items():
-            if section.random:
-                values[key] = section.draw(self.content.seed, key, number)
-        return {key: values[key] for key in self.content.vary}
+        return self.variation.parameters(number)
 
     @property
     def branch_rule(self) -> str | None:
@@ -212,7 +206,7 @@ def _check_values(study: Study) -> None:
     numbers = sum(section.numbers for section in vary.values())
     if numbers > _MAX_VALUES:
         raise InputError("vary", f"{numbers:,} numbers are listed", f"at most {_MAX_VALUES:,}")
-    lengths = {key: len(values) for key, values in study._listed.items()}
+    lengths = {key: len(values) for key, values in study.variation.listed.items()}
     if content.combine is Combine.ZIPPED and len(set(lengths.values())) > 1:
         raise InputError("combine", f"the lists have the lengths {lengths}", "equal lengths")
     random = [key for key, section in vary.items() if section.random]
@@ -257,7 +251,9 @@ def _check_tracking(study: Study) -> None:
         problem = f"command {content.command} does not use it"
         raise InputError([*varied, "track"][0], problem, "command: track")
     for key in varied:
-        require_track_values(key, study._listed.get(key, [study.parameters(0)[key]]), study.source)
+        require_track_values(
+            key, study.variation.listed.get(key, [study.parameters(0)[key]]), study.source
+        )
 
 
 def _check_runs(study: Study) -> None:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from freefloat.ensemble.endings import DECIDERS, MOTION
 from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.motion import Ending
 from freefloat.planning.plan import Plan
@@ -13,8 +14,11 @@ from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.simulation import SimulatedBranch, Simulation
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import degrees, heading_of, heading_quaternion
-from freefloat.studies.results import FEASIBLE, INFEASIBLE
+from freefloat.studies.row import FEASIBLE, INFEASIBLE
 from freefloat.verification.tracking import track
+
+MARGIN_REASON = "The margin is not kept."
+"""Why a motion that completes is infeasible."""
 
 
 def record_values(record: Any) -> dict[str, Any]:
@@ -37,7 +41,7 @@ def tracking_values(followed: Plan | Simulation, tracking: dict[str, Any]) -> di
     result = track(followed, **tracking)
     reason = ""
     if not result.margin_kept:
-        reason = "The margin is not kept."
+        reason = MARGIN_REASON
     elif not result.on_path:
         reason = "The end-effector leaves the path."
     return {
@@ -62,11 +66,12 @@ def _simulation_values(simulation: Simulation) -> dict[str, Any]:
     if not chosen.motion.completed:
         reason = chosen.motion.ending.value
     elif not chosen.feasible:
-        reason = "The margin is not kept."
+        reason = MARGIN_REASON
     elif names:
         reason = f"Limits are not kept: {names}."
     verdict = INFEASIBLE if reason else FEASIBLE
-    return {"verdict": verdict, "reason": reason, **_motion_values(chosen), **_limit_values(limits)}
+    values = {"verdict": verdict, "reason": reason, "decided_by": DECIDERS[MOTION]}
+    return {**values, **_motion_values(chosen), **_limit_values(limits)}
 
 
 def _plan_values(plan: Plan) -> dict[str, Any]:

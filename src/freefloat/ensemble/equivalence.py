@@ -1,0 +1,137 @@
+"""Disturbed motions as motions of the nominal problem.
+
+A motion with duration T, momentum h and all masses and inertias multiplied by s is the nominal one
+(duration T0) with momentum h T / (T0 s), run through T / T0 times as slowly: equation (4) is linear
+in momentum and rates, and S* does not change. Momentum in wheels scales likewise, the velocity of
+the centre of mass with T / T0 alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.errors import InputError, number_array
+from freefloat.motion.planar_requirements import require_in_plane, require_level
+from freefloat.motion.problem import MAX_REVOLUTIONS, Problem, revolutions
+from freefloat.so3 import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Equivalents:
+    """Motions of a problem that stand for disturbed ones.
+
+    Attributes:
+        problem: The nominal problem.
+        momenta: Their angular momenta [N m s], shape (K, 3).
+        wheels: Their momenta stored in wheels [N m s], shape (K, 3).
+        drifts: Their velocities of the centre of mass [m/s], shape (K, 3).
+        stretches: Times of the disturbed motions over those of these, shape (K,).
+        magnifications: Values of the measure along them over those of these, shape (K,).
+    """
+
+    problem: Problem
+    momenta: Array = field(repr=False)
+    wheels: Array = field(repr=False)
+    drifts: Array = field(repr=False)
+    stretches: Array = field(repr=False)
+    magnifications: Array = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.momenta)
+
+    def __getitem__(self, chosen: npt.NDArray[np.bool_] | npt.NDArray[np.int64]) -> Equivalents:
+        """Some of the motions."""
+        return Equivalents(
+            self.problem, self.momenta[chosen], self.wheels[chosen], self.drifts[chosen],
+            self.stretches[chosen], self.magnifications[chosen],
+        )  # fmt: skip
+
+    def problem_of(self, k: int) -> Problem:
+        """The problem of motion k."""
+        path = replace(self.problem.path, drift=self.drifts[k])
+        return replace(
+            self.problem, path=path, momentum=self.momenta[k], wheel_momentum=self.wheels[k]
+        )
+
+    @property
+    def turns_too_often(self) -> npt.NDArray[np.bool_]:
+        """Whose systems would rotate more often than problems may, shape (K,)."""
+        return revolutions(self.problem, self.momenta, self.wheels) > MAX_REVOLUTIONS
+
+
+def equivalents(
+    problem: Problem,
+    count: int,
+    *,
+    momenta: npt.ArrayLike | None = None,
+    wheels: npt.ArrayLike | None = None,
+    drifts: npt.ArrayLike | None = None,
+    durations: npt.ArrayLike | None = None,
+    scale_mass: npt.ArrayLike = 1.0,
+) -> Equivalents:
+    """The motions of a problem that stand for disturbed ones.
+
+    Args:
+        problem: The nominal problem.
+        count: Number K of motions; an argument is one value for all, or one for each.
+        momenta: Angular momenta [N m s], shape (3,) or (K, 3); the problem's when left out.
+        wheels: Momenta stored in wheels [N m s], likewise.
+        drifts: Velocities of the centre of mass [m/s], likewise.
+        durations: Durations of the path [s], shape () or (K,).
+        scale_mass: Factors on all masses and inertias, shape () or (K,).
+
+    Raises:
+        InputError: If a value is not accepted, or a duration is given for a path in the frame of a
+            body, which moves in its own time.
+    """
+    nominal, positive = problem.path.duration, ("numbers above zero", np.finfo(float).tiny)
+    stretches = np.ones(count)
+    if durations is not None:
+        stretches = broadcast("durations", durations, (count,), *positive) / nominal
+        if problem.path.frame is not None and (stretches != 1.0).any():
+            moving = "the path is stated in the frame of a body of the scene"
+            raise InputError("durations", moving, "none, or another path")
+    factors = broadcast("scale_mass", scale_mass, (count,), *positive)
+    vectors = {"momenta": momenta, "wheels": wheels, "drifts": drifts}
+    nominals = problem.momentum, problem.wheel_momentum, problem.path.drift
+    h, w, v = (
+        broadcast(key, value if given is None else given, (count, 3))
+        for (key, given), value in zip(vectors.items(), nominals, strict=True)
+    )
+    if problem.task.planar:
+        for key, values in (("momenta", h), ("wheels", w)):
+            require_in_plane(key, np.abs(values).max(axis=0, initial=0.0))
+        require_level("drifts", np.abs(v).max(axis=0, initial=0.0))
+    ratio = (stretches / factors)[:, None]
+    magnifications = factors ** _mass_exponent(problem)
+    return Equivalents(problem, h * ratio, w * ratio, v * stretches[:, None], stretches,
+                       magnifications)  # fmt: skip
+
+
+def broadcast(
+    key: str,
+    values: npt.ArrayLike,
+    shape: tuple[int, ...],
+    accepted: str = "finite numbers",
+    lowest: float = -np.inf,
+) -> Array:
+    """Values for all motions, or for each, as an array of a shape; else an InputError."""
+    array = number_array(key, values, accepted)
+    try:
+        array = np.broadcast_to(array, shape)
+    except ValueError:
+        accepted = f"one value for all motions or one for each, shape {shape}"
+        raise InputError(key, f"shape {array.shape} was given", accepted) from None
+    wrong = ~(np.isfinite(array) & (array >= lowest))
+    if wrong.any():
+        raise InputError(key, f"{array[wrong].flat[0]} was given", accepted)
+    return array
+
+
+def _mass_exponent(problem: Problem) -> int:
+    """With which power of a factor on all masses the measure grows."""
+    exponents = {"gjm": 0, "sigma": 0, "arm": 1, "system": 1 if problem.task.planar else 3}
+    return exponents[problem.margin.measure.name]

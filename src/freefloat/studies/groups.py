@@ -1,0 +1,165 @@
+"""Groups of runs that one ensemble integrates: those that differ in disturbances alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from freefloat.ensemble.equivalence import equivalents
+from freefloat.ensemble.many_motions import ManyMotions, integrate_disturbed
+from freefloat.errors import FreeFloatError
+from freefloat.io.scenario.scenario import Scenario
+from freefloat.limits.limits import GIVEN
+from freefloat.motion.problem import Problem
+from freefloat.so3 import Array, IntArray
+from freefloat.studies.document import scenario_from, with_values
+from freefloat.studies.records import branch_choice
+from freefloat.studies.run_values import BoolArray, arrays_of, fits_ensembles
+from freefloat.studies.study import START_KEYS, Study
+
+_SAFE_RANGE = 0.9
+"""Fraction of a joint range within which values at the integrator's steps show that it is kept."""
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Runs of a study that differ in disturbances alone.
+
+    Attributes:
+        study: The study.
+        problem: What the runs have in common.
+        relative: Whether the margin is a fraction of the measure's largest value.
+        attitude: Initial attitude, shape (4,); None where it varies.
+        branch: Number of the arm branch; None for that near ``joints``, or the best of each run.
+        joints: Joint values near those of the arm branch, shape (n,).
+        unvaried: The base scenario's problem, if the arm branch is the best one of its motions from
+            each attitude.
+        ranges: Whether joints have ranges.
+        limited: Whether anything else is limited, which only precise motions show.
+    """
+
+    study: Study
+    problem: Problem
+    relative: bool
+    attitude: Array | None
+    branch: int | None
+    joints: Array | None
+    unvaried: Problem | None
+    ranges: bool
+    limited: bool
+
+    def integrate(self, numbers: IntArray, threads: int) -> tuple[IntArray, ManyMotions]:
+        """Integrate runs; return the numbers of those whose values fit, and their motions."""
+        first = int(numbers[0])
+        count = int(numbers[-1]) + 1 - first
+        values = self.study.variation.values(first, count)
+        arrays, fits = arrays_of(values, self.problem, count)
+        attitudes = arrays.pop("attitudes", None)
+        thresholds = arrays.pop("thresholds", None)
+        disturbed = equivalents(self.problem, count, **arrays)
+        places = numbers - first
+        places = places[(fits & ~disturbed.turns_too_often)[places]]
+        disturbed = disturbed[places]
+        if thresholds is None:
+            required = np.full(len(places), self.problem.margin.threshold)
+            thresholds = required * disturbed.magnifications if self.relative else required
+        else:
+            thresholds = thresholds[places]
+        if attitudes is None:
+            attitudes = np.tile(np.asarray(self.attitude), (len(places), 1))
+        else:
+            attitudes = attitudes[places]
+        joints = self.joints
+        if self.unvaried is not None:
+            joints = _best_joints(self.unvaried, attitudes, threads)
+        motions = integrate_disturbed(
+            disturbed, attitudes, thresholds, self.branch, joints, threads
+        )
+        return places + first, motions
+
+    def ratios_of_ranges(self, motions: ManyMotions) -> Array:
+        """Ratios of joint ranges as limits have them, of the integrator's steps, shape (K,)."""
+        lower, upper = self.problem.model.joint_ranges
+        bounded = np.isfinite(lower) & np.isfinite(upper)
+        half = np.where(bounded, (upper - lower) / 2.0, 1.0)
+        below, above = (lower - motions.lower) / half, (motions.upper - upper) / half
+        return np.asarray(np.maximum(below, above).max(axis=1) + 1.0)
+
+    def are_decided(self, motions: ManyMotions) -> BoolArray:
+        """Whether motions have a verdict; those of others need a precise motion, shape (K,)."""
+        decided = motions.reached & ~motions.failed
+        if self.limited:
+            return np.asarray(decided & ~motions.feasible)
+        if self.ranges:
+            return np.asarray(
+                decided & ~(motions.feasible & (self.ratios_of_ranges(motions) > _SAFE_RANGE))
+            )
+        return decided
+
+
+def _best_joints(problem: Problem, attitudes: Array, threads: int) -> Array:
+    """Initial joint values of the best motions of a problem, NaN without one, shape (K, n)."""
+    required = np.full(len(attitudes), problem.margin.threshold)
+    undisturbed = equivalents(problem, len(attitudes))
+    return integrate_disturbed(undisturbed, attitudes, required, threads=threads).joints
+
+
+@lru_cache(maxsize=4)
+def group_of(study: Study, number: int) -> Group | None:
+    """The group whose first run has a number; None where its runs are executed one by one."""
+    try:
+        return _group(study, number)
+    except FreeFloatError:  # which is the result of each run
+        return None
+
+
+def _group(study: Study, number: int) -> Group | None:
+    content, parameters = study.content, study.parameters(number)
+    own = {key: value for key, value in parameters.items() if not fits_ensembles(key)}
+    if "robot.scale_mass" in parameters:
+        own["robot.scale_mass"] = 1.0
+    document = with_values(study.base, own)
+    scenario = scenario_from(document, study.base_source.absolute())
+    problem, timing, margin = scenario.problem(), scenario.content.timing, scenario.content.margin
+    stretched = not (timing.stops or timing.speeds or problem.path.frame)
+    if "timing.duration" in parameters and not stretched:
+        return None
+    if "margin.value" in parameters and margin.fraction is not None:
+        return None
+    ranges, limited = _limits(scenario)
+    if content.branch == "best" and (ranges or limited):
+        return None
+    attitude = unvaried = joints = None
+    branch = content.branch if isinstance(content.branch, int) else None
+    if content.branch is None:
+        base = scenario_from(study.base, study.base_source.absolute())
+        unvaried = None if problem.redundant or any(_limits(base)) else base.problem()
+    if not any(key in parameters for key in START_KEYS):
+        heading = None if content.heading_deg is None else np.radians(content.heading_deg)
+        attitude = problem.attitude(content.attitude, heading=heading)
+        if not problem.branches(attitude):
+            return None
+        if unvaried is not None:
+            (joints,), unvaried = _best_joints(unvaried, attitude[None], 1), None
+        elif content.branch is None:
+            choice = branch_choice(
+                None, study.base, problem, attitude, study.base_source.absolute()
+            )
+            branch, joints = choice.get("branch"), choice.get("joints")
+    elif content.branch is None and unvaried is None:
+        return None
+    return Group(
+        study, problem, margin.fraction is not None, attitude, branch, joints, unvaried, ranges,
+        limited,
+    )  # fmt: skip
+
+
+def _limits(scenario: Scenario) -> tuple[bool, bool]:
+    """Whether the joints of a scenario have ranges, and whether anything else is limited."""
+    problem = scenario.problem()
+    ranges = bool(np.isfinite(problem.model.joint_ranges).any())
+    limits = scenario.limits()
+    given = any(getattr(limits, kind.name) not in (None, ()) for kind in GIVEN)
+    return ranges, given or problem.scene.corridor is not None

@@ -1,0 +1,153 @@
+"""Values of the varied keys in many runs as arrays, where ensembles can represent them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.motion.problem import Problem
+from freefloat.so3 import Array, IntArray, heading_quaternion
+from freefloat.studies.study import START_KEYS, Command, Study
+
+VECTORS = {"momentum": "momenta", "wheels.momentum": "wheels", "drift": "drifts"}
+"""Scenario keys of vectors, and what they are in ensembles; entries vary, too, as momentum.2."""
+NUMBERS = {
+    "timing.duration": "durations",
+    "robot.scale_mass": "scale_mass",
+    "margin.value": "thresholds",
+}
+"""Scenario keys of numbers, and what they are in ensembles."""
+_HARMLESS = {
+    "momenta": np.zeros(3),
+    "wheels": np.zeros(3),
+    "drifts": np.zeros(3),
+    "durations": np.ones(()),
+    "scale_mass": np.ones(()),
+    "thresholds": np.ones(()),
+    "attitudes": np.array([0.0, 0.0, 0.0, 1.0]),
+}
+_FEWEST = 16
+"""Fewer runs are not worth an ensemble."""
+_LARGEST = 1e9
+"""Of scenario files."""
+_MASS_FACTORS = 1e-2, 1e2
+"""Factors beyond which a robot is built and checked."""
+_UNIT = 1e-2
+"""Deviation of a quaternion's norm from one that scenarios accept."""
+_LEVEL = 1e-9
+"""Components x, y of the quaternions of planar attitudes."""
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+def fits_ensembles(key: str) -> bool:
+    """Whether runs that differ in a key are motions of one ensemble."""
+    vector, _, entry = key.rpartition(".")
+    component = vector in VECTORS and entry in ("0", "1", "2")
+    return key in VECTORS or key in NUMBERS or key in START_KEYS or component
+
+
+def group_numbers(study: Study) -> IntArray:
+    """Number of the group of each run, integrated as one ensemble; -1 of runs on their own.
+
+    Those are runs of other commands than simulate, of small groups, with random values of keys that
+    change the robot or the path, and of studies that keep the file of every run.
+    """
+    alone = np.full(study.count, -1)
+    others = [key for key in study.content.vary if not fits_ensembles(key)]
+    listed = study.variation.listed
+    fits = study.content.command is Command.SIMULATE and listed.keys() >= set(others)
+    if not fits or study.kept_files >= study.count:
+        return alone
+    places, groups = study.variation.places(0, study.count), np.zeros(study.count, dtype=np.int64)
+    for key in others:
+        groups = groups * len(listed[key]) + places[key]
+    _, groups, sizes = np.unique(groups, return_inverse=True, return_counts=True)
+    return np.asarray(np.where(sizes[groups] >= _FEWEST, groups, alone))
+
+
+def arrays_of(
+    values: Mapping[str, Array | Sequence[Any]], problem: Problem, count: int
+) -> tuple[dict[str, Array], BoolArray]:
+    """The values of ``count`` runs, and which runs' values an ensemble can represent.
+
+    Args:
+        values: Values by key, as :meth:`.variation.Variation.values` returns them.
+        problem: What holds where a key does not vary.
+        count: Number of runs.
+
+    Returns:
+        Arrays by argument of :func:`~freefloat.ensemble.many_motions.simulate_many`, shape (K,) or
+        (K, 3), and ``attitudes`` (K, 4) where the start varies; and whether a run fits, shape (K,).
+        The values of others are harmless ones.
+    """
+    nominal = {
+        "momenta": problem.momentum,
+        "wheels": problem.wheel_momentum,
+        "drifts": problem.path.drift,
+    }
+    arrays: dict[str, Array] = {}
+    for key, column in values.items():
+        vector, _, entry = key.rpartition(".")
+        if key in START_KEYS:
+            arrays["attitudes"] = _attitudes(key, column)
+        elif key in NUMBERS:
+            arrays[NUMBERS[key]] = _numbers(column, ())
+        elif key in VECTORS:
+            arrays[VECTORS[key]] = _numbers(column, (3,))
+        elif vector in VECTORS:
+            name = VECTORS[vector]
+            arrays.setdefault(name, np.tile(nominal[name], (count, 1)))
+            arrays[name][:, int(entry)] = _numbers(column, ())
+    fits = np.ones(count, dtype=bool)
+    for name, array in arrays.items():
+        fits &= _accepted(name, array, problem.task.planar)
+    for name, array in arrays.items():
+        arrays[name] = np.where(fits if array.ndim == 1 else fits[:, None], array, _HARMLESS[name])
+    return arrays, fits
+
+
+def _numbers(column: Array | Sequence[Any], shape: tuple[int, ...]) -> Array:
+    """Values as an array, NaN where one is not a number or list of numbers of the shape."""
+    if isinstance(column, np.ndarray):
+        return column if column.shape[1:] == shape else np.full((len(column), *shape), np.nan)
+    return np.array([_row(value, shape) for value in column]).reshape(-1, *shape)
+
+
+def _row(value: Any, shape: tuple[int, ...]) -> Any:
+    entries = value if shape else [value]
+    numbers = isinstance(entries, list) and len(entries) == int(np.prod(shape))
+    if numbers and all(isinstance(v, int | float) and not isinstance(v, bool) for v in entries):
+        return value
+    return np.full(shape, np.nan)
+
+
+def _attitudes(key: str, column: Array | Sequence[Any]) -> Array:
+    """Unit quaternions of attitudes or headings in degrees."""
+    if key == "heading_deg":
+        return heading_quaternion(np.radians(_numbers(column, ())))
+    quaternions = _numbers(column, (4,))
+    norms = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.where(np.abs(norms - 1.0) <= _UNIT, quaternions / norms, np.nan))
+
+
+def _accepted(name: str, array: Array, planar: bool) -> BoolArray:
+    """Of which runs an ensemble accepts the values of an argument."""
+    rows = array.reshape(len(array), -1)
+    with np.errstate(invalid="ignore"):
+        accepted = (np.abs(rows) <= _LARGEST).all(axis=1)
+        if name == "durations":
+            accepted &= rows[:, 0] > 0.0
+        elif name == "scale_mass":
+            accepted &= (rows[:, 0] >= _MASS_FACTORS[0]) & (rows[:, 0] <= _MASS_FACTORS[1])
+        elif name == "thresholds":
+            accepted &= rows[:, 0] >= 0.0
+        elif planar:
+            out = {"momenta": rows[:, :2], "wheels": rows[:, :2], "drifts": rows[:, 2:]}
+            tilt = out.get(name, rows[:, :2])
+            accepted &= (np.abs(tilt) <= (_LEVEL if name == "attitudes" else 0.0)).all(axis=1)
+    return np.asarray(accepted)

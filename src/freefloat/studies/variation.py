@@ -1,0 +1,77 @@
+"""Values of the varied keys in the runs of a study."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from freefloat.so3 import Array, IntArray
+from freefloat.studies.sampling import ValuesSection
+
+Values = Mapping[str, Array | list[Any]]
+"""Values of runs by key: arrays of random ones, lists of listed ones."""
+
+
+@dataclass(frozen=True, eq=False)
+class Variation:
+    """What varies between the runs of a study; runs are numbered from 0.
+
+    Attributes:
+        vary: The values of the varied keys.
+        zipped: Whether listed values of several keys are paired, not crossed.
+        draws: Number of random draws for each combination of listed values, 1 without random keys.
+        seed: Seed of the draws.
+    """
+
+    vary: Mapping[str, ValuesSection] = field(repr=False)
+    zipped: bool
+    draws: int
+    seed: int
+
+    @cached_property
+    def listed(self) -> dict[str, list[Any]]:
+        """The values of keys whose values are listed."""
+        values = {key: section.listed() for key, section in self.vary.items()}
+        return {key: listed for key, listed in values.items() if listed is not None}
+
+    @cached_property
+    def combinations(self) -> int:
+        """Number of combinations of listed values."""
+        lengths = [len(values) for values in self.listed.values()]
+        if self.zipped:
+            return lengths[0] if lengths else 1
+        return math.prod(lengths)
+
+    @property
+    def count(self) -> int:
+        """Number of runs."""
+        return self.combinations * self.draws
+
+    def places(self, first: int, count: int) -> dict[str, IntArray]:
+        """Indices of the listed values in runs ``first`` to ``first + count``, by key."""
+        combination = np.arange(first, first + count) // self.draws
+        places: dict[str, IntArray] = {}
+        for key, listed in reversed(self.listed.items()):  # the last key varies fastest
+            places[key] = combination % len(listed)
+            combination = combination if self.zipped else combination // len(listed)
+        return places
+
+    def values(self, first: int, count: int) -> Values:
+        """The values in runs ``first`` to ``first + count``, in the order of the study file."""
+        places, listed = self.places(first, count), self.listed
+        return {
+            key: [listed[key][place] for place in places[key].tolist()]
+            if key in listed
+            else section.draws(self.seed, key, first, count)
+            for key, section in self.vary.items()
+        }
+
+    def parameters(self, number: int) -> dict[str, Any]:
+        """The values in a run: numbers, lists, or whatever a key accepts."""
+        values = self.values(number, 1).items()
+        return {key: v[0].tolist() if isinstance(v, np.ndarray) else v[0] for key, v in values}

@@ -1,0 +1,153 @@
+"""Runs that ensembles decide: their rows are those of runs that are executed one by one."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from freefloat.studies.ensembles import decided_rows
+from freefloat.studies.row import Row
+from freefloat.studies.run import Run, execute
+from freefloat.studies.run_values import group_numbers
+from freefloat.studies.runner import run_study
+from freefloat.studies.study import Study
+from tests.errors import error_key
+from tests.example_studies import BASE, SHORT, a_study
+
+pytestmark = pytest.mark.usefixtures("kernels")
+
+DISTURBED: dict[str, Any] = {
+    "momentum.2": {"uniform": [-1.0, 1.5]},
+    "wheels.momentum": {"normal": {"mean": [0, 0, 0], "sd": [0, 0, 0.05]}},
+    "drift": {"uniform": [[-1e-3, -1e-3, 0], [1e-3, 1e-3, 0]]},
+    "timing.duration": {"uniform": [50, 200]},
+    "robot.scale_mass": {"normal": {"mean": 1, "sd": 0.1}},
+}
+MARGINS: dict[str, Any] = {"margin.value": {"uniform": [2.0, 30.0]}}
+TIMES = ("seconds", "began")
+
+
+def values_of(row: Row) -> dict[str, Any]:
+    return {entry.name: getattr(row, entry.name) for entry in fields(Row)
+            if entry.name not in TIMES}  # fmt: skip
+
+
+def assert_same(decided: Row, alone: Row) -> None:
+    """Verdicts are equal, minima within 1e-4, the moments of minima within a thousandth."""
+    same = ("verdict", "parameters", "reason", "measure", "completed", "branch")
+    for name in same:
+        assert getattr(decided, name) == getattr(alone, name), name
+    assert decided.margin == pytest.approx(alone.margin, rel=1e-4)
+    assert decided.margin_required == pytest.approx(alone.margin_required, rel=1e-6)
+    assert decided.margin_time == pytest.approx(alone.margin_time, abs=0.2)
+    assert (decided.singular_time or 0.0) == pytest.approx(alone.singular_time or 0.0, rel=1e-6)
+    assert decided.attitude == pytest.approx(alone.attitude, abs=1e-12)
+    assert decided.heading_deg == pytest.approx(alone.heading_deg, abs=1e-9)
+    assert decided.joints == pytest.approx(alone.joints, abs=1e-9)
+
+
+def rows_of(study: Study, folder: Path) -> Mapping[int, Row]:
+    return run_study(study, folder, workers=1, report=False).rows
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("vary", "keys"),
+    [
+        (DISTURBED | MARGINS, {}),
+        (DISTURBED | {"heading_deg": {"uniform": [130.0, 230.0]}}, {}),
+        (DISTURBED | {"heading_deg": {"normal": {"mean": 150.0, "sd": 60.0}}}, {"branch": 1}),
+        (DISTURBED, {"base": BASE | {"margin": {"measure": "gjm", "fraction": 0.3}}}),
+        (DISTURBED, {"branch": "best", "heading_deg": 120.0}),
+        (DISTURBED | MARGINS, {"base": BASE | {"limits": {"base_rate": 0.02}}}),
+    ],
+)  # fmt: skip
+def test_rows_are_those_of_single_runs(
+    vary: dict[str, Any], keys: dict[str, Any], tmp_path: Path
+) -> None:
+    study = a_study(tmp_path, vary, cases=24, files="none", **keys)
+    rows = rows_of(study, tmp_path / "out")
+    assert any(str(row.decided_by).startswith("ensemble") for row in rows.values())
+    for number in range(0, 24, 3):
+        assert_same(rows[number], execute(Run.of(study, number)).row)
+
+
+def test_listed_values_of_other_keys_make_groups(tmp_path: Path) -> None:
+    vary = {"path.polynomial.x.1": {"list": [-3, -2.9]}, "momentum.2": {"uniform": [0, 1]},
+            "margin.value": {"list": [1, 5]}}  # fmt: skip
+    study = a_study(tmp_path, vary, cases=20, files="none")
+    groups = group_numbers(study)
+    assert [len(set(groups[k : k + 40])) for k in (0, 40)] == [1, 1]
+    assert groups[0] != groups[40]
+    rows = rows_of(study, tmp_path / "out")
+    for number in (0, 39, 40, 79):
+        assert_same(rows[number], execute(Run.of(study, number)).row)
+
+
+@pytest.mark.parametrize(
+    ("vary", "keys"),
+    [
+        ({"momentum.2": {"uniform": [0, 1]}}, {"cases": 8}),
+        ({"momentum.2": {"uniform": [0, 1]}}, {"cases": 30, "files": "all"}),
+        ({"path.polynomial.x.1": {"uniform": [-3, -2.9]}}, {"cases": 30}),
+        ({"momentum.2": {"uniform": [0, 1]}},
+         {"cases": 30, "command": "plan", "heading_deg": None}),
+    ],
+)  # fmt: skip
+def test_few_and_other_runs_are_executed_alone(
+    vary: dict[str, Any], keys: dict[str, Any], tmp_path: Path
+) -> None:
+    assert (group_numbers(a_study(tmp_path, vary, **keys)) == -1).all()
+
+
+def test_values_that_are_refused_are_left_to_single_runs(tmp_path: Path) -> None:
+    values = [0.5, "much", float("nan"), 1e5, True, *[k / 40 for k in range(20)]]
+    vary = {"momentum.2": {"list": values}, "margin.value": {"list": [5, -1]}}
+    study = a_study(tmp_path, vary, files="none")
+    columns = decided_rows(study, group_numbers(study), np.arange(50), 1)
+    decided = [number for chunk in columns for number in chunk["number"]]
+    assert decided == [0, *range(10, 50, 2)]
+
+
+@pytest.mark.slow
+def test_rows_are_the_same_for_any_threads_and_interruptions(tmp_path: Path) -> None:
+    study = a_study(tmp_path, DISTURBED, cases=300, files="none")
+    every = run_study(study, tmp_path / "one", workers=1, report=False)
+    run_study(study, tmp_path / "two", workers=2, report=False)
+    connection = sqlite3.connect(tmp_path / "two" / "study.sqlite")
+    with connection:
+        connection.execute("DELETE FROM runs WHERE number % 7 > 2 OR number < 40")
+    connection.close()
+    again = run_study(study, tmp_path / "two", workers=2, report=False)
+    assert 0 < again.computed < 300
+    for number, row in again.rows.items():
+        assert values_of(row) == values_of(every.rows[number])
+
+
+@pytest.mark.slow
+def test_files_of_the_worst_runs_and_of_the_undisturbed_one_are_kept(tmp_path: Path) -> None:
+    study = a_study(tmp_path, DISTURBED, cases=30, files="worst 2", base=SHORT)
+    rows = rows_of(study, tmp_path / "out")
+    worst = sorted(rows, key=lambda number: (rows[number].margin or 0.0, number))[:2]
+    names = {f"{number:05d}.h5" for number in worst}
+    assert {path.name for path in (tmp_path / "out" / "cases").iterdir()} == {
+        *names, "undisturbed.h5",
+    }  # fmt: skip
+    assert [rows[number].file for number in worst] == [f"cases/{n:05d}.h5" for n in worst]
+
+
+@pytest.mark.slow
+def test_a_study_ends_when_its_interval_is_narrow(tmp_path: Path) -> None:
+    study = a_study(tmp_path, DISTURBED, cases=20_000, files="none", base=SHORT)
+    result = run_study(study, tmp_path / "out", until=0.02, report=False)
+    low, high = result.feasible_interval or (0.0, 1.0)
+    assert high - low <= 0.02
+    assert result.done < 20_000
+    listed = a_study(tmp_path, {"momentum.2": {"list": [0, 1]}})
+    assert error_key(run_study, listed, tmp_path / "listed", until=0.02) == "until"
