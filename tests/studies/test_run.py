@@ -22,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("kernels")
 
 def results(folder: Path, vary: dict[str, Any] | None = None, **keys: Any) -> list[RunResult]:
     study = a_study(folder, vary, **keys)
-    return [execute(Run.of(study, number)) for number in range(study.count)]
+    return [execute(Run.of(study, number, save=True)) for number in range(study.count)]
 
 
 def rows(folder: Path, vary: dict[str, Any] | None = None, **keys: Any) -> list[Row]:
