@@ -6,7 +6,7 @@ import itertools
 import math
 from functools import partial
 from hashlib import sha256
-from typing import Annotated, Any, ClassVar, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
@@ -126,8 +126,10 @@ class RotationSection(Section):
             raise ValueError("center and angle_deg, or {} for all attitudes")
         return self
 
-    width: ClassVar[int] = 4
-    """Number of random numbers for an attitude."""
+    @property
+    def width(self) -> int:
+        """Number of random numbers for an attitude."""
+        return 4
 
     def quaternions(self, numbers: Array) -> Array:
         """The quaternions x, y, z, w (K, 4) of random numbers in (0, 1), shape (K, 4).

@@ -66,7 +66,7 @@ class JointMotion:
     @property
     def reason(self) -> str:
         """What the motion is, or which limit it violates."""
-        return str(self.verdict)
+        return "all limits are kept" if self.feasible else str(self.verdict)
 
     @property
     def duration(self) -> float:
