@@ -97,6 +97,7 @@ def test_ros_2_reads_a_goal_with_tolerances(trajectory) -> None:
     assert all(entry.position > 0.0 for entry in [*read.path_tolerance, *read.goal_tolerance])
 
 
+@pytest.mark.slow
 def test_an_mcap_reader_reads_joints_transforms_and_margin(trajectory, tmp_path) -> None:
     file = tmp_path / "motion.mcap"
     ff.export(trajectory.motion, file, times=301, epoch=EPOCH)

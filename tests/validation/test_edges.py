@@ -348,6 +348,7 @@ def small(name, metres, kilograms=1.0):
     return ff.Problem(model, timed, usual.task, momentum, ff.Margin(plain.margin.measure, value))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "attitude", "branch", "kilograms"),
     [("spatial_6dof/line", GOOD, 2, 2.5e-6),
