@@ -7,8 +7,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from freefloat.ensemble.disturbed_motions import integrate_disturbed
 from freefloat.ensemble.equivalence import equivalents
-from freefloat.ensemble.many_motions import ManyMotions, integrate_disturbed
+from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.errors import FreeFloatError
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.limits import GIVEN

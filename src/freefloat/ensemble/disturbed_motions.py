@@ -1,0 +1,275 @@
+"""Many disturbed motions of one problem at once, each with the verdict of a precise motion.
+
+All motions are integrated in an ensemble. Those that end early, come near to a singularity or near
+to the threshold are integrated once more with a tolerance of 1e-10; where that changes the ending,
+or the minimum is still too near to the threshold, a precise motion decides.
+"""
+
+from __future__ import annotations
+
+from math import tau
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.concurrency import Progress, step_of
+from freefloat.ensemble.endings import (
+    COMPLETED,
+    FAILED,
+    MOTION,
+    NORMAL,
+    SINGULAR,
+    STRICT,
+)
+from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator
+from freefloat.ensemble.equivalence import Equivalents, broadcast, equivalents
+from freefloat.ensemble.many_motions import BoolArray, ManyMotions
+from freefloat.ensemble.result import EnsembleResult
+from freefloat.ensemble.starts import starts_at
+from freefloat.errors import InputError, IntegrationError
+from freefloat.motion.extrema import closest_approach
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Ending
+from freefloat.motion.problem import Problem, require_problem
+from freefloat.so3 import Array, IntArray, heading_quaternion
+
+_STRICT_TOLERANCE = 1e-10
+_NEAR, _STILL_NEAR = 1e-4, 1e-5
+"""Differences of minimum and threshold, relative to the threshold, below which an ensemble and one
+at the strict tolerance do not decide; their errors are a tenth of these at most."""
+_SINGULAR_RATIO = 1e-3
+"""Smallest over largest det S* below which relative errors of the minimum are large."""
+_FIRST_PASS = 0.8
+"""Fraction of the progress at which the first ensemble is done."""
+_CODES = {Ending.COMPLETED: COMPLETED, Ending.SINGULAR: SINGULAR}
+
+
+def simulate_many(
+    problem: Problem,
+    attitudes: npt.ArrayLike | None = None,
+    *,
+    headings: npt.ArrayLike | None = None,
+    branch: int | None = None,
+    joints: npt.ArrayLike | None = None,
+    momenta: npt.ArrayLike | None = None,
+    wheels: npt.ArrayLike | None = None,
+    drifts: npt.ArrayLike | None = None,
+    durations: npt.ArrayLike | None = None,
+    scale_mass: npt.ArrayLike = 1.0,
+    thresholds: npt.ArrayLike | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> ManyMotions:
+    """Integrate many disturbed motions of a problem and decide which keep the margin.
+
+    Every argument is one value for all motions, or one for each of K. Results do not depend on the
+    number of motions, their order or the number of threads.
+
+    Args:
+        problem: Robot, path, momentum and margin without disturbances.
+        attitudes: Of the spacecraft at the start, quaternions x, y, z, w, shape (4,) or (K, 4).
+        headings: For planar tasks, in their place: angles from the inertial x axis [rad].
+        branch: Integrate the arm branch with this number.
+        joints: Integrate the arm branch nearest to these joint values at each attitude, shape (n,);
+            of a redundant arm the configuration to which Newton's method converges from them, if
+            it lies inside the joint ranges. With neither argument all arm branches are integrated,
+            and the one with the largest minimum margin counts.
+        momenta: Angular momenta [N m s], shape (3,) or (K, 3).
+        wheels: Momenta stored in wheels [N m s], likewise.
+        drifts: Velocities of the centre of mass [m/s], likewise.
+        durations: Durations of the path [s]; the time law is stretched.
+        scale_mass: Factors on mass and inertia of every link.
+        thresholds: Required margins; by default the problem's.
+        threads: Number of threads; one for each core when left out.
+        progress: Called with the fraction done, in [0, 1].
+
+    Raises:
+        InputError: If an argument is not accepted, or a system would rotate too often.
+
+    Example:
+        >>> problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
+        >>> momenta = np.linspace([0.0, 0.0, -1.0], [0.0, 0.0, 1.0], 201)
+        >>> motions = ff.simulate_many(problem, headings=np.radians(200.0), momenta=momenta)
+        >>> print(f"{motions.feasible_fraction:.2f}")
+        0.87
+    """
+    require_problem(problem)
+    q0 = _attitudes(problem, attitudes, headings)
+    varied = (momenta, wheels, drifts), (durations, scale_mass, thresholds)
+    counts = [len(q0)] if q0.ndim == 2 else []
+    counts += [len(v) for v in map(np.asarray, filter(_is_given, varied[0])) if v.ndim == 2]
+    counts += [len(v) for v in map(np.asarray, filter(_is_given, varied[1])) if v.ndim == 1]
+    count = counts[0] if counts else 1
+    disturbed = equivalents(
+        problem, count, momenta=momenta, wheels=wheels, drifts=drifts, durations=durations,
+        scale_mass=scale_mass,
+    )  # fmt: skip
+    if disturbed.turns_too_often.any():
+        raise InputError("momenta", "a system rotates too often", "smaller or shorter ones")
+    required = problem.margin.threshold if thresholds is None else thresholds
+    required = broadcast("thresholds", required, (count,), "magnitudes, 0 or more", 0.0)
+    if joints is not None:
+        joints = problem.model.joint_vector(joints)
+    q0 = broadcast("attitudes", q0, (count, 4))
+    return integrate_disturbed(disturbed, q0, required, branch, joints, threads, progress)
+
+
+def _is_given(values: object) -> bool:
+    return values is not None
+
+
+def _attitudes(
+    problem: Problem, attitudes: npt.ArrayLike | None, headings: npt.ArrayLike | None
+) -> Array:
+    """Checked, normalized attitudes, shape (4,) or (K, 4)."""
+    if headings is not None and attitudes is None and problem.task.planar:
+        return heading_quaternion(np.asarray(headings, dtype=float))
+    if headings is not None or attitudes is None:
+        return problem.attitude(attitudes, heading=headings)  # type: ignore[arg-type]  # an error
+    q0 = np.asarray(attitudes, dtype=float)
+    if q0.ndim < 2:
+        return problem.attitude(q0)
+    checked = [problem.attitude(attitude, key=f"attitudes.{k}") for k, attitude in enumerate(q0)]
+    return np.array(checked).reshape(-1, 4)
+
+
+def integrate_disturbed(
+    disturbed: Equivalents,
+    attitudes: Array,
+    thresholds: Array,
+    branch: int | None = None,
+    joints: Array | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> ManyMotions:
+    """Integrate the motions that stand for disturbed ones; arguments as of :func:`simulate_many`.
+
+    Args:
+        disturbed: The motions.
+        attitudes: Initial attitudes, unit quaternions x, y, z, w, shape (K, 4).
+        thresholds: Required margins, shape (K,).
+        branch: Number of the arm branch.
+        joints: Joint values near those of the arm branch, shape (n,) or (K, n).
+        threads: Number of threads.
+        progress: Called with the fraction done.
+    """
+    problem = disturbed.problem
+    starts = starts_at(problem, attitudes, branch, joints)
+    owners, columns = np.nonzero(starts.exist)
+    begun = starts.joints[owners, columns]
+    motions, deciders = _decided(
+        disturbed[owners], attitudes[owners], begun, thresholds[owners], threads, progress
+    )
+    chosen = _best(owners, motions, len(attitudes))
+    found = chosen >= 0
+    table = EnsembleResult.empty((len(attitudes),), problem.model.dof)
+    table.assign(found, EnsembleResult._make(values[chosen[found]] for values in motions))
+    first, branches = np.full((2, len(attitudes)), -1)
+    first[found] = columns[chosen[found]]
+    branches[found] = starts.branches[np.arange(len(attitudes)), first][found]
+    by = np.zeros(len(attitudes), np.int8)
+    by[found] = deciders[chosen[found]]
+    initial = np.full((len(attitudes), problem.model.dof), np.nan)
+    initial[found] = begun[chosen[found]]
+    shifts = _shifts_into_ranges(problem, table.lower, table.upper)
+    return ManyMotions(
+        np.array(attitudes), initial + shifts, branches, table.endings,
+        table.ended_at * disturbed.stretches, table.minimum * disturbed.magnifications,
+        table.minimum_at * disturbed.stretches, np.array(thresholds), by,
+        table.lower + shifts, table.upper + shifts,
+    )  # fmt: skip
+
+
+def _decided(
+    disturbed: Equivalents,
+    attitudes: Array,
+    joints: Array,
+    thresholds: Array,
+    threads: int | None,
+    progress: Progress | None,
+) -> tuple[EnsembleResult, npt.NDArray[np.int8]]:
+    """Results of the nominal problem's motions, and what decided them."""
+    required = thresholds / disturbed.magnifications
+
+    def integrated(
+        chosen: BoolArray, tolerance: float, progress: Progress | None
+    ) -> EnsembleResult:
+        some = disturbed[chosen]
+        integrator = EnsembleIntegrator(disturbed.problem, threads, tolerance=tolerance)
+        return integrator.integrate(
+            attitudes[chosen], joints[chosen], momenta=some.momenta, wheels=some.wheels,
+            drifts=some.drifts, progress=progress,
+        )  # fmt: skip
+
+    every = np.ones(len(joints), dtype=bool)
+    first = integrated(every, STEP_TOLERANCE, step_of(progress, 0.0, _FIRST_PASS))
+    motions = EnsembleResult._make(values.copy() for values in first)
+    again = (motions.endings != COMPLETED) | (motions.determinant_ratios < _SINGULAR_RATIO)
+    again |= _is_near(motions.minimum, required, _NEAR)
+    strict = integrated(again, _STRICT_TOLERANCE, step_of(progress, _FIRST_PASS, 1.0))
+    doubtful = np.zeros(len(joints), dtype=bool)
+    doubtful[again] = (
+        (strict.endings != motions.endings[again])
+        | (strict.endings == FAILED)
+        | _is_near(strict.minimum, required[again], _STILL_NEAR)
+    )
+    motions.assign(again, strict)
+    for k in np.flatnonzero(doubtful).tolist():
+        _decide_precisely(disturbed.problem_of(k), attitudes[k], joints[k], motions, k)
+    deciders = np.where(again, np.where(doubtful, MOTION, STRICT), NORMAL)
+    return motions, deciders.astype(np.int8)
+
+
+def _is_near(minimum: Array, required: Array, distance: float) -> BoolArray:
+    return np.asarray(np.abs(minimum - required) < distance * required)
+
+
+def _decide_precisely(
+    problem: Problem, attitude: Array, joints: Array, motions: EnsembleResult, k: int
+) -> None:
+    """Write ending and minimum of a precise motion; one that fails keeps the ending FAILED."""
+    try:
+        motion = integrate_motion(problem, attitude, joints)
+    except IntegrationError:
+        motions.endings[k] = FAILED
+        return
+    approach = closest_approach(motion, problem.margin.measure)
+    motions.endings[k] = _CODES[motion.ending]
+    motions.ended_at[k] = motion.final.time
+    motions.minimum[k] = 0.0 if motion.ending is Ending.SINGULAR else approach.value
+    motions.minimum_at[k] = approach.time
+
+
+def _best(owners: IntArray, motions: EnsembleResult, count: int) -> IntArray:
+    """Of the motions of each of ``count`` owners the one that simulate prefers; -1 without any.
+
+    Completion first, then the minimum margin, to six digits; of equals the first.
+    """
+    completed = motions.endings == COMPLETED
+    merits = np.where(completed, motions.minimum, motions.ended_at)
+    with np.errstate(divide="ignore"):
+        digits = np.floor(np.log10(np.where(merits > 0.0, merits, 1.0)))
+    merits = np.round(merits * 10.0 ** (5.0 - digits)) * 10.0 ** (digits - 5.0)
+    order = np.lexsort([-merits, ~completed, owners])
+    best = np.full(count, -1)
+    distinct, places = np.unique(owners[order], return_index=True)
+    best[distinct] = order[places]
+    return best
+
+
+def _shifts_into_ranges(problem: Problem, low: Array, high: Array) -> Array:
+    """Multiples of 2 pi that put joint values from low to high into their ranges, shape (K, n).
+
+    The rule is that of :func:`~freefloat.motion.extrema.unwrapped`.
+    """
+    lower, upper = problem.model.joint_ranges
+    first, last = np.ceil((lower - low) / tau), np.floor((upper - high) / tau)
+    inside = np.minimum(np.maximum(0.0, first), last)
+    with np.errstate(invalid="ignore"):  # of joints without range
+        middle = ((lower + upper) - (low + high)) / (2.0 * tau)
+        choices = np.stack([np.floor(middle), np.ceil(middle), np.zeros_like(low)])
+        excesses = np.maximum(lower - low - tau * choices, high + tau * choices - upper)
+    outside = np.take_along_axis(choices, excesses.argmin(axis=0)[None], axis=0)[0]
+    shifts = np.where(first <= last, inside, np.nan_to_num(outside))
+    shifts = np.where(problem.model.prismatic | ~np.isfinite(low), 0.0, shifts)
+    return np.asarray(tau * shifts)
