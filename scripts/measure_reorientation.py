@@ -107,7 +107,7 @@ def measure(name: str, count: int, baseline: int) -> None:
     if name in RATES:
         limits = replace(limits, joint_rate=np.full(problem.model.dof, RATES[name]))
     joints = np.array(JOINTS[name])
-    engine = Engine(problem.model)
+    engine = Engine(problem.system)
     rows, plain = [], []
     for number, goal in enumerate(targets(count)):
         begin = time.perf_counter()

@@ -5,6 +5,7 @@ from .robot.parts import Spacecraft as Spacecraft
 from .robot.source import RobotSource as RobotSource
 from .dynamics.momentum import Task as Task
 from .dynamics.momentum import generalized_jacobian as generalized_jacobian
+from .dynamics.system import System as System
 from .dynamics.measures import singularity_measure as singularity_measure
 from .singularities.singularity_polynomial import SingularityPolynomial as SingularityPolynomial
 from .singularities.casadi_function import casadi_function as casadi_function

@@ -110,7 +110,7 @@ def test_fixed_joints_in_mujoco(rng):
         robot = random_robot(rng, "RPRCRRP", "RP")
         fixed = dict(zip(robot.joints[1:3], (0.7, -1.1), strict=True)) | {robot.others[0]: 0.4}
         model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector, fixed_joints=fixed)
-        engine, joints = Engine(model), rng.uniform(-1.0, 1.0, model.dof)
+        engine, joints = Engine(ff.System(model)), rng.uniform(-1.0, 1.0, model.dof)
         attitude = rng.normal(size=4)
         attitude /= np.linalg.norm(attitude)
         value = np.concatenate([model.base_position(attitude, joints), attitude, joints])
@@ -123,7 +123,7 @@ def test_fixed_joints_in_mujoco(rng):
 
 @pytest.mark.slow
 def test_mujoco_agrees_with_the_motion(redundant):
-    engine = Engine(redundant.problem.model)
+    engine = Engine(redundant.problem.system)
     forward, inverse = forward_run(redundant, engine), inverse_run(redundant, engine)
     assert forward.attitude < 1e-5
     assert forward.joints < 1e-5
@@ -137,5 +137,5 @@ def test_mujoco_agrees_with_the_motion(redundant):
 def test_mujoco_does_not_read_the_attitude(redundant):
     scenario = ff.load_scenario("panda_servicer/line")
     heavier = scenario.text.replace("inertia: [16, 16, 16]", "inertia: [18, 16, 16]")
-    model = parse_scenario(heavier, scenario.source).problem().model
-    assert forward_run(redundant, Engine(model)).attitude > 1e-3
+    system = parse_scenario(heavier, scenario.source).problem().system
+    assert forward_run(redundant, Engine(system)).attitude > 1e-3

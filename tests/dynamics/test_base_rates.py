@@ -35,4 +35,4 @@ def test_no_configuration_turns_the_spacecraft_faster_than_the_bound(robot: str)
     largest = rng.uniform(0.1, 1.0, model.dof)
     rates = largest * rng.choice([-1.0, 1.0], joints.shape)
     omega = np.linalg.norm(base_rates(model, joints, rates), axis=1)
-    assert omega.max() <= base_rate_bound(model, largest) < np.inf
+    assert omega.max() <= base_rate_bound(ff.System(model), largest) < np.inf

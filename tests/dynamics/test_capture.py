@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -38,25 +39,25 @@ def case(name: str, seed: int):
         "attitude": Rotation.random(rng=rng).as_quat(),
         "joints": rng.uniform(-1.0, 1.0, model.dof),
         "joint_rates": rng.normal(0.0, 0.05, model.dof),
-        "momentum": rng.normal(0.0, 1.0, 3),
-        "velocity": rng.normal(0.0, 0.02, 3),
     }
-    return model, client, state
+    system = ff.System(model, rng.normal(0.0, 1.0, 3), drift=rng.normal(0.0, 0.02, 3))
+    return system, client, state
 
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_linear_and_angular_momentum_are_conserved(name: str) -> None:
     """Sums over the bodies of both, by Pinocchio's centroidal map of the robot with payload."""
-    model, client, state = case(name, 1)
-    after = ff.capture(model, client, **state)
+    system, client, state = case(name, 1)
+    model = system.model
+    after = ff.capture(system, client, **state)
     a, q = state["attitude"], state["joints"]
     R = rotation_matrix(a)
     pose = model.end_effector_pose(a, q)
     axes = pose.rotation @ client.grapple.pose.rotation.T
     place = pose.position + axes @ (client.com - client.grapple.xyz)
-    linear = model.total_mass * state["velocity"] + client.mass * client.velocity
+    linear = model.total_mass * system.drift + client.mass * client.velocity
     about_origin = (
-        state["momentum"]  # its own centre of mass is the origin
+        system.momentum  # its own centre of mass is the origin
         + axes @ client.inertia @ client.angular_velocity
         + client.mass * np.cross(place, client.velocity)
     )
@@ -79,8 +80,9 @@ def test_linear_and_angular_momentum_are_conserved(name: str) -> None:
 @pytest.mark.parametrize("name", ROBOTS)
 def test_the_impulse_makes_the_velocities_at_the_grapple_equal(name: str) -> None:
     """The change of the client's momentum is minus the impulse, and no energy is gained."""
-    model, client, state = case(name, 2)
-    after = ff.capture(model, client, **state)
+    system, client, state = case(name, 2)
+    model = system.model
+    after = ff.capture(system, client, **state)
     a, q = state["attitude"], state["joints"]
     pose = model.end_effector_pose(a, q)
     axes = pose.rotation @ client.grapple.pose.rotation.T
@@ -94,8 +96,8 @@ def test_the_impulse_makes_the_velocities_at_the_grapple_equal(name: str) -> Non
 
     A = momentum_map(model, q, a)
     robot = np.concatenate([
-        model.total_mass * state["velocity"] + after.impulse[:3],
-        state["momentum"] + np.cross(pose.position, after.impulse[:3]) + after.impulse[3:],
+        model.total_mass * system.drift + after.impulse[:3],
+        system.momentum + np.cross(pose.position, after.impulse[:3]) + after.impulse[3:],
     ])  # fmt: skip
     base = np.linalg.solve(A[:, :6], robot - A[:, 6:] @ after.joint_rates)
     np.testing.assert_allclose(rotation_matrix(a) @ base[3:], after.base_rate, atol=1e-10)
@@ -104,8 +106,8 @@ def test_the_impulse_makes_the_velocities_at_the_grapple_equal(name: str) -> Non
 
 
 def test_locked_joints_spin_at_inverse_inertia_times_momentum() -> None:
-    model, client, state = case("ets_vii/line", 3)
-    after = ff.capture(model, client, **state)
+    system, client, state = case("ets_vii/line", 3)
+    after = ff.capture(system, client, **state)
     poses = after.model.body_poses(state["attitude"], state["joints"])
     inertia = np.zeros((3, 3))
     for body, pose in zip(after.model.bodies, poses, strict=True):
@@ -118,8 +120,9 @@ def test_locked_joints_spin_at_inverse_inertia_times_momentum() -> None:
 
 
 def test_matching_velocities_need_no_impulse() -> None:
-    model, client, state = case("ur5_servicer/arc", 4)
-    after = ff.capture(model, client, **state)
+    system, client, state = case("ur5_servicer/arc", 4)
+    model = system.model
+    after = ff.capture(system, client, **state)
     a, q = state["attitude"], state["joints"]
     pose = model.end_effector_pose(a, q)
     axes = pose.rotation @ client.grapple.pose.rotation.T
@@ -131,7 +134,7 @@ def test_matching_velocities_need_no_impulse() -> None:
         client.mass, client.inertia, client.grapple, axes.T @ tip[3:],
         tip[:3] + np.cross(tip[3:], arm), client.com,
     )  # fmt: skip
-    soft = ff.capture(model, matching, **state)
+    soft = ff.capture(system, matching, **state)
     np.testing.assert_allclose(soft.mismatch, 0.0, atol=1e-12)
     np.testing.assert_allclose(soft.impulse, 0.0, atol=1e-10)
     np.testing.assert_allclose(soft.joint_rates, state["joint_rates"], atol=1e-12)
@@ -140,11 +143,12 @@ def test_matching_velocities_need_no_impulse() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["ets_vii/line", "ur5_servicer/arc"])
 def test_mujoco_welds_the_client_to_the_end_effector(name: str) -> None:
-    model, client, state = case(name, 5)
-    state["velocity"] = np.zeros(3)  # the trajectory's frame
-    after = ff.capture(model, client, **state)
+    system, client, state = case(name, 5)
+    model = system.model
+    system = replace(system, drift=np.zeros(3))  # the trajectory's frame
+    after = ff.capture(system, client, **state)
     a, q = state["attitude"], state["joints"]
-    problem = bundled(name).replace(momentum=state["momentum"])
+    problem = bundled(name).replace(momentum=system.momentum)
     motion = ff.plan(problem, ff.Search(samples=16)).chosen.motion
     root = ET.fromstring(mjcf_text(Trajectory.sampled(motion, 2)))
     pose = model.end_effector_pose(a, q)
@@ -179,7 +183,7 @@ def test_mujoco_welds_the_client_to_the_end_effector(name: str) -> None:
     A = momentum_map(model, q, a)
     R = rotation_matrix(a)
     twist = np.linalg.solve(
-        A[:, :6], [0.0, 0.0, 0.0, *state["momentum"]] - A[:, 6:] @ state["joint_rates"]
+        A[:, :6], [0.0, 0.0, 0.0, *system.momentum] - A[:, 6:] @ state["joint_rates"]
     )
     omega = axes @ client.angular_velocity
     data.qpos[:] = [*model.base_position(a, q), *np.roll(a, 1), *q, *place,
@@ -203,8 +207,8 @@ def test_bad_input() -> None:
     client = ff.Client(10.0, [1.0, 1.0, 1.0])
     upright, joints = [0.0, 0.0, 0.0, 1.0], [0.1, 0.2]
     for key, arguments in {
-        "client": (model, 3, upright, joints, joints),
-        "joints": (model, client, upright, [0.1], joints),
+        "client": (ff.System(model), 3, upright, joints, joints),
+        "joints": (ff.System(model), client, upright, [0.1], joints),
     }.items():
         assert error_key(ff.capture, *arguments).startswith(key)
     assert error_key(ff.Client, -1.0, [1.0, 1.0, 1.0]).startswith("payload.mass")
@@ -216,8 +220,8 @@ def test_momentum_stored_in_wheels_stays_in_them() -> None:
     client = ff.Client(50.0, [4.0, 4.0, 4.0], angular_velocity=[0.0, 0.0, 0.1])
     state = ([0.0, 0.0, np.sin(0.2), np.cos(0.2)], [0.3, 0.7], [0.01, 0.02])
     h, wheels = np.array([0.0, 0.0, 0.3]), np.array([0.0, 0.0, 0.2])
-    without = ff.capture(model, client, *state, h)
-    result = ff.capture(model, client, *state, h + wheels, wheel_momentum=wheels)
+    without = ff.capture(ff.System(model, h), client, *state)
+    result = ff.capture(ff.System(model, h + wheels, wheels), client, *state)
     np.testing.assert_allclose(result.momentum, without.momentum + wheels, atol=1e-12)
     np.testing.assert_allclose(result.joint_rates, without.joint_rates, atol=1e-12)
     np.testing.assert_allclose(result.locked_rate, without.locked_rate, atol=1e-12)

@@ -156,7 +156,7 @@ def test_rates_give_the_twist_and_keep_the_momentum(
     q = data.draw(st.lists(st.floats(0.3, 1.2), min_size=model.dof, max_size=model.dof))
     rng = np.random.default_rng(len(q))
     h, twist, q = rng.normal(size=3), rng.normal(size=6), np.array(q)
-    w, rates = ResolvedRateSolver(model, ff.Task.POSE, h).rates(attitude, q, twist)
+    w, rates = ResolvedRateSolver(ff.System(model, h), ff.Task.POSE).rates(attitude, q, twist)
     R = rotation_matrix(attitude)
     v = np.concatenate([w, rates])
     right = np.concatenate([R.T @ h, R.T @ twist[:3], R.T @ twist[3:]])
@@ -215,13 +215,13 @@ def test_rates_are_infinite_where_the_matrix_is_singular() -> None:
     fixed_base = ff.FreeFloatingModel.from_urdf(
         planar_robot([5, 0, 0], [1, 0, 0], [1, 1], [0, 0, 0])
     )
-    solver = ResolvedRateSolver(fixed_base, ff.Task.PLANAR_POSITION, [0.0, 0.0, 0.0])
+    solver = ResolvedRateSolver(ff.System(fixed_base), ff.Task.PLANAR_POSITION)
     w, rates = solver.rates(np.array([0.0, 0, 0, 1]), np.zeros(2), np.eye(6)[0])
     assert np.isinf([*w, *rates]).all()
     redundant = ff.FreeFloatingModel.from_urdf(
         planar_robot([5, 0, 0, 0], [1, 0, 0, 0], [1] * 3, [0] * 4)
     )
-    solver = ResolvedRateSolver(redundant, ff.Task.PLANAR_POSITION, [0.0, 0.0, 0.0])
+    solver = ResolvedRateSolver(ff.System(redundant), ff.Task.PLANAR_POSITION)
     _, rates = solver.rates(np.array([0.0, 0, 0, 1]), np.zeros(3), np.eye(6)[0])
     assert not np.isfinite(rates).all()
 

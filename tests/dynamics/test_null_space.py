@@ -239,7 +239,7 @@ def test_mujoco_needs_no_wrench_on_the_base():
     start = redundant("RRRRRRR", ff.Task.POSE, choice, 1, timing=ff.Timing(20.0))
     motion = ff.integrate_motion(start.problem, start.attitude, start.joints)
     assert motion.completed
-    engine = Engine(start.problem.model)
+    engine = Engine(start.problem.system)
     results = [engine.inverse(*differentiated(motion, t)) for t in np.linspace(1.0, 19.0, 19)]
     wrenches, torques = (np.array(values) for values in zip(*results, strict=True))
     assert np.abs(torques).max() > 1e-2
@@ -251,7 +251,7 @@ def test_rates_are_infinite_where_the_arm_is_singular():
     text = planar_robot([5, 1, 1, 1], [1] * 4, [1] * 3, [0] * 4)
     model = ff.FreeFloatingModel.from_urdf(text)
     redundancy = ff.Redundancy(Metric.ENERGY, Toward.MANIPULABILITY)
-    solver = ResolvedRateSolver(model, ff.Task.PLANAR_POSITION, [0, 0, 0], redundancy)
+    solver = ResolvedRateSolver(ff.System(model), ff.Task.PLANAR_POSITION, redundancy)
     _, rates = solver.rates(np.array([0.0, 0, 0, 1]), np.zeros(3), np.eye(6)[0], 1.0)
     assert not np.isfinite(rates).all()
 
@@ -272,9 +272,8 @@ def test_toward_middle_without_joint_ranges_raises():
     assert (
         error_key(
             ResolvedRateSolver,
-            model,
+            ff.System(model),
             ff.Task.PLANAR_POSITION,
-            [0, 0, 0],
             ff.Redundancy(toward=Toward.MIDDLE),
         )
         == "redundancy.toward"

@@ -180,7 +180,7 @@ def assert_same_rates(
     turns, rates, determinant = Kernels(measured_problem(model, task)).rates(
         joints, twist[:, :3], twist[:, 3:], h
     )
-    solver = ResolvedRateSolver(model, task, h[0])
+    solver = ResolvedRateSolver(ff.System(model, h[0]), task)
     for k, q in enumerate(joints):
         omega, expected = solver.rates(IDENTITY, q, twist[k])
         S = ff.generalized_jacobian(model, q, task)

@@ -124,7 +124,7 @@ def compared_with_precise(problem: ff.Problem, attitudes: np.ndarray, joints: np
 def test_mujoco_ends_at_the_same_place_of_the_fixed_frame(name: str) -> None:
     problem = problem_of(name, momentum=True)
     motion = start_of(problem, STARTS[name])
-    engine = Engine(problem.model, problem.wheel_momentum)
+    engine = Engine(problem.system)
     inverse, forward = inverse_run(motion, engine), forward_run(motion, engine)
     assert inverse.end_effector < 1e-7
     assert inverse.wrench < 1e-4 * inverse.torque

@@ -74,4 +74,4 @@ def test_mujoco_ends_in_the_same_attitude(momentum: np.ndarray) -> None:
     problem = without_momentum("spatial_6dof/line").replace(momentum=momentum)
     motion = integrate_loops(problem, spatial(), IDENTITY)
     assert np.nanmax(motion.momentum_errors(np.linspace(0.0, motion.panels, 301))) < 1e-6
-    assert forward_run(motion, Engine(problem.model)).attitude < 1e-4
+    assert forward_run(motion, Engine(problem.system)).attitude < 1e-4

@@ -41,7 +41,7 @@ def test_mujoco_ends_in_the_same_attitude(problem: ff.Problem) -> None:
     transfer = JointTransfer.between(START, np.zeros(6), END, np.zeros(6), 20.0)
     motion = integrate_transfer(problem, transfer, ATTITUDE, 20.0)
     assert angle_between(motion.final.attitude, ATTITUDE) > 0.1
-    run = forward_run(motion, Engine(problem.model, problem.wheel_momentum), steps=4000)
+    run = forward_run(motion, Engine(problem.system), steps=4000)
     assert run.attitude < 1e-4
 
 

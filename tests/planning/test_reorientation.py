@@ -76,7 +76,7 @@ def test_a_spatial_arm_reaches_the_goal_within_its_limits() -> None:
     # a limit of rates or torques is used up
     ratios = [entry.ratio for entry in result.limit_results if "r" in entry.limit]
     assert max(ratios) == pytest.approx(1.0, abs=2e-3)
-    assert forward_run(motion, Engine(model), steps=6000).attitude < 1e-4
+    assert forward_run(motion, Engine(problem.system), steps=6000).attitude < 1e-4
 
 
 @pytest.mark.slow
@@ -87,7 +87,7 @@ def test_a_known_momentum_is_compensated() -> None:
     result = ff.reorient(problem, IDENTITY, goal, limits, joints=BENT)
     assert result.reached
     assert result.error < 1e-9
-    assert forward_run(result.motion, Engine(problem.model)).attitude < 1e-4
+    assert forward_run(result.motion, Engine(problem.system)).attitude < 1e-4
 
 
 @pytest.mark.slow

@@ -174,7 +174,7 @@ class BruteForce:
         square = [self.wrist(q3) @ self.wrist(q3) for q3 in (0.0, np.pi / 2, np.pi)]
         mean = (square[0] + square[2]) / 2
         self.form = mean, (square[0] - square[2]) / 2, square[1] - mean
-        self.drift = ResolvedRateSolver(problem.model, problem.task, problem.momentum)
+        self.drift = ResolvedRateSolver(problem.system, problem.task)
 
     def wrist(self, q3):
         return self.virtual.kinematics([*self.q[:2], q3, 0, 0, 0])[2][3, 0]

@@ -43,7 +43,7 @@ def test_determinant_rates_and_place_agree_with_pinocchio(axes):
     """S, the rates of (24) and the end-effector's place, for offset links and either axis sense."""
     model = bent_arm(*axes)
     arm, S = PlanarArm.of(model), ff.singularity_measure(model, ff.Task.PLANAR_POSE, "system")
-    equation = ResolvedRateSolver(model, ff.Task.PLANAR_POSE, [0, 0, 0.7])
+    equation = ResolvedRateSolver(ff.System(model, [0, 0, 0.7]), ff.Task.PLANAR_POSE)
     rng = np.random.default_rng(3)
     for _ in range(20):
         joints, heading = rng.uniform(-np.pi, np.pi, 3), rng.uniform(-np.pi, np.pi)

@@ -260,7 +260,7 @@ def test_a_spacecraft_that_tumbles_is_confirmed_by_both_engines(planar):
     assert certificate.momentum.value < 1e-6 * certificate.momentum_scale
     assert certificate.end_effector_position.value < 1e-8
     assert certificate.integration.attitude < 1e-6
-    engine = Engine(problem.model)
+    engine = Engine(problem.system)
     inverse = inverse_run(motion, engine)
     assert inverse.wrench < 1e-5 * inverse.torque
     assert forward_run(motion, engine).attitude < 1e-3
@@ -304,7 +304,7 @@ def test_the_size_of_all_masses_does_not_matter(mass):
     assert motion.completed
     assert_equal_ends(motion, usual, 1e-9)
     assert_compiled_agrees(motion, 1e-4)
-    inverse = inverse_run(motion, Engine(motion.problem.model))
+    inverse = inverse_run(motion, Engine(motion.problem.system))
     assert inverse.wrench < 1e-4 * inverse.torque
 
 
@@ -363,7 +363,7 @@ def test_an_arm_of_millimetres_moves_as_one_of_metres(
     motion = simulated(problem, attitude, branch)
     assert_equal_ends(motion, simulated(bundled(name), attitude, branch), 1e-7)
     assert_compiled_agrees(motion, 1e-3)
-    inverse = inverse_run(motion, Engine(problem.model))
+    inverse = inverse_run(motion, Engine(problem.system))
     assert inverse.wrench < 1e-4 * inverse.torque
     assert not Path("MUJOCO_LOG.TXT").exists()  # of inertias near zero
 

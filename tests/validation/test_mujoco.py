@@ -44,7 +44,7 @@ def motions():
 
 @pytest.fixture(scope="module")
 def engines(motions):
-    return {name: Engine(motion.problem.model) for name, motion in motions.items()}
+    return {name: Engine(motion.problem.system) for name, motion in motions.items()}
 
 
 TIMES = np.linspace(6.0, 94.0, 12)
@@ -182,7 +182,7 @@ def all_motions(motions):
 def test_mujoco_finds_the_same_joint_torques(all_motions, name):
     """From accelerations solved at a state, and from differences of the recorded motion."""
     motion = all_motions[name]
-    engine, dynamics = Engine(motion.problem.model), motion.law
+    engine, dynamics = Engine(motion.problem.system), motion.law
     solved, seen, recorded, wrenches = [], [], [], []
     for t in np.linspace(0.06, 0.94, 12) * motion.problem.path.duration:
         (state,) = motion.sample(t)
@@ -244,6 +244,6 @@ def test_mujoco_finds_the_same_generalized_jacobian(data: st.DataObject, robot: 
 def test_servos_lead_to_the_same_attitude(all_motions, name):
     """Servos follow the recorded joints, nothing holds the base: it ends as freefloat says."""
     motion = all_motions[name]
-    result = forward_run(motion, Engine(motion.problem.model))
+    result = forward_run(motion, Engine(motion.problem.system))
     assert_agrees("test_servos_lead_to_the_same_attitude", result.attitude)
     assert result.joints < 1e-3

@@ -105,11 +105,11 @@ def test_no_margin_is_left_where_the_arm_becomes_singular() -> None:
 def followed(motion: Motion, orbit: CircularOrbit | None) -> tuple[float, float]:
     """Smallest margin and change of the momentum with a controller that knows of no gravity."""
     problem = motion.problem
-    engine = Engine(problem.model)
+    engine = Engine(problem.system)
     state, duration = motion.initial, problem.path.duration
     solver, path = problem.resolved_rate_solver(), problem.path
     _, rates = solver.rates(state.attitude, state.joints, path.twist(0.0))
-    start(motion, engine, 0.0, rates, problem.model)
+    start(motion, engine, 0.0, rates)
     times = np.linspace(0.0, duration, 1001)
     plant, margins = Plant(engine, problem.model, times[1], 0.0), []
     for t in times[:-1]:

@@ -183,8 +183,7 @@ def _rate_errors(motion: Motion) -> Worst:
 
 def _momentum_scale(motion: Motion) -> float:
     """See :attr:`Certificate.momentum_scale`."""
-    problem = motion.problem
-    scale = float(np.linalg.norm(problem.momentum) + np.linalg.norm(problem.wheel_momentum))
+    scale = motion.problem.system.momentum_bound
     _, states, slopes = _with_slopes(motion)
     for joints, rates in zip(states[:, 5:], slopes[:, 5:], strict=True):
         _, Dq = inertia_matrices(motion.problem.model, joints)

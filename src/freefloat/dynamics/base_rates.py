@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from freefloat.dynamics.system import System
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
@@ -78,7 +79,7 @@ def _about(axis: Array, angles: Array) -> Array:
     return np.asarray(np.eye(3) + sine * K + versine * (K @ K))
 
 
-def base_rate_bound(model: FreeFloatingModel, rates: Array, momentum: float = 0.0) -> float:
+def base_rate_bound(system: System, rates: Array) -> float:
     """Upper bound of the spacecraft's angular velocity in all configurations.
 
     The angular momentum of a moving body is at most that of its mass at the largest distance from
@@ -86,23 +87,22 @@ def base_rate_bound(model: FreeFloatingModel, rates: Array, momentum: float = 0.
     system is at least that of the spacecraft.
 
     Args:
-        model: Robot.
+        system: Robot and momenta.
         rates: Largest magnitudes of the joint rates [rad/s or m/s], shape (n,).
-        momentum: Magnitude of the angular momentum of system and wheels [N m s].
 
     Returns:
         The bound [rad/s]; infinite for a spacecraft without inertia and prismatic joints without
         range.
     """
-    root, *arm = model.bodies
+    root, *arm = system.model.bodies
     smallest = float(np.linalg.eigvalsh(root.inertia)[0])
     if smallest <= 0.0:
         return float("inf")
     strokes = [max(abs(b.lower), abs(b.upper)) if b.prismatic else 0.0 for b in arm]
     lengths = [float(np.linalg.norm(b.placement.position)) for b in arm]
-    centres = [float(np.linalg.norm(b.centre)) for b in model.bodies]
+    centres = [float(np.linalg.norm(b.centre)) for b in system.model.bodies]
     size = sum(strokes) + sum(lengths) + 2.0 * max(centres)  # largest distance of two centres
-    total = momentum
+    total = system.momentum_bound
     for number, (joint, rate) in enumerate(zip(arm, rates.tolist(), strict=True)):
         for body in arm[number:]:
             lever = body.mass * size

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.momentum import end_effector_jacobian, mass_matrix, momentum_map
+from freefloat.dynamics.system import System
 from freefloat.errors import finite_vector, require_type
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.parts import Mount, Payload
@@ -102,6 +103,11 @@ class Capture:
     largest_rate: float
     wheel_momentum: Annotated[Array, "N m s"]
 
+    @property
+    def system(self) -> System:
+        """The robot with the client, its momenta and its drift."""
+        return System(self.model, self.momentum, self.wheel_momentum, self.velocity)
+
     def to_dict(self) -> dict[str, Any]:
         """The capture as a JSON document."""
         values = {entry.name: getattr(self, entry.name) for entry in fields(self)[1:]}
@@ -110,27 +116,20 @@ class Capture:
 
 
 def capture(
-    model: FreeFloatingModel,
+    system: System,
     client: Client,
     attitude: npt.ArrayLike,
     joints: npt.ArrayLike,
     joint_rates: npt.ArrayLike,
-    momentum: npt.ArrayLike = (0.0, 0.0, 0.0),
-    velocity: npt.ArrayLike = (0.0, 0.0, 0.0),
-    wheel_momentum: npt.ArrayLike = (0.0, 0.0, 0.0),
 ) -> Capture:
     """Fix a client to the end-effector.
 
     Args:
-        model: Robot.
+        system: Robot with its momenta and drift before contact.
         client: Client, its grapple at the end-effector.
         attitude: Of the spacecraft, unit quaternion x, y, z, w.
         joints: Joint values, shape (n,).
         joint_rates: Before contact, shape (n,).
-        momentum: Angular momentum of the robot about its centre of mass before contact, with that
-            of wheels, inertial axes [N m s], shape (3,).
-        velocity: Of the robot's centre of mass before contact, inertial axes [m/s], shape (3,).
-        wheel_momentum: Stored in wheels, spacecraft frame [N m s], shape (3,).
 
     Raises:
         InputError: If a vector has another shape or is not finite, or no rigid body has the
@@ -139,20 +138,18 @@ def capture(
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
         >>> client = ff.Client(50.0, [4.0, 4.0, 4.0], angular_velocity=[0.0, 0.0, 0.1])
-        >>> after = ff.capture(model, client, [0.0, 0.0, 0.0, 1.0], [0.3, 0.7], [0.0, 0.0])
+        >>> system = ff.System(model)
+        >>> after = ff.capture(system, client, [0.0, 0.0, 0.0, 1.0], [0.3, 0.7], [0.0, 0.0])
         >>> after.momentum.round(6)
         array([0. , 0. , 0.4])
     """
+    require_type("system", system, System, "System(model, momentum)")
     require_type("client", client, Client, "Client(mass, inertia, grapple)")
+    model, h, v = system.model, system.momentum, system.drift
     a = unit_quaternion("attitude", attitude)
     q, rates = model.joint_vector(joints), model.joint_vector(joint_rates, "joint_rates")
-    h, v = finite_vector("momentum", momentum, 3), finite_vector("velocity", velocity, 3)
-    stored = finite_vector("wheel_momentum", wheel_momentum, 3)
     R = rotation_matrix(a)
-    A = momentum_map(model, q, a)
-    moving = [*(model.total_mass * v), *(h - R @ stored)]
-    before = np.linalg.solve(A[:, :6], moving - A[:, 6:] @ rates)
-    before = np.concatenate([before, rates])
+    before = np.concatenate([system.base_twist(a, q, rates), rates])
 
     pose = model.end_effector_pose(a, q)
     body, axes = client.payload, pose.rotation @ client.grapple.pose.rotation.T
@@ -178,13 +175,13 @@ def capture(
     new = _with_payload(model, body)
     D = R @ momentum_map(new, q)[3:, 3:6] @ R.T
     moments = np.linalg.eigvalsh(D)
-    size, wheels = float(np.linalg.norm(H)), float(np.linalg.norm(stored))
-    locked = np.linalg.solve(D, H - R @ stored)
+    size, wheels = float(np.linalg.norm(H)), float(np.linalg.norm(system.wheels))
+    locked = np.linalg.solve(D, H - R @ system.wheels)
     return Capture(
         new, frozen(mismatch), frozen(impulse), frozen(after[6:]), frozen(R @ after[3:6]),
         frozen(H), frozen(common), frozen(centre), frozen(locked),
         abs(size - wheels) / float(moments[-1]), (size + wheels) / float(moments[0]),
-        frozen(stored),
+        system.wheels,
     )  # fmt: skip
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
-from freefloat.robot.model import FreeFloatingModel
+from freefloat.dynamics.system import System
 from freefloat.so3 import Array, rotation_matrix
 
 
@@ -45,15 +45,10 @@ class InverseDynamics:
     and rates (3 + n,): the angular velocity of the spacecraft in its own frame, and of the joints.
     """
 
-    def __init__(self, model: FreeFloatingModel, wheel_momentum: Array) -> None:
-        """Prepare a robot.
-
-        Args:
-            model: Robot.
-            wheel_momentum: Stored in wheels, spacecraft frame [N m s], shape (3,).
-        """
-        self._model, self._wheel_momentum = model, wheel_momentum
-        self._weightless = model.pin_model.copy()
+    def __init__(self, system: System) -> None:
+        """Prepare a robot with its wheels."""
+        self._model, self._wheels = system.model, system.wheels
+        self._weightless = system.model.pin_model.copy()
         self._weightless.gravity = pin.Motion.Zero()
         self._scratch = self._weightless.createData()
 
@@ -91,11 +86,11 @@ class InverseDynamics:
             self._weightless, self._scratch, q, v, np.zeros(len(v))
         )
         drift = variation.vector
-        gyroscopic = np.cross(rates[:3], self._wheel_momentum)
+        gyroscopic = np.cross(rates[:3], self._wheels)
         drift[3:] += rotation_matrix(attitude) @ gyroscopic
         return A, q, v, drift
 
     def _effort(self, q: Array, v: Array, a: Array) -> Effort:
         forces = np.array(pin.rnea(self._weightless, self._scratch, q, v, a))
-        forces[3:6] += np.cross(v[3:6], self._wheel_momentum)
+        forces[3:6] += np.cross(v[3:6], self._wheels)
         return Effort(v, a, forces[:6], forces[6:])

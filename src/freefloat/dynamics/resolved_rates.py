@@ -37,7 +37,6 @@ from __future__ import annotations
 import sys
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 from scipy.linalg.lapack import dgesv, dtrtrs
 
@@ -51,9 +50,8 @@ from freefloat.dynamics.redundancy import (
     joint_weights,
     range_centres,
 )
-from freefloat.errors import finite_vector
-from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, rotation_matrix
+from freefloat.dynamics.system import System
+from freefloat.so3 import Array
 
 
 class ResolvedRateSolver:
@@ -61,26 +59,22 @@ class ResolvedRateSolver:
 
     def __init__(
         self,
-        model: FreeFloatingModel,
+        system: System,
         task: Task,
-        momentum: npt.ArrayLike,
         redundancy: Redundancy | None = None,
-        wheel_momentum: npt.ArrayLike | None = None,
     ) -> None:
         """Prepare the equation.
 
         Args:
-            model: Robot.
+            system: Robot, momentum and wheels.
             task: Part of the end-effector's motion that is prescribed.
-            momentum: Angular momentum about the centre of mass, inertial frame [N m s], shape (3,).
             redundancy: Null-space motion of a redundant arm; minimum-norm rates when left out.
-            wheel_momentum: Part of the momentum that wheels store, constant in the spacecraft frame
-                [N m s], shape (3,); none when left out.
 
         Raises:
             InputError: If the task has more rows than the arm has joints, or the redundancy does
                 not apply to the arm.
         """
+        model = system.model
         m, n = len(task.rows), model.dof
         require_enough_joints(model, task)
         if redundancy is not None:
@@ -91,10 +85,8 @@ class ResolvedRateSolver:
         self._q = np.zeros(7 + n)
         self._M = np.zeros((6 + m, 6 + n), order="F")
         self._b = np.zeros(6 + m)
-        self._b[3:6] = self._momentum = finite_vector("momentum", momentum, 3)
-        self._wheel_momentum: Array | None = None
-        if wheel_momentum is not None and np.any(wheel_momentum):
-            self._wheel_momentum = finite_vector("wheel_momentum", wheel_momentum, 3)
+        self._b[3:6] = system.momentum
+        self._system, self._wheels = system, bool(system.wheels.any())
         self._redundancy = redundancy or Redundancy()
         self._weights = np.diag(joint_weights(model, self._redundancy))
         self._centres = range_centres(model)
@@ -124,8 +116,8 @@ class ResolvedRateSolver:
             placement = pin.updateFramePlacement(model.pin_model, model.scratch, model.frame_id)
             twist = (twist.reshape(2, 3) @ placement.rotation).ravel()
         b[6:] = twist[self._selected]
-        if self._wheel_momentum is not None:
-            b[3:6] = self._momentum - rotation_matrix(attitude) @ self._wheel_momentum
+        if self._wheels:
+            b[3:6] = self._system.body_momentum(attitude)
         if M.shape[0] == M.shape[1]:
             _, _, v, singular = dgesv(M, b)
             return (v[3:6], v[6:]) if not singular else self._infinite()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from freefloat.motion.law import JointCurve, base_velocity
+from freefloat.motion.law import JointCurve
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES
 from freefloat.motion.problem import Problem
@@ -26,14 +26,14 @@ def integrate_joints(problem: Problem, curve: JointCurve, attitude: Array, panel
         attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
         panels: Number of panels of the motion, a multiple of four: breaks of the laws are edges.
     """
-    timing = problem.path.timing
+    timing, system = problem.path.timing, problem.system
     inner = (np.arange(panels)[:, None] + (NODES[:DEGREE] + 1.0) / 2.0) / panels
     times = timing.duration * np.append(inner.ravel(), 1.0)
 
     def change(t: float, quaternion: Array) -> Array:
         s, speed = timing.s(t), timing.s(t, 1)
         unit = quaternion / np.linalg.norm(quaternion)
-        x, y, z = base_velocity(problem, unit, curve.at(s), curve.at(s, 1) * speed).tolist()
+        x, y, z = system.base_rate(unit, curve.at(s), curve.at(s, 1) * speed).tolist()
         by_rate = [[0, z, -y, x], [-z, 0, x, y], [y, -x, 0, z], [-x, -y, -z, 0]]  # (8c)
         return np.asarray(np.array(by_rate) @ quaternion / 2.0)
 

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.inverse_dynamics import Effort, InverseDynamics
-from freefloat.dynamics.momentum import Task, inertia_matrices
+from freefloat.dynamics.momentum import Task
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array, Pose, rotation_matrix
+from freefloat.so3 import Array, Pose
 
 _STEPS = np.array([1.0, 2.0, 3.0])
 _WEIGHTS = np.array([45.0, -9.0, 1.0]) / 60.0
@@ -125,7 +125,7 @@ class PathLaw:
 
     @cached_property
     def _dynamics(self) -> InverseDynamics:
-        return InverseDynamics(self._problem.model, self._problem.wheel_momentum)
+        return InverseDynamics(self._problem.system)
 
     def _differentiated(
         self, attitude: Array, joints: Array, rates: Array, prescribed: Array, change: Array
@@ -185,7 +185,7 @@ class JointLaw:
         """See :class:`Law`."""
         s, speed = self._timing.s(t, 0, segment), self._timing.s(t, 1, segment)
         rates = self._curve.at(s, 1) * speed
-        return Rates(base_velocity(self._problem, attitude, self._curve.at(s), rates), rates)
+        return Rates(self._problem.system.base_rate(attitude, self._curve.at(s), rates), rates)
 
     def effort(
         self, t: float, attitude: Array, joints: Array, segment: int | None = None
@@ -202,16 +202,4 @@ class JointLaw:
 
     @cached_property
     def _dynamics(self) -> InverseDynamics:
-        return InverseDynamics(self._problem.model, self._problem.wheel_momentum)
-
-
-def base_velocity(problem: Problem, attitude: Array, joints: Array, rates: Array) -> Array:
-    """Angular velocity of the spacecraft for prescribed joint rates, (3) of the paper.
-
-    It is D^-1 (R0^T h - h_w - Dq q') in the spacecraft frame [rad/s], shape (3,).
-    """
-    D, Dq = inertia_matrices(problem.model, joints)
-    demanded = -problem.wheel_momentum - Dq @ rates
-    if problem.momentum.any():
-        demanded = demanded + rotation_matrix(attitude).T @ problem.momentum
-    return np.asarray(np.linalg.solve(D, demanded))
+        return InverseDynamics(self._problem.system)

@@ -6,6 +6,7 @@ import numpy as np
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.momentum import Task, momentum_map
+from freefloat.dynamics.system import System
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.paths.timing import TimedPath
@@ -27,8 +28,12 @@ def require_level(key: str, velocity: Array) -> None:
         raise InputError(key, problem, "[vx, vy, 0]")
 
 
-def require_planar(model: FreeFloatingModel, path: TimedPath, task: Task) -> None:
-    """Raise an InputError unless a robot and a path stay in the x-y plane."""
+def require_planar(system: System, path: TimedPath, task: Task) -> None:
+    """Raise an InputError unless a system and a path stay in the x-y plane."""
+    require_in_plane("momentum", system.momentum)
+    require_in_plane("wheels.momentum", system.wheels)
+    require_level("drift", system.drift)
+    model = system.model
     virtual = VirtualManipulator.of(model)
     if not (virtual.is_planar and _drifts_in_plane(model)):
         raise InputError(

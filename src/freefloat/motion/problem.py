@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,12 @@ from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task, inertia_matrices, require_enough_joints
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
-from freefloat.errors import InputError, finite_number, finite_vector, require_type
+from freefloat.dynamics.system import System
+from freefloat.errors import InputError, finite_number, require_type
 from freefloat.ik.branches import ArmBranch, BranchSets, arm_branches, many_arm_branches
 from freefloat.ik.nearest import closest_branches, newton_configuration
 from freefloat.motion.margin import Margin
-from freefloat.motion.planar_requirements import require_in_plane, require_level, require_planar
+from freefloat.motion.planar_requirements import require_planar
 from freefloat.paths.orientation import FreeOrientation
 from freefloat.paths.timing import TimedPath
 from freefloat.robot.model import FreeFloatingModel
@@ -77,15 +79,13 @@ class Problem:
     wheel_momentum: Array = field(default_factory=lambda: np.zeros(3), repr=False)
 
     def __post_init__(self) -> None:
-        require_type("model", self.model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
         require_type("path", self.path, TimedPath, "TimedPath(EndEffectorPath(...), Timing(...))")
         accepted = "Margin(singularity_measure(model, task, name), threshold)"
         require_type("margin", self.margin, Margin, accepted)
         object.__setattr__(self, "task", Task.of(self.task))
-        object.__setattr__(self, "momentum", frozen(finite_vector("momentum", self.momentum, 3)))
+        object.__setattr__(self, "momentum", self.system.momentum)
+        object.__setattr__(self, "wheel_momentum", self.system.wheels)
         require_enough_joints(self.model, self.task)
-        wheels = frozen(finite_vector("wheels.momentum", self.wheel_momentum, 3))
-        object.__setattr__(self, "wheel_momentum", wheels)
         if self.start_joints is not None:
             joints = frozen(self.model.joint_vector(self.start_joints, "start_joints"))
             object.__setattr__(self, "start_joints", joints)
@@ -104,11 +104,13 @@ class Problem:
                 "EndEffectorPath(curve, FixedOrientation(axes)), or another law",
             )
         if self.task.planar:
-            require_planar(self.model, self.path, self.task)
-            require_in_plane("momentum", self.momentum)
-            require_level("drift", self.path.drift)
-            require_in_plane("wheels.momentum", self.wheel_momentum)
+            require_planar(self.system, self.path, self.task)
         self._require_few_revolutions()
+
+    @cached_property
+    def system(self) -> System:
+        """The robot with its momentum, wheels and drift."""
+        return System(self.model, self.momentum, self.wheel_momentum, self.path.drift)
 
     @property
     def redundant(self) -> bool:
@@ -122,8 +124,7 @@ class Problem:
         With momentum or drift the system moves while the end-effector rests; a path in the frame of
         a tumbling body is another one.
         """
-        turns = self.momentum.any() or self.wheel_momentum.any()
-        return bool(turns or self.path.depends_on_time)
+        return self.system.rotates or self.path.depends_on_time
 
     def stretched(self, factor: float) -> Problem:
         """The same problem, all times of its path multiplied by a factor."""
@@ -139,26 +140,30 @@ class Problem:
             >>> problem.replace(momentum=[0.0, 0.0, 0.1]).momentum
             array([0. , 0. , 0.1])
         """
-        if "margin" not in changes and not changes.keys().isdisjoint(("model", "task")):
-            model, task = changes.get("model", self.model), changes.get("task", self.task)
+        model, task = changes.get("model", self.model), changes.get("task", self.task)
+        if "margin" not in changes and (model is not self.model or task != self.task):
             measure = singularity_measure(model, task, self.margin.measure.name)
             changes["margin"] = Margin(measure, self.margin.threshold)
         return replace(self, **changes)
 
+    def with_system(self, system: System) -> Problem:
+        """The same problem for another system, whose drift its path has, checked again."""
+        path = replace(self.path, drift=system.drift)
+        return self.replace(
+            model=system.model, momentum=system.momentum, wheel_momentum=system.wheels, path=path
+        )
+
     def resolved_rate_solver(self) -> ResolvedRateSolver:
         """Solver of equation (4) for this problem."""
-        return ResolvedRateSolver(
-            self.model, self.task, self.momentum, self.redundancy, self.wheel_momentum
-        )
+        return ResolvedRateSolver(self.system, self.task, self.redundancy)
 
     def _require_few_revolutions(self) -> None:
         """The time of an integration grows with the rotations of the spacecraft."""
         turns = float(revolutions(self, self.momentum, self.wheel_momentum))
         if turns > MAX_REVOLUTIONS:
-            momentum = float(np.linalg.norm(self.momentum) + np.linalg.norm(self.wheel_momentum))
             raise InputError(
                 "momentum",
-                f"{momentum:g} N m s rotates the system {turns:.3g} times in "
+                f"{self.system.momentum_bound:g} N m s rotates the system {turns:.3g} times in "
                 f"{self.path.duration:g} s",
                 f"momentum and duration of at most {MAX_REVOLUTIONS} revolutions",
             )

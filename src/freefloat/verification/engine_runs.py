@@ -73,7 +73,7 @@ def engine_runs(engine: str, motion: Motion, orbit: CircularOrbit | None = None)
     reference, inverse = Reference.of(motion), None
     final_state = partial(basilisk.final_state, motion)
     if engine == MUJOCO:
-        robot = Engine(motion.problem.model, motion.problem.wheel_momentum)
+        robot = Engine(motion.problem.system)
         inverse = mujoco.inverse_run(motion, robot)
         final_state = partial(mujoco.final_state, motion, robot)
     states = [final_state(reference, on) for on in ([None] if orbit is None else [None, orbit])]
@@ -112,7 +112,7 @@ def forward_checks(engine: str, motion: Motion, steps: int, allowed: float) -> I
         allowed: Deviation of the final attitude [rad].
     """
     if engine == MUJOCO:
-        robot = Engine(motion.problem.model, motion.problem.wheel_momentum)
+        robot = Engine(motion.problem.system)
         yield _attitude_check(engine, mujoco.forward_run(motion, robot, steps=steps), allowed)
     elif engine == BASILISK:
         yield _attitude_check(engine, basilisk.forward_run(motion, steps=steps), allowed)

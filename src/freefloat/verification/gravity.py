@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -145,9 +145,8 @@ def _on_the_path(motion: Motion, orbit: CircularOrbit) -> tuple[float, float]:
 def _slopes(t: float, y: Array, problem: Problem, orbit: CircularOrbit, segment: int) -> Array:
     """Derivative of attitude, joints and angular momentum by time."""
     attitude, joints, momentum = y[:4] / np.linalg.norm(y[:4]), y[4:-3], y[-3:]
-    solver = ResolvedRateSolver(
-        problem.model, problem.task, momentum, problem.redundancy, problem.wheel_momentum
-    )
+    system = replace(problem.system, momentum=momentum)
+    solver = ResolvedRateSolver(system, problem.task, problem.redundancy)
     omega, rates = solver.rates(attitude, joints, *problem.path.twist_and_speed(t, segment))
     vector, scalar = attitude[:3], attitude[3]
     turn = np.append(scalar * omega + np.cross(vector, omega), -vector @ omega) / 2.0

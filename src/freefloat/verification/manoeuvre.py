@@ -124,8 +124,7 @@ def _capture_checks(phase: PhaseResult, result: Capture, state: _State) -> Itera
     rates = np.concatenate([omega, result.joint_rates])
     linear = result.model.total_mass * result.velocity
     base = np.linalg.solve(A[:3, :3], linear - A[:3, 3:] @ rates)
-    wheels = rotation_matrix(state.attitude) @ result.wheel_momentum
-    momentum = A[3:] @ np.concatenate([base, rates]) + wheels
-    error = float(np.abs(momentum - result.momentum).max())
+    momentum = A[3:] @ np.concatenate([base, rates])
+    error = float(np.abs(momentum - result.system.body_momentum(state.attitude)).max())
     scale = float(np.linalg.norm(result.momentum)) + _MOMENTUM
     yield error_check(f"{phase.name}: momentum", error, _MOMENTUM * scale, "N m s", phase.start)

@@ -198,7 +198,7 @@ def _tolerance_check(
     if problem.depends_on_timing:
         duration = problem.path.duration
         factors = tolerance.shortest / _INSIDE / duration, tolerance.longest * _INSIDE / duration
-        problems += [_scaled(problem, factor) for factor in factors]
+        problems += [problem.with_system(problem.system.scaled(factor)) for factor in factors]
     for changed in problems:
         if not _keeps_margin(changed, evaluator.limits, start.attitude, start.joints):
             h = np.round(changed.momentum, 6).tolist()
@@ -206,10 +206,3 @@ def _tolerance_check(
             return Check("tolerance", False, words, tolerance.momentum, unit="N m s")
     words = f"{_DIRECTIONS} momenta tested, {len(problems)} of them precisely, and durations"
     return Check("tolerance", True, words, tolerance.momentum, unit="N m s")
-
-
-def _scaled(problem: Problem, factor: float) -> Problem:
-    """The problem with the momenta and the drift of a motion at another speed."""
-    path = replace(problem.path, drift=problem.path.drift * factor)
-    wheels = problem.wheel_momentum * factor
-    return replace(problem, path=path, momentum=problem.momentum * factor, wheel_momentum=wheels)

@@ -9,7 +9,7 @@ friction.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from math import ceil
 from typing import Any
@@ -175,8 +175,8 @@ def track(
         problem.model, np.exp(mass_error * rng.standard_normal(1 + problem.model.dof))
     )
     controller = _Controller(motion, noise, gain, rng)
-    engine = Engine(model, problem.wheel_momentum)
-    start(motion, engine, 0.0, controller.planned_rates, model)
+    engine = Engine(replace(problem.system, model=model))
+    start(motion, engine, 0.0, controller.planned_rates)
     plant = Plant(engine, problem.model, times[1], friction)
     rows = [_row(problem, plant, 0.0)]
     for t, following in pairwise(times.tolist()):

@@ -91,9 +91,7 @@ class LoopMotions:
         rate, joint_rate = self._limits.base_rate, self._limits.joint_rate
         rates = [np.inf if rate is None else rate]
         if joint_rate is not None:
-            stored = (self._problem.momentum, self._problem.wheel_momentum)
-            momentum = sum(float(np.linalg.norm(h)) for h in stored)
-            rates.append(base_rate_bound(self._problem.model, joint_rate, momentum))
+            rates.append(base_rate_bound(self._problem.system, joint_rate))
         return float(self.rotation.magnitude() / min(rates))
 
     @property

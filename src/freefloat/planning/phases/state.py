@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
+from freefloat.dynamics.momentum import end_effector_jacobian
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.paths.timing import TimedPath
@@ -59,12 +59,10 @@ class SystemState:
     @property
     def twist(self) -> Array:
         """Of the end-effector in the frame of the manoeuvre [m/s; rad/s], shape (6,)."""
-        model, drift = self.problem.model, self.problem.path.drift
-        A = momentum_map(model, self.joints, self.attitude)
-        rates = np.concatenate([self.base_rate, self.joint_rates])
-        linear = np.linalg.solve(A[:3, :3], model.total_mass * drift - A[:3, 3:] @ rates)
-        J = end_effector_jacobian(model, self.joints, self.attitude)
-        return np.asarray(J @ np.concatenate([linear, rates]))
+        system, state = self.problem.system, (self.attitude, self.joints)
+        base = system.base_twist(*state, self.joint_rates)
+        J = end_effector_jacobian(system.model, self.joints, self.attitude)
+        return np.asarray(J @ np.concatenate([base, self.joint_rates]))
 
     def after(self, motion: Motion) -> SystemState:
         """The state at the end of a motion that begins with this one."""

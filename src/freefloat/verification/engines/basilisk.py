@@ -126,7 +126,7 @@ class _Robot:
         problem, t = self.motion.problem, reference.first
         (state,), base = self.motion.sample(t), self.bodies[0]
         rates = reference(t, 1)
-        velocity = base_velocity(problem, state, rates, self.model)
+        velocity = base_velocity(problem.system, state, rates)
         base.setPosition(state.base_position + t * problem.path.drift)
         base.setVelocity(velocity[:3])
         base.setAttitude(Rotation.from_quat(state.attitude).as_mrp())

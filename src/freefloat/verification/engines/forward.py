@@ -7,10 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from freefloat.dynamics.momentum import momentum_map
+from freefloat.dynamics.system import System
 from freefloat.motion.motion import Ending, Motion, State
-from freefloat.motion.problem import Problem
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, angle_between, rotation_matrix
 
 STIFFNESS = 0.2
@@ -98,23 +96,19 @@ class Reference:
         return np.asarray(self._spline(t, order))
 
 
-def base_velocity(problem: Problem, state: State, rates: Array, model: FreeFloatingModel) -> Array:
-    """Velocity of the spacecraft with the momentum of the problem, in the frame of the path.
+def base_velocity(system: System, state: State, rates: Array) -> Array:
+    """Velocity of the spacecraft in the frame of the path.
 
     Args:
-        problem: Momentum and drift.
+        system: Robot, momenta and drift.
         state: Attitude and joints.
         rates: Joint rates, shape (n,).
-        model: The robot.
 
     Returns:
         Linear in inertial axes, angular in those of the spacecraft, shape (6,).
     """
-    A = momentum_map(model, state.joints, state.attitude)
-    R0 = rotation_matrix(state.attitude)
-    demanded = np.concatenate([np.zeros(3), problem.momentum - R0 @ problem.wheel_momentum])
-    twist = np.linalg.solve(A[:, :6], demanded - A[:, 6:] @ rates)
-    return np.concatenate([R0 @ twist[:3] + problem.path.drift, twist[3:]])
+    twist = system.base_twist(state.attitude, state.joints, rates)
+    return np.concatenate([rotation_matrix(state.attitude) @ twist[:3], twist[3:]])
 
 
 def known_span(motion: Motion) -> tuple[float, float]:

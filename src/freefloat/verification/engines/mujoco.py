@@ -9,7 +9,6 @@ from numpy.polynomial import chebyshev
 
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.motion import Motion, State
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 from freefloat.verification.engines.forward import (
     STIFFNESS,
@@ -156,7 +155,7 @@ def final_state(
     """
     h, data = reference.step, engine.data
     stiff, damp = (STIFFNESS / h) ** 2, 2.0 * STIFFNESS / h
-    start(motion, engine, reference.first, reference(reference.first, 1), motion.problem.model)
+    start(motion, engine, reference.first, reference(reference.first, 1))
     engine.rest(h)
     for step in range(reference.steps):
         t = reference.first + (step + 0.5) * h
@@ -177,18 +176,17 @@ def final_state(
     return State(reference.last, attitude, np.array(data.qpos[7:]), data.qpos[:3] - drift)
 
 
-def start(motion: Motion, engine: Engine, t: float, rates: Array, model: FreeFloatingModel) -> None:
-    """Set the state of the motion at a time, in the frame of the path, with its momentum.
+def start(motion: Motion, engine: Engine, t: float, rates: Array) -> None:
+    """Set the state of a motion at a time, in the frame of the path, with the engine's momentum.
 
     Args:
         motion: Motion.
         engine: MuJoCo's robot.
         t: Time [s].
         rates: Joint rates, shape (n,).
-        model: The robot that the engine simulates.
     """
     (state,), data = motion.sample(t), engine.data
     position = state.base_position + t * motion.problem.path.drift
     data.qpos[:] = [*position, *np.roll(state.attitude, 1), *state.joints]
-    data.qvel[:] = [*base_velocity(motion.problem, state, rates, model), *rates]
+    data.qvel[:] = [*base_velocity(engine.system, state, rates), *rates]
     data.qacc[:] = 0.0

@@ -14,9 +14,9 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
+from freefloat.dynamics.system import System
 from freefloat.errors import InputError, require_extra
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
@@ -48,8 +48,8 @@ class Engine:
         InputError: If MuJoCo is not installed, or refuses the robot.
     """
 
-    def __init__(self, model: FreeFloatingModel, wheel_momentum: npt.ArrayLike = 0.0) -> None:
-        self._wheel_momentum = np.broadcast_to(wheel_momentum, 3)
+    def __init__(self, system: System) -> None:
+        model, self.system = system.model, system
         self._mujoco = mujoco = engine_module()
         try:
             spec = mujoco.MjSpec.from_string(_urdf_without_shapes(model))
@@ -103,7 +103,7 @@ class Engine:
         self._mujoco.mj_forward(self.model, self.data)
         self._mujoco.mj_subtreeVel(self.model, self.data)
         axes = self.data.xmat[self.root].reshape(3, 3)
-        return np.asarray(self.data.subtree_angmom[self.root] + axes @ self._wheel_momentum)
+        return np.asarray(self.data.subtree_angmom[self.root] + axes @ self.system.wheels)
 
     def end_effector(self) -> tuple[Array, Array]:
         """Position [m] and axes (3, 3) of the end-effector at the present state, inertial frame."""
@@ -148,12 +148,12 @@ class Engine:
     @contextmanager
     def _wheels(self) -> Iterator[None]:
         """Context in which MuJoCo adds the torque of wheels to its passive forces."""
-        if not self._wheel_momentum.any():
+        if not self.system.wheels.any():
             yield
             return
 
         def torque(_: Any, data: Any) -> None:
-            data.qfrc_passive[3:6] -= np.cross(data.qvel[3:6], self._wheel_momentum)
+            data.qfrc_passive[3:6] -= np.cross(data.qvel[3:6], self.system.wheels)
 
         self._mujoco.set_mjcb_passive(torque)
         try:

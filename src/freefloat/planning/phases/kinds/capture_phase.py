@@ -119,11 +119,8 @@ class CapturePhase(Phase):
 
     def run(self, state: SystemState, limits: Limits) -> PlannedCapture:
         """The capture; its limits are those of the phases before and after it."""
-        problem = state.problem
-        result = capture(
-            problem.model, self.client(*self._grasp(state)), state.attitude, state.joints,
-            state.joint_rates, problem.momentum, problem.path.drift, problem.wheel_momentum,
-        )  # fmt: skip
+        client, now = self.client(*self._grasp(state)), (state.attitude, state.joints)
+        result = capture(state.problem.system, client, *now, state.joint_rates)
         return PlannedCapture(**vars(result))
 
     def end(self, state: SystemState, result: Any) -> SystemState:
@@ -141,10 +138,9 @@ class CapturePhase(Phase):
         corridor = problem.scene.corridor
         if corridor is not None and corridor.body == self.body:
             corridor = None  # the end-effector does not move in it any more
-        following = problem.replace(
-            model=result.model, momentum=result.momentum, scene=Scene((*others, held), corridor),
-            path=replace(problem.path, drift=result.velocity),
-        )  # fmt: skip
+        following = replace(
+            problem.with_system(result.system), scene=Scene((*others, held), corridor)
+        )
         return replace(
             state, problem=following, joint_rates=result.joint_rates,
             base_rate=rotation_matrix(state.attitude).T @ result.base_rate,

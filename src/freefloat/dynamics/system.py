@@ -1,0 +1,110 @@
+"""The system: a robot with the momenta that it conserves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from freefloat.dynamics.momentum import inertia_matrices, momentum_map
+from freefloat.errors import finite_vector, require_type
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, frozen, rotation_matrix
+
+
+def _zeros() -> Array:
+    return np.zeros(3)
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """A free-floating robot with its angular momentum, its wheels, and its centre of mass's motion.
+
+    Attributes:
+        model: Robot.
+        momentum: Angular momentum about the centre of mass with that of wheels, inertial axes
+            [N m s], shape (3,).
+        wheels: Part of the momentum that wheels store, constant in the spacecraft frame [N m s],
+            shape (3,): the wheels turn with constant rates relative to the spacecraft, and their
+            masses and inertias belong to it.
+        drift: Velocity of the centre of mass, inertial axes [m/s], shape (3,).
+
+    Raises:
+        InputError: If a vector has another shape or is not finite.
+
+    Example:
+        >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
+        >>> system = ff.System(model, momentum=[0.0, 0.0, 0.1])
+        >>> system.base_rate([0.0, 0.0, 0.0, 1.0], [0.3, 0.7], [0.0, 0.0]).round(4)
+        array([0.    , 0.    , 0.0051])
+    """
+
+    model: FreeFloatingModel = field(repr=False)
+    momentum: Array = field(default_factory=_zeros)
+    wheels: Array = field(default_factory=_zeros)
+    drift: Array = field(default_factory=_zeros)
+
+    def __post_init__(self) -> None:
+        require_type("model", self.model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
+        keys = {"momentum": "momentum", "wheels": "wheels.momentum", "drift": "drift"}
+        for name, key in keys.items():
+            object.__setattr__(self, name, frozen(finite_vector(key, getattr(self, name), 3)))
+
+    @property
+    def rotates(self) -> bool:
+        """Whether system or wheels have angular momentum."""
+        return bool(self.momentum.any() or self.wheels.any())
+
+    @property
+    def momentum_bound(self) -> float:
+        """Largest angular momentum of spacecraft and arm without wheels, any attitude [N m s]."""
+        return float(np.linalg.norm(self.momentum) + np.linalg.norm(self.wheels))
+
+    def scaled(self, factor: float) -> System:
+        """The system that moves alike at another speed, by (8): momenta and drift by a factor.
+
+        Backward in time it is that of the factor -1.
+        """
+        return replace(
+            self, momentum=factor * self.momentum, wheels=factor * self.wheels,
+            drift=factor * self.drift,
+        )  # fmt: skip
+
+    def body_momentum(self, attitude: Array) -> Array:
+        """Angular momentum of spacecraft and arm without wheels, inertial axes [N m s], (3,)."""
+        return np.asarray(self.momentum - rotation_matrix(attitude) @ self.wheels)
+
+    def base_rate(self, attitude: Array, joints: Array, rates: Array) -> Array:
+        """Angular velocity of the spacecraft for prescribed joint rates, (3) of the paper.
+
+        It is D^-1 (R0^T h - h_w - Dq q').
+
+        Args:
+            attitude: Unit quaternion x, y, z, w.
+            joints: Joint values, shape (n,).
+            rates: Joint rates, shape (n,).
+
+        Returns:
+            In the spacecraft frame [rad/s], shape (3,).
+        """
+        D, Dq = inertia_matrices(self.model, joints)
+        demanded = -self.wheels - Dq @ rates
+        if self.momentum.any():
+            demanded = demanded + rotation_matrix(attitude).T @ self.momentum
+        return np.asarray(np.linalg.solve(D, demanded))
+
+    def base_twist(self, attitude: Array, joints: Array, rates: Array) -> Array:
+        """Twist of the spacecraft for prescribed joint rates, in a frame that does not move.
+
+        Args:
+            attitude: Unit quaternion x, y, z, w.
+            joints: Joint values, shape (n,).
+            rates: Joint rates, shape (n,).
+
+        Returns:
+            [linear; angular] at the root link's origin, spacecraft axes [m/s; rad/s], shape (6,).
+        """
+        A_G = momentum_map(self.model, joints, attitude)
+        linear = self.model.total_mass * self.drift
+        demanded = np.concatenate([linear, self.body_momentum(attitude)])
+        return np.asarray(np.linalg.solve(A_G[:, :6], demanded - A_G[:, 6:] @ rates))
