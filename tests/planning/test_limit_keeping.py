@@ -10,7 +10,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.io.scenario.scenario import parse_scenario
-from freefloat.planning.diagnostics import rounded_up
+from freefloat.limits.result import rounded_up
 from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.limits import keeping as limit_keeping
 from freefloat.planning.limits.keeping import keep_limits

@@ -13,10 +13,10 @@ import freefloat as ff
 from freefloat.attitude_grids import attitudes_within, grid_spacing
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.margin import keeps_threshold
-from freefloat.planning.diagnostics import NOT_UNIQUE
 from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.objectives.objectives import NAMED
 from freefloat.planning.plan import Plan
+from freefloat.planning.reasons import NOT_UNIQUE
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.planning.spatial_planner import plan_in_space

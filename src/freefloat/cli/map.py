@@ -115,7 +115,7 @@ def map_(
 
 
 def _heading_tables(name: str, result: HeadingMap) -> Iterator[RenderableType]:
-    from freefloat.motion.reach import reach_message
+    from freefloat.planning.reasons import reach_message
 
     yield f"{name}: feasible headings of {len(result.headings)}"
     names = {k: f"{k} {short_label(label)}" for k, label in result.branch_labels().items()}
@@ -182,7 +182,7 @@ def _start_lines(result: AttitudeMap | HeadingMap) -> Iterator[str]:
 
 def _candidate_lines(result: AttitudeMap) -> Iterator[str]:
     """Yield lines on the attitudes between the samples."""
-    from freefloat.motion.reach import reach_message
+    from freefloat.planning.reasons import reach_message
 
     best, robust, nearest = result.best, result.robust, result.nearest
     if best is None:

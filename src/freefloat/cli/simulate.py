@@ -107,7 +107,7 @@ def simulate(
 
 
 def _tables(name: str, simulation: Simulation, mark: str) -> Iterator[RenderableType]:
-    from freefloat.motion.reach import reach_message
+    from freefloat.planning.reasons import reach_message
 
     problem = simulation.problem
     start, kind = ("start", "configurations") if problem.redundant else ("branch", "branches")

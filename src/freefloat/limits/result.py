@@ -86,3 +86,9 @@ def needed_stretch(results: Iterable[LimitResult]) -> float:
     Exact without momentum, see :attr:`LimitResult.stretch`.
     """
     return max([1.0, *(result.stretch for result in results)])
+
+
+def rounded_up(factor: float) -> float:
+    """The next larger number of four digits, of 1 or more."""
+    digits = 10.0 ** (3 - math.floor(math.log10(factor)))
+    return math.ceil(factor * digits * (1.0 - 1e-9)) / digits

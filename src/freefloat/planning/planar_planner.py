@@ -17,12 +17,7 @@ from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
-from freefloat.planning.diagnostics import (
-    NO_HEADING_WITHIN_LIMITS,
-    infeasible_distance_message,
-    margin_text,
-    no_feasible_heading_message,
-)
+from freefloat.planning.diagnostics import infeasible_distance_message, no_feasible_heading_message
 from freefloat.planning.domain import SearchDomain
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.arcs import BranchRanges
@@ -31,6 +26,7 @@ from freefloat.planning.plane.limits import limited_ranges
 from freefloat.planning.plane.ranges import heading_ranges, limits_of_spans
 from freefloat.planning.plane.search import searched_ranges
 from freefloat.planning.plane.segment import Segment
+from freefloat.planning.reasons import NO_HEADING_WITHIN_LIMITS, margin_text, not_confirmed
 from freefloat.planning.settings import HEADINGS, Search
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch, simulate
 from freefloat.singularities.planar_regions import has_two_angle_form
@@ -72,10 +68,10 @@ def plan_in_plane(
         heading = _with_start(evaluator, heading, ranges[0])
     chosen = _integrate(problem, heading, branch)
     if not chosen.feasible:
-        reason = f"the motion chosen for {reason} does not keep the margin when integrated again"
+        reason = not_confirmed(reason, chosen.verdict())
         return Plan(problem, search, False, reason, ranges, segments)
     if states_margin:
-        reason = f"{reason}, {margin_text(chosen)}"
+        reason = f"{reason}, {margin_text(chosen.closest_approach)}"
     depth = heading_depth(ranges, chosen)
     return Plan(problem, search, True, reason, ranges, segments, chosen, depth)
 

@@ -1,14 +1,34 @@
-"""Verdicts on motions, and the sentences that are made of them."""
+"""Verdicts on motions, and all sentences on why an attitude is chosen, or why there is none.
+
+The sentences are made of values; what finds those values is in the modules that plan.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
-from freefloat.limits.result import LimitResult, violated
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
+from freefloat.limits.kinds.corridor import CorridorLimit
+from freefloat.limits.result import LimitResult, rounded_up, violated
 from freefloat.motion.extrema import ClosestApproach
 from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.problem import Problem
+from freefloat.motion.reach import out_of_reach
+from freefloat.motion.singularity import SingularEvent
+
+HELD = "the attitude whose motion has this timing"
+NOT_UNIQUE = "; the optimum is not unique, attitudes around it have the same margin"
+NO_HEADING_WITHIN_LIMITS = "headings keep the margin, but none a limit of pointing or turn as well"
+FASTEST = "with its fastest timing"
+PRECEDED = "the state at the end of the phase before"
+_OTHER_UNITS = 50.0
+"""A start this many times farther than the reach was hardly written in metres."""
 
 
 class Cause(StrEnum):
@@ -99,3 +119,130 @@ def verdict_on(
             Cause.LIMIT, str(result.limit), result.where, result.time, result.worst, result.allowed
         )
     return Verdict()
+
+
+def reach_message(problem: Problem) -> str | None:
+    """Where the path leads out of reach, with a likely cause; None where it does not."""
+    s = out_of_reach(problem)
+    if s is None:
+        return None
+    reach = VirtualManipulator.of(problem.model).reach
+    hint = light_spacecraft_hint(problem)
+    if s > 0.0:
+        return f"the path leaves the reach of {reach:.4g} m at s = {s:.3g}{hint}"
+    start = problem.path.pose(0.0).position
+    distance = float(np.linalg.norm(start))
+    units = "; lengths are in metres" if distance > _OTHER_UNITS * reach else ""
+    return (
+        f"the path begins out of reach: {np.round(start, 6).tolist()} m is {distance:.4g} m from "
+        f"the centre of mass, the arm reaches {reach:.4g} m{units}{hint}"
+    )
+
+
+def unreached_start_message(problem: Problem, origin: str) -> str:
+    """The sentence that the arm does not reach the start of the path, with the distances.
+
+    Args:
+        problem: The problem.
+        origin: From where it does not, such as ``"no heading"``.
+    """
+    start, reach = problem.path.pose(0.0).position, VirtualManipulator.of(problem.model).reach
+    return (
+        f"the arm reaches the start of the path, {np.round(start, 6).tolist()} m, from {origin}; "
+        f"it is {np.linalg.norm(start):.4g} m from the centre of mass, and no configuration gets "
+        f"farther than {reach:.4g} m{light_spacecraft_hint(problem)}"
+    )
+
+
+def light_spacecraft_hint(problem: Problem) -> str:
+    """The last clause of a message on a spacecraft lighter than its arm; empty for heavier ones."""
+    base, total = problem.model.bodies[0].mass, problem.model.total_mass
+    if base >= 0.5 * total:
+        return ""
+    return f"; the spacecraft has {base:.4g} kg of {total:.4g} kg: is robot.spacecraft missing?"
+
+
+def margin_text(approach: ClosestApproach) -> str:
+    """The measure and its smallest magnitude along a motion."""
+    return f"{approach.measure} {approach.value:.6g}"
+
+
+def not_confirmed(chosen: str, verdict: Verdict) -> str:
+    """That compiled motions keep the margin, but not the precise one."""
+    return f"{chosen}: compiled motions keep the margin, but {verdict} along the precise one"
+
+
+def none_completes(
+    tried: str, endings: npt.NDArray[np.int8], last: SingularEvent | None = None
+) -> str:
+    """That no motion completes the path, and how they end.
+
+    Args:
+        tried: Those tried, such as ``"of 24 headings"``.
+        endings: Of their arm branches, shape (K, B).
+        last: The singularity that ends the longest motion, where it is known.
+    """
+    within = " within its limits" if (endings == LIMITED).any() else ""
+    kind = f", at the latest at t = {last.time:.4g} s; its kind: " if last is not None else ""
+    kind += last.kind.description if last is not None else ""
+    return f"{tried} none completes the path{within}: {shares(endings)}{kind}"
+
+
+def shares(endings: npt.NDArray[np.int8]) -> str:
+    """How attitudes fail: by the arm branch that gets farthest; endings have the shape (K, B)."""
+    words = {
+        UNREACHED: "have no arm configuration at the start",
+        FAILED: "reach the step limit",
+        SINGULAR: "end in a singularity",
+        LIMITED: "violate a limit of pointing or turn",
+        COMPLETED: "complete the path below the margin",
+    }
+    ranks = np.array([list(words).index(code) for code in endings.ravel().tolist()])
+    best = ranks.reshape(endings.shape).max(axis=1)
+    fractions = np.bincount(best, minlength=len(words)) / len(best)
+    return ", ".join(
+        f"{100.0 * fraction:.3g} % {text}"
+        for fraction, text in zip(fractions.tolist(), words.values(), strict=True)
+        if fraction > 0.0
+    )
+
+
+def none_within_limits(
+    violations: Mapping[str, int],
+    results: Iterable[LimitResult],
+    count: int,
+    stretch: float | None,
+    longer_tried: bool,
+) -> str:
+    """That no candidate keeps the limits.
+
+    Args:
+        violations: How many candidates violate which limit first, the most frequent one first.
+        results: Limits along the motion of the candidate that comes nearest to keeping them.
+        count: Number of precise motions.
+        stretch: A factor on the duration that would be enough, where one is known.
+        longer_tried: Whether longer durations were tried.
+    """
+    broken = violated(results)
+    for result in broken:
+        if result.limit == CorridorLimit.name:  # which the path alone decides
+            reached = f"{_reached(result)} at t = {result.time:.4g} s"
+            return f"the path itself leaves the corridor, {reached}: no attitude helps"
+    counts = ", ".join(f"{name} {number}" for name, number in violations.items())
+    reason = f"attitudes keep the margin, but every candidate violates a limit: {counts}"
+    worst = max(broken, key=lambda result: result.ratio, default=None)
+    if worst is not None:
+        reason += f"; the best of {count} integrated precisely reaches {worst.limit} "
+        reason += f"{_reached(worst)}, at {worst.where}"
+    if stretch is not None:
+        return f"{reason}; {rounded_up(stretch):.4g} times the duration suffices"
+    return f"{reason}; none of the longer durations tried suffices" if longer_tried else reason
+
+
+def _reached(result: LimitResult) -> str:
+    return f"{result.worst:.4g} of {result.allowed:.4g} allowed"
+
+
+def point_text(point: complex) -> str:
+    """A point of the plane [m]."""
+    return f"({point.real:.4g}, {point.imag:.4g}) m"

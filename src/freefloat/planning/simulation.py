@@ -20,10 +20,15 @@ from freefloat.motion.extrema import ClosestApproach, closest_approach, unwrappe
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem, require_problem
-from freefloat.motion.reach import light_spacecraft_hint, out_of_reach, reach_message
+from freefloat.motion.reach import out_of_reach
 from freefloat.motion.singularity import singular_event
 from freefloat.planning.answer import Answer, PhaseResult
-from freefloat.planning.reasons import Verdict, verdict_on
+from freefloat.planning.reasons import (
+    Verdict,
+    light_spacecraft_hint,
+    reach_message,
+    verdict_on,
+)
 from freefloat.so3 import Array
 
 

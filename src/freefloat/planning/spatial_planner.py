@@ -6,13 +6,9 @@ from freefloat.concurrency import Progress, step_of
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.limits import Limits
 from freefloat.planning.candidates import Ball, NearAttitude, Peak
-from freefloat.planning.diagnostics import (
-    NOT_UNIQUE,
-    disagreement_message,
-    margin_text,
-    no_feasible_attitude_message,
-)
+from freefloat.planning.diagnostics import disagreement_message, no_feasible_attitude_message
 from freefloat.planning.plan import Plan
+from freefloat.planning.reasons import NOT_UNIQUE, margin_text
 from freefloat.planning.settings import PLAN_ATTITUDES, Search
 from freefloat.planning.simulation import integrate_branch
 from freefloat.planning.space.choices import SampledChoices
@@ -56,13 +52,14 @@ def plan_in_space(
         return Plan(problem, search, False, reason, map=samples, disagreements=(*disagreements,))
     flat = isinstance(candidate, Peak) and not is_unique(evaluator, candidate)
     remark = NOT_UNIQUE if flat else ""
+    margin = margin_text(chosen.closest_approach)
     if progress is not None:
         progress(1.0)
     return Plan(
         problem,
         search,
         feasible=True,
-        reason=search.objective.reason(candidate, search.spare, margin_text(chosen)) + remark,
+        reason=search.objective.reason(candidate, search.spare, margin) + remark,
         chosen=chosen,
         robust_radius=candidate.radius if isinstance(candidate, Ball | NearAttitude) else None,
         map=samples,

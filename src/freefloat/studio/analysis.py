@@ -13,13 +13,13 @@ from freefloat.io.records.results import save
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.limits.check import check_limits
 from freefloat.motion.problem import Problem
-from freefloat.motion.reach import reach_message
 from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.objectives.objectives import Nearest
 from freefloat.planning.planar_planner import plan_in_plane
 from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.plane.heading_search import sample_headings
 from freefloat.planning.planner import plan
+from freefloat.planning.reasons import reach_message
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.mapping import sample_attitudes

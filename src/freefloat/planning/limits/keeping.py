@@ -16,16 +16,12 @@ from freefloat.limits.kinds.joint_rate import JointRateLimit
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import ScreenedCandidate
-from freefloat.planning.diagnostics import (
-    HELD,
-    margin_text,
-    violated_limits_message,
-)
 from freefloat.planning.limits.screening import screen
 from freefloat.planning.limits.trials import OVER, PassedTrial, Trials
 from freefloat.planning.objectives.objective import Comparison
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_planner import heading_depth
+from freefloat.planning.reasons import HELD, margin_text, none_within_limits
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.so3 import (
     Array,
@@ -88,8 +84,9 @@ def keep_limits(
     trials = Trials(evaluator, limits)
     if known is not None and known_first and (passed := trials.check_candidate(known)) is not None:
         held, results = passed
+        reason = f"{HELD}, {margin_text(held.closest_approach)}"
         return replace(
-            plan, chosen=held, limit_results=results, reason=f"{HELD}, {margin_text(held)}",
+            plan, chosen=held, limit_results=results, reason=reason,
             robust_radius=_heading_depth(plan, held),
         )  # fmt: skip
     if (passed := trials.check(plan.chosen)) is not None:
@@ -169,7 +166,7 @@ def _with_candidate(plan: Plan, trials: Trials, passed: PassedTrial) -> Plan:
         excluded=dict(trials.violations),
         robust_radius=_heading_depth(plan, chosen),
     )
-    reason = search.objective.limited_reason(plan.deviation, margin_text(chosen))
+    reason = search.objective.limited_reason(plan.deviation, margin_text(chosen.closest_approach))
     return replace(plan, reason=reason)
 
 
@@ -178,7 +175,7 @@ def _without_candidate(plan: Plan, trials: Trials) -> Plan:
 
     Where one is known, it has a sufficient duration.
     """
-    excluded = trials.violations.copy()
+    excluded = dict(trials.violations.most_common())
     for candidate in _nearest_to_passing(trials.screened_out):
         trials.check_candidate(candidate)
     count = trials.count
@@ -192,11 +189,11 @@ def _without_candidate(plan: Plan, trials: Trials) -> Plan:
     return replace(
         plan,
         feasible=False,
-        reason=violated_limits_message(excluded, results, count, stretch, longer_tried),
+        reason=none_within_limits(excluded, results, count, stretch, longer_tried),
         chosen=nearest,
         robust_radius=_heading_depth(plan, nearest),
         limit_results=results,
-        excluded=dict(excluded),
+        excluded=excluded,
         needed_stretch=stretch,
         stretch_candidate=start,
     )

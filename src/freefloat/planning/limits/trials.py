@@ -10,9 +10,8 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import InputError
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits
-from freefloat.limits.result import LimitResult, needed_stretch
+from freefloat.limits.result import LimitResult, needed_stretch, rounded_up
 from freefloat.planning.candidates import ScreenedCandidate
-from freefloat.planning.diagnostics import rounded_up
 from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch
 from freefloat.so3 import Array

@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from freefloat.errors import InputError
-from freefloat.motion.reach import reach_message
 from freefloat.planning.margin_map import MarginMap
+from freefloat.planning.reasons import reach_message
 from freefloat.records import Angles
 from freefloat.so3 import heading_quaternion
 

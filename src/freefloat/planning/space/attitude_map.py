@@ -11,9 +11,9 @@ import numpy.typing as npt
 from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
 from freefloat.ensemble.result import is_regular
 from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
-from freefloat.motion.reach import reach_message
 from freefloat.planning.candidates import Ball, BoundaryPoint, NearAttitude, Peak, Region
 from freefloat.planning.margin_map import MarginMap
+from freefloat.planning.reasons import reach_message
 from freefloat.records import Quaternions
 from freefloat.so3 import Array, degrees
 from freefloat.statistics import percentage

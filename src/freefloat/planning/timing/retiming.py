@@ -14,7 +14,7 @@ from freefloat.errors import InputError, require_type
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.contact import self_contact
 from freefloat.limits.limits import Limits
-from freefloat.limits.result import needed_stretch, violated
+from freefloat.limits.result import needed_stretch
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
@@ -25,6 +25,7 @@ from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.limits.trials import OVER
 from freefloat.planning.path_planner import plan_within
 from freefloat.planning.plan import Plan
+from freefloat.planning.reasons import FASTEST
 from freefloat.planning.simulation import SimulatedBranch, simulate
 from freefloat.planning.space.disturbances import tolerance
 from freefloat.planning.timing.speed_profile import (
@@ -149,12 +150,12 @@ def _moved(plan: Plan, before: SimulatedBranch, problem: Problem, limits: Limits
     chosen = simulate(problem, start.attitude, joints=start.joints).chosen
     chosen = replace(chosen, branch=before.branch)
     results = LimitChecker(problem, limits).results(chosen.motion)
-    broken = ", ".join(result.limit for result in violated(results))
-    reason = f"its fastest timing violates {broken}" if broken else plan.reason
+    verdict = chosen.verdict(results)
+    reason = plan.reason if verdict.feasible else f"{FASTEST} {verdict}"
     samples = None if plan.map is None else replace(plan.map, problem=problem)
     return replace(
         plan, problem=problem, chosen=chosen, limit_results=results, map=samples, stretch=1.0,
-        feasible=chosen.feasible and not violated(results), reason=reason,
+        feasible=verdict.feasible, reason=reason,
     )  # fmt: skip
 
 

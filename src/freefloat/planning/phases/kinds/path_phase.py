@@ -34,7 +34,7 @@ from freefloat.planning.phases.prescribed_path import (
 )
 from freefloat.planning.phases.state import SystemState
 from freefloat.planning.plan import Plan
-from freefloat.planning.reasons import Cause, Verdict
+from freefloat.planning.reasons import PRECEDED, Cause, Verdict
 from freefloat.planning.settings import Search
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.so3 import Array, frozen
@@ -129,7 +129,7 @@ class PathPhase(Phase):
         chosen = SimulatedBranch(branch, motion, approach)
         results = LimitChecker(problem, limits).results(motion)
         verdict = _verdict(state, chosen, results)
-        reason = "the state at the end of the phase before" if verdict.feasible else str(verdict)
+        reason = PRECEDED if verdict.feasible else str(verdict)
         return Plan(
             problem, Search(), verdict.feasible, reason, chosen=chosen, limits=limits,
             limit_results=results, certificate=certify(motion),
