@@ -71,12 +71,12 @@ def cosines(motion: Motion, limits: AttitudeLimits) -> np.ndarray:
 def limits_of(model) -> AttitudeLimits:
     root, tip = model.body_names[0], model.body_names[-1]
     return AttitudeLimits(
-        (
+        pointing=(
             PointingLimit(root, [0.0, 1.0, 0.2], 1.2, direction=[0.0, 1.0, 0.2]),
             PointingLimit(tip, [1.0, 0.2, 0.0], 0.8, "outside", direction=[0.3, 0.4, 0.0]),
             PointingLimit(model.body_names[2], [0.0, 0.3, 1.0], 2.0, point=[1.5, 0.4, 3.0]),
         ),
-        0.7,
+        base_turn=0.7,
     )
 
 
@@ -145,7 +145,9 @@ def test_an_axis_on_the_wrist_is_followed_along_every_branch() -> None:
     """Wrist-flipped branches have the same motion, but not of the bodies in the wrist."""
     problem = ff.load_scenario("spatial_6dof/line").problem()
     body = problem.model.body_names[4]
-    limits = AttitudeLimits((PointingLimit(body, [1.0, 0.5, 0.2], 1.5, direction=[0, 0, 1]),))
+    limits = AttitudeLimits(
+        pointing=(PointingLimit(body, [1.0, 0.5, 0.2], 1.5, direction=[0, 0, 1]),)
+    )
     slacks = FeasibilityEvaluator(problem, limits=limits).evaluate(attitude_grid(16)).motions.slacks
     assert np.nanmax(np.abs(slacks[:, ::2] - slacks[:, 1::2])) > 0.1
 
@@ -162,7 +164,7 @@ def test_a_spatial_plan_keeps_limits_that_the_largest_margin_violates() -> None:
     plan = ff.plan(problem, search, limits)
     assert plan.feasible
     bounds = np.cos([limit.angle, limits.base_turn / 2.0])
-    assert (cosines(plan.chosen.motion, limits.attitude) >= bounds).all()
+    assert (cosines(plan.chosen.motion, limits) >= bounds).all()
     endings = plan.map.to_dict()["endings"]
     assert endings["limited"] > 0
     assert endings["completed"] > 0

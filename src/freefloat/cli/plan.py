@@ -151,7 +151,7 @@ def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
 
 def _limits_attitude(plan: Plan) -> bool:
     """Whether pointing or the spacecraft's turn is limited, which the search considers."""
-    return plan.limits is not None and plan.limits.attitude.number > 0
+    return plan.limits is not None and plan.limits.number > 0
 
 
 def _chosen_lines(plan: Plan) -> Iterator[str]:

@@ -45,7 +45,7 @@ def attitude_limits(problem: Problem, limits: AttitudeLimits) -> tuple[Limit[Any
 
 
 def _prepared(
-    kinds: Iterable[type[Limit[Any]]], problem: Problem, limits: Limits | AttitudeLimits
+    kinds: Iterable[type[Limit[Any]]], problem: Problem, limits: AttitudeLimits
 ) -> tuple[Limit[Any], ...]:
     bounds = ((kind, kind.bound_of(problem, limits)) for kind in kinds)
     return tuple(kind(problem, bound) for kind, bound in bounds if bound is not None)

@@ -8,13 +8,13 @@ from typing import Any
 from freefloat.errors import require_type
 from freefloat.limits.kinds import KINDS
 from freefloat.limits.limit import Limit
-from freefloat.motion.pointing import AttitudeLimits, PointingLimit
+from freefloat.motion.pointing import AttitudeLimits
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
+class Limits(AttitudeLimits):
     """Limits in addition to the joint ranges of the URDF; None for those that do not apply.
 
     Attributes:
@@ -44,8 +44,6 @@ class Limits:
     joint_torque: Array | None = None
     base_rate: float | None = None
     clearance: float | None = None
-    pointing: tuple[PointingLimit, ...] = ()
-    base_turn: float | None = None
 
     def __post_init__(self) -> None:
         for kind in GIVEN:
@@ -77,16 +75,13 @@ class Limits:
         """Whether any of them depends on the speed along the path."""
         return any(getattr(self, kind.name) is not None for kind in GIVEN if kind.exponent)
 
-    @property
-    def attitude(self) -> AttitudeLimits:
-        """The limits that depend on the attitudes of bodies alone."""
-        return AttitudeLimits(self.pointing, self.base_turn)
-
 
 GIVEN: tuple[type[Limit[Any]], ...] = tuple(
-    kind for field in fields(Limits) for kind in KINDS if kind.name == field.name
-)
-"""The limits that are attributes of :class:`Limits`, in their order."""
+    kind
+    for field in sorted(fields(Limits), key=lambda field: bool(field.kw_only))
+    for kind in KINDS if kind.name == field.name
+)  # fmt: skip
+"""The limits that are attributes of :class:`Limits`, those of attitude last."""
 
 
 def require_applicable(model: FreeFloatingModel, limits: Limits) -> None:

@@ -117,7 +117,7 @@ def angle_of(first: Array, second: Array) -> float:
     return float(2.0 * np.arctan2(np.linalg.norm(first - second), np.linalg.norm(first + second)))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class AttitudeLimits:
     """Limits that depend on the attitudes of a motion's bodies alone.
 
@@ -132,5 +132,5 @@ class AttitudeLimits:
 
     @property
     def number(self) -> int:
-        """Number of the limits, those of axes first."""
+        """Number of these limits, those of axes first."""
         return len(self.pointing) + (self.base_turn is not None)

@@ -9,7 +9,6 @@ import numpy as np
 from freefloat.ensemble.ensemble import STEP_TOLERANCE
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.limits import Limits
-from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 from freefloat.planning.settings import Search
 
@@ -28,7 +27,7 @@ def evaluator_for(
     It measures the spacecraft's turn where the objective of the search depends on that.
     """
     tolerance = _TOLERANCE if problem.task.planar else STEP_TOLERANCE
-    attitude = AttitudeLimits() if limits is None else limits.attitude
-    if search is not None and search.objective.measures_turn and attitude.base_turn is None:
-        attitude = replace(attitude, base_turn=np.pi)
-    return FeasibilityEvaluator(problem, threads, tolerance=tolerance, limits=attitude)
+    limits = limits or Limits()
+    if search is not None and search.objective.measures_turn and limits.base_turn is None:
+        limits = replace(limits, base_turn=np.pi)
+    return FeasibilityEvaluator(problem, threads, tolerance=tolerance, limits=limits)

@@ -196,9 +196,9 @@ def _plan_figures(plan: Plan, threads: int | None, progress: Progress | None) ->
 
 
 def _angles(motion: Motion, limits: Limits | None) -> dict[str, Figure]:
-    if limits is None or not limits.attitude.number:
+    if limits is None or not limits.number:
         return {}
-    return {"angles": angles_figure(motion, limits.attitude)}
+    return {"angles": angles_figure(motion, limits)}
 
 
 def _compared_motions(plan: Plan) -> list[Motion]:
