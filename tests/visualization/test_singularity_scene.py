@@ -12,7 +12,6 @@ from playwright.sync_api import Browser
 import freefloat as ff
 from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.visualization.page.playback import Playback
-from freefloat.visualization.scenes.implicit_surface import zero_surface
 from freefloat.visualization.scenes.joint_sections import influential_joints, section
 from freefloat.visualization.scenes.singularity_scene import (
     BOX,
@@ -20,6 +19,7 @@ from freefloat.visualization.scenes.singularity_scene import (
     ZEROS,
     singularity_scene,
     surface,
+    zero_surface,
 )
 from tests.browser import differing, opened
 from tests.commands import document

@@ -32,10 +32,9 @@ from freefloat.singularities.regions import workspace_regions
 from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.so3 import heading_of, heading_quaternion
 from freefloat.visualization.figure_style import Figures, styled
-from freefloat.visualization.figures.angle_figures import angles_figure
 from freefloat.visualization.figures.manoeuvre_figure import manoeuvre_figure
 from freefloat.visualization.figures.map_figures import histogram_figure, slices_figure
-from freefloat.visualization.figures.motion_figures import motion_figures
+from freefloat.visualization.figures.motion_figures import angles_figure, motion_figures
 from freefloat.visualization.figures.planar_figures import headings_figure, joint_space_figure
 from freefloat.visualization.figures.scene_figures import snapshots_figure, workspace_figure
 from freefloat.visualization.figures.singularity_figures import singularity_figures

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from freefloat.errors import InputError, require_type
 from freefloat.limits.limits import Limits
 from freefloat.motion.motion import Motion
+from freefloat.planning.answer import PhaseResult
 from freefloat.planning.joints.reorientation import Reorientation
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
@@ -16,9 +18,8 @@ from freefloat.planning.simulation import Simulation
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.visualization.scenes.heading_scene import heading_scene
-from freefloat.visualization.scenes.manoeuvre_scene import manoeuvre_scene
 from freefloat.visualization.scenes.map_scene import map_scene
-from freefloat.visualization.scenes.scene import motion_scene
+from freefloat.visualization.scenes.scene import Place, motion_scene
 from freefloat.visualization.scenes.scene_builder import Scene
 from freefloat.visualization.scenes.singularity_scene import singularity_scene
 
@@ -63,6 +64,40 @@ def _turn_scene(turn: Reorientation, title: str) -> Scene:
         accepted = "a reorientation with a motion"
         raise InputError("result", f"it has no motion: {turn.reason}", accepted)
     return motion_scene({"reorientation": turn.motion}, title, _pointing(turn.limits))
+
+
+def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> Scene:
+    """Return the scene of the motions of a manoeuvre, in the frame of its first path.
+
+    Raises:
+        InputError: If no phase has a motion.
+    """
+    motions, places = dict[str, Motion](), list[Place]()
+    begin = manoeuvre.phases[0].start
+    for number, phase in enumerate(manoeuvre.phases, 1):
+        motion = _with_scene(phase, manoeuvre)
+        if motion is not None:
+            motions[f"{number} {phase.name}"] = motion
+            x, y, z = phase.centre.tolist()
+            places.append(Place(phase.start - begin, (x, y, z)))
+    if not motions:
+        raise InputError("manoeuvre", manoeuvre.reason, "a manoeuvre with a motion")
+    result = manoeuvre.path
+    pointing = () if result.limits is None else result.limits.pointing
+    return motion_scene(motions, title, pointing, places)
+
+
+def _with_scene(phase: PhaseResult, manoeuvre: Manoeuvre) -> Motion | None:
+    """The motion of a phase: that of joints without a margin, a reorientation with its scene."""
+    motion = phase.motion
+    if motion is None or phase.kind == "path":
+        return motion
+    problem = motion.problem
+    problem = replace(problem, margin=replace(problem.margin, threshold=0.0))
+    if phase.kind == "reorientation":
+        scene = manoeuvre.problem.scene.later(phase.start, -phase.centre)
+        problem = replace(problem, scene=scene)
+    return replace(motion, problem=problem)
 
 
 def _pointing(limits: Limits | None) -> tuple[Any, ...]:
