@@ -95,6 +95,12 @@ class Redundancy:
         """Weights by joint, apart from those that are 1."""
         return {} if isinstance(self.metric, Metric) else self.metric
 
+    def to_dict(self) -> dict[str, Any]:
+        """The settings as a JSON document."""
+        metric = dict(self.weights) or str(self.metric)
+        gains = {"gain": float(self.gain), "bound": float(self.bound)}
+        return {"metric": metric, "toward": str(self.toward), **gains}
+
     def require_applicable(self, model: FreeFloatingModel, task: Task) -> None:
         """Raise an InputError if the settings do not apply to an arm and a task."""
         if model.dof <= len(task.rows):

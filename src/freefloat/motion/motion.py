@@ -20,7 +20,7 @@ from freefloat.errors import InputError
 from freefloat.motion.law import JointCurve, JointLaw, Law, PathLaw
 from freefloat.motion.panels import DEGREE, NODES, TO_COEFFICIENTS
 from freefloat.motion.problem import Problem
-from freefloat.motion.residuals import momentum_errors, path_errors
+from freefloat.motion.residuals import Residuals, momentum_errors, path_errors
 from freefloat.records import Joints, Quaternions, Times, derived
 from freefloat.so3 import Array, IntArray, frozen
 
@@ -64,31 +64,6 @@ class State:
             "attitude": self.attitude.tolist(),
             "joints": self.joints.tolist(),
             "base_position": self.base_position.tolist(),
-        }
-
-
-@dataclass(frozen=True)
-class Residuals:
-    """Largest errors of a motion.
-
-    Attributes:
-        end_effector_position: Distance from the path [m].
-        end_effector_orientation: Angle from the path's orientation [rad]; None where the task
-            leaves the orientation free.
-        momentum: Deviation of the angular momentum from the prescribed one [N m s], recomputed from
-            the recorded configurations alone by differentiating their polynomials.
-    """
-
-    end_effector_position: float
-    end_effector_orientation: float | None
-    momentum: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """The residuals as a JSON document."""
-        return {
-            "end_effector_position": self.end_effector_position,
-            "end_effector_attitude": self.end_effector_orientation,
-            "momentum": self.momentum,
         }
 
 

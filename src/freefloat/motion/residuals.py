@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 
 from freefloat.dynamics.momentum import Task, momentum_map
@@ -16,6 +19,31 @@ from freefloat.so3 import (
 
 _UNRESOLVED = 1e-7
 """Changes in a panel [rad, m, fraction of duration] below which derivatives are not resolved."""
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Largest errors of a motion.
+
+    Attributes:
+        end_effector_position: Distance from the path [m].
+        end_effector_orientation: Angle from the path's orientation [rad]; None where the task
+            leaves the orientation free.
+        momentum: Deviation of the angular momentum from the prescribed one [N m s], recomputed from
+            the recorded configurations alone by differentiating their polynomials.
+    """
+
+    end_effector_position: float
+    end_effector_orientation: float | None
+    momentum: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """The residuals as a JSON document."""
+        return {
+            "end_effector_position": self.end_effector_position,
+            "end_effector_attitude": self.end_effector_orientation,
+            "momentum": self.momentum,
+        }
 
 
 def path_errors(problem: Problem, times: Array, attitudes: Array, joints: Array) -> Array:

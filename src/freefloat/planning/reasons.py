@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
+from freefloat.errors import UnreachableError
 from freefloat.limits.kinds.corridor import CorridorLimit
 from freefloat.limits.result import LimitResult, rounded_up, violated
 from freefloat.motion.extrema import ClosestApproach
@@ -21,6 +22,7 @@ from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import out_of_reach
 from freefloat.motion.singularity import SingularEvent
+from freefloat.so3 import Array
 
 HELD = "the attitude whose motion has this timing"
 NOT_UNIQUE = "; the optimum is not unique, attitudes around it have the same margin"
@@ -151,6 +153,21 @@ def unreached_start_message(problem: Problem, origin: str) -> str:
         f"the arm reaches the start of the path, {np.round(start, 6).tolist()} m, from {origin}; "
         f"it is {np.linalg.norm(start):.4g} m from the centre of mass, and no configuration gets "
         f"farther than {reach:.4g} m{light_spacecraft_hint(problem)}"
+    )
+
+
+def unreachable(problem: Problem, attitude: Array) -> UnreachableError:
+    """The error of an attitude from which the arm does not reach the start of the path."""
+    if out_of_reach(problem) == 0.0:
+        message = str(reach_message(problem))
+        return UnreachableError("path", message, "a path that begins within the reach")
+    start = problem.path.pose(0.0).position
+    return UnreachableError(
+        "attitude",
+        f"from {np.round(attitude, 6).tolist()} no arm configuration puts the end-effector at the "
+        f"start of the path, {np.round(start, 6).tolist()} m from the centre of mass"
+        + light_spacecraft_hint(problem),
+        "an attitude from which the arm reaches it, or a path that begins nearer",
     )
 
 

@@ -6,11 +6,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
-import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.redundancy import Redundancy
-from freefloat.errors import InputError, UnreachableError
+from freefloat.errors import InputError
 from freefloat.ik.branches import ArmBranch
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.contact import Contact, self_contact
@@ -20,13 +19,12 @@ from freefloat.motion.extrema import ClosestApproach, closest_approach, unwrappe
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem, require_problem
-from freefloat.motion.reach import out_of_reach
 from freefloat.motion.singularity import singular_event
 from freefloat.planning.answer import Answer, PhaseResult
 from freefloat.planning.reasons import (
     Verdict,
-    light_spacecraft_hint,
     reach_message,
+    unreachable,
     verdict_on,
 )
 from freefloat.so3 import Array
@@ -88,6 +86,7 @@ class SimulatedBranch:
     def to_dict(self) -> dict[str, Any]:
         """The motion as a JSON document."""
         motion, problem = self.motion, self.motion.problem
+        redundancy = problem.redundancy or Redundancy()
         return {
             **self._outcome(),
             "ending": motion.ending.value,
@@ -96,7 +95,7 @@ class SimulatedBranch:
             "final": motion.final.to_dict(),
             "duration": problem.path.duration,
             "residuals": motion.residuals().to_dict(),
-            "redundancy": _redundancy(problem),
+            "redundancy": redundancy.to_dict() if problem.redundant else None,
         }
 
 
@@ -163,19 +162,6 @@ class Simulation(Answer):
             "limits": [result.to_dict() for result in self.limit_results],
             "contact": self.contact and self.contact.to_dict(),
         }
-
-
-def _redundancy(problem: Problem) -> dict[str, Any] | None:
-    """How a redundant arm chooses among its motions, as a JSON document; None for other arms."""
-    if not problem.redundant:
-        return None
-    redundancy = problem.redundancy or Redundancy()
-    return {
-        "metric": dict(redundancy.weights) or str(redundancy.metric),
-        "toward": str(redundancy.toward),
-        "gain": redundancy.gain,
-        "bound": redundancy.bound,
-    }
 
 
 def simulate(
@@ -263,7 +249,7 @@ def _branches(
         raise InputError("branch", f"{branch} was given together with joints", "branch or joints")
     branches = list(problem.branches(attitude))
     if not branches:
-        raise _unreachable(problem, attitude)
+        raise unreachable(problem, attitude)
     if joints is not None:
         near = problem.branch_near(attitude, joints, branches)
         if near not in branches:
@@ -304,17 +290,3 @@ def _score(branch: SimulatedBranch) -> tuple[bool, float, float]:
     completed = branch.motion.completed
     margin = branch.closest_approach.value if completed else 0.0
     return completed, float(f"{margin:.6g}"), float(f"{branch.motion.final.time:.6g}")
-
-
-def _unreachable(problem: Problem, attitude: Array) -> UnreachableError:
-    if out_of_reach(problem) == 0.0:
-        message = str(reach_message(problem))
-        return UnreachableError("path", message, "a path that begins within the reach")
-    start = problem.path.pose(0.0).position
-    return UnreachableError(
-        "attitude",
-        f"from {np.round(attitude, 6).tolist()} no arm configuration puts the end-effector at the "
-        f"start of the path, {np.round(start, 6).tolist()} m from the centre of mass"
-        + light_spacecraft_hint(problem),
-        "an attitude from which the arm reaches it, or a path that begins nearer",
-    )

@@ -281,7 +281,9 @@ def scenario_of(
         "scene": scene_content(problem.scene),
     }
     if problem.redundancy is not None:
-        sections["redundancy"] = _redundancy_section(problem.redundancy)
+        sections["redundancy"] = problem.redundancy.to_dict()
+        if problem.redundancy.toward is Toward.NONE:
+            sections["redundancy"] |= {"gain": None, "bound": None}
     content = {"task": str(problem.task), "momentum": problem.momentum.tolist()}
     if problem.wheel_momentum.any():
         sections["wheels"] = {"momentum": problem.wheel_momentum.tolist()}
@@ -291,11 +293,3 @@ def scenario_of(
         content[name] = {key: value for key, value in section.items() if value is not None}
     text = yaml.safe_dump(content, sort_keys=False)
     return parse_scenario(text, Path("scenario.yaml"), samples, model, shapes)
-
-
-def _redundancy_section(redundancy: Redundancy) -> dict[str, Any]:
-    section = {"metric": dict(redundancy.weights) or str(redundancy.metric)}
-    if redundancy.toward is Toward.NONE:
-        return section
-    gains = {"gain": float(redundancy.gain), "bound": float(redundancy.bound)}
-    return {**section, "toward": str(redundancy.toward), **gains}
