@@ -33,6 +33,11 @@ def frozen(values: npt.ArrayLike) -> Array:
     return array
 
 
+def zeros() -> Array:
+    """The zero vector, shape (3,): default of fields of records."""
+    return frozen(np.zeros(3))
+
+
 @dataclass(frozen=True, eq=False)
 class Pose:
     """Pose of a frame relative to another one.

@@ -19,11 +19,7 @@ from freefloat.dynamics.system import System
 from freefloat.errors import finite_vector, require_type
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.parts import Mount, Payload
-from freefloat.so3 import Array, frozen, rotation_matrix, unit_quaternion
-
-
-def _zeros() -> Array:
-    return np.zeros(3)
+from freefloat.so3 import Array, frozen, rotation_matrix, unit_quaternion, zeros
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +44,9 @@ class Client:
     mass: float
     inertia: Array = field(repr=False)
     grapple: Mount = field(default_factory=Mount)
-    angular_velocity: Array = field(default_factory=_zeros)
-    velocity: Array = field(default_factory=_zeros)
-    com: Array = field(default_factory=_zeros)
+    angular_velocity: Array = field(default_factory=zeros)
+    velocity: Array = field(default_factory=zeros)
+    com: Array = field(default_factory=zeros)
 
     def __post_init__(self) -> None:
         require_type("client.grapple", self.grapple, Mount, "Mount(xyz, rpy)")

@@ -9,11 +9,7 @@ import numpy as np
 from freefloat.dynamics.momentum import inertia_matrices, momentum_map
 from freefloat.errors import finite_vector, require_type
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, frozen, rotation_matrix
-
-
-def _zeros() -> Array:
-    return np.zeros(3)
+from freefloat.so3 import Array, frozen, rotation_matrix, zeros
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +36,9 @@ class System:
     """
 
     model: FreeFloatingModel = field(repr=False)
-    momentum: Array = field(default_factory=_zeros)
-    wheels: Array = field(default_factory=_zeros)
-    drift: Array = field(default_factory=_zeros)
+    momentum: Array = field(default_factory=zeros)
+    wheels: Array = field(default_factory=zeros)
+    drift: Array = field(default_factory=zeros)
 
     def __post_init__(self) -> None:
         require_type("model", self.model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")

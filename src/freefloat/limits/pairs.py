@@ -14,6 +14,7 @@ from freefloat.attitude_grids import low_discrepancy
 from freefloat.errors import ModelError
 from freefloat.limits.collision import CollisionShape, collision_shapes, scene_shapes
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.rigid_bodies import se3_of
 from freefloat.scene.scene import Scene
 from freefloat.so3 import Array, IntArray, Pose
 
@@ -63,7 +64,7 @@ class CollisionPairs:
         robot = collision_shapes(model, hulls)
         self._shapes = robot + scene_shapes(scene, len(model.bodies), hulls)
         self._scene_shapes = [
-            (number, shape.body - len(model.bodies), _se3(shape.placement))
+            (number, shape.body - len(model.bodies), se3_of(shape.placement))
             for number, shape in enumerate(self._shapes)
             if shape.body > model.dof
         ]
@@ -137,7 +138,7 @@ class CollisionPairs:
         if poses:
             q = self._model.configuration(attitude, joints)
             objects = self._geometry[0].geometryObjects
-            frames = [_se3(pose) for pose in poses]
+            frames = [se3_of(pose) for pose in poses]
             for number, body, placement in self._scene_shapes:
                 objects[number].placement = frames[body] * placement
         return self._distances(q, self._numbers[pairs])
@@ -154,7 +155,7 @@ class CollisionPairs:
         geometry = pin.GeometryModel()
         for number, shape in enumerate(self._shapes):
             parent = 0 if shape.body > self._model.dof else shape.body + 1
-            placement = _se3(shape.placement)
+            placement = se3_of(shape.placement)
             geometry.addGeometryObject(
                 pin.GeometryObject(f"{number}", parent, placement, shape.geometry)
             )
@@ -232,11 +233,6 @@ class CollisionPairs:
             else:
                 reach[k - 1] = radius + lengths[min(k, shape.body) : max(k, shape.body)].sum()
         return reach
-
-
-def _se3(pose: Pose) -> Any:
-    """A pose as Pinocchio's."""
-    return pin.SE3(pose.rotation, pose.position)
 
 
 def _from_axis(points: Array, axis: Array) -> float:

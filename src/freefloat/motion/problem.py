@@ -31,6 +31,7 @@ from freefloat.so3 import (
     heading_quaternion,
     rotation_matrix,
     unit_quaternion,
+    zeros,
 )
 
 MAX_REVOLUTIONS = 50
@@ -76,7 +77,7 @@ class Problem:
     redundancy: Redundancy | None = None
     start_joints: Array | None = None
     scene: Scene = field(default=Scene(), repr=False)
-    wheel_momentum: Array = field(default_factory=lambda: np.zeros(3), repr=False)
+    wheel_momentum: Array = field(default_factory=zeros, repr=False)
 
     def __post_init__(self) -> None:
         require_type("path", self.path, TimedPath, "TimedPath(EndEffectorPath(...), Timing(...))")

@@ -21,7 +21,7 @@ from freefloat.paths.time_laws import (
     require_speeds,
     segments_of,
 )
-from freefloat.so3 import Array, Pose, frozen
+from freefloat.so3 import Array, Pose, frozen, zeros
 
 _APART = 1e-6
 """Smallest distance of breaks, as a fraction of the duration."""
@@ -169,7 +169,7 @@ class TimedPath:
 
     path: EndEffectorPath
     timing: Timing
-    drift: Array = field(default_factory=lambda: np.zeros(3))
+    drift: Array = field(default_factory=zeros)
 
     def __post_init__(self) -> None:
         require_type("path", self.path, EndEffectorPath, "EndEffectorPath(curve, orientation)")

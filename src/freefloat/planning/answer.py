@@ -6,17 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
 
-import numpy as np
-
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array, frozen
-
-
-def _zeros() -> Array:
-    return np.zeros(3)
+from freefloat.so3 import Array, frozen, zeros
 
 
 class Finding(Protocol):
@@ -62,7 +56,7 @@ class PhaseResult:
     kind: str
     result: Finding = field(repr=False)
     start: float = 0.0
-    centre: Annotated[Array, "m"] = field(default_factory=_zeros)
+    centre: Annotated[Array, "m"] = field(default_factory=zeros)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "centre", frozen(self.centre))

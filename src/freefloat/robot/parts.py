@@ -14,7 +14,7 @@ from freefloat.robot.description import rpy_rotation
 from freefloat.robot.names import is_file
 from freefloat.robot.plausibility import breaks_triangle
 from freefloat.robot.source import RobotSource
-from freefloat.so3 import Array, Pose, frozen
+from freefloat.so3 import Array, Pose, frozen, zeros
 
 INERTIA = (
     "three principal moments or a symmetric 3x3 matrix, or its six moments ixx ixy ixz iyy iyz izz "
@@ -22,10 +22,6 @@ INERTIA = (
 )
 """Accepted forms of an inertia."""
 _MOUNT = "Mount(xyz, rpy), in m and rad, such as Mount([0, 0, 1])"
-
-
-def _zeros() -> Array:
-    return np.zeros(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +33,8 @@ class Mount:
         rpy: Roll, pitch, yaw about the carrier's x, y, z axes in this order [rad], shape (3,).
     """
 
-    xyz: Array = field(default_factory=_zeros)
-    rpy: Array = field(default_factory=_zeros)
+    xyz: Array = field(default_factory=zeros)
+    rpy: Array = field(default_factory=zeros)
 
     def __post_init__(self) -> None:
         for name in ("xyz", "rpy"):
@@ -80,7 +76,7 @@ class Spacecraft:
     mount: Mount = field(default_factory=Mount)
     size: Array | None = None
     mesh: Path | None = None
-    com: Array = field(default_factory=_zeros)
+    com: Array = field(default_factory=zeros)
 
     def __post_init__(self) -> None:
         require_type("spacecraft.mount", self.mount, Mount, _MOUNT)
@@ -111,7 +107,7 @@ class Payload:
 
     mass: float
     inertia: Array = field(repr=False)
-    com: Array = field(default_factory=_zeros)
+    com: Array = field(default_factory=zeros)
     size: Array | None = None
     mesh: Path | None = None
 

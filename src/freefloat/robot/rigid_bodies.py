@@ -107,18 +107,18 @@ def build_model(
         if inertial is not None:
             inertia = pin.Inertia.Zero()  # whose constructor refuses what validation warns of
             inertia.mass, inertia.inertia = inertial.mass, inertial.inertia
-            model.appendBodyToJoint(body + 1, inertia, _placement(pose @ inertial.origin))
+            model.appendBodyToJoint(body + 1, inertia, se3_of(pose @ inertial.origin))
         for joint in robot.children.get(name, ()):
             at = pose @ joint.origin
             if joint in moving:
-                index = model.addJoint(body + 1, _joint_model(joint), _placement(at), joint.name)
+                index = model.addJoint(body + 1, _joint_model(joint), se3_of(at), joint.name)
                 places[joint.child] = (index - 1, IDENTITY)
             else:
                 value = fixed_joints.get(joint.name, 0.0)
                 places[joint.child] = (body, at @ _displacement(joint, value))
             links.append(joint.child)
     for name, (body, pose) in places.items():
-        model.addFrame(pin.Frame(name, body + 1, 0, _placement(pose), pin.BODY), False)
+        model.addFrame(pin.Frame(name, body + 1, 0, se3_of(pose), pin.BODY), False)
     return model, places
 
 
@@ -164,7 +164,8 @@ def body_of(model: Any, index: int, joint: Joint | None) -> Body:
     )
 
 
-def _placement(pose: Pose) -> Any:
+def se3_of(pose: Pose) -> Any:
+    """A pose as Pinocchio's."""
     return pin.SE3(pose.rotation, pose.position)
 
 

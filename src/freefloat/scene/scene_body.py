@@ -16,15 +16,11 @@ from freefloat.robot.names import find_robot, is_file
 from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
 from freefloat.robot.validation import read_urdf
 from freefloat.scene.tumbling import Tumbling
-from freefloat.so3 import Array, Pose, attitude_axes, frozen
+from freefloat.so3 import Array, Pose, attitude_axes, frozen, zeros
 
 Shape = Box | Cylinder | Sphere | MeshFile | RobotDescription
 _SHAPES = "a Box, Sphere, Cylinder or MeshFile, or the name of a mesh file or a URDF"
 _MESHES = (".stl", ".obj", ".dae", ".ply", ".off", ".gltf", ".glb")
-
-
-def _zeros() -> Array:
-    return np.zeros(3)
 
 
 def _unit() -> Array:
@@ -71,7 +67,7 @@ class SceneBody:
 
     name: str
     shape: Shape = field(repr=False)
-    position: Array = field(default_factory=_zeros)
+    position: Array = field(default_factory=zeros)
     orientation: Array = field(default_factory=_unit, repr=False)
     motion: Literal["fixed", "target"] | Tumbling = "fixed"
     touch_links: tuple[str, ...] = ()

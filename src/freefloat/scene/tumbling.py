@@ -15,17 +15,13 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError, finite_vector
 from freefloat.robot.parts import inertia_matrix
-from freefloat.so3 import Array, frozen
+from freefloat.so3 import Array, frozen, zeros
 
 _TOLERANCE = 1e-13
 """Relative tolerance: the attitude is exact to 1e-11 over ten revolutions."""
 _ABSOLUTE = 1e-15
 MOST_REVOLUTIONS = 1000.0
 """Largest number of revolutions that is integrated."""
-
-
-def _zeros() -> Array:
-    return np.zeros(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +50,7 @@ class Tumbling:
 
     inertia: Array
     rate: Array
-    com: Array = field(default_factory=_zeros)
+    com: Array = field(default_factory=zeros)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "inertia", inertia_matrix("tumbling.inertia", self.inertia))

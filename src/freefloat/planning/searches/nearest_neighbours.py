@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from freefloat.so3 import Array, IntArray
-
-if TYPE_CHECKING:
-    pass
 
 
 def nearest_among(others: Array, threads: int = 1) -> Callable[[Array], tuple[Array, IntArray]]:
