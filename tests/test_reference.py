@@ -72,13 +72,6 @@ def test_every_section_of_a_file_has_its_table(tables: ModuleType) -> None:
         assert {row.partition(".")[0].removesuffix("[]") for row in rows} == set(sections)
 
 
-def test_a_table_has_the_keys_of_nested_sections(tables: ModuleType) -> None:
-    table = tables.keys_table("scenario.path")
-    assert "| `path.line.from` | 3 numbers | required | First point [m]. |" in table
-    table = tables.keys_table("scenario.timing")
-    assert "| `timing.stops[].s` | number | required | Path parameter, in (0, 1). |" in table
-
-
 @pytest.mark.parametrize("row", ROWS)
 def test_the_yaml_of_a_table_row_makes_a_problem(row: str, in_folder: Path) -> None:
     write_samples()
@@ -98,14 +91,6 @@ def test_the_yaml_of_a_table_row_makes_a_problem(row: str, in_folder: Path) -> N
     if "fixed" in row:
         rotation = [[0.28, -0.96, 0.0], [0.96, 0.28, 0.0], [0.0, 0.0, 1.0]]
         np.testing.assert_allclose(path.pose(0.5).rotation, rotation, atol=1e-4)
-
-
-def test_the_samples_need_no_quaternions(in_folder: Path) -> None:
-    write_samples(columns=3)
-    document = yaml.safe_load(bundled_file("spatial_6dof/line").text)
-    line, document["path"]["samples"] = document["path"].pop("line"), "path.csv"
-    curve = loaded(document).path.path.curve
-    np.testing.assert_allclose(curve(0.5), (np.array(line["from"]) + line["to"]) / 2, atol=1e-12)
 
 
 def write_samples(columns: int = 7) -> None:
