@@ -159,6 +159,7 @@ def test_every_key_of_a_document_is_described(in_folder: Path) -> None:
     small["search"] = {"samples": 16}
     Path("small.yaml").write_text(yaml.safe_dump(small))
     spatial = ["--samples", 16, "--nearest", 0, 0, 0, 1, "--boundary", 1, "--touch", 1]
+    pages = ["--html", "page.html", "--plots", "plots"]
     documents = {
         "simulate": [
             document("simulate", line, *attitude, "--branch", 2, code=1),
@@ -166,9 +167,7 @@ def test_every_key_of_a_document_is_described(in_folder: Path) -> None:
         ],
         "plan": [
             document("plan", planar, "-o", "plan.h5"),
-            document(
-                "plan", "planar_2dof/line", "-o", "line.h5", "--html", "a.html", "--plots", "plots"
-            ),
+            document("plan", "planar_2dof/line", "-o", "line.h5", *pages),
             document("plan", "small.yaml"),
         ],
         "map": [
@@ -182,18 +181,7 @@ def test_every_key_of_a_document_is_described(in_folder: Path) -> None:
         ],
         "workspace": [document("workspace", planar)],
         "singularities": [
-            document(
-                "singularities",
-                "planar_3dof",
-                "--fix",
-                "q3=0.5",
-                "--resolution",
-                5,
-                "--html",
-                "s.html",
-                "--plots",
-                "plots",
-            )
+            document("singularities", "planar_3dof", "--fix", "q3=0.5", "--resolution", 5, *pages)
         ],
     }
     plan, retimed = documents["plan"][1], document("retime", "line.h5")

@@ -274,16 +274,8 @@ def moved(path: dict[str, Any], frame: Pose) -> dict[str, Any]:
                 return (R @ np.array(value)).tolist()
             case "waypoints":
                 return [point(entry) for entry in value]
-            case "fixed":
-                return orientation(value)
             case "from" | "to":
                 return point(value) if len(value) == 3 else orientation(value)
-            case "polynomial":
-                rows = np.zeros((3, max(map(len, value.values()))))
-                for row, axis in zip(rows, "xyz", strict=True):
-                    row[: len(value[axis])] = value[axis]
-                rows[:, 0] -= p
-                return dict(zip("xyz", (R @ rows).tolist(), strict=True))
         return (
             {name: convert(name, v) for name, v in value.items()}
             if isinstance(value, dict)
@@ -314,9 +306,7 @@ def present(robot: ff.FreeFloatingModel) -> tuple[np.ndarray, np.ndarray, dict[s
 @pytest.mark.parametrize(
     "path",
     [
-        "line: {from: [1, 0, 0], to: [-0.5, 0.8, 0.3]}, attitude: {fixed: [0, 0.6, 0, 0.8]}",
-        "polynomial: {x: [2, -3], y: [0, 0.5, 1.5], z: [0, 0, 0, 0.2]}, "
-        "attitude: {slerp: {from: [0, 0, 0, 1], to: [0.5, 0.5, 0.5, 0.5]}}",
+        f"{LINE}, attitude: {{slerp: {{from: [0, 0, 0, 1], to: [0.5, 0.5, 0.5, 0.5]}}}}",
         f"{CURVES['arc']}, attitude: {LAWS['follow']}",
         f"{CURVES['waypoints']}, attitude: {LAWS['point_at']}",
     ],
