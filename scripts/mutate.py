@@ -31,12 +31,19 @@ from mutants import Mutant, mutants_of
 
 ROOT = Path(__file__).parents[1]
 RANGES = "tests/validation/test_brute_force.py::test_random_ranges_agree_with_brute_force"
+PHASES = "tests/planning/test_manoeuvre.py tests/planning/test_phases.py"
 TESTS = {
     "dynamics.momentum": "tests/dynamics/test_momentum.py tests/validation/test_planar_golden.py",
+    "limits.check": "tests/limits/test_check.py tests/test_result_kinds.py",
+    "limits.extremes": "tests/limits/test_check.py",
     "motion.integration": "tests/motion/test_integration.py tests/motion/test_motion.py "
     "tests/motion/test_extrema.py",
-    "planning.planar_ranges": f"tests/planning/test_planar_ranges.py {RANGES}[2] {RANGES}[4]",
-    "planning.tangency": "tests/planning/test_tangency.py -k 'not brute_force and not gjm'",
+    "motion.law": "tests/motion/test_law.py tests/limits/test_torques.py",
+    "planning.phases.manoeuvre_planner": PHASES,
+    "planning.phases.state": PHASES,
+    "planning.plane.ranges": f"tests/planning/test_planar_ranges.py {RANGES}[2] {RANGES}[4]",
+    "planning.space.tangency": "tests/planning/test_tangency.py -k 'not brute_force and not gjm'",
+    "records": "tests/test_records.py",
 }
 """Arguments of pytest: the tests of a module, without its slowest."""
 LIBRARIES = ("numba", "pinocchio", "scipy.optimize", "pydantic", "pytest", "hypothesis", "mujoco")

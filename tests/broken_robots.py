@@ -106,27 +106,17 @@ FAULTS = {
         "warning", "link bus", BUS.strip(), '<link name="bus"/>'),
     "a massless moving link": Fault(
         "warning", "link lower", LOWER.strip(), '<link name="lower"/>'),
-    "a centre of mass on the joint": Fault(
-        "warning", "link upper", _INERTIAL, _INERTIAL.replace("0.5", "0", 1)),
     "a gyration radius beyond the link": Fault(
         "warning", "link upper", _MOMENTS, _MOMENTS.replace("0.9", "90").replace("0.1", "90")),
-    "moments that no body has": Fault(
-        "warning", "link upper", 'ixx="0.1"', 'ixx="9"'),
     "an inertia that is not positive definite": Fault(
         "warning", "link bus", 'ixy="0"', 'ixy="60"'),
     "an expression": Fault("error", "joint shoulder", 'lower="-2"', 'lower="-pi + 0.5"'),
     "no limits": Fault(
         "warning", "joint shoulder", LIMIT, "", at='<joint name="shoulder"'),
-    "a limit without velocity": Fault(
-        "warning", "joint shoulder", ' effort="100" velocity="0.1"/>', ' effort="100"/>'),
     "an axis that is not a unit vector": Fault(
         "warning", "joint shoulder", '<axis xyz="0 0 1"/>', '<axis xyz="0 3 4"/>'),
-    "angles in degrees": Fault(
-        "warning", "joint shoulder", 'rpy="0 0 0"/>\n    <axis', 'rpy="0 90 0"/>\n    <axis'),
     "an axis without direction": Fault(
         "error", "joint shoulder", '<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>'),
-    "an axis whose length underflows": Fault(
-        "error", "joint shoulder", '<axis xyz="0 0 1"/>', '<axis xyz="0 0 1e-200"/>'),
     "a mimic": Fault(
         "warning", "joint shoulder", LIMIT, LIMIT + '\n    <mimic joint="elbow" multiplier="2"/>'),
     "a missing mesh": Fault(
@@ -139,28 +129,16 @@ FAULTS = {
         at='<link name="upper"'),
     "a link twice": Fault(
         "error", "link bus", '<link name="hand"/>', '<link name="hand"/>\n  <link name="bus"/>'),
-    "a joint twice": Fault(
-        "error", "joint elbow", '<joint name="tool"', '<joint name="elbow"'),
     "a second root": Fault(
         "error", "link lost", '<link name="hand"/>', '<link name="hand"/>\n  <link name="lost"/>'),
-    "a missing parent": Fault(
-        "error", "joint elbow", '<parent link="upper"/>', '<parent link="uper"/>'),
     "half an inertial": Fault(
         "error", "link upper", 'iyy="0.9" iyz="0" izz', 'iyy="0.9" izz', at='<inertia ixx="0.1"'),
-    "an inertial without mass": Fault(
-        "error", "link upper", '\n      <mass value="10"/>', "",
-        at='<inertial>\n      <origin xyz="0.5 0 0" rpy="0 0 0"/>\n      <inertia'),
     "a negative mass": Fault("error", "link upper", '"10"', '"-10"'),
-    "a negative velocity": Fault(
-        "error", "joint shoulder", 'velocity="0.1"', 'velocity="-0.1"'),
     "an inverted range": Fault(
         "warning", "joint shoulder", 'lower="-2" upper="2"', 'lower="2" upper="-2"'),
     "a floating joint": Fault(
         "error", "joint shoulder", '"shoulder" type="revolute"', '"shoulder" type="floating"'),
-    "commas": Fault("error", "joint shoulder", '<axis xyz="0 0 1"/>', '<axis xyz="0,0,1"/>'),
-    "an expression of xacro": Fault("error", "urdf", '"10"', '"${m_upper}"'),
     "a macro of xacro": Fault(
         "error", "urdf", "</robot>", f"{_MACRO}\n</robot>", at="<xacro"),
-    "XML that is not well-formed": Fault("error", "urdf", "</robot>", "</robt>"),
     "a DTD": Fault("error", "urdf", "<!-- A comment\n     of two lines. -->", "<!DOCTYPE robot>"),
 }  # fmt: skip

@@ -11,6 +11,7 @@ from numpy.polynomial import chebyshev
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.attitude_grids import attitude_grid
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator
 from freefloat.ensemble.result import EnsembleResult
@@ -41,6 +42,17 @@ def simulated(problem: ff.Problem, attitude: object, branch: int, **options: obj
     return ff.integrate_motion(
         problem, attitude, problem.branches(attitude)[branch].joints, **options
     )
+
+
+@cache
+def first_motion(problem: ff.Problem) -> Motion:
+    """That of the first branch that completes the path, from one of some attitudes."""
+    for attitude in (*heading_quaternion(np.linspace(0.0, 6.0, 13)), *attitude_grid(64)):
+        for branch in problem.branches(attitude):
+            motion = ff.integrate_motion(problem, attitude, branch.joints)
+            if motion.completed:
+                return motion
+    raise AssertionError("none completes the path")
 
 
 def compiled_motion(motion: Motion, tolerance: float = STEP_TOLERANCE) -> EnsembleResult:

@@ -40,20 +40,6 @@ def test_grid_is_more_even_than_random_attitudes(count: int) -> None:
     assert angles_to_nearest(random_attitudes(20_000, 1), drawn).max() > 1.25 * spacing
 
 
-def test_balls_contain_attitudes_in_proportion_to_their_volume() -> None:
-    grid, radius = attitude_grid(4096), 1.0
-    fraction = (radius - np.sin(radius)) / np.pi
-    for centre in random_attitudes(40, 3):
-        inside = (angle_between(grid, centre) < radius).mean()
-        assert inside == pytest.approx(fraction, rel=0.06)
-
-
-def test_grid_spacing_is_the_side_of_a_cube() -> None:
-    """SO(3) has the volume 8 pi² [rad³]; eight times as many attitudes are half as far apart."""
-    assert grid_spacing(1000) ** 3 * 1000 == pytest.approx(8.0 * np.pi**2)
-    assert grid_spacing(8000) == pytest.approx(grid_spacing(1000) / 2.0)
-
-
 def test_seed_rotates_the_whole_grid() -> None:
     """Every attitude by the same rotation; the same at every call."""
     plain, other = attitude_grid(300), attitude_grid(300, 7)
@@ -89,13 +75,6 @@ def test_ball_is_sampled_evenly(radius: float) -> None:
         assert (directions @ axis > 0.5).mean() == pytest.approx(0.25, abs=0.01)
 
 
-def test_ball_of_radius_pi_is_all_of_so3() -> None:
-    cloud = attitudes_within([0.0, 0.0, 0.0, 1.0], np.pi, 4096)
-    for centre in random_attitudes(10, 4):
-        inside = (angle_between(cloud, centre) < 1.2).mean()
-        assert inside == pytest.approx((1.2 - np.sin(1.2)) / np.pi, rel=0.1)
-
-
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 0.7, 3.0, np.pi - 1e-6, np.pi])
 def test_angle_between_attitudes(angle: float) -> None:
     """Whatever the signs of the quaternions, up to pi."""
@@ -108,11 +87,3 @@ def test_angle_between_attitudes(angle: float) -> None:
         vectors = rotation_vector_to(start, sign * end)
         np.testing.assert_allclose(np.linalg.norm(vectors, axis=1), angle, atol=1e-9)
         np.testing.assert_allclose(angle_between(rotated(start, vectors), end), 0.0, atol=1e-7)
-
-
-def test_tiny_angles_are_accurate() -> None:
-    """A cosine would give them to 1e-8 only."""
-    start = np.array([0.5, 0.5, 0.5, 0.5])
-    (end,) = rotated(start, [3e-9, 0.0, 0.0])
-    assert angle_between(start, end) == pytest.approx(3e-9, rel=1e-6)
-    assert angle_between(start, -end) == pytest.approx(3e-9, rel=1e-6)

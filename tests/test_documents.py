@@ -50,15 +50,9 @@ def test_linked_and_named_files_exist(page: str) -> None:
     ("shown", "printed", "same"),
     [
         ("a  1.23 m\n", "a 1.2349 m\n", True),
-        ("a 1.23 m\n", "a 1.25 m\n", False),
         ("4,096 motions\n", "4,097 motions\n", False),
-        ("off 3.0e-10\n", "off 1.7e-09\n", True),
         ("a\n...\nd\n", "a\nb\nc\nd\n", True),
-        ("a\n...\n", "a\nb\n", True),
-        ("...\nb\n...\n", "a\nb\nc\n", True),
         ("a\n...\nd\n", "a\nb\nc\n", False),
-        ("a\n", "a\nb\n", False),
-        ("a\nb\n", "a\n", False),
     ],
 )
 def test_outputs_are_compared_to_the_digits_shown(shown: str, printed: str, same: bool) -> None:

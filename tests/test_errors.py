@@ -50,23 +50,6 @@ def test_errors_keep_their_attributes_when_pickled(protocol: int) -> None:
         assert again.args == error.args
 
 
-def test_all_errors_derive_from_free_float_error() -> None:
-    for kind in every_error_class():
-        assert issubclass(kind, ff.FreeFloatError)
-        assert not issubclass(kind, ValueError | OSError)
-    assert freefloat.FreeFloatError is ff.FreeFloatError
-    assert freefloat.InputError is ff.InputError
-    assert issubclass(ModelError, ff.InputError)
-    assert issubclass(UnreachableError, ff.InputError)
-    assert not issubclass(IntegrationError, ff.InputError)
-
-
-def test_input_error_names_file_key_problem_and_what_is_accepted() -> None:
-    error = ff.InputError(*INPUT)
-    assert (error.key, error.problem, error.accepted, error.source) == INPUT
-    assert str(error).startswith("scenario.yaml: path.line.from: ")
-
-
 @pytest.mark.parametrize("kind", [ff.InputError, ModelError, UnreachableError])
 def test_found_in_adds_the_file_and_keeps_the_class(kind: type[ff.InputError]) -> None:
     error = kind("line.from", "[1] was given", "3 finite numbers")

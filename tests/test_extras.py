@@ -16,7 +16,7 @@ from freefloat.errors import MissingExtraError
 from freefloat.studies.runner import run_study
 from freefloat.studies.study import load_study
 from freefloat.visualization.page.video import take_pictures
-from tests.commands import error, run
+from tests.commands import error
 
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
@@ -120,18 +120,3 @@ def test_functions_name_the_missing_extra(folder: Path, monkeypatch: pytest.Monk
     with pytest.raises(MissingExtraError):
         run_study(load_study("spatial_6dof/track"), "study")
     assert not (folder / "study").exists()
-
-
-@pytest.mark.slow
-def test_a_study_says_which_table_needs_an_extra(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    (folder / "study.yaml").write_text(
-        "base: planar_2dof/line\ncommand: simulate\nvary: {heading_deg: {list: [10, 20]}}\n"
-    )
-    result = run("batch", "study.yaml", "-o", "study", "--workers", 1)
-    assert result.exit_code == 0
-    assert install_line("parquet") in result.stdout.replace("\n", " ")
-    assert (folder / "study" / "cases.csv").is_file()
-    assert not (folder / "study" / "cases.parquet").exists()

@@ -10,10 +10,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.planning.objectives.objectives import Robust
-from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
-from freefloat.robot.parts import Attachment
 from tests.errors import error_key
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -63,24 +60,6 @@ def test_functions_of_problems_refuse_other_types(function, others) -> None:
         assert error_key(function, value, *others) == "problem"
 
 
-# --- names --------------------------------------------------------------------------------------
-
-
-def test_tasks_laws_and_objectives_are_accepted_by_name(
-    model: ff.FreeFloatingModel, problem: ff.Problem
-) -> None:
-    q = np.array([0.3, -1.1, 0.7])
-    assert problem.task is ff.Task.PLANAR_POSITION
-    for task in (ff.Task.POSITION, ff.Task.PLANAR_POSITION, ff.Task.PLANAR_POSE):
-        by_name = ff.generalized_jacobian(model, q, str(task))
-        assert np.array_equal(by_name, ff.generalized_jacobian(model, q, task))
-        assert by_name.shape == (len(task.rows), 3)
-    measure = ff.singularity_measure(model, "planar-position", "gjm")
-    assert measure(q) == ff.singularity_measure(model, ff.Task.PLANAR_POSITION, "gjm")(q) > 0.0
-    assert ff.Timing(2.0, "cubic").s(0.5) == pytest.approx(3 / 16 - 2 / 64)
-    assert ff.Search("robust").objective == ff.Search(Robust()).objective == Robust()
-
-
 # --- values -------------------------------------------------------------------------------------
 
 
@@ -128,15 +107,6 @@ def test_robots_are_accepted_by_name(
     assert error_key(ff.FreeFloatingModel.from_urdf, "spatial_6dfo") == "urdf"
 
 
-def test_joints_of_another_robot_have_no_jacobian(model: ff.FreeFloatingModel) -> None:
-    by_name = dict.fromkeys(model.joint_names, 0.0)
-    for joints in ([0.1] * 6, ["a", "b", "c"], by_name):
-        assert error_key(ff.generalized_jacobian, model, joints, "pose") == "joints"
-    expected = ff.generalized_jacobian(model, np.array([1.0, 0, 2]), "pose")
-    for joints in ([1, 0, 2], (1, 0, 2)):
-        assert np.array_equal(ff.generalized_jacobian(model, joints, "pose"), expected)
-
-
 # --- paths --------------------------------------------------------------------------------------
 
 
@@ -148,54 +118,16 @@ def test_position_tasks_need_no_orientation(problem: ff.Problem) -> None:
     assert error_key(lambda: replace(problem, task=ff.Task.PLANAR_POSE)) == "path.attitude"
 
 
-# --- playback -----------------------------------------------------------------------------------
-
-
-def test_playback_of_a_simulation_starts_with_the_chosen_branch(
-    simulation: Simulation,
-) -> None:
-    assert ff.playback(simulation).titles == ("branch 1 elbow-", "branch 0 elbow+")
-
-
-def test_playback_of_plans(simulation: Simulation) -> None:
-    problem = simulation.chosen.motion.problem
-    feasible = Plan(problem, ff.Search(), True, "given", chosen=simulation.chosen)
-    assert ff.playback(feasible, "Example 1").titles == ("branch 1 elbow-",)
-    assert error_key(ff.playback, Plan(problem, ff.Search(), False, "infeasible")) == "plan"
-
-
-# --- redundant arms ----------------------------------------------------------------------------
-
-
 # --- other types -----------------------------------------------------------------------------
-
-
-def test_parts_of_problems_of_other_types_are_refused(problem: ff.Problem) -> None:
-    path, fixed = problem.path.path, ff.paths.FixedOrientation([0, 0, 0, 1])
-    for key, call in (
-        ("margin.measure", lambda: ff.Margin("arm", 5)),
-        ("timing", lambda: ff.TimedPath(path, 100)),
-        ("curve", lambda: ff.EndEffectorPath(fixed, LINE)),
-        ("orientation", lambda: ff.EndEffectorPath(LINE, [0, 0, 0, 1])),
-        ("timing.stops.0", lambda: ff.Timing(100, stops=[(0.5, 40)])),
-    ):
-        assert error_key(call) == key
 
 
 def test_arguments_of_other_types_are_refused(problem: ff.Problem, simulation: Simulation) -> None:
     motion = simulation.chosen.motion
     for key, call in (
         ("measure", lambda: ff.closest_approach(motion, "arm")),
-        ("motion", lambda: ff.closest_approach(simulation, motion.problem.margin.measure)),
         ("search", lambda: ff.plan(problem, {"samples": 64})),
-        ("limits", lambda: ff.plan(problem, limits={"base_rate": 1})),
         ("result", lambda: ff.figures(problem)),
         ("study", lambda: ff.run_study("planar_3dof/grid", "results")),
-        ("urdf", lambda: ff.FreeFloatingModel.from_urdf(None)),
-        ("spacecraft", lambda: LOAD(spacecraft={"mass": 10})),
-        ("attached.1", lambda: LOAD(attached=[Attachment("planar_3dof"), "tool"])),
         ("scale_mass.link_1", lambda: LOAD(scale_mass={"link_1": "2"})),
-        ("spacecraft.mount", lambda: ff.Spacecraft(1, [1] * 3, [0, 0, 1])),
-        ("spacecraft.size", lambda: ff.Spacecraft(1, [1] * 3, size=[1, 1, 0])),
     ):
         assert error_key(call) == key

@@ -72,13 +72,6 @@ def test_every_section_of_a_file_has_its_table(tables: ModuleType) -> None:
         assert {row.partition(".")[0].removesuffix("[]") for row in rows} == set(sections)
 
 
-def test_a_table_has_the_keys_of_nested_sections(tables: ModuleType) -> None:
-    table = tables.keys_table("scenario.path")
-    assert "| `path.line.from` | 3 numbers | required | First point [m]. |" in table
-    table = tables.keys_table("scenario.timing")
-    assert "| `timing.stops[].s` | number | required | Path parameter, in (0, 1). |" in table
-
-
 @pytest.mark.parametrize("row", ROWS)
 def test_the_yaml_of_a_table_row_makes_a_problem(row: str, in_folder: Path) -> None:
     write_samples()
@@ -98,14 +91,6 @@ def test_the_yaml_of_a_table_row_makes_a_problem(row: str, in_folder: Path) -> N
     if "fixed" in row:
         rotation = [[0.28, -0.96, 0.0], [0.96, 0.28, 0.0], [0.0, 0.0, 1.0]]
         np.testing.assert_allclose(path.pose(0.5).rotation, rotation, atol=1e-4)
-
-
-def test_the_samples_need_no_quaternions(in_folder: Path) -> None:
-    write_samples(columns=3)
-    document = yaml.safe_load(bundled_file("spatial_6dof/line").text)
-    line, document["path"]["samples"] = document["path"].pop("line"), "path.csv"
-    curve = loaded(document).path.path.curve
-    np.testing.assert_allclose(curve(0.5), (np.array(line["from"]) + line["to"]) / 2, atol=1e-12)
 
 
 def write_samples(columns: int = 7) -> None:
@@ -174,6 +159,7 @@ def test_every_key_of_a_document_is_described(in_folder: Path) -> None:
     small["search"] = {"samples": 16}
     Path("small.yaml").write_text(yaml.safe_dump(small))
     spatial = ["--samples", 16, "--nearest", 0, 0, 0, 1, "--boundary", 1, "--touch", 1]
+    pages = ["--html", "page.html", "--plots", "plots"]
     documents = {
         "simulate": [
             document("simulate", line, *attitude, "--branch", 2, code=1),
@@ -181,9 +167,7 @@ def test_every_key_of_a_document_is_described(in_folder: Path) -> None:
         ],
         "plan": [
             document("plan", planar, "-o", "plan.h5"),
-            document(
-                "plan", "planar_2dof/line", "-o", "line.h5", "--html", "a.html", "--plots", "plots"
-            ),
+            document("plan", "planar_2dof/line", "-o", "line.h5", *pages),
             document("plan", "small.yaml"),
         ],
         "map": [
@@ -197,18 +181,7 @@ def test_every_key_of_a_document_is_described(in_folder: Path) -> None:
         ],
         "workspace": [document("workspace", planar)],
         "singularities": [
-            document(
-                "singularities",
-                "planar_3dof",
-                "--fix",
-                "q3=0.5",
-                "--resolution",
-                5,
-                "--html",
-                "s.html",
-                "--plots",
-                "plots",
-            )
+            document("singularities", "planar_3dof", "--fix", "q3=0.5", "--resolution", 5, *pages)
         ],
     }
     plan, retimed = documents["plan"][1], document("retime", "line.h5")

@@ -99,7 +99,7 @@ def test_a_result_has_figures(kind: str, tmp_path: Path) -> None:
     figures = ff.figures(result(kind))
     assert figures
     for name, figure in figures.items():
-        figure.savefig(tmp_path / f"{name}.png")
+        figure.savefig(tmp_path / f"{name}.png", dpi=40)
 
 
 @pytest.mark.parametrize("name", [*ANSWERS, "singularity map"])

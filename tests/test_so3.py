@@ -11,7 +11,6 @@ from scipy.stats import qmc
 
 import freefloat as ff
 from freefloat.attitude_grids import low_discrepancy
-from freefloat.errors import finite_vector
 from freefloat.so3 import (
     Pose,
     axes_rotation,
@@ -23,21 +22,9 @@ from freefloat.so3 import (
     unit_quaternion,
     unit_vector,
 )
-from tests.errors import error_key
 from tests.robots import attitudes
 
 X, Y, Z = np.eye(3)
-QUARTER = np.sqrt(0.5)
-
-
-def test_quaternion_is_hamiltons_with_the_scalar_last() -> None:
-    """A rotation by 90 degrees about z takes x to y; products compose."""
-    R = rotation_matrix([0.0, 0.0, QUARTER, QUARTER])
-    np.testing.assert_allclose(R @ X, Y, atol=1e-15)
-    np.testing.assert_allclose(R @ Y, -X, atol=1e-15)
-    # i j = k, and i j is "first about j, then about i"
-    ij = rotation_matrix([1.0, 0, 0, 0]) @ rotation_matrix([0.0, 1, 0, 0])
-    np.testing.assert_allclose(ij, rotation_matrix([0.0, 0, 1, 0]), atol=1e-15)
 
 
 @given(attitude=attitudes, x=st.floats(-3, 3), y=st.floats(-3, 3))
@@ -108,21 +95,6 @@ def test_first_axis_is_exact_and_second_is_projected(exact: str, other: str) -> 
     np.testing.assert_allclose(R[:, i], first / np.linalg.norm(first), atol=1e-15)
     assert R[:, j] @ second > 0.0
     assert abs(np.cross(first, second) @ R[:, j]) < 1e-14
-
-
-def test_parallel_axes_are_refused() -> None:
-    assert (
-        error_key(axes_rotation, "path.attitude", ("x", [1, 2, 3]), ("z", [-2, -4, -6]))
-        == "path.attitude"
-    )
-
-
-@pytest.mark.parametrize(
-    "values",
-    [[1, 2], [1, 2, np.nan], ["a", 2, 3]],
-)
-def test_vectors_must_be_finite_and_of_their_length(values: object) -> None:
-    assert error_key(finite_vector, "path.line.from", values, 3) == "path.line.from"
 
 
 def test_directions_are_normalized_and_zero_refused() -> None:

@@ -7,12 +7,11 @@ from numpy.polynomial import chebyshev
 import freefloat as ff
 from freefloat.certificate.bounds import Intervals, _ArmBounds, _Neighbourhood, lower_bounds
 from freefloat.certificate.matrix_bounds import ScaledSystem
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES
 from freefloat.paths import FixedOrientation, PolynomialCurve
 from tests.motions import GOOD, heading, simulated
-from tests.robots import inertial_text, joint_text, link_text, random_robot
+from tests.robots import random_robot
 
 ROBOTS = [
     ("RRRRRR", ff.Task.POSE), ("RPRRCR", ff.Task.POSE), ("RRRRRRR", ff.Task.POSE),
@@ -96,68 +95,6 @@ def test_second_derivatives_of_every_block_are_bounded(rng):
                 assert ratio <= 1.0, name
                 reached[name] = max(reached[name], ratio)
     assert all(reached[name] >= fraction for name, fraction in TIGHT.items()), reached
-
-
-def arm_of_three(kinds):
-    """Joints at x = 1, 2, 3 m; two links of 1 kg with centres in their middles; 4 kg in all."""
-    text = link_text("link0", inertial_text(2.0, np.eye(3)))
-    for number, kind in enumerate(kinds, 1):
-        ends = f"link{number - 1}", f"link{number}"
-        text += joint_text(f"q{number}", kind, *ends, "1 0 0", axis="0 1 0", limits=(-1.0, 3.0))
-    for number, moments in ((1, [0.1, 0.2, 0.3]), (2, [0.1, 0.25, 0.25])):
-        text += link_text(f"link{number}", inertial_text(1.0, np.diag(moments), "0.5 0 0"))
-    text += link_text("link3") + link_text("end_effector")
-    text += joint_text("tool", "F", "link3", "end_effector", "0.5 0 0")
-    return ff.FreeFloatingModel.from_urdf(f'<robot name="three">{text}</robot>')
-
-
-def test_bounds_of_second_derivatives_have_every_factor():
-    """By hand: the reach of the virtual manipulator is 0.5 + 0.625 + 0.875 + 0.5 = 2.5 m."""
-    motion = moving(arm_of_three("RRR"), ff.Task.POSITION, np.array([[0.3, 0.2, 0.1], [0.1] * 3]))
-    system = ScaledSystem(motion)
-    L, p1, p2, p3 = 4.0 / 2.5, 7.0, 22.0, 45.0  # 0.5 + 3 + 0.5 m; w = 2, w' = 3
-    pairs = 0.5 * 0.25 + 0.5 * 0.25 + 0.25 * 0.25
-    spread = (np.sqrt(0.02) + np.sqrt(0.015)) / 25.0
-    moved = 0.25 * L**2 + np.array([0.3, 0.25]) / 25.0
-    bounds = system.second_derivatives(2.0, 3.0)
-    locked = p2 * (np.sqrt(2.0) * pairs * L**2 + spread)
-    np.testing.assert_allclose(bounds.D, locked)
-    np.testing.assert_allclose(bounds.Dq, p3 * np.array([moved.sum(), moved[1], 0.0]))
-    assert bounds.base == pytest.approx(np.sqrt(2.0) * L * p1)
-    assert (bounds.linear, bounds.angular) == (pytest.approx(L * p2), pytest.approx(p1))
-    columns = 3.0 * (bounds.linear**2 + bounds.angular**2)
-    squares = bounds.D**2 + (bounds.Dq**2).sum() + bounds.base**2 + columns
-    assert bounds.whole == pytest.approx(np.sqrt(squares))
-    assert system.joint_speed(np.array([-0.5, 0.25, 0.0])) == pytest.approx(0.75)
-
-
-def test_the_second_derivative_of_the_locked_inertia_is_bounded_by_pairs_of_masses():
-    """By hand: c1 - c0 = (1 + cos q, sin q) m; D is the reduced mass times B of it."""
-    text = link_text("bus", inertial_text(3.0, np.eye(3), "-1 0 0"))
-    for parent, child in (("bus", "first"), ("first", "second"), ("second", "arm")):
-        text += joint_text(child + "_joint", "R", parent, child, axis="0 0 1", limits=(-1.0, 3.0))
-    text += link_text("first") + link_text("second") + link_text("end_effector")
-    text += link_text("arm", inertial_text(1.0, np.eye(3), "1 0 0"))
-    text += joint_text("tool", "F", "arm", "end_effector")
-    model = ff.FreeFloatingModel.from_urdf(f'<robot name="two">{text}</robot>')
-    system = ScaledSystem(moving(model, ff.Task.POSITION, np.array([[0.0] * 3, [0.0, 0.0, 1.0]])))
-    h = 1e-3
-    before, now, after = (system.matrix(np.array([0.0, 0.0, q]))[:3, :3] for q in (-h, 0.0, h))
-    second = np.linalg.norm(before - 2.0 * now + after) / h**2
-    length, reach = 2.0, VirtualManipulator.of(model).reach
-    assert second * reach**2 == pytest.approx(3.0 / 16.0 * 2.0 * np.sqrt(6.0), rel=1e-5)
-    bound = np.sqrt(2.0) * 3.0 / 16.0 * 4.0 * max(length, reach) ** 2
-    assert system.second_derivatives(1.0, 0.0).D * reach**2 == pytest.approx(bound)
-
-
-def test_strokes_lengthen_the_chain_and_count_in_units_of_the_reach():
-    """The second joint moves from -0.1 to 0.5 m."""
-    c = np.array([[0.3, 0.2, 0.1], [0.1, 0.3, 0.1]])
-    motion = moving(arm_of_three("RPR"), ff.Task.POSITION, c)
-    reach, system = VirtualManipulator.of(motion.problem.model).reach, ScaledSystem(motion)
-    linear = system.second_derivatives(1.0, 0.0).linear / 4.0
-    assert linear == pytest.approx(max(1.0, (4.0 + 0.5) / reach))
-    assert system.joint_speed(np.array([0.0, 1.0, 0.0])) == pytest.approx(1.0 / reach)
 
 
 @pytest.mark.parametrize("half", [0.1, 0.3])

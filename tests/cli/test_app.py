@@ -20,13 +20,11 @@ from freefloat.cli import workspace
 from freefloat.cli.app import app
 from freefloat.cli.options import (
     file_names,
-    prepare_outputs,
     robot_names,
     scenario_names,
     study_names,
 )
 from tests.commands import error, run
-from tests.errors import error_key
 
 PROGRAM = [sys.executable, "-m", "freefloat"]
 COMMANDS = (
@@ -133,27 +131,6 @@ def test_a_closed_or_full_stdout_gives_no_traceback(command: str, tmp_path: Path
     assert len(done.stderr.splitlines()) <= 1
 
 
-@pytest.mark.slow
-def test_a_closed_pipe_keeps_no_file_from_being_written(tmp_path: Path) -> None:
-    words = ["simulate", "planar_3dof/parabola", "--heading", "200", "-o", "a.h5"]
-    read, write = os.pipe()
-    os.close(read)
-    command = [*PROGRAM, *words]
-    done = subprocess.run(command, cwd=tmp_path, stdout=write, check=False)
-    os.close(write)
-    assert (done.returncode, (tmp_path / "a.h5").is_file()) == (0, True)
-
-
-@pytest.mark.slow
-def test_a_terminal_without_unicode_gives_no_traceback(tmp_path: Path) -> None:
-    environment = {**os.environ, "LANG": "C", "LC_ALL": "C", "PYTHONIOENCODING": "ascii"}
-    done = subprocess.run(
-        [*PROGRAM, "info", "planar_3dof"],
-        cwd=tmp_path, env=environment, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert (done.returncode, done.stderr) == (0, "")
-
-
 # --- output -------------------------------------------------------------------------------------
 
 
@@ -196,28 +173,6 @@ def test_progress_is_shown_on_terminals(tmp_path: Path) -> None:
     os.close(leader)
     assert json.loads(stdout)["samples"] == 8
     assert b"integrating motions" in shown
-
-
-def test_places_of_outputs_are_checked(tmp_path: Path) -> None:
-    (tmp_path / "a").mkdir()
-    prepare_outputs(output=tmp_path / "a" / "b.h5", folder=tmp_path / "c")
-    assert (tmp_path / "c").is_dir()
-    (tmp_path / "file").write_text("")
-    (tmp_path / "loop").symlink_to(tmp_path / "loop")
-    (tmp_path / "dangling").symlink_to(tmp_path / "elsewhere")
-    for options, key in (
-        ({"output": tmp_path / "file" / "b.h5"}, "output"),
-        ({"html": tmp_path / "a"}, "html"),
-        ({"output": tmp_path / "x", "html": tmp_path / "x"}, "html"),
-        ({"output": tmp_path / ("x" * 256)}, "output"),
-        ({"output": tmp_path / "dangling"}, "output"),
-        ({"html": tmp_path / "missing" / "x.html"}, "html"),
-        ({"folder": tmp_path / "file"}, "plots"),
-        ({"folder": tmp_path / "missing" / "figures"}, "plots"),
-    ):
-        assert error_key(prepare_outputs, **options) == key
-    assert {path.name for path in tmp_path.iterdir()} == {"a", "c", "file", "loop", "dangling"}
-    assert error_key(prepare_outputs, tmp_path / "file", output=tmp_path / "file") == "output"
 
 
 # --- completion ---------------------------------------------------------------------------------

@@ -10,14 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from freefloat.robot.names import models_folder
 from tests.commands import document, error, run
 from tests.scenarios import PARABOLA
 
 GOOD = ("spatial_6dof/line", "--attitude", "0.46008", "0.09337", "0.73519", "-0.48898")
 """Tangent to the margin of Example 2 on four branches; keeps it on the others."""
-BAD = ("spatial_6dof/line", "--attitude", "0.1", "0.5", "0.2", "-0.8367")
-"""Four of the eight branches become singular."""
 PLANAR = ("planar_3dof/parabola", "--heading", "200")
 SINGULAR = ("planar_3dof/parabola", "--heading", "140", "--branch", "0")
 LIMITS = "limits: {joint_rate: 0.5, joint_torque: 5, base_rate: 0.02, clearance: 0.01}\n"
@@ -72,16 +69,6 @@ def test_a_singular_motion_has_place_and_time() -> None:
     assert f"singular at t = {singular['time']:.4f} s, s = {singular['s']:.4f}" in text
 
 
-def test_the_branch_with_the_largest_margin_is_chosen() -> None:
-    motion = simulated("planar_3dof/parabola", "--heading", "140")
-    best = max(
-        motion["branches"], key=lambda entry: (entry["completed"], entry["min_margin"]["value"])
-    )
-    assert motion["branch"] == best["branch"]
-    assert motion["min_margin"] == best["min_margin"]
-    assert motion["initial"]["joints"] == best["joints"]
-
-
 def comma(values: Any) -> str:
     return ",".join(repr(float(value)) for value in values)
 
@@ -119,18 +106,6 @@ def test_joints_of_no_branch_are_refused_with_the_branches_listed() -> None:
 
 
 @pytest.mark.slow
-def test_motions_stop_at_the_margin() -> None:
-    for number in "01":
-        words = ("simulate", "planar_3dof/parabola", "--heading", "140", "--branch", number)
-        stopped = document(*words, "--stop-at-margin", code=1)
-        assert (stopped["completed"], stopped["singular"]) == (False, None)
-        assert math.isclose(stopped["min_margin"]["value"], 5.0, rel_tol=1e-6)
-        assert math.isclose(stopped["min_margin"]["time"], stopped["final"]["time"], abs_tol=1e-6)
-    kept = document("simulate", *PLANAR, "--stop-at-margin")
-    assert kept == simulated(*PLANAR)
-
-
-@pytest.mark.slow
 def test_limits_are_checked_along_the_chosen_motion() -> None:
     """Both branches exceed the limit of the spacecraft's rate: exit code 1."""
     limits = document("simulate", "limited.yaml", "--heading", "200", code=1)["limits"]
@@ -144,24 +119,3 @@ def test_limits_are_checked_along_the_chosen_motion() -> None:
     assert results["joint_torque"]["base_wrench"] < 1e-6
     text = run("simulate", "limited.yaml", "--heading", "200").stdout
     assert text.count("violated") == sum(not entry["kept"] for entry in limits)
-
-
-def test_joint_ranges_are_checked_without_limits_in_the_scenario(folder: Path) -> None:
-    assert simulated(*PLANAR)["limits"] == []
-    text = (models_folder() / "planar_3dof" / "planar_3dof.urdf").read_text()
-    limit = '<limit lower="-9" upper="9" effort="1" velocity="1"/>'
-    revolute = text.replace('name="q1" type="continuous">', f'name="q1" type="revolute">{limit}')
-    (folder / "planar_3dof.urdf").write_text(revolute)
-    (entry,) = document("simulate", "mine.yaml", *PLANAR[1:])["limits"]
-    assert entry["limit"] == "joint_range"
-
-
-@pytest.mark.slow
-def test_the_table_has_a_row_for_every_branch() -> None:
-    motion, text = simulated(*BAD), run("simulate", *BAD).stdout
-    for branch in motion["branches"]:
-        mark = "*" if branch["branch"] == motion["branch"] else ""
-        (row,) = (line for line in text.splitlines() if line.startswith(f" {branch['branch']}"))
-        assert row.split()[0] == f"{branch['branch']}{mark}"
-        assert ("singular" in row) is (branch["singular"] is not None)
-    assert " ".join(f"{value:.5f}" for value in motion["final"]["attitude"]) in text

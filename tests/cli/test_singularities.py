@@ -44,7 +44,6 @@ def test_fixed_joints_and_the_scenario_of_a_redundant_arm(tmp_path: Path) -> Non
     ("fixed", ["planar_3dof", "--fix", "elbow=1"]),
     ("fix", ["planar_3dof", "--fix", "q1"]),
     ("resolution", ["planar_3dof", "--resolution", "-1"]),
-    ("resolution", ["ets_vii", "--resolution", "0.0001"]),
 ])  # fmt: skip
 def test_bad_input(key: str, words: list[str]) -> None:
     assert error("singularities", *words)["key"] == key

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 import freefloat
-from tests.samples import plans
 
 HEAVY = {"matplotlib", "meshcat", "numba", "dask", "pinocchio", "scipy", "numpy", "pydantic"}
 
@@ -28,6 +27,7 @@ def test_importing_the_package_imports_nothing_heavy(tmp_path: Path) -> None:
     assert not HEAVY & set(loaded.split())
 
 
+@pytest.mark.slow
 def test_help_imports_nothing_heavy(tmp_path: Path) -> None:
     code = (
         "import sys\n"
@@ -58,20 +58,3 @@ def test_every_public_name_can_be_imported_and_is_listed() -> None:
         loaded = getattr(freefloat, name)
         assert getattr(loaded, "__module__", loaded.__name__).startswith("freefloat.")
         assert loaded.__name__.removeprefix("freefloat.") == name
-
-
-@pytest.mark.slow
-def test_a_file_is_loaded_without_compiled_kernels(tmp_path: Path) -> None:
-    code = (
-        "import sys, freefloat as ff\n"
-        "for name in ('motion.h5', 'plan.h5'): ff.load(name)\n"
-        "print('\\n'.join(sys.modules))"
-    )
-    for name, content in zip(("motion.h5", "plan.h5"), plans(), strict=True):
-        (tmp_path / name).write_bytes(content)
-    assert "numba" not in python(code, tmp_path).split()
-
-
-def test_an_unknown_name_is_an_attribute_error() -> None:
-    with pytest.raises(AttributeError):
-        _ = freefloat.no_such_name

@@ -104,7 +104,6 @@ def test_pictures_and_a_video_show_the_motion_asked_for(files: Path, elsewhere: 
     ("words", "key"),
     [
         (("--fps", "5"), "fps"),
-        (("-o", "folder", "--html", "p.html"), "output"),
         (("--size", "5x5000", "--snapshots", "1"), "size"),
         (("--scene", "x", "--snapshots", "1"), "scene"),
     ],
@@ -133,13 +132,6 @@ def test_a_map_is_viewed_alone(files: Path, elsewhere: Path) -> None:
     assert error("view", files / "map.h5", "--snapshots", "2")["key"] == "snapshots"
     words = (files / "good.h5", files / "map.h5", "--html", "page.html")
     assert error("view", *words)["key"] == "file"
-
-
-def test_a_map_over_headings_is_one_scene(elsewhere: Path) -> None:
-    problem = ff.load_scenario("planar_2dof/line").problem()
-    ff.save(ff.attitude_map(problem, 24), "headings.h5")
-    shown = document("view", "headings.h5", "--html", "headings.html")["scenes"]
-    assert shown == scenes(elsewhere / "headings.html") == ["all arm branches"]
 
 
 def started(*words: str | Path) -> subprocess.Popen[str]:

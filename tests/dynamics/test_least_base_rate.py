@@ -9,10 +9,7 @@ import freefloat as ff
 from freefloat.dynamics import resolved_rates
 from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
 from freefloat.dynamics.redundancy import DAMPED_BELOW, Metric, Toward
-from freefloat.so3 import angle_between
-from tests.errors import error_key
 from tests.redundant import ARMS, redundant
-from tests.robots import planar_robot
 
 BASE = ff.Redundancy(Metric.BASE)
 REACTIONLESS = [("RRRRRRR", ff.Task.POSITION), ("5", ff.Task.PLANAR_POSITION)]
@@ -68,19 +65,6 @@ def test_damping_bounds_the_rates(structure, task):
         assert np.linalg.norm(rates - u) <= 1.07 * np.linalg.norm(omega_plain) / limit
 
 
-@pytest.mark.parametrize("size", [1, 2, 3])
-def test_damping_is_smooth(size):
-    """On a line of matrices through one of lower rank no change is larger than the bound allows."""
-    rng = np.random.default_rng(size)
-    a, b = rng.normal(size=(2, 3, size))
-    a[:, -1] = a[:, 0] if size > 1 else 0.0
-    steps = np.linspace(-0.2, 0.2, 4001)
-    inverses = np.array([resolved_rates.damped_inverse(a + t * b, 1.0) for t in steps])
-    jumps = np.abs(np.diff(inverses, axis=0)).max(axis=(1, 2))
-    assert np.linalg.norm(inverses, ord=2, axis=(1, 2)).max() < 1.07 / DAMPED_BELOW
-    assert jumps.max() < 4.0 * np.linalg.norm(b) * 1e-4 / DAMPED_BELOW**2
-
-
 @pytest.mark.parametrize(("structure", "task"), REACTIONLESS)
 @pytest.mark.parametrize("toward", list(Toward))
 def test_the_spacecraft_stands_still(structure, task, toward):
@@ -92,45 +76,3 @@ def test_the_spacecraft_stands_still(structure, task, toward):
     if toward is not Toward.NONE:
         _, plain = rates_of(replace(start.problem, redundancy=BASE), start, start.joints)
         assert np.linalg.norm(rates - plain) > 1e-3 * np.linalg.norm(plain)
-
-
-def panda_circle(normal, **changes):
-    """Largest angle from the initial attitude [rad] along a circle of radius 0.10 m."""
-    spacecraft = {"mass": 300, "inertia": [50, 50, 50], "mount": {"xyz": [0, 0, 0.5]}}
-    joints = [0.0, -0.6, 0.0, -2.2, 0.0, 1.6, 0.8]
-    start, across = np.array([0.35, 0.0, 0.95]), np.cross(normal, [0.3, 0.5, 0.8])
-    scenario = {
-        "robot": {"urdf": "example-robot-data:panda", "end_effector": "panda_hand_tcp",
-                  "spacecraft": spacecraft},
-        "task": "position",
-        "path": {"arc": {"center": (start - 0.1 * across / np.linalg.norm(across)).tolist(),
-                         "normal": normal, "from": start.tolist(), "angle_deg": 360}},
-        "timing": {"law": "quintic", "duration": 20},
-        **changes,
-    }  # fmt: skip
-    problem = replace(ff.load_scenario(scenario).problem(), start_joints=np.array(joints))
-    motion = ff.integrate_motion(problem, [0, 0, 0, 1], problem.closest_start([0, 0, 0, 1]))
-    assert motion.completed
-    assert motion.residuals().end_effector_position < 1e-8
-    states = motion.sample(np.linspace(0.0, 20.0, 101))
-    return max(angle_between(state.attitude, motion.initial.attitude) for state in states)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("normal", "ratio"), [([1.0, 0.0, 0.0], 0.1), ([0.0, 1.0, 0.0], 1e-6)])
-def test_a_circle_turns_the_spacecraft_less(normal, ratio):
-    """A 300 kg spacecraft: a fifth or less of the rotation due to least joint rates, or none."""
-    turn = panda_circle(normal, redundancy={"metric": "base"})
-    assert turn < ratio * panda_circle(normal)
-
-
-def test_settings_that_do_not_apply_raise():
-    """An attraction without freedom left, and an arm without mass."""
-    start = redundant("RRRRRRR", ff.Task.POSE, None)
-    for toward, key in (("sigma", "redundancy.toward"), ("middle", "redundancy.toward")):
-        settings = ff.Redundancy("base", toward)
-        assert error_key(replace, start.problem, redundancy=settings) == key
-    text = planar_robot([50, 0, 0, 0], [8, 0, 0, 0], [0.4] * 3, [0.5] * 4)
-    model = ff.FreeFloatingModel.from_urdf(text)
-    task = ff.Task.PLANAR_POSITION
-    assert error_key(BASE.require_applicable, model, task) == "redundancy.metric"

@@ -191,25 +191,6 @@ def test_derivative_of_the_system_matrix(task: ff.Task, data: st.DataObject, rob
     np.testing.assert_allclose(derivative, differences, atol=1e-7 * np.abs(differences).max())
 
 
-def test_derivative_of_the_planar_system_matrix(planar_3dof: ff.FreeFloatingModel) -> None:
-    q, rates, step = np.array([0.4, -1.1, 0.6]), np.array([0.3, 1.0, -0.7]), 1e-5
-    task = ff.Task.PLANAR_POSE
-    ahead, behind = (system_matrix(planar_3dof, q + x * rates, task) for x in (step, -step))
-    derivative = system_matrix_derivative(planar_3dof, q, rates, task)
-    np.testing.assert_allclose(derivative, (ahead - behind) / (2.0 * step), atol=1e-7)
-
-
-def test_system_matrices_of_many_joints(spatial_6dof: ff.FreeFloatingModel) -> None:
-    q, rates = np.random.default_rng(8).normal(size=(2, 3, 6))
-    matrices = system_matrix(spatial_6dof, q, ff.Task.POSITION)
-    derivatives = system_matrix_derivative(spatial_6dof, q, rates, ff.Task.POSITION)
-    for k in range(3):
-        A = system_matrix(spatial_6dof, q[k], ff.Task.POSITION)
-        dA = system_matrix_derivative(spatial_6dof, q[k], rates[k], ff.Task.POSITION)
-        np.testing.assert_allclose(matrices[k], A, atol=1e-12)
-        np.testing.assert_allclose(derivatives[k], dA, atol=1e-12)
-
-
 def test_rates_are_infinite_where_the_matrix_is_singular() -> None:
     """A straight massless arm cannot move its end-effector outward."""
     fixed_base = ff.FreeFloatingModel.from_urdf(
@@ -224,23 +205,3 @@ def test_rates_are_infinite_where_the_matrix_is_singular() -> None:
     solver = ResolvedRateSolver(ff.System(redundant), ff.Task.PLANAR_POSITION)
     _, rates = solver.rates(np.array([0.0, 0, 0, 1]), np.zeros(3), np.eye(6)[0])
     assert not np.isfinite(rates).all()
-
-
-def test_planar_jacobian_is_part_of_the_spatial_one(planar_3dof: ff.FreeFloatingModel) -> None:
-    """A planar arm's S* is the x, y and rotation rows of its spatial one, the others vanish."""
-    q = np.array([0.5, -1.2, 0.7])
-    spatial = ff.generalized_jacobian(planar_3dof, q)
-    planar = ff.generalized_jacobian(planar_3dof, q, ff.Task.PLANAR_POSE)
-    assert relative(spatial[[0, 1, 5]], planar) < 1e-13
-    assert np.abs(spatial[[2, 3, 4]]).max() < 1e-14
-
-
-def test_planar_determinants_need_no_jacobian(planar_3dof: ff.FreeFloatingModel) -> None:
-    """In the plane, too, and on both sides of the singular curve."""
-    signs = set()
-    for q in ([0.5, -1.2, 0.7], [0.5, 1.2, 0.7], [-2.0, 0.01, 3.0]):
-        S = np.linalg.det(ff.generalized_jacobian(planar_3dof, q, ff.Task.PLANAR_POSE))
-        value = generalized_determinant(planar_3dof, q, ff.Task.PLANAR_POSE)
-        assert value == pytest.approx(S, rel=1e-11)
-        signs.add(np.sign(value))
-    assert signs == {-1.0, 1.0}

@@ -10,30 +10,12 @@ import freefloat as ff
 from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
 from freefloat.dynamics.redundancy import Metric, Toward, range_centres
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
-from freefloat.io.formats.trajectory import Trajectory
-from freefloat.verification.engines.mujoco_model import Engine
-from tests.errors import error_key
-from tests.motions import differentiated
 from tests.redundant import ARMS, choices, redundant
 from tests.robots import planar_robot
 
-GOOD = [0.1562267, -0.1345817, -0.6778546, -0.7056869]
 JOINTS = [0.0248, -1.7374, -1.0996, -1.4452, -1.3566, 1.0564, 0.7632]
 """An attitude from which the Panda completes its line, and about where its joints are then."""
 EVERYTHING = [(*arm, k) for arm in ARMS for k in range(9)]
-
-
-def panda(**changes):
-    problem = ff.load_scenario("panda_servicer/line").problem()
-    return replace(problem, redundancy=ff.Redundancy(**changes) if changes else None)
-
-
-def panda_motion(problem):
-    attitude = problem.attitude(np.array(GOOD) / np.linalg.norm(GOOD))
-    joints = problem.branch_near(attitude, JOINTS, ()).joints
-    motion = ff.integrate_motion(problem, attitude, joints)
-    assert motion.completed
-    return motion
 
 
 def somewhere(start, seed=0):
@@ -139,31 +121,6 @@ def test_the_energy_metric_minimizes_the_kinetic_energy(structure, task):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING[::7])
-def test_motions_are_exact(structure, task, number):
-    """Path and momentum are conserved with every metric and objective."""
-    start = redundant(structure, task, choices(structure, task, 1)[number], 1)
-    motion = ff.integrate_motion(start.problem, start.attitude, start.joints, tolerance=1e-13)
-    assert motion.completed
-    residuals = motion.residuals()
-    assert residuals.end_effector_position < 1e-8
-    assert (residuals.end_effector_orientation or 0.0) < 1e-8
-    assert residuals.momentum < 1e-8 * max(1.0, np.linalg.norm(start.problem.momentum))
-
-
-@pytest.mark.slow
-def test_large_weights_reduce_joint_motion():
-    """A joint of large weight hardly moves; scaling all weights changes nothing."""
-    plain = panda_motion(panda())
-    heavy = panda_motion(panda(metric={"panda_joint1": 1e4}))
-    assert np.ptp(heavy.joints[:, 0]) < 0.05 * np.ptp(plain.joints[:, 0])
-    names = heavy.problem.model.joint_names
-    tenfold = {name: 1e5 if name == "panda_joint1" else 10.0 for name in names}
-    same = panda_motion(panda(metric=tenfold))
-    np.testing.assert_allclose(same.final.joints, heavy.final.joints, rtol=0, atol=1e-9)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("metric", [Metric.JOINTS, Metric.ENERGY])
 @pytest.mark.parametrize("seed", [2, 3])
 def test_toward_sigma_ends_farther_from_singularities(metric, seed):
@@ -182,30 +139,6 @@ def test_toward_sigma_ends_farther_from_singularities(metric, seed):
         ).value * (1.0 - 1e-6)
 
 
-@pytest.mark.slow
-def test_toward_middle_approaches_the_range_centres():
-    """The distance to the range centres decreases with the gain."""
-    problems = panda(), *(panda(toward="middle", gain=gain) for gain in (0.5, 2.0))
-    middle = range_centres(panda().model)
-    distances = [
-        np.linalg.norm(panda_motion(problem).final.joints - middle) for problem in problems
-    ]
-    assert (np.diff(distances) < 0.0).all()
-    assert distances[1] < distances[0] - 0.3
-
-
-def test_unlimited_joints_are_not_attracted():
-    """Of the planar arm the second joint alone has a range."""
-    start = redundant("5", ff.Task.PLANAR_POSITION, ff.Redundancy(toward=Toward.MIDDLE))
-    np.testing.assert_array_equal(np.isfinite(range_centres(start.problem.model)), [0, 1, 0, 0, 0])
-    assert range_centres(start.problem.model)[1] == 0.75
-    motion = ff.integrate_motion(start.problem, start.attitude, start.joints)
-    plain = replace(start.problem, redundancy=None)
-    without = ff.integrate_motion(plain, start.attitude, start.joints)
-    ends = [abs(record.final.joints[1] - 0.75) for record in (motion, without)]
-    assert ends[0] < ends[1] - 0.05
-
-
 @pytest.mark.parametrize("toward", [Toward.MANIPULABILITY, Toward.MIDDLE])
 def test_the_null_space_motion_is_bounded(toward):
     """For any gain it is shorter than the bound and vanishes where the path stops."""
@@ -219,33 +152,6 @@ def test_the_null_space_motion_is_bounded(toward):
     np.testing.assert_allclose(rest, plain.rates(attitude, joints, twist)[1], rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("toward", [Toward.MANIPULABILITY, Toward.MIDDLE])
-def test_rates_vanish_where_the_path_stops(toward):
-    """Without momentum every joint rate vanishes at both ends and at a stop on the way."""
-    start = redundant(
-        "RRRRRRR", ff.Task.POSE, ff.Redundancy(toward=toward, gain=2.0), momentum=False
-    )
-    motion = ff.integrate_motion(start.problem, start.attitude, start.joints)
-    assert motion.completed
-    rates = np.abs(Trajectory.of(motion, [0.0, 4.0, 9.0, 15.0, 20.0]).joint_rates).max(axis=1)
-    assert rates[[0, 2, 4]].max() < 1e-9
-    assert rates[[1, 3]].min() > 1e-2
-
-
-@pytest.mark.slow
-def test_mujoco_needs_no_wrench_on_the_base():
-    """Inverse dynamics of a motion with attraction and momentum: no force on the spacecraft."""
-    choice = ff.Redundancy(Metric.ENERGY, Toward.MIDDLE)
-    start = redundant("RRRRRRR", ff.Task.POSE, choice, 1, timing=ff.Timing(20.0))
-    motion = ff.integrate_motion(start.problem, start.attitude, start.joints)
-    assert motion.completed
-    engine = Engine(start.problem.system)
-    results = [engine.inverse(*differentiated(motion, t)) for t in np.linspace(1.0, 19.0, 19)]
-    wrenches, torques = (np.array(values) for values in zip(*results, strict=True))
-    assert np.abs(torques).max() > 1e-2
-    assert np.abs(wrenches).max() < 1e-4 * np.abs(torques).max()
-
-
 def test_rates_are_infinite_where_the_arm_is_singular():
     """A stretched planar arm has infinite rates and raises no exception."""
     text = planar_robot([5, 1, 1, 1], [1] * 4, [1] * 3, [0] * 4)
@@ -254,27 +160,3 @@ def test_rates_are_infinite_where_the_arm_is_singular():
     solver = ResolvedRateSolver(ff.System(model), ff.Task.PLANAR_POSITION, redundancy)
     _, rates = solver.rates(np.array([0.0, 0, 0, 1]), np.zeros(3), np.eye(6)[0], 1.0)
     assert not np.isfinite(rates).all()
-
-
-@pytest.mark.parametrize("limits", ["", 'lower="0" upper="0"', 'lower="-1e30" upper="1"'])
-def test_a_joint_without_two_limits_has_no_centre(limits):
-    text = planar_robot([50, 5, 4, 3], [8, 1, 0.5, 0.3], [0.4] * 3, [0.5] * 4)
-    text = text.replace('"q2" type="continuous"', '"q2" type="revolute"')
-    child = '<child link="link_2"/>'
-    text = text.replace(child, f'{child}<limit {limits} effort="9" velocity="9"/>')
-    assert np.isnan(range_centres(ff.FreeFloatingModel.from_urdf(text))).all()
-
-
-def test_toward_middle_without_joint_ranges_raises():
-    """Continuous joints have no range centre."""
-    text = planar_robot([50, 5, 4, 3], [8, 1, 0.5, 0.3], [0.4] * 3, [0.5] * 4)
-    model = ff.FreeFloatingModel.from_urdf(text)
-    assert (
-        error_key(
-            ResolvedRateSolver,
-            ff.System(model),
-            ff.Task.PLANAR_POSITION,
-            ff.Redundancy(toward=Toward.MIDDLE),
-        )
-        == "redundancy.toward"
-    )

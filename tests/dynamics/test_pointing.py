@@ -8,20 +8,14 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.certificate.certificate import certify
 from freefloat.dynamics.momentum import (
-    end_effector_jacobian,
-    momentum_map,
     system_matrix,
     system_matrix_derivative,
 )
 from freefloat.ensemble.endings import SINGULAR
-from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Ending
-from freefloat.paths import OrientationLaw
 from freefloat.paths.orientation import OrientationSpline
 from freefloat.so3 import angle_between, without_jumps
-from tests.commands import error, run
 from tests.ensembles import both
 from tests.errors import error_key
 from tests.redundant import redundant
@@ -67,28 +61,6 @@ def test_prescribing_the_roll_that_was_found_gives_the_same_motion(structure, se
         assert angle_between(one.attitude, other.attitude) < 1e-8
 
 
-def test_the_roll_of_the_path_does_not_matter():
-    """An orientation that also rotates about its own z axis gives the same motion."""
-    start = redundant("RRRRRR", ff.Task.POINTING, None, 1)
-    orientation = start.problem.path.path.orientation
-
-    class Rolling(OrientationLaw):
-        def rotation(self, s):
-            return orientation.rotation(s) @ Rotation.from_euler("z", 3.0 * s).as_matrix()
-
-        def rate(self, s):
-            return orientation.rate(s) + 3.0 * orientation.rotation(s)[:, 2]
-
-    path = start.problem.path
-    rolling = replace(path, path=ff.EndEffectorPath(path.path.curve, Rolling()))
-    one, other = (
-        ff.integrate_motion(problem, start.attitude, start.joints)
-        for problem in (start.problem, start.problem.replace(path=rolling))
-    )
-    np.testing.assert_allclose(one.final.joints, other.final.joints, rtol=0, atol=1e-8)
-    assert other.residuals().end_effector_orientation < 1e-8
-
-
 @pytest.mark.parametrize("structure", ARMS)
 def test_rows_are_those_of_the_end_effector(structure):
     """The twist without its last row, and the derivative of the system matrix by differences."""
@@ -131,61 +103,12 @@ def test_configurations_point(structure, seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("measure", ["gjm", "system", "sigma"])
-@pytest.mark.parametrize("structure", ["RRRRR", "RRRRRRR"])
-def test_certificates_hold(structure, measure):
-    """Proven bounds are below the minima and reach nine tenths of them."""
-    start = redundant(structure, ff.Task.POINTING, None, 1)
-    function = ff.singularity_measure(start.problem.model, ff.Task.POINTING, measure)
-    problem = start.problem.replace(margin=ff.Margin(function, 0.0))
-    motion = ff.integrate_motion(problem, start.attitude, start.joints)
-    assert motion.completed
-    certificate = certify(motion)
-    least = {entry.measure: entry for entry in certificate.minima}[measure]
-    assert certificate.end_effector_orientation.value < 1e-7
-    samples = [abs(function(q)) for q in motion.joints]
-    assert 0.9 * ff.closest_approach(motion, function).value <= least.bound * (1.0 + 1e-9)
-    assert least.bound <= min(samples)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("structure", ARMS)
 def test_ensembles_agree(structure):
     """Compiled motions end as the precise ones."""
     start = redundant(structure, ff.Task.POINTING, None, 1)
     (case,) = both(start.problem, start.attitude[None], start.joints[None])
     case.assert_same()
-
-
-@pytest.mark.parametrize("structure", ["RRRRR", "RRRRRR"])
-def test_torques_leave_the_base_free(structure):
-    """No wrench on the spacecraft, also of an arm with as many joints as rows."""
-    start = redundant(structure, ff.Task.POINTING, None, 1)
-    motion = ff.integrate_motion(start.problem, start.attitude, start.joints)
-    assert motion.completed
-    dynamics = PathLaw(start.problem)
-    for t in (2.0, 6.0, 13.0):
-        (state,) = motion.sample(t)
-        effort = dynamics.effort(t, state.attitude, state.joints)
-        largest = np.abs(effort.joint_torques).max()
-        assert largest > 0.0
-        assert np.abs(effort.base_wrench).max() < 1e-7 * largest
-
-
-@pytest.mark.slow
-def test_the_impossible_motion_at_the_nearest_singularity():
-    """Of a five-joint arm, in spacecraft and inertial axes: no joint rates contribute to it."""
-    start = redundant("RRRRR", ff.Task.POINTING, None, 1)
-    model, attitude = start.problem.model, start.attitude
-    found = ff.distance_to_singularity(model, start.joints, "pointing", attitude=attitude)
-    R, (v, omega) = Rotation.from_quat(attitude).as_matrix(), np.split(found.direction, 2)
-    inertial = np.concatenate([R @ v, R @ omega])
-    np.testing.assert_allclose(found.inertial_direction, inertial, rtol=0, atol=1e-12)
-    axis = model.end_effector_pose([0, 0, 0, 1], found.joints).rotation[:, 2]
-    assert abs(omega @ axis) < 1e-12
-    A, J = (f(model, found.joints) for f in (momentum_map, end_effector_jacobian))
-    S = J[:, 6:] - J[:, :6] @ np.linalg.solve(A[:, :6], A[:, 6:])
-    assert np.abs(found.direction @ S).max() < 1e-8 * np.abs(S).max()
 
 
 @pytest.mark.slow
@@ -211,10 +134,3 @@ def test_a_path_without_orientation_raises():
     assert error_key(start.problem.replace, path=free, task="pointing") == "path.attitude"
     four = redundant("RRRR", ff.Task.POSITION, None).problem
     assert error_key(four.replace, task="pointing") == "task"
-
-
-def test_only_the_z_axis_can_point_at_a_target(tmp_path) -> None:
-    text = run("models", "servicing/inspect_client").stdout
-    assert "axis: z}}" in text
-    (tmp_path / "x.yaml").write_text(text.replace("axis: z}}", "axis: x}}"))
-    assert error("info", tmp_path / "x.yaml")["key"] == "path.attitude.point_at.axis"

@@ -39,29 +39,6 @@ def test_invalid_settings_raise(changes, key):
     assert error_key(ff.Redundancy, **changes) == key
 
 
-def test_strings_become_enumerations():
-    """Strings as in a scenario file, and a copy of the map."""
-    weights = {"a": 2}
-    redundancy = ff.Redundancy(weights, "sigma")
-    weights["a"] = 3
-    assert redundancy.toward is Toward.MANIPULABILITY
-    assert redundancy.metric == redundancy.weights == {"a": 2.0}
-    assert ff.Redundancy("energy").metric is Metric.ENERGY
-    assert ff.Redundancy("energy").weights == {}
-
-
-def test_only_the_default_is_minimum_norm():
-    """Minimum Euclidean norm without objective."""
-    assert ff.Redundancy().minimum_norm
-    assert ff.Redundancy("joints", "none", 5.0).minimum_norm
-    for other in (
-        ff.Redundancy("energy"),
-        ff.Redundancy(toward="middle"),
-        ff.Redundancy({"a": 1.0}),
-    ):
-        assert not other.minimum_norm
-
-
 def test_settings_from_scenarios():
     """All keys, and defaults of missing ones."""
     settings = read("{metric: energy, toward: sigma, gain: 2, bound: 1}")
@@ -73,27 +50,3 @@ def test_settings_from_scenarios():
     settings = read("{toward: sigma}")
     assert (settings.metric, settings.gain) == (Metric.JOINTS, 1.0)
     assert read(None) is None
-
-
-@pytest.mark.parametrize(
-    ("text", "key"),
-    [
-        ("{metric: {elbow: 2}}", "redundancy.metric.elbow"),
-        ("{gain: 2}", "redundancy"),
-    ],
-)
-def test_invalid_scenarios_name_the_key(text, key):
-    with pytest.raises(ff.InputError) as caught:
-        read(text)
-    assert caught.value.key == key
-    assert caught.value.source == str(SOURCE)
-
-
-def test_scenarios_of_non_redundant_arms_raise():
-    """Six joints and six prescribed rates."""
-    source = models_folder() / "spatial_6dof" / "line.yaml"
-    text = source.read_text(encoding="utf-8") + "\nredundancy: {metric: joints}\n"
-    with pytest.raises(ff.InputError) as caught:
-        parse_scenario(text, source).problem()
-    assert caught.value.key == "redundancy"
-    assert caught.value.source == str(source)

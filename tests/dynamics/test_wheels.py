@@ -8,17 +8,12 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-import pinocchio as pin
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import freefloat as ff
-from freefloat.attitude_grids import attitude_grid
-from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.robot.names import find_robot
 from freefloat.so3 import angle_between
-from tests.errors import error_key
 
 WHEELS = np.array([3.0, -4.0, 2.5])
 AXIAL, ACROSS, MASS = 0.05, 0.03, 5.0
@@ -63,43 +58,6 @@ def urdf_with_wheels(path) -> str:
 @pytest.fixture(scope="module")
 def urdf(problem) -> str:
     return urdf_with_wheels(find_robot("ets_vii", Path()))
-
-
-@pytest.mark.slow
-def test_momentum_of_the_robot_with_wheels_is_conserved(problem, motion, urdf: str) -> None:
-    """The attitude follows from conservation alone, the wheels being joints of Pinocchio."""
-    model = pin.buildModelFromXML(urdf, pin.JointModelFreeFlyer())
-    data = model.createData()
-    wheels = [model.joints[model.getJointId(f"wheel_{axis}")] for axis in "xyz"]
-    arm = [model.joints[model.getJointId(name)] for name in problem.model.joint_names]
-    duration = problem.path.duration
-    times = np.linspace(0.0, duration, 4001)
-    spline = CubicSpline(times, motion.evaluate(motion.coordinate_at(times))[2])
-
-    def change(t: float, attitude: np.ndarray) -> np.ndarray:
-        q, v = pin.neutral(model), np.zeros(model.nv)
-        q[3:7] = attitude / np.linalg.norm(attitude)
-        for k, joint in enumerate(arm):
-            q[joint.idx_q], v[joint.idx_v] = spline(t)[k], spline(t, 1)[k]
-        for wheel, momentum in zip(wheels, WHEELS, strict=True):
-            v[wheel.idx_v] = momentum / AXIAL
-        A = np.array(pin.computeCentroidalMap(model, data, q))
-        wanted = np.concatenate([np.zeros(3), problem.momentum])
-        omega = np.linalg.solve(A[:, :6], wanted - A[:, 6:] @ v[6:])[3:]
-        rotation = np.array([*omega, 0.0])
-        return 0.5 * _product(q[3:7], rotation)
-
-    start = motion.initial.attitude
-    end = solve_ivp(change, (0.0, duration), start, rtol=1e-9, atol=1e-9).y[:, -1]
-    assert angle_between(end / np.linalg.norm(end), motion.final.attitude) < 1e-6
-    still = replace(problem, wheel_momentum=np.zeros(3))
-    other = ff.integrate_motion(still, start, motion.initial.joints)
-    assert angle_between(other.final.attitude, motion.final.attitude) > 0.02
-
-
-def _product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    vector = p[3] * q[:3] + q[3] * p[:3] + np.cross(p[:3], q[:3])
-    return np.append(vector, p[3] * q[3] - p[:3] @ q[:3])
 
 
 @pytest.mark.slow
@@ -165,29 +123,6 @@ def _solve_base(model, data, momentum: np.ndarray) -> np.ndarray:
     return np.linalg.solve(columns, np.concatenate([np.zeros(3), momentum]) - offset)
 
 
-def test_no_wrench_acts_on_the_spacecraft(motion) -> None:
-    """Inverse dynamics with the torque of the wheels finds no external force."""
-    dynamics = motion.law
-    for t in (10.0, 33.0, 60.0):
-        (state,) = motion.sample([t])
-        effort = dynamics.effort(t, state.attitude, state.joints)
-        assert np.abs(effort.base_wrench).max() < 1e-12
-        assert np.abs(effort.joint_torques).max() > 1e-2
-
-
-@pytest.mark.slow
-def test_ensembles_and_precise_motions_agree(problem) -> None:
-    attitudes = attitude_grid(64)
-    branches = problem.many_branches(attitudes)
-    starts = attitudes[np.nonzero(branches.exist)[0]], branches.joints[branches.exist]
-    result = EnsembleIntegrator(problem, 1, tolerance=1e-9).integrate(*starts)
-    completed = np.flatnonzero(result.endings == 0)[:6]
-    assert len(completed) > 3
-    for k in completed:
-        precise = ff.integrate_motion(problem, starts[0][k], starts[1][k])
-        assert angle_between(precise.final.attitude, result.attitudes[k]) < 1e-6
-
-
 @pytest.mark.slow
 def test_in_the_plane_wheels_take_their_part_of_the_momentum() -> None:
     problem = ff.load_scenario("planar_3dof/parabola").problem()
@@ -200,19 +135,3 @@ def test_in_the_plane_wheels_take_their_part_of_the_momentum() -> None:
     still = replace(problem, momentum=np.zeros(3))
     motions = [ff.simulate(entry, heading=2.5, branch=1).chosen.motion for entry in (still, wheels)]
     np.testing.assert_allclose(*(motion.final.joints for motion in motions), atol=1e-9)
-
-
-@pytest.mark.slow
-def test_a_plan_with_wheels_is_verified(problem) -> None:
-    search = ff.Search("nearest", [0.0, 0.0, 0.0, 1.0], samples=512)
-    plan = ff.plan(problem, search, ff.Limits(base_rate=0.1))
-    assert plan.feasible
-    report = ff.check(plan, engine="mujoco")
-    assert report.passed, [check for check in report.checks if not check.passed]
-
-
-def test_errors(problem) -> None:
-    planar = ff.load_scenario("planar_2dof/line").problem()
-    key = "wheels.momentum"
-    assert error_key(lambda: planar.replace(wheel_momentum=[1.0, 0.0, 0.0])) == key
-    assert error_key(lambda: problem.replace(wheel_momentum=[1.0, 0.0])) == key

@@ -71,13 +71,6 @@ def test_branches_of_many_poses_are_those_of_each_pose(
             np.testing.assert_array_equal(branch.joints, sets.joints[k, branch.index])
 
 
-def test_nan_poses_have_no_branches(
-    spatial_6dof: ff.FreeFloatingModel, ur5: ff.FreeFloatingModel
-) -> None:
-    for model in (spatial_6dof, ur5):
-        assert arm_branches(model, Pose([np.nan, 0, 0], np.eye(3)), ff.Task.POSE) == ()
-
-
 # ------------------------------------------------------------------------------ nothing missed
 
 
@@ -133,24 +126,6 @@ def test_signs_identify_the_branches_of_the_ur5(
     np.testing.assert_array_equal(np.sign(np.linalg.det(J)), signs)
 
 
-def test_names_of_the_ur5_are_continuous(
-    ur5: ff.FreeFloatingModel, rng: np.random.Generator
-) -> None:
-    """What has one name at neighbouring attitudes is one continuous motion, off singularities."""
-    position, rotation, _ = random_poses(ur5, 1, rng)
-    rotations_along = Rotation.from_rotvec(np.outer(np.linspace(0.0, 0.6, 241), [0.4, -0.7, 0.5]))
-    R = rotations_along.as_matrix()
-    sets = many_arm_branches(ur5, R @ position[0], R @ rotation[0], ff.Task.POSE)
-    both = (sets.names[1:] >= 0) & (sets.names[1:] == sets.names[:-1])
-    moved = gaps(sets.joints[1:][both], sets.joints[:-1][both])
-    slowest = np.linalg.svd(
-        virtual_jacobian(VirtualManipulator.of(ur5), sets.joints[1:][both]), compute_uv=False
-    )[:, -1]
-    clear = slowest > 0.03
-    assert clear.sum() > 500
-    assert (moved[clear] < 0.02 / slowest[clear]).all()
-
-
 def test_branches_of_equal_signs_have_distinct_labels(rng: np.random.Generator) -> None:
     """A random arm: the second stands at place 8 or beyond, called b."""
     robot = random_robot(rng, "RRRRRR")
@@ -167,6 +142,3 @@ def test_branches_of_equal_signs_have_distinct_labels(rng: np.random.Generator) 
         second = next(branch for branch in sets[k] if branch.index == 8)
         assert second.label.endswith(" b")
         assert second.label[:-2] in labels
-
-
-# -------------------------------------------------------------------------------- kinematics

@@ -16,7 +16,6 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.branches import (
     ArmBranch,
     arm_branches,
-    many_arm_branches,
     search_arm_branches,
 )
 from freefloat.so3 import (
@@ -26,7 +25,7 @@ from freefloat.so3 import (
     rotation_vector_between,
     unit_quaternion,
 )
-from tests.motions import bundled, gaps, virtual_jacobian
+from tests.motions import gaps, virtual_jacobian
 from tests.robots import (
     inertial_text,
     joint_text,
@@ -45,8 +44,6 @@ START = Pose(
 
 ATTITUDES = {
     "printed good": [0.46, 0.0935, 0.7352, -0.489],
-    "printed bad": [0.1, 0.5, 0.2, -0.8367],
-    "none": [0.0, 0.0, 0.0, 1.0],
     "half turn": [0.0, 0.0, 1.0, 0.0],
     "askew": [0.5, 0.5, 0.5, 0.5],
 }
@@ -169,20 +166,6 @@ def test_singular_wrists_keep_all_branches(
         assert max(missed(virtual, target, branch.joints) for branch in branches) < 1e-8
 
 
-@pytest.mark.parametrize("axis", ["0 0 1", "0.6 0 0.8"], ids=["roll pitch yaw", "offset zero"])
-def test_wrist_axes_may_have_any_zero(
-    spatial_6dof: ff.FreeFloatingModel, rng: np.random.Generator, axis: str
-) -> None:
-    """Where the zero of the middle joint lies is the maker's choice."""
-    model = with_wrist_axis(spatial_6dof, "q6", axis)
-    virtual = VirtualManipulator.of(model)
-    for q in rng.uniform(-np.pi, np.pi, (10, 6)):
-        branches = arm_branches(model, virtual.pose(q), ff.Task.POSE)
-        assert [branch.index for branch in branches] == list(range(8))
-        assert holds(joints_of(branches), q)
-        assert max(missed(virtual, virtual.pose(q), b.joints) for b in branches) < 1e-8
-
-
 def test_branch_numbers_keep_their_meaning_at_every_attitude(
     spatial_6dof: ff.FreeFloatingModel, rng: np.random.Generator
 ) -> None:
@@ -199,25 +182,6 @@ def test_branch_numbers_keep_their_meaning_at_every_attitude(
             x, y, _ = virtual.kinematics(q)[2][4, 0]  # of the wrist
             forwards[shoulder].add(np.sign(x * np.cos(q[0]) + y * np.sin(q[0])))
     assert {frozenset(signs) for signs in forwards.values()} == {frozenset([1]), frozenset([-1])}
-
-
-def test_numbered_branches_of_a_planar_arm_move_little() -> None:
-    """Through a full turn of the spacecraft, also where a joint passes half a revolution."""
-    heavy, light = inertial_text(50.0, 6.0 * np.eye(3)), inertial_text(3.0, 0.1 * np.eye(3))
-    text = "".join([
-        link_text("bus", heavy), *(link_text(name, light) for name in ("upper", "slide", "hand")),
-        joint_text("q1", "C", "bus", "upper", "0.4 0 0"),
-        joint_text("q2", "P", "upper", "slide", "0.3 0 0", axis="1 0 0", limits=(-3.0, 3.0)),
-        joint_text("q3", "C", "slide", "hand", "0.4 0 0"),
-    ])  # fmt: skip
-    model = ff.FreeFloatingModel.from_urdf(f'<robot name="planar">{text}</robot>', "hand")
-    rotations = Rotation.from_rotvec(
-        np.linspace(0.0, 2.0 * np.pi, 91)[:, None] * [0.0, 0.0, 1.0]
-    ).as_matrix()
-    branches = many_arm_branches(model, rotations @ [1.2, 0.3, 0.0], rotations, ff.Task.PLANAR_POSE)
-    assert (branches.exist.sum(axis=1) == 2).all()
-    steps = model.joint_distance(branches.joints[1:, :2], branches.joints[:-1, :2])
-    assert steps.max() < 0.2
 
 
 # ---------------------------------------------------------------------------- arms of any make
@@ -276,53 +240,6 @@ def test_newton_finds_the_configuration_a_pose_came_from(
         assert len(branches) == 1 if structure == "PPP" else len(branches) % 2 == 0
 
 
-def test_a_wrist_that_is_not_quite_spherical_is_still_solved(
-    spatial_6dof: ff.FreeFloatingModel, rng: np.random.Generator
-) -> None:
-    """Body 4 heavy and off its axis: the virtual wrist falls apart, the branches remain."""
-    text = spatial_6dof.description.text.replace(
-        '<link name="link_4">\n    <inertial>\n      <mass value="1e-6"/>',
-        '<link name="link_4"><inertial><origin xyz="0 0 0.1"/><mass value="5"/>',
-    )
-    model = ff.FreeFloatingModel.from_urdf(text, "end_effector")
-    virtual = VirtualManipulator.of(model)
-    assert not virtual.has_elbow_and_spherical_wrist
-    for _ in range(3):
-        q = rng.uniform(-np.pi, np.pi, 6)
-        branches = arm_branches(model, virtual.pose(q), ff.Task.POSE)
-        assert holds(joints_of(branches), q)
-        assert max(missed(virtual, virtual.pose(q), b.joints) for b in branches) < 1e-8
-
-
-# ------------------------------------------------------------------------------ a stock arm
-
-
-@pytest.mark.parametrize("angle_deg", [0, 80])
-def test_ur5_has_eight_branches(ur5: ff.FreeFloatingModel, angle_deg: int) -> None:
-    """Two shoulders, two elbows, two wrists, each combination once; no wrist centre to help."""
-    assert not VirtualManipulator.of(ur5).has_elbow_and_spherical_wrist
-    angle = np.radians(angle_deg)
-    target = Pose(
-        [0.25 + 0.35 * np.cos(angle), 0.35 * np.sin(angle), 0.75],
-        Rotation.from_euler("xyz", [0, np.pi / 2, 0]).as_matrix(),
-    )
-    branches = arm_branches(ur5, target, ff.Task.POSE)
-    assert [b.index for b in branches] == list(range(8))
-    assert [b.label for b in branches] == [
-        f"shoulder{s} elbow{e} wrist{w}" for s in "+-" for e in "+-" for w in "+-"
-    ]
-    shoulders = {b.index // 4: round(b.joints[0], 4) for b in branches}
-    assert shoulders[0] != shoulders[1]
-    for branch in branches:
-        q = branch.joints
-        assert round(q[0], 4) == shoulders[branch.index // 4]
-        assert branch.label.split()[1] == f"elbow{'+' if np.sin(q[2]) > 0 else '-'}"
-        assert branch.label.split()[2] == f"wrist{'+' if np.sin(q[4]) > 0 else '-'}"
-        pose = ur5.end_effector_pose([0, 0, 0, 1], branch.joints)
-        assert np.abs(pose.position - target.position).max() < 1e-8
-        assert np.abs(rotation_vector_between(pose.rotation, target.rotation)).max() < 1e-8
-
-
 # ---------------------------------------------------------------------------------- planar arms
 
 
@@ -348,35 +265,6 @@ def test_planar_arms_have_two_elbows(seed: int, q: np.ndarray) -> None:
             assert missed(virtual, target, branch.joints) < 1e-8
 
 
-def test_planar_tasks_ignore_the_height(planar_3dof: ff.FreeFloatingModel) -> None:
-    """A tool 1 m above the plane follows a path in the plane: only x, y and heading count."""
-    text = planar_3dof.description.text.replace(
-        '<origin xyz="0.4 0 0"/>', '<origin xyz="0.4 0 1"/>'
-    )
-    assert text != planar_3dof.description.text
-    model = ff.FreeFloatingModel.from_urdf(text)
-    q = np.array([0.3, 0.7, -0.4])
-    target = VirtualManipulator.of(planar_3dof).pose(q)
-    assert target.position[2] == 0.0
-    branches = arm_branches(model, target, ff.Task.PLANAR_POSE)
-    assert len(branches) == 2
-    assert holds(joints_of(branches), q)
-
-
-def test_position_tasks_ignore_the_orientation(rng: np.random.Generator) -> None:
-    """Only the part of the pose that the task prescribes counts."""
-    flat = ff.FreeFloatingModel.from_urdf(planar_robot([40, 4, 3], [6, 1, 1], [0.5] * 2, [0.5] * 3))
-    robot = random_robot(rng, "RRR")
-    free = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
-    for model, task in ((flat, ff.Task.PLANAR_POSITION), (free, ff.Task.POSITION)):
-        q = np.array([0.4, 1.1, 0.3])[: model.dof]
-        pose = VirtualManipulator.of(model).pose(q)
-        turned = Pose(pose.position, Rotation.random(rng=rng).as_matrix())
-        same, other = (joints_of(arm_branches(model, p, task)) for p in (pose, turned))
-        assert holds(same, q)
-        np.testing.assert_allclose(same, other, atol=1e-9)
-
-
 # ------------------------------------------------------------------------------- out of reach
 
 
@@ -394,20 +282,6 @@ def test_out_of_reach_there_are_none(
     assert arm_branches(planar_3dof, hole, ff.Task.PLANAR_POSE) == ()
     rim = Pose([0.424628 + 0.399575 + 0.9, 0.0, 0.0], np.eye(3))
     assert len(arm_branches(planar_3dof, rim, ff.Task.PLANAR_POSE)) == 2
-
-
-def test_a_forearm_of_no_length_reaches_one_circle_only() -> None:
-    """An end-effector on the second axis: its distance is fixed."""
-    model = ff.FreeFloatingModel.from_urdf(
-        planar_robot([9, 3, 2], [1] * 3, [0.5, 0.0], [0.4, 0.5, 0])
-    )
-    virtual = VirtualManipulator.of(model)
-    target = virtual.pose([0.7, 0.0])
-    branches = arm_branches(model, target, ff.Task.PLANAR_POSITION)
-    assert all(abs(branch.joints[0] - 0.7) < 1e-9 for branch in branches)
-    assert len(branches) > 0
-    nearer = Pose(0.9 * target.position, target.rotation)
-    assert arm_branches(model, nearer, ff.Task.PLANAR_POSITION) == ()
 
 
 # ---------------------------------------------------------------------------- redundant arms
@@ -436,54 +310,6 @@ def test_branches_of_redundant_arms_are_reproducible_and_spread(
     again = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
     for branch, other in zip(branches, arm_branches(again, target, task), strict=True):
         np.testing.assert_array_equal(branch.joints, other.joints)
-
-
-def redundant_panda(
-    joint: str | None = None, low: float = 0.0, high: float = 0.0
-) -> ff.FreeFloatingModel:
-    """The bundled Panda, the range of one joint changed."""
-    model = bundled("panda_servicer/line").model
-    if joint is None:
-        return model
-    pattern = rf'(<joint name="{joint}".*?<limit[^>]*?)lower="[^"]*" upper="[^"]*"'
-    limits = rf'\1lower="{low}" upper="{high}"'
-    text, count = re.subn(pattern, limits, model.description.text, count=1, flags=re.DOTALL)
-    assert count == 1
-    return ff.FreeFloatingModel.from_urdf(text, model.end_effector)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("limit", "number", "found"),
-    [((), 12, 1.0), (("panda_joint3", 0.3, 0.4), 1, 0.9), (("panda_joint1", -9.0, 9.0), 12, 1.0)],
-)
-def test_starts_of_redundant_arms_are_inside_the_joint_ranges(
-    limit: tuple, number: int, found: float, rng: np.random.Generator
-) -> None:
-    """All of them where any is, also where a range is so narrow that Newton's method leaves it."""
-    model = redundant_panda(*limit)
-    lower, upper = model.joint_ranges
-    virtual = VirtualManipulator.of(model)
-    poses = [virtual.pose(lower + (upper - lower) * rng.random(model.dof)) for _ in range(20)]
-    positions, rotations = zip(*((pose.position, pose.rotation) for pose in poses), strict=True)
-    sets = many_arm_branches(model, positions, rotations, ff.Task.POSE)
-    inside = ((sets.joints >= lower) & (sets.joints <= upper)).all(axis=2)
-    some = inside.any(axis=1)
-    assert some.mean() >= found
-    assert (inside[some] == sets.exist[some]).all()
-    assert inside[some].sum(axis=1).mean() >= number
-    for pose, branches in zip(poses, sets, strict=True):
-        assert max((missed(virtual, pose, branch.joints) for branch in branches), default=0) < 1e-8
-
-
-def test_starts_outside_the_joint_ranges_are_kept_where_none_is_inside() -> None:
-    """The elbow of the Panda cannot bend the other way; its pose is reached nevertheless."""
-    model = redundant_panda("panda_joint4", 3.0, 3.01)
-    virtual = VirtualManipulator.of(redundant_panda())
-    target = virtual.pose([0.1, 0.4, 0.2, -0.9, 0.3, 1.4, 0.5])
-    branches = arm_branches(model, target, ff.Task.POSE)
-    assert len(branches) == 16
-    assert all(not 3.0 <= branch.joints[3] <= 3.01 for branch in branches)
 
 
 # ---------------------------------------------------------------------------------- joint ranges

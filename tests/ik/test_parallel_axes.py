@@ -10,9 +10,6 @@ import pytest
 import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.branches import BranchSets, many_arm_branches, search_arm_branches
-from freefloat.ik.chain import Chain
-from freefloat.ik.numbering import numbered_branches
-from freefloat.ik.parallel_axes import solve_parallel_axes
 from freefloat.robot.names import find_robot
 from freefloat.so3 import Array
 from tests.motions import gaps
@@ -112,16 +109,3 @@ def test_no_pose_is_lost_near_a_singular_one(
     assert (closed.exist.sum(axis=1) >= searched.exist.sum(axis=1)).all()
     if angle >= 1e-4 and angle < 3.0:
         assert np.nanmin(gaps(closed.joints, q[:, None]), axis=1).max() < 1e-6
-
-
-def test_a_search_is_asked_at_few_poses_only(
-    ur5: ff.FreeFloatingModel, rng: np.random.Generator
-) -> None:
-    """The closed form has all branches nearly everywhere."""
-    p, R, _, _ = VirtualManipulator.of(ur5).kinematics(rng.uniform(-np.pi, np.pi, (200, 6)))
-    whole = many_arm_branches(ur5, p, R, ff.Task.POSE)
-    arm = Chain.of(ur5), ff.Task.POSE
-    q, well_conditioned = solve_parallel_axes(*arm, p.T, R.transpose(1, 2, 0))
-    assert well_conditioned.mean() > 0.97
-    _, names = numbered_branches(*arm, q)
-    np.testing.assert_array_equal(names[well_conditioned], whole.names[well_conditioned])

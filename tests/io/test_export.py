@@ -160,35 +160,6 @@ def test_ros_2_gets_a_joint_trajectory(motions, trajectory):
         assert np.array_equal(rows, getattr(trajectory, field))
 
 
-def test_ros_2_is_refused_a_motion_that_ends_early(motions):
-    with pytest.raises(ff.InputError):
-        ros2_text(Trajectory.of(motions[1], [0.0, 1.0]))
-
-
-@pytest.mark.parametrize(
-    ("words", "name"),
-    [
-        ((), "good_trajectory.csv"),
-        (("--format", "mat"), "good_trajectory.mat"),
-        (("-o", "a.json"), "a.json"),
-        (("-o", "a.yml"), "a.yml"),
-        (("-o", "a.txt", "--format", "ros2"), "a.txt"),
-    ],
-)
-def test_a_file_is_written_with_that_name_and_nothing_beside(files, words, name):
-    before = set(os.listdir())
-    printed = document("export", "good.h5", *words, "--times", 11)
-    assert (printed["file"], printed["times"]) == (name, 11)
-    assert set(os.listdir()) - before == {name}
-    text = Path(name).read_bytes()
-    if printed["format"] == "ros2":
-        assert len(yaml.safe_load(text)["points"]) == 11
-    elif printed["format"] == "json":
-        assert len(json.loads(text)["trajectory"]["time"]) == 11
-    elif printed["format"] == "csv":
-        assert len(text.splitlines()) == 12
-
-
 def test_stdout_gets_the_text_alone(files):
     result = run("export", "good.h5", "-o", "-", "--rate", 0.1)
     assert (result.exit_code, result.stderr) == (0, "")
@@ -216,6 +187,7 @@ def test_bad_input_is_one_line_and_changes_nothing(files, words, key):
     assert {name: Path(name).read_bytes() for name in os.listdir()} == before
 
 
+@pytest.mark.slow
 def test_a_call_writes_what_the_command_writes(saved, tmp_path):
     simulation = ff.load(saved / "good.h5")
     for result in (simulation, simulation.chosen.motion):

@@ -26,6 +26,7 @@ from freefloat.motion.motion import Motion
 from freefloat.so3 import angle_between
 from tests.commands import document, error, run
 from tests.errors import error_key
+from tests.motions import bundled, first_motion
 
 EPOCH = datetime(2026, 5, 1, 12, 0, 0, 250_000, tzinfo=UTC)
 GOAL = {
@@ -40,15 +41,9 @@ GOAL = {
 """Definitions of control_msgs, without fields for planar joints."""
 
 
-def motion_of(name: str) -> Motion:
-    """A motion of a bundled scenario along its whole path."""
-    problem = ff.load_scenario(name).problem()
-    return ff.plan(problem, ff.Search(samples=32)).chosen.motion
-
-
 @pytest.fixture(scope="module")
 def motion() -> Motion:
-    return motion_of("ets_vii/inspect")
+    return first_motion(bundled("ets_vii/inspect"))
 
 
 @pytest.fixture(scope="module")
@@ -129,6 +124,7 @@ def test_an_mcap_reader_reads_joints_transforms_and_margin(trajectory, tmp_path)
     np.testing.assert_allclose(turn, pose.rotation, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_parser_of_ccsds_messages_reads_attitudes_and_dates(trajectory, tmp_path) -> None:
     file = tmp_path / "motion.aem"
     ff.export(trajectory.motion, file, times=301, epoch=EPOCH)
@@ -145,9 +141,9 @@ def test_a_parser_of_ccsds_messages_reads_attitudes_and_dates(trajectory, tmp_pa
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["ets_vii/inspect", "planar_3dof/parabola", "ur5_servicer/arc"])
+@pytest.mark.parametrize("name", ["ets_vii/inspect", "ur5_servicer/arc"])
 def test_mujoco_reads_the_robot_and_both_ends(name: str) -> None:
-    trajectory = Trajectory.sampled(motion_of(name), 21)
+    trajectory = Trajectory.sampled(first_motion(bundled(name)), 21)
     problem = trajectory.motion.problem
     model = mujoco.MjModel.from_xml_string(mjcf_text(trajectory))
     data = mujoco.MjData(model)
@@ -167,7 +163,7 @@ def test_mujoco_reads_the_robot_and_both_ends(name: str) -> None:
 @pytest.mark.parametrize("name", ["planar_3dof/parabola", "ur5_servicer/arc"])
 def test_basilisk_arrives_at_the_same_attitude(name: str, tmp_path) -> None:
     script = tmp_path / "motion.py"
-    ff.export(motion_of(name), script)
+    ff.export(first_motion(bundled(name)), script)
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
     found = json.loads(done.stdout.splitlines()[-1])
     assert found["attitude_rad"] < 1e-5
@@ -180,7 +176,7 @@ def test_what_a_format_cannot_hold_is_refused(motion) -> None:
     start = motion.initial
     turning = ff.integrate_motion(wheels, start.attitude, start.joints)
     assert error_key(lambda: mjcf_text(Trajectory.sampled(turning, 3))) == "format"
-    unphysical = Trajectory.sampled(motion_of("spatial_6dof/line"), 3)
+    unphysical = Trajectory.sampled(first_motion(bundled("spatial_6dof/line")), 3)
     assert error_key(lambda: mjcf_text(unphysical)) == "format"
     assert error_key(lambda: basilisk_text(Trajectory.sampled(motion, 20))) == "times"
 

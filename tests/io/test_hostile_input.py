@@ -24,7 +24,7 @@ from freefloat.robot.validation import examine
 from freefloat.so3 import heading_quaternion
 from tests import samples as good
 from tests.errors import error_key
-from tests.example_studies import BASE, write_study
+from tests.example_studies import write_study
 from tests.scenarios import PARABOLA
 
 
@@ -63,23 +63,6 @@ def test_urdfs_that_would_cost_too_much_are_refused(text: str) -> None:
     assert time.process_time() - begin < 3.0
 
 
-def test_a_chain_of_a_hundred_joints_is_examined_at_once() -> None:
-    chain = "".join(
-        f'<link name="l{n}"/><joint name="j{n}" type="continuous"><parent link="l{n}"/>'
-        f'<child link="l{n + 1}"/><origin xyz="0 0 1"/></joint>'
-        for n in range(490)
-    )
-    begin = time.process_time()
-    examine(f'<robot name="x">{chain}<link name="l490"/></robot>')
-    assert time.process_time() - begin < 3.0
-
-
-@pytest.mark.parametrize("name", ["file://[", "package://[/x", "file://\u2100/x"])
-def test_names_of_meshes_that_are_no_addresses_are_refused(name: str) -> None:
-    with pytest.raises(MeshFileError):
-        find_mesh(name, "robot.urdf")
-
-
 @pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize("name", ["fifo", "zero"])
 def test_devices_and_pipes_are_not_read(name: str) -> None:
@@ -110,15 +93,6 @@ def test_studies_that_would_take_all_memory_are_refused_at_once(tmp_path: Path) 
     assert error_key(ff.load_study, write_study(tmp_path, wide)).startswith("vary")
 
 
-@pytest.mark.slow
-def test_very_many_invalid_runs_are_refused_at_once(tmp_path: Path) -> None:
-    begin = time.process_time()
-    with pytest.raises(ff.InputError):
-        ff.load_study(write_study(tmp_path, {"momentum.2": {"range": [0.0, 0.999, 1e-5]}},
-                               base=BASE | {"timing": {"duration": "long"}}))  # fmt: skip
-    assert time.process_time() - begin < 8.0
-
-
 # Meshes
 
 
@@ -137,13 +111,6 @@ def test_invalid_meshes_are_refused(name: str, content: bytes, tmp_path: Path) -
     (tmp_path / name).write_bytes(content)
     with pytest.raises(MeshFileError):
         read_mesh(tmp_path / name)
-
-
-@pytest.mark.parametrize("picture", ["fifo", "/etc/passwd"])
-def test_pictures_of_meshes_are_plain_files_beside_them(picture: str, folder: Path) -> None:
-    (folder / "part.obj").write_bytes(good.meshes()[5])
-    (folder / "part.mtl").write_text(f"newmtl a\nmap_Kd {picture}\n")
-    assert len(read_mesh(folder / "part.obj")) == 1
 
 
 # Pages

@@ -15,7 +15,6 @@ from freefloat.errors import InputError
 from freefloat.io.files import written_beside
 from freefloat.io.records.hdf5 import AlteredFileError
 from freefloat.robot.names import find_robot
-from tests.errors import error_key
 from tests.result_files import altered, replaced, with_digest
 from tests.samples import plans
 
@@ -97,9 +96,7 @@ def attribute(name, value, group="/"):
 KINDS = {
     "format": attribute("format", "other"),
     "future": attribute("version", 99),
-    "past": attribute("version", 2),
     "link": lambda file: file.__setitem__("odd", h5py.SoftLink("/motion")),
-    "external": lambda file: file.__setitem__("odd", h5py.ExternalLink("x.h5", "/x")),
     "huge": lambda file: file.create_dataset("odd", (10**9,), "f8"),
 }
 
@@ -120,21 +117,14 @@ SHORTER = [replaced(f"{MOTION}/{name}", lambda values: values[:-1])
 BROKEN = {
     "class": attribute("class", "Capture", "result/chosen"),
     "ending": attribute("ending", "LOST", MOTION),
-    "no joints": lambda file: file.__delitem__(f"{MOTION}/joints"),
     "unknown": lambda file: file.create_group(f"{MOTION}/odd"),
     "text": attribute("stretch", "1.0", "result"),
-    "whole numbers": replaced(f"{MOTION}/joints", lambda q: q.astype(int)),
-    "nan": replaced(f"{MOTION}/joints", lambda q: q * np.nan),
-    "columns": replaced(f"{MOTION}/joints", lambda q: q[:, :2]),
     "panels": lambda file: [change(file) for change in SHORTER],
-    "norm": replaced(f"{MOTION}/attitudes", lambda a: 1.001 * a),
     "back": replaced(f"{MOTION}/times", lambda t: t[np.argsort(np.sin(t))]),
     "base": replaced(f"{MOTION}/base_positions", lambda p: p + 1e-6),
     "document": replaced("document", lambda _: "[1, 2"),
     "scenario": replaced("scenario", lambda _: "task: dance"),
     "robot": replaced("robot", lambda _: "<robot/>"),
-    "end-effector": replaced("end_effector", lambda _: "link_3"),
-    "ranges": lambda file: file.__delitem__("result/ranges/0/ranges/0"),
 }
 
 
@@ -167,14 +157,11 @@ def doubled(value):
 
 RESTATED = {
     "min_margin.value": restated("min_margin", "value", by=doubled),
-    "final.joints[1]": restated("final", "joints", 1, by=doubled),
-    "residuals.momentum": restated("residuals", "momentum", by=lambda _: 1e-3),
     "attitude_ranges_deg[0].ranges[0][1]": restated(
         "attitude_ranges_deg", 0, "ranges", 0, 1, by=lambda high: high - 1.0
     ),
     "feasible": attribute("feasible", False, "result"),
     "duration": replaced("scenario", lambda text: text.replace("duration: 5", "duration: 6")),
-    "min_margin.required": replaced("scenario", lambda text: text.replace("value: 5", "value: 50")),
 }
 
 
@@ -256,7 +243,3 @@ def test_what_killed_writers_left_is_removed(tmp_path):
     with written_beside(tmp_path / "x.h5") as temporary:
         temporary.write_text("whole")
     assert set(os.listdir(tmp_path)) == {*names[1:], "x.h5"}
-
-
-def test_what_is_no_result_is_not_saved(saved, tmp_path):
-    assert error_key(ff.save, ff.load(saved).problem, tmp_path / "x.h5") == "result"

@@ -13,8 +13,6 @@ from freefloat.io.scenario.scenario import Scenario, scenario_of
 from freefloat.robot.description import RobotDescription
 from freefloat.robot.names import find_scenario
 from freefloat.robot.shapes import MeshFile
-from tests.commands import document
-from tests.errors import error_key
 
 CLIENT = (
     '<robot name="client"><link name="bus"><collision><geometry><box size="0.4 0.3 0.5"/>'
@@ -102,39 +100,13 @@ def test_a_result_file_needs_no_urdf_of_the_scene(scenario, given):
 
 @pytest.mark.parametrize(("body", "key"), [
     ({"name": "a"}, "scene.bodies.0"),
-    ({"name": "a", "box": [1, 1, 1], "sphere": 1}, "scene.bodies.0"),
     ({"name": "a", "mesh": "missing.stl"}, "scene.bodies.0.mesh"),
     ({"name": "a", "sphere": 1, "with": "robot"}, "scene.bodies.0.with"),
     ({"name": "a", "sphere": 1, "tumbling": {"inertia": [1, 1, 9], "rate": [0, 0, 1]}},
      "scene.bodies.0.tumbling.inertia"),
-    ({"name": "link_2", "sphere": 1}, "scene.bodies"),
-    ({"name": "a", "sphere": 1, "touch_links": ["finger"]}, "scene.bodies.touch_links"),
 ])  # fmt: skip
 def test_invalid_bodies_are_errors_with_their_key(body, key, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ff.InputError) as caught:
         written([body], None).problem()
     assert (caught.value.key, caught.value.source) == (key, "mine.yaml")
-
-
-def test_an_unknown_body_of_the_corridor_is_an_error(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert error_key(written([], CORRIDOR).problem) == "scene.corridor.body"
-
-
-@pytest.mark.parametrize("clearance", [True, False])
-def test_simulate_names_link_and_body(clearance, tmp_path, monkeypatch):
-    """A ball in the middle of the path, which the end-effector runs through."""
-    monkeypatch.chdir(tmp_path)
-    content = yaml.safe_load(find_scenario("planar_2dof/line").read_text())
-    content["robot"]["urdf"] = "planar_2dof"
-    content["scene"] = {"bodies": [{"name": "client", "sphere": 0.1, "position": [1.2, 0.7, 0]}]}
-    content["limits"] = {"clearance": 0.0} if clearance else {}
-    Path("mine.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
-    shown = document("simulate", "mine.yaml", "--heading", 27, "--branch", 1, code=int(clearance))
-    assert shown["contact"]["bodies"] == ["link_2", "client"]
-    assert shown["contact"]["depth"] > 0.1
-    if clearance:
-        assert (shown["limits"][0]["limit"], shown["limits"][0]["where"]) == (
-            "clearance", "link_2 - client",
-        )  # fmt: skip

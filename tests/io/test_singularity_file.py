@@ -14,9 +14,6 @@ from freefloat.singularities.singularity_map import Kind, SingularityMap
 from tests.result_files import altered, replaced
 from tests.robots import random_robot
 
-FIXED = np.uint8(3)
-"""A joint that is fixed, across which nothing is cut."""
-
 
 @pytest.fixture(scope="module")
 def found() -> SingularityMap:
@@ -26,29 +23,14 @@ def found() -> SingularityMap:
     return ff.singularity_map(model, resolution=np.radians(20.0), fixed=fixed)
 
 
-def test_a_loaded_map_passes_its_check(found: SingularityMap, tmp_path: Path) -> None:
-    ff.save(found, tmp_path / "map.h5")
-    loaded = ff.load(tmp_path / "map.h5")
-    assert isinstance(loaded, SingularityMap)
-    q = np.random.default_rng(0).uniform(-3.0, 3.0, (500, 6))
-    assert (loaded.kinds(q) == found.kinds(q)).all()
-    assert (loaded.polynomial.values(q) == found.polynomial.values(q)).all()
-    report = ff.check(loaded)
-    assert report.passed, report.discrepancies
-    assert report.checks[0].name == "polynomial"
-
-
 def with_kinds(nodes: np.ndarray) -> np.ndarray:
     return np.where(nodes == Kind.NEGATIVE, Kind.POSITIVE, nodes).astype(np.uint8)
 
 
 CHANGES = {
     "last": replaced("result/nodes", lambda nodes: nodes[:-1]),
-    "code": replaced("result/nodes", lambda nodes: np.where(np.arange(len(nodes)), nodes, FIXED)),
     "kinds": replaced("result/nodes", with_kinds),
-    "coefficients": replaced("result/polynomial/coefficients", lambda c: c[..., :1, :]),
     "values": replaced("result/polynomial/coefficients", lambda c: 1.001 * c),
-    "robot": replaced("robot", lambda text: text.replace('<mass value="', '<mass value="1', 1)),
 }
 
 

@@ -8,11 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.io.formats.trajectory import MAX_SAMPLES, Trajectory, even_times, times_at_rate
+from freefloat.io.formats.trajectory import Trajectory, even_times, times_at_rate
 from freefloat.motion.motion import Ending
 from freefloat.so3 import heading_quaternion
-from tests.errors import error_key
-from tests.prismatic import DURATION, RELATIVE, TOOL, prismatic_motion, prismatic_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
@@ -43,6 +41,7 @@ def differences(motion, t, h, name):
     return (8.0 * (row[3] - row[1]) - (row[4] - row[0])) / (12.0 * h)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rate", "name"),
     [
@@ -91,39 +90,6 @@ def test_states_are_those_of_the_motion(motion):
     )
 
 
-def test_force_of_a_prismatic_joint_in_closed_form():
-    """The end-effector's mass times its acceleration; the spacecraft recoils."""
-    motion = prismatic_motion(prismatic_robot())
-    tau = np.linspace(0.0, 1.0, 9)
-    trajectory = Trajectory.of(motion, tau * DURATION)
-    speed = (30 * tau**2 - 60 * tau**3 + 30 * tau**4) / DURATION
-    acceleration = (60 * tau - 180 * tau**2 + 120 * tau**3) / DURATION**2
-    assert_close(trajectory.joint_rates[:, 0], RELATIVE * speed, atol=1e-9)
-    assert_close(trajectory.joint_accelerations[:, 0], RELATIVE * acceleration, atol=1e-9)
-    inertial = RELATIVE * 90.0 / 100.0 * acceleration  # inertial acceleration
-    assert_close(trajectory.joint_torques[:, 0], TOOL * inertial, atol=1e-8)
-    assert_close(trajectory.base_velocities[:, 0], -0.1 * RELATIVE * speed, atol=1e-9)
-
-
-def test_at_a_singular_end_rates_are_unknown_and_states_known(singular):
-    assert singular.ending is Ending.SINGULAR
-    trajectory = Trajectory.of(singular, even_times(singular, 21))
-    assert trajectory.times[-1] == singular.final.time
-    for name in ("base_velocities", "angular_velocities", "joint_rates", "joint_accelerations",
-                 "joint_torques"):  # fmt: skip
-        assert np.isnan(getattr(trajectory, name)[-1]).all(), name
-        assert np.isfinite(getattr(trajectory, name)[:-1]).all(), name
-    assert_close(trajectory.joints[-1], singular.final.joints, atol=1e-12)
-    assert np.isfinite(trajectory.measure).all()
-
-
-def test_times_are_written_as_short_as_they_are_meant(motion):
-    """Not 99.80000000000001; a third of a second has no short text."""
-    for times in (even_times(motion, 501), times_at_rate(motion, 10.0)):
-        assert max(len(repr(time)) for time in times.tolist()) <= 5
-    assert times_at_rate(motion, 3.0)[1] == 1.0 / 3.0
-
-
 @pytest.mark.parametrize(
     ("rate", "count", "before_last"), [(0.5, 51, 98.0), (0.03, 4, 200 / 3), (0.001, 2, 0.0)]
 )
@@ -137,11 +103,6 @@ def test_a_rate_gives_steps_of_its_length_and_the_end(singular, rate, count, bef
     cut = times_at_rate(singular, rate)
     assert cut[-1] == singular.final.time
     assert (np.diff(cut) > 0.0).all()
-
-
-def test_impossible_rates_and_counts_are_refused(singular):
-    assert error_key(times_at_rate, singular, 0.0) == "rate"
-    assert error_key(even_times, singular, MAX_SAMPLES + 1) == "times"
 
 
 def test_a_motion_that_ends_where_it_begins_has_one_time(singular):

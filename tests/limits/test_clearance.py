@@ -7,15 +7,12 @@ import numpy as np
 import pytest
 
 from freefloat.errors import ModelError
-from freefloat.io.scenario.scenario import load_scenario
 from freefloat.limits.clearance import TOLERANCE, clearance
 from freefloat.limits.collision import collision_shapes
 from freefloat.limits.pairs import CollisionPairs
-from freefloat.motion.integration import integrate_motion
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import heading_quaternion
 from tests.prismatic import RELATIVE, prismatic_motion, prismatic_robot, shape_text
-from tests.robots import inertial_text, joint_text, link_text, random_robot
+from tests.robots import joint_text, random_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 CUBE = shape_text('<box size="1 1 1"/>')
@@ -65,39 +62,6 @@ def test_a_contact_thinner_than_any_sampling_is_found():
         assert_close(nearest.distance, 0.00099 - 0.0005 - 0.001, atol=1e-6)
 
 
-def test_shapes_on_fixed_joints_count():
-    """A joint off the chain is fixed at zero; its shape stands where the end-effector passes."""
-    motion = prismatic(more=mast(1.4, 0.3, kind="R"))
-    pairs = CollisionPairs(motion.problem.model)
-    nearest = clearance(motion, pairs)
-    assert pairs.name(nearest.pair) == "mast - hand"
-    assert_close(nearest.distance, 0.3 - 0.01 - 0.1, atol=1e-8)
-
-
-MOTIONS = [
-    pytest.param("ur5_servicer/arc", [0.0, 0.0, 0.0, 1.0], 2, marks=pytest.mark.slow),
-    pytest.param("panda_servicer/line", [0.0, 0.0, 0.0, 1.0], 1, marks=pytest.mark.slow),
-    ("spatial_6dof/line", [0.46008, 0.09337, 0.73519, -0.48898], 2),
-    ("planar_3dof/parabola", list(heading_quaternion(np.deg2rad(200))), 0),
-]
-
-
-@pytest.mark.parametrize(("name", "attitude", "branch"), MOTIONS)
-def test_fine_sampling_finds_nothing_nearer(name, attitude, branch):
-    problem = load_scenario(name).problem()
-    attitude = problem.attitude(attitude)
-    motion = integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints)
-    pairs = CollisionPairs(problem.model)
-    nearest = clearance(motion, pairs)
-    everything = np.arange(len(pairs.pairs))
-    joints = motion.evaluate(np.linspace(0.0, motion.panels, 401))[2]
-    sampled = np.array([pairs.distances(q, everything) for q in joints])
-    assert nearest.distance <= sampled.min() + 1e-8
-    assert nearest.distance >= sampled.min() - 1e-3
-    _, pair = np.unravel_index(sampled.argmin(), sampled.shape)
-    assert pairs.name(nearest.pair) == pairs.name(pair)
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_distances_change_no_faster_than_the_levers_say(seed):
     """On random robots with revolute and prismatic joints, a cube on every link."""
@@ -145,32 +109,6 @@ def test_pairs_that_always_overlap_are_left_out_and_named():
     assert_close(clearance(motion, pairs).distance, 0.4, atol=1e-9)
 
 
-def test_links_with_mass_but_without_shape_are_named():
-    """A body without shape, as a payload without size, cannot collide."""
-    payload = link_text("payload", inertial_text(1.0, np.eye(3)))
-    text = prismatic_robot(CUBE, BALL, payload + joint_text("grip", "F", "hand", "payload"))
-    pairs = CollisionPairs(FreeFloatingModel.from_urdf(text, "hand"))
-    assert "payload: without shape" in pairs.left_out
-
-
-def test_robots_without_shapes_are_refused():
-    with pytest.raises(ModelError):
-        CollisionPairs(FreeFloatingModel.from_urdf(prismatic_robot(), "hand"))
-
-
-def test_a_clearance_that_no_pair_can_have_is_refused():
-    with pytest.raises(ModelError):
-        CollisionPairs(FreeFloatingModel.from_urdf(prismatic_robot(CUBE, BALL), "hand"), 100.0)
-
-
-def test_visuals_stand_in_for_missing_collision_shapes():
-    """Bus by its visual, end-effector by its collision shape although it has a visual, too."""
-    looks = CUBE.replace("collision", "visual")
-    fat = shape_text('<sphere radius="0.45"/>').replace("collision", "visual")
-    motion = prismatic(looks, BALL + fat)
-    assert_close(clearance(motion, CollisionPairs(motion.problem.model)).distance, 0.4, atol=1e-9)
-
-
 def test_every_kind_of_shape_has_its_size(tmp_path):
     """A ball's extent as box, cylinder and mesh: the distance to the bus differs."""
     corners = np.array([[-0.1, 0, 0], [0.2, 0.2, 0.2], [0.2, -0.2, 0.2], [0.2, 0.0, -0.2]])
@@ -200,11 +138,3 @@ def test_shapes_that_cannot_be_read_are_refused(geometry):
     model = FreeFloatingModel.from_urdf(prismatic_robot(CUBE, shape_text(geometry)), "hand")
     with pytest.raises(ModelError):
         collision_shapes(model)
-
-
-@pytest.mark.slow
-def test_contact_with_a_mesh_is_a_contact_with_its_hull(ur5):
-    """Shapes of a stock arm: every link has one, each inside its vertices."""
-    shapes = collision_shapes(ur5)
-    assert {shape.link for shape in shapes} >= {"base_link", "forearm_link", "wrist_3_link"}
-    assert all(len(shape.points) >= 8 for shape in shapes)

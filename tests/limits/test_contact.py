@@ -31,20 +31,6 @@ def test_the_deepest_contact_is_that_of_the_limit(simulation):
     assert (known.bodies, known.depth) == (contact.bodies, -limit.worst)
 
 
-def test_files_keep_the_contact(simulation, tmp_path):
-    ff.save(simulation, tmp_path / "motion.h5")
-    loaded = ff.load(tmp_path / "motion.h5")
-    assert loaded.contact == simulation.contact
-    assert loaded.to_dict()["contact"] == simulation.contact.to_dict()
-
-
-def test_motions_without_contact_have_none(simulation):
-    problem = ff.load_scenario("planar_3dof/parabola").problem()
-    simulation = ff.simulate(problem, [0.0, 0.0, 1.0, 0.0])
-    assert simulation.contact is None
-    assert simulation.to_dict()["contact"] is None
-
-
 def between_cubes(folder, gap: float) -> Motion:
     """An end-effector of radius 0.1 m that passes between two cubes of one mesh."""
     away = gap / 2.0 + 0.05

@@ -65,27 +65,6 @@ def test_the_distance_of_a_fixed_body_is_exact(shape, axes, gap):
     assert along == pytest.approx(ABOVE, abs=0.11)
 
 
-def test_a_thin_contact_between_samples_is_found():
-    """A needle of 0.1 mm across the path of the ball."""
-    body = SceneBody("needle", Box([1e-4, 1e-4, 0.1]), [1.234567, RADIUS, 0.0])
-    distance, _, time = nearest_of(prismatic(body))
-    assert distance == pytest.approx(-0.5e-4, abs=1e-6)
-    slower = prismatic(body, duration=2000.0)
-    assert nearest_of(slower)[2] == pytest.approx(100.0 * time, rel=1e-6)
-
-
-def test_a_body_that_moves_with_the_target_keeps_its_distance():
-    body = SceneBody("tool", Sphere(0.05), [0.0, 0.3, 0.4], motion="target")
-    motion = prismatic(body)
-    pairs = CollisionPairs(motion.problem.model, scene=motion.problem.scene)
-    for t in (0.0, 7.0, 20.0):
-        state = motion.sample([t])[0]
-        poses = motion.problem.scene.poses(t, motion.problem.path)
-        distance = pairs.distances(state.joints, np.array([0]), state.attitude, poses)
-        assert distance[0] == pytest.approx(0.5 - 0.05 - RADIUS, abs=1e-9)
-    assert nearest_of(motion)[0] == pytest.approx(0.35, abs=1e-6)
-
-
 def test_the_distance_of_a_rotating_body_is_exact():
     """A ball circles about its centre of mass; the closest approach of two moving points."""
     rate, arm, centre = 1.3, 0.4, np.array([1.5, 0.9, 0.1])
@@ -116,6 +95,7 @@ def test_links_that_may_touch_are_left_out():
     assert contact.depth == pytest.approx(0.6, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_ball_in_the_notch_of_a_mesh_is_no_contact(tmp_path):
     """Inside the convex hull of an angle of two plates, beside both: meshes are divided."""
     file = tmp_path / "angle.stl"

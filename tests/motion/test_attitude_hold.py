@@ -10,7 +10,6 @@ from scipy.interpolate import CubicSpline
 import freefloat as ff
 from freefloat.errors import UnreachableError
 from freefloat.so3 import rotation_matrix
-from tests.commands import document, error
 from tests.errors import error_key
 
 ATTITUDE = np.array([-0.01384, 0.0009, -0.0037, 0.9999])
@@ -60,22 +59,6 @@ def test_the_end_effector_keeps_the_direction_that_a_pointing_task_prescribes() 
         )
         np.testing.assert_allclose(pose.position, prescribed.position, atol=1e-6)
         np.testing.assert_allclose(pose.rotation[:, 2], prescribed.rotation[:, 2], atol=1e-6)
-
-
-@pytest.mark.slow
-def test_wheels_store_the_momentum_while_the_arm_rests() -> None:
-    problem = ff.load_scenario("ets_vii/inspect").problem()
-    held = ff.hold_attitude(problem, [0.0, 0.0, 0.0, 1.0])
-    np.testing.assert_allclose(held.momenta[[0, -1]], [problem.momentum] * 2, atol=1e-9)
-    assert 0.0 < held.drift_turn < np.radians(10.0)
-
-
-@pytest.mark.slow
-def test_the_command_shows_it() -> None:
-    shown = document("info", "planar_2dof/line", "--hold")["hold"]
-    assert shown["wheel_momentum"][:2] == [0.0, 0.0]
-    assert shown["wheel_momentum_norm"] == pytest.approx(shown["wheel_momentum"][2])
-    assert error("info", "planar_2dof", "--hold")["key"] == "hold"
 
 
 def test_errors() -> None:

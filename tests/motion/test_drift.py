@@ -12,13 +12,11 @@ from scipy.integrate import solve_ivp
 import freefloat as ff
 from freefloat.attitude_grids import attitude_grid
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.motion.law import PathLaw
 from freefloat.so3 import angle_between, heading_quaternion
 from freefloat.verification.engines.mujoco import forward_run, inverse_run
 from freefloat.verification.engines.mujoco_model import Engine
 from tests.errors import error_key
 from tests.motions import GOOD, bundled
-from tests.redundant import redundant
 
 SPATIAL, PLANAR = "spatial_6dof/line", "planar_3dof/parabola_nonstop"
 DRIFT = {SPATIAL: np.array([0.002, 0.001, -0.0015]), PLANAR: np.array([-0.01, 0.006, 0.0])}
@@ -99,15 +97,6 @@ def test_ensembles_and_precise_motions_agree(name: str, momentum: bool) -> None:
     assert compared_with_precise(problem, *starts) > 3
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("metric", ["energy", "base"])
-def test_motions_of_redundant_arms_agree(metric: str) -> None:
-    toward = "none" if metric == "base" else "sigma"
-    start = redundant("RRRRRRR", ff.Task.POSE, ff.Redundancy(metric, toward=toward))
-    problem = drifting(start.problem, np.array([0.3, -0.2, 0.1]) / start.problem.path.duration)
-    assert compared_with_precise(problem, start.attitude[None], start.joints[None]) == 1
-
-
 def compared_with_precise(problem: ff.Problem, attitudes: np.ndarray, joints: np.ndarray) -> int:
     """Compare at most five compiled motions that complete with precise ones; their number."""
     result = EnsembleIntegrator(problem, 1, tolerance=1e-9).integrate(attitudes, joints)
@@ -132,24 +121,6 @@ def test_mujoco_ends_at_the_same_place_of_the_fixed_frame(name: str) -> None:
     assert forward.attitude < 1e-4
     moved = motion.final.base_position + problem.path.duration * problem.path.drift
     np.testing.assert_allclose(engine.data.qpos[:3], moved, atol=1e-4)
-
-
-@pytest.mark.parametrize("redundant_arm", [False, True])
-def test_no_wrench_acts_on_the_spacecraft(redundant_arm: bool) -> None:
-    """Accelerations are those of the recorded joints, and need no external force."""
-    problem, motion = problem_of(SPATIAL, momentum=True), None
-    if redundant_arm:
-        start = redundant("RRRRRRR", ff.Task.POSE, ff.Redundancy("energy"))
-        problem = drifting(start.problem, np.array([0.3, -0.2, 0.1]) / start.problem.path.duration)
-        motion = ff.integrate_motion(problem, start.attitude, start.joints)
-    motion = motion or start_of(problem, STARTS[SPATIAL])
-    dynamics, h = PathLaw(problem), 1e-3 * problem.path.duration
-    for t in np.array([0.2, 0.5, 0.8]) * problem.path.duration:
-        before, state, after = motion.sample([t - h, t, t + h])
-        effort = dynamics.effort(t, state.attitude, state.joints)
-        assert np.abs(effort.base_wrench).max() < 1e-8 * np.abs(effort.joint_torques).max()
-        change = (after.joints - 2.0 * state.joints + before.joints) / h**2
-        assert effort.accelerations[6:] == pytest.approx(change, abs=1e-3 * np.abs(change).max())
 
 
 def test_the_same_motion_at_another_speed() -> None:
@@ -195,11 +166,3 @@ def test_poses_and_twists_of_a_path_are_relative_to_the_centre_of_mass() -> None
         np.testing.assert_allclose(path.pose_at(s).position, path.pose(t).position, atol=1e-12)
     np.testing.assert_array_equal(path.twist(0.0)[:3], -path.drift)
     assert [path.timing.time_at(s) for s in (0.0, 1.0)] == [0.0, 100.0]
-
-
-def test_errors() -> None:
-    planar, path = bundled(PLANAR), bundled(PLANAR).path
-    upward = replace(path, drift=[0.0, 0.0, 0.1])
-    assert error_key(lambda: planar.replace(path=upward)) == "drift"
-    assert error_key(lambda: replace(path, drift=[0.1, 0.0])) == "drift"
-    assert error_key(lambda: replace(path, drift=[np.nan, 0.0, 0.0])) == "drift"

@@ -100,21 +100,6 @@ def times_inside(motion):
     return ends[:-1] + np.diff(ends) * (np.arange(1, len(ends)) * 0.6180339887 % 1.0)
 
 
-@pytest.mark.slow
-def test_known_minimum(near):
-    """min (q - q(t))^2 + d = d, at the time t when the joint is there, in every panel."""
-    for t in times_inside(near):
-        joints = near.sample(t)[0].joints
-        joint = int(np.argmax(np.abs(near.sample(t + 1e-3 * (100 - t))[0].joints - joints)))
-        for sign in (1.0, -1.0):
-            measure = passing(joint, joints[joint], lambda x, sign=sign: sign * (x**2 + 1e-6))
-            result = ff.closest_approach(near, measure)
-            assert result.value == pytest.approx(1e-6, abs=1e-12)
-            assert result.sign == sign
-            again = near.sample(result.time)[0].joints[joint]
-            assert again == pytest.approx(joints[joint], abs=1e-6)
-
-
 @pytest.mark.parametrize("depth", [1e-5, 1e-7, 1e-9])
 def test_sign_change_between_nodes_is_distinguished_from_a_minimum(near, depth):
     """A minimum of -d between two nodes is a change of sign, one of +d is not."""
@@ -249,9 +234,3 @@ def test_revolute_joints_are_unwrapped_into_their_ranges(ranged, rng):
         assert (extents.high <= high).all()
     assert back.residuals().end_effector_position < 1e-8
     assert_close(back.attitudes, ranged.attitudes, atol=0.0)
-
-
-def test_ranges_out_of_order_are_ignored():
-    model = ff.FreeFloatingModel.from_urdf(prismatic_robot(limits=(0.0, 0.0)), "hand")
-    lower, upper = model.joint_ranges
-    assert (lower[0], upper[0], upper[1]) == (-np.inf, np.inf, 4.0)

@@ -16,9 +16,6 @@ from freefloat.paths import (
     FixedOrientation,
     PolynomialCurve,
     SlerpOrientation,
-    SplineCurve,
-    Stop,
-    TimeLaw,
 )
 from freefloat.so3 import heading_of, rotation_matrix
 from tests.errors import error_key
@@ -26,7 +23,6 @@ from tests.motions import (
     BAD,
     GOOD,
     PitchOrientation,
-    bundled,
     from_here,
     heading,
     on_side,
@@ -62,28 +58,6 @@ def test_the_singular_time_does_not_depend_on_the_tolerance(spatial):
         assert_close(rough.final.joints, fine.final.joints, atol=1e-3)
 
 
-def test_joint_rates_grow_beyond_bounds_towards_the_singularity(spatial):
-    """Like one over the root of the time left: a hundredth of it, ten times the rate."""
-    motion = simulated(spatial, BAD, 2)
-    rates = []
-    for left in (1e-2, 1e-4):
-        before, after = motion.sample(motion.final.time - left * np.array([1.01, 0.99]))
-        rates.append(np.linalg.norm(after.joints - before.joints) / (0.02 * left))
-    assert rates[1] / rates[0] == pytest.approx(10.0, rel=0.1)
-
-
-@pytest.mark.slow
-def test_a_motion_that_begins_just_before_its_singularity_ends_there(spatial):
-    """In one step, as time reverses smoothly along the curve."""
-    end = simulated(spatial, BAD, 2).final
-    for before in (1e-4, 1e-8):
-        (state,) = simulated(spatial, BAD, 2).sample(end.time - before)
-        motion = ff.integrate_motion(spatial, state.attitude, state.joints, start=state.time)
-        assert motion.ending is Ending.SINGULAR
-        assert motion.panels == 1
-        assert motion.final.time == pytest.approx(end.time, abs=1e-9)
-
-
 def test_a_motion_up_to_just_before_its_singularity_completes(spatial):
     """Its last step may pass the singularity, where time reverses, and end at an earlier time."""
     final = simulated(spatial, BAD, 2).final
@@ -107,27 +81,6 @@ def test_example_1_passes_the_stop_at_rest(planar):
     assert np.abs(planar.path.twist(69.73)).max() < 1e-12
     drift = abs(heading_of(after.attitude) - heading_of(before.attitude)) / 2e-3
     assert 1e-4 < np.abs(rates).max() + drift < 5e-2
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["planar_3dof/parabola", "planar_3dof/parabola_nonstop"])
-def test_every_heading_has_an_ending(name):
-    """All around the circle, on both branches: completed, or singular where det S* vanishes."""
-    problem = bundled(name)
-    measure = ff.singularity_measure(problem.model, problem.task, "gjm")
-    singular = 0
-    for degrees in [*range(0, 360, 30), 8, 66, 77, 81, 95, 103, 124, 131]:
-        attitude = heading(degrees)
-        for branch in problem.branches(attitude):
-            motion = ff.integrate_motion(problem, attitude, branch.joints)
-            if motion.ending is Ending.SINGULAR:
-                singular += 1
-                assert abs(measure(motion.final.joints)) < 1e-8
-                assert motion.final.time < 100.0
-            else:
-                assert motion.completed
-                assert motion.final.time == 100.0
-    assert 6 < singular < 36
 
 
 # --- parts of a motion -----------------------------------------------------------------------
@@ -160,20 +113,6 @@ def test_stops_are_passed_in_both_directions(planar):
         assert_close(on.final.joints, expected.joints, atol=1e-8)
 
 
-@pytest.mark.slow
-def test_short_legs_between_breaks_have_precise_rates_and_few_steps(spatial):
-    """About three steps of a spline's segment; rates are differences by the length of a leg."""
-    s = np.linspace(0.0, 1.0, 41)
-    noise = 1e-3 * np.random.default_rng(1).standard_normal((len(s), 3))
-    curve = SplineCurve([spatial.path.path.curve(x) for x in s] + noise, s)
-    path = ff.EndEffectorPath(curve, spatial.path.path.orientation)
-    problem = replace(spatial, path=ff.TimedPath(path, spatial.path.timing))
-    motion = simulated(problem, GOOD, 2)
-    assert motion.completed
-    assert motion.panels < 120
-    assert motion.residuals().momentum < 6e-8
-
-
 # --- redundant arms ----------------------------------------------------------------------------
 
 
@@ -204,16 +143,6 @@ def test_a_redundant_arm_does_not_creep_along_a_singularity(spatial, monkeypatch
         ff.generalized_jacobian(problem.model, motion.final.joints, problem.task)
     )[1]
     assert values[-1] < 1e-4 * values[0]
-
-
-def test_without_momentum_nothing_moves_at_a_stop(spatial):
-    timing = ff.Timing(100.0, TimeLaw.QUINTIC, (Stop(0.5, 50.0),))
-    problem = replace(
-        spatial, momentum=[0, 0, 0], path=ff.TimedPath(spatial.path.path, timing)
-    )  # fmt: skip
-    before, after = simulated(problem, GOOD, 2).sample([49.99, 50.01])
-    assert_close(after.joints, before.joints, atol=1e-8)
-    assert_close(after.attitude, before.attitude, atol=1e-8)
 
 
 # --- long and short ----------------------------------------------------------------------------
@@ -291,15 +220,6 @@ def test_rotating_the_whole_problem_rotates_the_motion(spatial):
         assert_close(R @ rotation_matrix(a.attitude), rotation_matrix(b.attitude), atol=1e-8)
 
 
-def test_revolutions_of_a_joint_do_not_matter(spatial):
-    attitude = spatial.attitude(GOOD)
-    joints = spatial.branches(attitude)[2].joints
-    revolutions = 2 * np.pi * np.array([0, 0, 1, -1, 0, 2])
-    usual = ff.integrate_motion(spatial, attitude, joints).final.joints
-    result = ff.integrate_motion(spatial, attitude, joints + revolutions).final.joints
-    assert_close(result - revolutions, usual, atol=1e-8)
-
-
 def test_joints_off_the_path_raise(spatial):
     """A micrometre is the limit; the message says how far off they are."""
     attitude = spatial.attitude(GOOD)
@@ -360,13 +280,6 @@ def test_a_singularity_passed_at_finite_rates_ends_the_motion(spatial):
     )
 
 
-def test_the_same_motion_the_other_way_round_completes(spatial):
-    problem, motion = in_plane(spatial.model, pitched(-0.9))
-    assert motion.completed
-    assert np.abs(problem.momentum).max() > 0.0
-    assert motion.residuals().momentum < 1e-6
-
-
 @pytest.mark.slow
 def test_a_wrist_that_just_straightens_is_distinguished_from_one_that_does_not(spatial):
     """q5 falls to slightly below zero and rises again: singular; slightly above: completed."""
@@ -388,25 +301,6 @@ def test_a_wrist_that_just_straightens_is_distinguished_from_one_that_does_not(s
     assert 0.0 < above[1] < 2e-7
     assert below[0].final.joints[4] == pytest.approx(0.0, abs=1e-9)
     assert below[0].final.time > 5.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["gjm", "system"])
-def test_no_margin_left_at_a_singularity_is_still_a_singularity(spatial, planar, name):
-    """With a margin of zero, stopping at the margin does not hide that the arm became singular."""
-    for problem, attitudes in (
-        (spatial, [BAD]),
-        (planar, [heading(d) for d in range(95, 160, 26)]),
-    ):
-        margin = ff.Margin(ff.singularity_measure(problem.model, problem.task, name), 0.0)
-        asked_for = replace(problem, margin=margin)
-        for attitude in attitudes:
-            for branch in asked_for.branches(asked_for.attitude(attitude)):
-                plainly, stopping = (
-                    simulated(asked_for, attitude, branch.index, stop_at_margin=stop)
-                    for stop in (False, True)
-                )
-                assert stopping.ending is plainly.ending
 
 
 @pytest.mark.parametrize("tolerance", [1e-14, 0.015, "1e-8"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -19,7 +21,8 @@ ATTITUDE /= np.linalg.norm(ATTITUDE)
 
 def moved(kind: str) -> Motion:
     problem = ff.load_scenario("spatial_6dof/line").problem()
-    problem = problem.replace(wheel_momentum=[0.1, 0.2, -0.3])
+    path = replace(problem.path, drift=[0.002, 0.001, -0.0015])
+    problem = problem.replace(wheel_momentum=[0.1, 0.2, -0.3], path=path)
     if kind == "path":
         return ff.simulate(problem, ATTITUDE).chosen.motion
     if kind == "transfer":
@@ -29,6 +32,7 @@ def moved(kind: str) -> Motion:
     return integrate_loops(problem, loops, ATTITUDE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["path", "transfer", "loops"])
 def test_rates_and_accelerations_are_derivatives_of_the_motion(kind: str) -> None:
     """Central differences of fourth order."""

@@ -52,13 +52,6 @@ def test_a_motion_begins_and_ends_where_it_says(motion, spatial):
     assert len(motion.times) == DEGREE * motion.panels + 1
 
 
-def test_nodes_are_passed_in_order(motion, singular, backwards, stopping):
-    """Time rises without a rest, or falls in a motion integrated in reverse."""
-    for record in (motion, singular, stopping):
-        assert (np.diff(record.times) > 0.0).all()
-    assert (np.diff(backwards.times) < 0.0).all()
-
-
 def test_a_motion_passes_its_nodes(motion, singular, backwards, stopping):
     """Sampled at the time of a node it is at that node."""
     for record in (motion, singular, backwards, stopping):
@@ -81,17 +74,6 @@ def test_a_motion_is_sampled_in_the_order_asked_for(motion):
     assert motion.sample([]) == ()
     for outside in (-1e-9, 100.0001, np.nan, [50.0, 101.0]):
         assert error_key(motion.sample, outside) == "times"
-
-
-def test_samples_are_unit_quaternions_and_balanced(motion):
-    """|q| = 1 everywhere, and the centre of mass is at the origin: base position follows."""
-    assert_close(np.linalg.norm(motion.attitudes, axis=1), 1.0, atol=1e-15)
-    model = motion.problem.model.pin_model
-    for state in motion.sample(np.linspace(0.0, 100.0, 77)):
-        assert np.linalg.norm(state.attitude) == pytest.approx(1.0, abs=1e-15)
-        q = np.concatenate([state.base_position, state.attitude, state.joints])
-        centre = pin.centerOfMass(model, model.createData(), q)
-        assert_close(centre, 0.0, atol=1e-14)
 
 
 def test_a_reversed_motion_is_the_motion_at_every_time(motion, backwards):
@@ -118,13 +100,6 @@ def test_a_cut_motion_is_the_motion_up_to_there(motion, place):
         assert_close(state.joints, whole.joints, atol=1e-11)
 
 
-@pytest.mark.parametrize("beyond", [1e-2, 1e-9])
-def test_a_cut_motion_has_small_residuals(motion, beyond):
-    residuals = motion.cut(7.0 + beyond, Ending.MARGIN).residuals()
-    assert residuals.end_effector_position < 1e-8
-    assert residuals.momentum < 1e-5
-
-
 def test_places_and_times_belong_together(motion, backwards):
     """coordinate_at is the inverse of evaluate, and nodes are where node_coordinates says."""
     for record in (motion, backwards):
@@ -135,16 +110,6 @@ def test_places_and_times_belong_together(motion, backwards):
         assert_close(t, record.times, atol=1e-11)
         assert_close(attitudes, record.attitudes, atol=1e-12)
         assert_close(joints, record.joints, atol=1e-12)
-
-
-def test_a_motion_of_no_duration(spatial, motion):
-    """Starting and ending at the same time on the way."""
-    (state,) = motion.sample(50.0)
-    moment = ff.integrate_motion(spatial, state.attitude, state.joints, start=50.0, end=50.0)
-    assert moment.completed
-    assert moment.times.tolist() == [50.0]
-    assert_close(moment.sample(50.0)[0].joints, state.joints, atol=1e-13)
-    assert moment.residuals().momentum < 1e-6
 
 
 def test_a_good_motion_has_small_residuals(motion, singular, backwards, stopping):
@@ -208,36 +173,6 @@ def test_the_momentum_residual_is_in_newton_metre_seconds(motion, missing):
     assert result == pytest.approx(np.linalg.norm(missing), rel=1e-3)
 
 
-def test_momentum_errors_are_nan_where_time_stands_still(motion):
-    jump = replace(motion, times=np.zeros(len(motion.times)))
-    assert np.isnan(jump.momentum_errors(np.linspace(0.0, motion.panels, 31))).all()
-    assert np.isnan(motion.cut(0.0, motion.ending).momentum_errors([0.0])).all()
-
-
-def test_the_largest_momentum_error_is_the_residual(motion, stopping):
-    for entry in (motion, stopping):
-        residual = entry.residuals().momentum
-        just_before = np.arange(1.0, entry.panels + 1.0) - 1e-9
-        at_nodes = entry.momentum_errors(np.append(entry.node_coordinates, just_before))
-        assert np.nanmax(at_nodes) == pytest.approx(residual, rel=1e-2)
-        between = entry.momentum_errors(np.linspace(0.0, entry.panels, 100))
-        assert np.nanmax(between) < 10.0 * residual
-
-
-def test_errors_show_where_they_are(motion):
-    node = 8 * (motion.panels // 2) + 3
-    shifted = tampered(motion, "joints", node, 1e-4 * np.eye(6)[0])
-    errors = shifted.end_effector_errors
-    assert int(np.argmax(errors[:, 0])) == node
-    assert errors[node, 0] == shifted.residuals().end_effector_position > 1e-5
-    momentum = shifted.momentum_errors(shifted.node_coordinates)
-    first = 8 * (node // 8)
-    there = slice(first, first + 9)
-    assert np.nanmax(momentum[there]) == np.nanmax(momentum) > 1e-4
-    away = np.concatenate([momentum[: there.start], momentum[there.stop + 1 :]])
-    assert np.nanmax(away) < 1e-5
-
-
 def test_a_motion_survives_pickling(motion, singular):
     for record in (motion, singular):
         _ = record.base_positions, record.sample(20.0)
@@ -247,15 +182,3 @@ def test_a_motion_survives_pickling(motion, singular):
             assert (getattr(back, name) == getattr(record, name)).all()
         assert back.residuals() == record.residuals()
         assert (back.sample(20.0)[0].joints == record.sample(20.0)[0].joints).all()
-
-
-def test_a_late_node_shows_in_position_and_momentum(motion):
-    """A configuration at the wrong time is off the path by its speed times the delay."""
-    node, delay = 8 * 15 + 3, 1e-2
-    twist = motion.problem.path.twist(motion.times[node])
-    result = tampered(motion, "times", node, delay).residuals()
-    offset = delay * np.linalg.norm(twist[:3])
-    assert result.end_effector_position == pytest.approx(offset, rel=1e-2)
-    assert result.momentum > 1e-4
-    fixed = replace(motion, attitudes=np.tile(motion.attitudes[0], (len(motion.times), 1)))
-    assert fixed.residuals().momentum > 0.1

@@ -5,10 +5,9 @@ from functools import partial
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.paths import FixedOrientation, PolynomialCurve, SlerpOrientation
+from freefloat.paths import FixedOrientation, PolynomialCurve
 from freefloat.so3 import heading_quaternion, rotation_vector_between
 from tests.errors import error_key
 from tests.motions import GOOD
@@ -67,29 +66,6 @@ def test_a_planar_task_wants_momentum_about_z(planar):
     assert error_key(replace, planar, momentum=[0, -0.1, 0.5]) == "momentum"
 
 
-def test_a_planar_path_keeps_the_end_effector_upright(planar):
-    """An attitude that tips the end-effector over raises an error with the first place."""
-    tipping = SlerpOrientation(np.eye(3), Rotation.from_rotvec([0.5, 0.0, 1.0]).as_matrix())
-    path = ff.EndEffectorPath(planar.path.path.curve, tipping)
-    with pytest.raises(ff.InputError):
-        replace(planar, path=ff.TimedPath(path, ff.Timing(100.0)))
-    upside_down = ff.EndEffectorPath(
-        planar.path.path.curve, FixedOrientation(np.diag([1.0, -1, -1]))
-    )
-    with pytest.raises(ff.InputError):
-        replace(planar, path=ff.TimedPath(upside_down, ff.Timing(100.0)))
-    replace(planar, path=ff.TimedPath(path, ff.Timing(100.0)), task=ff.Task.PLANAR_POSITION)
-
-
-def test_a_planar_path_stays_at_the_height_of_the_end_effector(planar):
-    for rise, task in (([0, 0, 0.1], ff.Task.PLANAR_POSE), ([0, 0, 0.0], ff.Task.PLANAR_POSITION)):
-        start = np.array([2.0, 0.0, 0.0 if any(rise) else 0.2])
-        line = PolynomialCurve.line(start, start + np.array([-0.5, 0.3, 0.0]) + rise)
-        path = ff.EndEffectorPath(line, planar.path.path.orientation)
-        with pytest.raises(ff.InputError):
-            replace(planar, path=ff.TimedPath(path, ff.Timing(100.0)), task=task)
-
-
 def test_an_attitude_is_normalized(spatial):
     result = spatial.attitude(GOOD)
     assert_close(result, np.array(GOOD) / np.linalg.norm(GOOD), atol=1e-15)
@@ -103,17 +79,6 @@ def test_a_planar_spacecraft_turns_about_z(planar):
     planar.attitude(heading_quaternion(2.0))
     with pytest.raises(ff.InputError):
         planar.attitude([0.6, 0.0, 0.0, 0.8])
-
-
-@pytest.mark.parametrize("t", [0.0, 42.25, 100.0])
-def test_every_branch_puts_the_end_effector_on_the_path(spatial, t):
-    attitude = spatial.attitude(GOOD)
-    branches, target = spatial.branches(attitude, t), spatial.path.pose(t)
-    assert len(branches) == 8
-    for branch in branches:
-        pose = spatial.model.end_effector_pose(attitude, branch.joints)
-        assert_close(pose.position, target.position, atol=1e-9)
-        assert np.linalg.norm(rotation_vector_between(pose.rotation, target.rotation)) < 1e-8
 
 
 @pytest.mark.parametrize("heading", [0.0, 2.0, 4.5])

@@ -6,7 +6,6 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.paths import DirectedOrientation, PolynomialCurve, RelativePath, SlerpOrientation
-from tests.errors import error_key
 
 TUMBLING = ff.Tumbling(inertia=[115, 72, 150], rate=[0.05, 0.03, 0.0466], com=[0.1, 0, 0.2])
 CLIENT = ff.SceneBody(
@@ -54,14 +53,6 @@ def test_its_end_has_the_velocity_of_the_point_of_the_body():
     assert timed.twist(30.0) == pytest.approx([*velocity, *omega], abs=1e-10)
 
 
-def test_a_longer_duration_meets_the_body_later():
-    relative = relative_path()
-    slower = relative.timed().stretched(2.0)
-    expected = CLIENT.pose_at(60.0, slower) @ relative.path.pose(1.0)
-    assert slower.duration == 60.0
-    assert slower.pose(60.0).position == pytest.approx(expected.position, abs=1e-12)
-
-
 @pytest.mark.slow
 def test_exact_ranges_end_where_motions_along_it_violate_the_margin():
     """Example 1 relative to a body that turns by 115 degrees meanwhile."""
@@ -84,51 +75,3 @@ def test_exact_ranges_end_where_motions_along_it_violate_the_margin():
                 outside = ff.simulate(moving, heading=edge - inward, branch=entry.branch)
                 assert inside.feasible
                 assert not outside.feasible
-
-
-@pytest.mark.slow
-def test_scenarios_state_it_and_files_keep_it(tmp_path):
-    scenario = ff.load_scenario(
-        {
-            "robot": {"urdf": "spatial_6dof", "end_effector": "end_effector"},
-            "task": "pose",
-            "path": {
-                "frame": "client",
-                "line": {"from": [-2.0, 0, 0], "to": [-1.8, 0.2, 0]},
-                "attitude": {"fixed": [0, 0, 0, 1]},
-            },
-            "timing": {"duration": 60},
-            "scene": {
-                "bodies": [
-                    {
-                        "name": "client",
-                        "box": [0.4, 0.4, 0.4],
-                        "position": [3.0, 0, 0],
-                        "tumbling": {"inertia": [3, 2, 4], "rate": [0, 0.001, 0.01]},
-                    }
-                ]
-            },
-            "search": {"samples": 64},
-        }
-    )
-    problem = scenario.problem()
-    assert problem.path.frame == "client"
-    assert problem.depends_on_timing
-    plan = ff.plan(problem, scenario.search(), scenario.limits())
-    assert plan.feasible
-    ff.save(plan, tmp_path / "plan.h5")
-    loaded = ff.load(tmp_path / "plan.h5")
-    assert loaded.problem.path.twist(60.0) == pytest.approx(problem.path.twist(60.0), abs=1e-12)
-    assert ff.check(loaded, "mujoco").passed
-    limited = ff.plan(problem, scenario.search(), ff.Limits(base_rate=0.1))
-    assert error_key(ff.retime, limited) == "path.frame"
-
-
-def test_unknown_bodies_are_refused():
-    base = {
-        "robot": {"urdf": "spatial_6dof", "end_effector": "end_effector"},
-        "task": "position",
-        "path": {"frame": "client", "line": {"from": [-2.0, 0, 0], "to": [-1.8, 0.2, 0]}},
-        "timing": {"duration": 60},
-    }
-    assert error_key(ff.load_scenario(base).problem) == "path.frame"

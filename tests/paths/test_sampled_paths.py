@@ -16,10 +16,10 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.certificate.certificate import certify
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
-from freefloat.motion.motion import DEGREE, Motion
+from freefloat.motion.motion import DEGREE
 from freefloat.paths import Stop, TimeLaw
 from freefloat.verification.comparisons import certificate_checks
-from tests.motions import compiled_motion
+from tests.motions import compiled_motion, first_motion
 
 FIXED = "attitude: {fixed: {axes: {x: [0.4683, 1.1683, -0.7], z: [1.5, -0.8, -0.33]}}}"
 
@@ -89,17 +89,6 @@ def scenario_of(kind: str, count: int) -> Scenario:
     return parse_scenario(written, Path("scenario.yaml"), samples)
 
 
-def first_motion(problem: ff.Problem, **options: object) -> Motion:
-    """That of the first branch that completes the path, from one of some attitudes."""
-    for angle in np.linspace(0.0, 6.0, 13):
-        attitude = [0.0, 0.0, np.sin(angle / 2.0), np.cos(angle / 2.0)]
-        for branch in problem.branches(attitude):
-            motion = ff.integrate_motion(problem, attitude, branch.joints, **options)
-            if motion.completed:
-                return motion
-    raise AssertionError("none completes the path")
-
-
 @pytest.mark.parametrize(
     ("kind", "count"),
     [("spatial", 21), *(pytest.param(*values, marks=pytest.mark.slow) for values in
@@ -116,16 +105,6 @@ def test_recorded_paths_are_integrated_as_precisely_as_others(kind: str, count: 
     assert np.abs(last.joints[0] - motion.final.joints).max() < 1e-4
     last = compiled_motion(motion, tolerance=1e-9)
     assert np.abs(last.joints[0] - motion.final.joints).max() < 2e-7
-
-
-@pytest.mark.slow
-def test_a_plan_for_a_recorded_path_is_confirmed(tmp_path: Path) -> None:
-    """Planar: its ranges are found segment by segment."""
-    scenario = scenario_of("planar, quaternions", 7)
-    plan = ff.plan(scenario.problem(), scenario.search())
-    assert plan.feasible
-    ff.save(plan, tmp_path / "plan.h5")
-    assert ff.check(ff.load(tmp_path / "plan.h5")).discrepancies == ()
 
 
 @pytest.mark.parametrize("backwards", [False, True])
@@ -147,28 +126,3 @@ def test_panels_end_where_the_path_is_not_smooth(backwards: bool) -> None:
     assert set(breaks.tolist()) <= set(motion.times[::DEGREE].tolist())
     reached = np.array([law.s(t) for t in breaks.tolist()])
     assert np.abs(reached[:, None] - path.breaks).min(axis=0).max() < 1e-14
-
-
-@pytest.mark.slow
-def test_dense_exact_samples_take_no_more_steps_than_the_curve_itself() -> None:
-    """Jumps too small to matter are stepped across; those of rounded samples are not."""
-    exact = text("spatial_6dof", "pose", "measure: arm, value: 5", FIXED)
-    rows = "\n".join(",".join(map(repr, row)) for row in arch(2001).tolist())
-    smooth = parse_scenario(exact, Path("scenario.yaml"), f"x,y,z\n{rows}").problem()
-    assert len(smooth.path.breaks) == 0
-    assert first_motion(smooth).panels < 50
-    rounded = parse_scenario(exact, Path("scenario.yaml"), recorded(arch(401), 4)).problem()
-    assert len(rounded.path.breaks) > 350
-    assert first_motion(rounded).panels < 1.5 * 401
-
-
-def test_a_tangent_between_breaks_goes_on_smoothly_beyond() -> None:
-    path = scenario_of("spatial", 21).problem().path.path
-    low, high = path.breaks[3:5].tolist()
-    tangent = path.tangent_within(low, high)
-    for s in np.linspace(low, high, 7):
-        assert tangent(s) == pytest.approx(path.tangent(s), abs=1e-12)
-    places = np.linspace(low - (high - low), high + (high - low), 13)
-    third = np.diff([tangent(s)[:3] for s in places], 3, axis=0)
-    assert np.abs(third).max() < 1e-10
-    assert np.abs(np.diff([path.tangent(s)[:3] for s in places], 3, axis=0)).max() > 1e-4

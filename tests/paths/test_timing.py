@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 import freefloat as ff
 from freefloat.paths import (
     DirectedOrientation,
-    FixedOrientation,
     PolynomialCurve,
     SlerpOrientation,
     Stop,
@@ -20,7 +19,6 @@ from tests.errors import error_key
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
-EXAMPLE_1 = (Stop(0.8333333333, 69.73),)
 LAWS = [law for law in TimeLaw if law is not TimeLaw.UNIFORM]
 
 
@@ -99,65 +97,10 @@ def test_the_trapezoid_speeds_up_cruises_and_slows_down():
     assert [timing.s(t, 2) * 1e4 for t in (10.0, 50.0, 90.0)] == pytest.approx([16 / 3, 0, -16 / 3])
 
 
-@pytest.mark.parametrize("law", LAWS)
-def test_every_law_is_symmetric_in_time(law):
-    """s(T - t) = 1 - s(t): the way back takes the same course."""
-    timing = ff.Timing(7.0, law)
-    for t in np.linspace(0.0, 3.5, 12):
-        assert timing.s(7.0 - t) == pytest.approx(1.0 - timing.s(t), abs=1e-14)
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_a_segment_has_the_law_to_itself(law):
-    timing, whole = ff.Timing(100.0, law, EXAMPLE_1), ff.Timing(1.0, law)
-    s_F, t_F = EXAMPLE_1[0].s, EXAMPLE_1[0].t
-    for tau in (0.1, 0.3, 0.5, 0.7, 0.9):
-        first, second = timing.s(tau * t_F), timing.s(t_F + tau * (100.0 - t_F))
-        assert first == pytest.approx(s_F * whole.s(tau), abs=1e-14)
-        assert second == pytest.approx(s_F + (1.0 - s_F) * whole.s(tau), abs=1e-14)
-
-
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize(("t", "place"), [(-5.0, 0.0), (15.0, 1.0)])
-def test_the_path_rests_outside_its_duration(law, t, place):
-    timing = ff.Timing(10.0, law)
-    assert [timing.s(t, order) for order in range(3)] == [pytest.approx(place), 0.0, 0.0]
-
-
-def test_segments_continue_beyond_their_ends():
-    timing = ff.Timing(10.0, stops=(Stop(0.5, 4.0),))
-    tau = 4.2 / 4.0
-    ahead = 0.5 * (10 * tau**3 - 15 * tau**4 + 6 * tau**5)
-    assert timing.s(4.2, 0, 0) == pytest.approx(ahead, abs=1e-14)
-    assert timing.s(4.2) != pytest.approx(ahead, abs=1e-6)
-
-
-def test_segment_at_time():
-    timing = ff.Timing(100.0, TimeLaw.TRAPEZOIDAL, (Stop(0.5, 40.0),))
-    assert timing.ends == pytest.approx((10.0, 30.0, 40.0, 55.0, 85.0, 100.0))
-    assert [timing.segment_at(t) for t in (0.0, 9.9, 10.0, 35.0, 40.0, 99.0, 100.0)] == [
-        0, 0, 1, 2, 3, 5, 5,
-    ]  # fmt: skip
-
-
 @pytest.mark.parametrize("duration", [0.0, np.nan])
 def test_a_duration_is_a_positive_number(duration):
     """Zero, negative and endless durations are refused by name."""
     assert error_key(ff.Timing, duration) == "timing.duration"
-
-
-@pytest.mark.parametrize(
-    "stops",
-    [
-        [(0.0, 1.0)], [(0.5, 10.0)], [(0.5, 2.0), (0.4, 3.0)], [(0.4, 3.0), (0.5, 2.0)],
-    ],
-)  # fmt: skip
-def test_stops_rise_in_place_and_time(stops):
-    """0 < s_1 < s_2 < ... < 1 and 0 < t_1 < t_2 < ... < T."""
-    with pytest.raises(ff.InputError) as caught:
-        ff.Timing(10.0, TimeLaw.QUINTIC, tuple(Stop(s, t) for s, t in stops))
-    assert caught.value.key == "timing.stops"
-    assert "10" in caught.value.accepted
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -187,12 +130,3 @@ def test_the_twist_rate_is_the_derivative_of_the_twist(law):
     for t in (0.01, 1.0, 4.5, 8.0, 12.0, 19.99):
         rate = (timed.twist(t + h) - timed.twist(t - h)) / (2 * h)
         assert_close(timed.twist_rate(t), rate, atol=1e-6)
-
-
-def test_twist_rate_of_a_segment_holds_beyond_its_end():
-    path = ff.EndEffectorPath(
-        PolynomialCurve.line([0, 0, 0], [3, 0, 0]), FixedOrientation(np.eye(3))
-    )
-    timed = ff.TimedPath(path, ff.Timing(20.0, TimeLaw.TRAPEZOIDAL))
-    assert_close(timed.twist_rate(5.0, 0), [3 * 16 / 3 / 400, 0, 0, 0, 0, 0], atol=1e-12)
-    assert_close(timed.twist_rate(5.0, 1), 0.0, atol=1e-12)

@@ -7,15 +7,12 @@ import pytest
 
 import freefloat as ff
 from freefloat.attitude_grids import attitude_grid, grid_spacing
-from freefloat.ensemble.endings import SINGULAR, UNREACHED
-from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.endings import SINGULAR
 from freefloat.planning.searches.nearest_neighbours import depths
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.planning.space.regions import find_regions
 from freefloat.so3 import angle_between
 from tests.maps import branch_results
-from tests.motions import bundled
 
 CENTRES = np.array([[0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0]])
 RADII = (0.9, 0.6)
@@ -52,14 +49,6 @@ def test_counts_of_singular_missing_and_feasible_motions(margin_30: ff.Problem) 
     assert result.motion_fraction == 0.5
 
 
-def test_fractions_of_a_map_without_motions_are_zero(margin_30: ff.Problem) -> None:
-    endings = np.full((8, 8), UNREACHED, dtype=np.int8)
-    result = made(margin_30, attitude_grid(8), np.zeros((8, 8)), endings)
-    assert result.motions == result.motion_fraction == result.feasible_fraction == 0.0
-    assert result.branch_margins() == []
-    assert find_regions(result) == ()
-
-
 def test_depths_are_angles_to_the_nearest_attitude_outside() -> None:
     """Whatever the signs of the quaternions."""
     rng = np.random.default_rng(4)
@@ -91,16 +80,6 @@ def test_two_balls_are_two_regions(margin_30: ff.Problem) -> None:
         assert region.depth == pytest.approx(angle_between(outside, region.centre).min())
 
 
-def test_regions_of_different_branches_are_not_joined(margin_30: ff.Problem) -> None:
-    """Though they are the same attitudes; of wrist-flipped branches the first is listed."""
-    attitudes = attitude_grid(1024)
-    inside, margins = balls(attitudes)[0], np.zeros((1024, 8))
-    margins[:, [0, 1, 4]] = np.where(inside, 40.0, 0.0)[:, None]
-    regions = find_regions(made(margin_30, attitudes, margins))
-    assert [region.branch for region in regions] == [0, 4]
-    assert regions[0].fraction == regions[1].fraction == inside.mean()
-
-
 def test_a_ring_is_one_region(margin_30: ff.Problem) -> None:
     """Rotations about one axis form a closed line through SO(3) that returns with -q."""
     attitudes, margins = attitude_grid(4096), np.zeros((4096, 8))
@@ -108,33 +87,3 @@ def test_a_ring_is_one_region(margin_30: ff.Problem) -> None:
     margins[:, 0] = 40.0 * about_z
     (region,) = find_regions(made(margin_30, attitudes, margins))
     assert region.fraction == about_z.mean()
-
-
-def test_regions_of_the_example_make_up_its_branches(samples: AttitudeMap) -> None:
-    """Their fractions add up to those of the branches; the largest comes first."""
-    regions = find_regions(samples)
-    fractions = [region.fraction for region in regions]
-    assert fractions == sorted(fractions, reverse=True)
-    branches = dict(samples.branch_margins())
-    assert list(branches) == [0, 2, 4, 6]
-    for branch, margins in branches.items():
-        np.testing.assert_array_equal(margins, samples.margins[:, branch])
-        parts = [region for region in regions if region.branch == branch]
-        keeps = margins >= 30.0 * (1.0 - 1e-6)
-        assert sum(part.fraction for part in parts) == pytest.approx(keeps.mean())
-        for part in parts:
-            nearest = angle_between(samples.attitudes[~keeps], part.centre).min()
-            assert part.depth == pytest.approx(nearest, abs=1e-9)
-
-
-@pytest.mark.slow
-def test_a_redundant_arm_has_the_best_of_its_configurations() -> None:
-    """Whatever their numbers."""
-    result = sample_attitudes(FeasibilityEvaluator(bundled("panda_servicer/line"), 1), 12)
-    ((branch, margins),) = result.branch_margins()
-    assert branch is None
-    np.testing.assert_array_equal(margins, result.margins.max(axis=1))
-    regions = find_regions(result)
-    assert all(region.branch is None for region in regions)
-    total = sum(region.fraction for region in regions)
-    assert total == pytest.approx(result.feasible_fraction)

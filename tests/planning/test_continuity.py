@@ -23,8 +23,7 @@ from tests.robots import random_robot
 
 ARMS = (
     *(("RRR", "position"), ("RCP", "position"), ("RRCR", "position"), ("RRRRRR", "pose")),
-    *(("RCR", "position"), ("CRPR", "position"), ("RRR", "position"), ("RRRCRRR", "pose")),
-    *(("RPR", "position"), ("CRPRCR", "pose")),
+    *(("RCR", "position"), ("CRPR", "position")),
 )
 """Structures of arms, some of them redundant, and their tasks."""
 REORIENTED = 0

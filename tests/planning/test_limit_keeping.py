@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.io.scenario.scenario import parse_scenario
 from freefloat.limits.result import rounded_up
 from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.limits import keeping as limit_keeping
@@ -133,41 +131,6 @@ def assert_claim_is_true(result: Plan, limits: ff.Limits) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("fewer")
-def test_joint_ranges_count_without_any_other_limit(headings: Plan, tmp_path: Path) -> None:
-    text = headings.problem.model.description.text.replace(
-        'type="continuous">',
-        'type="revolute"><limit lower="-0.01" upper="0.01" effort="1" velocity="1"/>',
-    )
-    (tmp_path / "narrow.urdf").write_text(text)
-    scenario = parse_scenario(
-        ff.load_scenario("planar_3dof/parabola_nonstop").text.replace(
-            "planar_3dof.urdf", "narrow.urdf"
-        ),
-        tmp_path / "s.yaml",
-    )
-    result = ff.plan(scenario.problem(), ff.Search(), limits=ff.Limits())
-    assert not result.feasible
-    assert set(result.excluded) == {"joint_range"}
-    assert result.needed_stretch is None
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("fewer")
-def test_the_stretched_problem_keeps_rates() -> None:
-    """Without momentum; the time of the stop is stretched as the duration."""
-    limits = ff.Limits(joint_rate=np.full(3, 0.05))
-    problem = replace(PLANAR.problem(), momentum=np.zeros(3))
-    result = ff.plan(problem, ff.Search(), limits=limits)
-    assert result.needed_stretch is not None
-    slower = problem.stretched(1.00001 * result.needed_stretch)
-    timing = slower.path.timing
-    assert timing.duration == pytest.approx(100.0 * 1.00001 * result.needed_stretch)
-    assert timing.stops[0].t == pytest.approx(69.73 * 1.00001 * result.needed_stretch)
-    checked_plan(slower, limits, ff.Search())
-
-
-@pytest.mark.slow
 def test_the_nearest_attitude_is_moved_toward_the_present_one() -> None:
     """From 40 degrees the spacecraft rotates at up to 0.114 rad/s, from smaller headings slower."""
     present = heading_quaternion(np.deg2rad(40.0))
@@ -181,13 +144,3 @@ def test_the_nearest_attitude_is_moved_toward_the_present_one() -> None:
     assert np.degrees(result.deviation) == pytest.approx(19.6, abs=1.5)
     apart = checked_plan(PLANAR.problem(), limits, replace(search, spare=np.radians(2.0)))
     assert np.degrees(apart.deviation - result.deviation) == pytest.approx(2.0, abs=0.1)
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("fewer")
-def test_with_momentum_a_stretched_plan_keeps_the_limits() -> None:
-    """Longer motions rotate farther; the factor is one with which a motion was integrated."""
-    limits = ff.Limits(joint_rate=np.full(3, 0.05))
-    result = ff.plan(bundled("planar_3dof/parabola_nonstop"), ff.Search(), limits, stretch=True)
-    assert_keeps(result, limits)
-    assert result.stretch > 1.0

@@ -147,6 +147,7 @@ def test_a_path_that_begins_with_another_velocity_is_refused(problem: ff.Problem
     assert ff.plan_manoeuvre(problem, [ff.PathPhase(rest, "last")]).phases[-1].name == "last"
 
 
+@pytest.mark.slow
 def test_a_reorientation_is_needed_only_where_the_attitude_is_another(problem: ff.Problem) -> None:
     plan = ff.plan(problem, ff.Search("nearest", heading_quaternion(0.1)))
     start = plan.chosen.motion.initial

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.attitude_grids import grid_spacing
 from freefloat.ensemble.endings import COMPLETED, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.margin import keeps_threshold
 from freefloat.planning.space import mapping
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.planning.space.climbing import EXACT, bisect, edge
+from freefloat.planning.space.climbing import EXACT, bisect
 from freefloat.planning.space.mapping import boundary_points, sample_attitudes, tangent_boundary
 from freefloat.so3 import angle_between, rotated
 
@@ -33,28 +31,6 @@ def test_entries_of_a_map_are_those_of_simulations(samples: AttitudeMap) -> None
             assert samples.margins[k, entry.branch.index] == pytest.approx(minimum, rel=1e-3)
             keeps = completed and keeps_threshold(entry.closest_approach.value, 30.0)
             assert samples.feasible[k, entry.branch.index] == keeps
-
-
-def test_a_map_that_is_not_refined_has_the_same_samples(samples: AttitudeMap) -> None:
-    coarse = mapping.attitude_map(samples.problem, samples.samples, refine=False)
-    np.testing.assert_array_equal(coarse.margins, samples.margins)
-    assert [coarse.best, coarse.robust, coarse.regions] == [None, None, ()]
-
-
-@pytest.mark.slow
-def test_fractions_are_those_of_random_attitudes(
-    samples: AttitudeMap, evaluator: FeasibilityEvaluator
-) -> None:
-    """Within four standard errors of both, for any branch and for all motions."""
-    count = 1000
-    attitudes = Rotation.random(count, rng=np.random.default_rng(12)).as_quat()
-    keeps = evaluator.evaluate(attitudes).margins >= 30.0
-    fraction = keeps.any(axis=1).mean()
-    error = np.hypot(samples.feasible_fraction_error, np.sqrt(fraction * (1 - fraction) / count))
-    assert abs(samples.feasible_fraction - fraction) < 4.0 * error
-    assert 0.4 < fraction < 0.8
-    assert samples.motion_fraction == pytest.approx(keeps.mean(), abs=0.05)
-    assert samples.motions == samples.results.exist.sum() == 8 * 512
 
 
 def test_blocks_and_threads_change_nothing(
@@ -92,43 +68,6 @@ def test_bisection_ends_just_inside(rounds: int, fraction: float) -> None:
     np.testing.assert_allclose(
         angle_between(within, edges) + angle_between(edges, beyond), whole, atol=1e-7
     )
-
-
-def test_bisection_finds_the_first_exit() -> None:
-    """A gap in the set ends it, though the set is entered again behind it."""
-
-    def inside(attitudes: np.ndarray) -> np.ndarray:
-        angle = angle_between(attitudes, IDENTITY)
-        return (angle < 0.5) | ((angle > 1.1) & (angle < 1.6))
-
-    (end,) = bisect(inside, IDENTITY[None], rotated(IDENTITY, [2.0, 0.0, 0.0]))
-    assert angle_between(end, IDENTITY) == pytest.approx(0.5, abs=1e-5)
-
-
-def test_points_of_an_edge_lie_between_neighbours(
-    evaluator: FeasibilityEvaluator, samples: AttitudeMap
-) -> None:
-    """Feasible, near an infeasible sample, apart; signs of quaternions do not matter."""
-    attitudes, keeps = samples.attitudes, samples.feasible[:, 2]
-
-    def inside(attitudes: np.ndarray) -> np.ndarray:
-        return evaluator.keeps(attitudes, 2)
-
-    near = 1.5 * grid_spacing(len(attitudes))
-    points = edge(inside, attitudes, keeps, 20, EXACT, near / 1.5)
-    assert len(points) == 20
-    assert inside(points).all()
-    for point in points:
-        assert angle_between(attitudes[~keeps], point).min() < near
-        assert angle_between(attitudes[keeps], point).min() < near
-    apart = angle_between(points[:, None], points) + np.pi * np.eye(len(points))
-    assert apart.min() > 1e-3
-    margins = evaluator.margins(points, 2)
-    signs = np.random.default_rng(2).choice([-1.0, 1.0], (len(attitudes), 1))
-    rough = edge(inside, attitudes * signs, keeps, 20, 3, near / 1.5)
-    np.testing.assert_allclose(angle_between(points, rough), 0.0, atol=2e-3 * near)
-    assert margins == pytest.approx(30.0, rel=1e-3)
-    assert np.abs(evaluator.margins(rough, 2) - 30.0).max() > np.abs(margins - 30.0).max()
 
 
 # the boundary of the feasible set

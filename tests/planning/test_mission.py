@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -63,11 +62,3 @@ def test_without_the_cones_antenna_and_star_tracker_are_on_the_wrong_side(
     assert glare < tracker.angle - np.radians(1.0)
     attitudes = [entry.chosen.motion.initial.attitude for entry in (plan, free)]
     assert angle_between(*attitudes) > np.radians(5.0)
-
-
-@pytest.mark.slow
-def test_without_the_limit_of_the_turn_the_spacecraft_turns_farther() -> None:
-    limits = replace(LIMITS, base_turn=None)
-    free = ff.plan(SCENARIO.problem(), SCENARIO.search(), limits)
-    (turn,) = worst(free, ff.Limits(base_turn=LIMITS.base_turn))
-    assert turn > LIMITS.base_turn + np.radians(1.0)

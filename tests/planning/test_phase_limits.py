@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.io.scenario.scenario import parse_scenario
 from freefloat.limits.kinds import KINDS
 from freefloat.planning.phases.manoeuvre import Manoeuvre
-from freefloat.so3 import rotation_matrix
 
 BODY = ff.SceneBody("client", ff.Sphere(0.1), position=[2.5, 1.2, 0.0])
 AROUND = ff.Corridor([0.0, 0.0, 0.0], [0.0, 0.0, 1.0], radius=5.0)
@@ -59,23 +56,6 @@ def test_every_phase_reports_what_the_checker_finds(manoeuvre: Manoeuvre) -> Non
 
 
 @pytest.mark.slow
-def test_a_turn_is_checked_where_it_is_limited(manoeuvre: Manoeuvre) -> None:
-    """Of any motion: it is the phases of joints that do not limit it."""
-    motion = manoeuvre.phases[-1].motion
-    turn = np.abs(2.0 * np.arcsin(motion.attitudes @ turned(motion.attitudes[0])))
-    results = ff.check_limits(motion, ff.Limits(base_turn=1e-3))
-    (found,) = (entry for entry in results if entry.limit == "base_turn")
-    assert not found.kept
-    assert found.worst == pytest.approx(turn.max(), abs=1e-4)
-
-
-def turned(q: np.ndarray) -> np.ndarray:
-    """A quaternion in the plane, turned further by 180 degrees, shape (4,)."""
-    x, y, z, w = q
-    return np.array([-y, x, w, -z])
-
-
-@pytest.mark.slow
 def test_the_scene_stays_where_it_is_while_the_centre_of_mass_drifts(manoeuvre: Manoeuvre) -> None:
     for phase in manoeuvre.phases[1:]:
         problem = phase.motion.problem
@@ -86,42 +66,6 @@ def test_the_scene_stays_where_it_is_while_the_centre_of_mass_drifts(manoeuvre: 
             axis = corridor.position + problem.scene.corridor.point
             np.testing.assert_allclose(body.position + centre, BODY.position, atol=1e-12)
             np.testing.assert_allclose(axis + centre, AROUND.point, atol=1e-12)
-
-
-POINTING = """
-robot: {urdf: planar_2dof, end_effector: end_effector}
-task: planar-position
-drift: [0.02, 0, 0]
-path: {line: {from: [1.0, 0.2, 0], to: [0.9, 0.6, 0]}}
-timing: {duration: 50}
-margin: {measure: gjm, value: 0}
-search: {from_attitude: [0, 0, 0, 1], objective: nearest, joints: [0.2, -0.8]}
-limits:
-  pointing:
-    - {body: spacecraft, axis: [0, 1, 0], target: {point: [0, 3, 0]}, angle_deg: 30}
-phases:
-  - {name: rest, joints: [0.2, -0.8], duration: 20}
-"""
-
-
-@pytest.mark.slow
-def test_axes_point_at_the_same_place_while_the_centre_of_mass_drifts(tmp_path: Path) -> None:
-    scenario = parse_scenario(POINTING, tmp_path / "pointing.yaml")
-    target, drift = np.array([0.0, 3.0, 0.0]), np.array([0.02, 0.0, 0.0])
-    found = ff.plan_manoeuvre(
-        scenario.problem(), scenario.phases(), scenario.search(), scenario.limits()
-    )
-    assert found.feasible, found.reason
-    ff.save(found, tmp_path / "pointing.h5", scenario)
-    assert ff.check(ff.load(tmp_path / "pointing.h5")).passed
-    for phase in found.phases:
-        (result,) = (e for e in phase.result.limit_results if e.limit == "pointing")
-        angles = []
-        for state in phase.motion.sample(np.linspace(0.0, phase.duration, 401)):
-            base = phase.centre + state.time * drift + state.base_position
-            sight = (target - base) / np.linalg.norm(target - base)
-            angles.append(np.arccos(sight @ rotation_matrix(state.attitude)[:, 1]))
-        assert result.worst == pytest.approx(max(angles), abs=1e-4)
 
 
 def test_the_place_of_a_point_before_a_reorientation_with_drift_is_unknown(
@@ -153,16 +97,3 @@ def test_a_motion_of_joints_out_of_the_corridor_is_infeasible(
     (result,) = ff.check_limits(left.motion, ff.Limits())
     assert result.limit == "corridor"
     assert result.worst > 0.1
-
-
-@pytest.mark.slow
-def test_joints_may_wait(problem: ff.Problem) -> None:
-    """Of a phase in which nothing moves there is no path."""
-    path = problem.path
-    still = problem.replace(path=replace(path, drift=np.zeros(3)), scene=ff.Scene((BODY,)))
-    end = ff.plan_manoeuvre(still).phases[-1].motion.final.joints
-    limits = ff.Limits(clearance=0.01)
-    found = ff.plan_manoeuvre(still, [ff.JointPhase(end, 30.0, "wait")], limits=limits)
-    assert found.feasible, found.reason
-    assert ff.playback(found).html()
-    assert ff.playback(found).html()

@@ -60,29 +60,19 @@ OFF_PLANE = ff.TimedPath(line(GRAPPLE, [1.0, 0.0, 0.5]), ff.Timing(9.0))
 
 @pytest.mark.usefixtures("no_planning")
 @pytest.mark.parametrize(("phases", "key"), [
-    ([ff.JointPhase([], 9.0)], "phases.0.joints"),
     ([ff.JointPhase([1.0, 2.0, 3.0], 9.0)], "phases.0.joints"),
-    ([ff.JointPhase([1.0, np.nan], 9.0)], "phases.0.joints"),
     ([ff.JointPhase([1.0, 1e6], 9.0)], "phases.0.joints"),
-    ([REST, ff.JointPhase({"q1": 1.0, "q9": 2.0}, 9.0)], "phases.1.joints"),
     ([ff.JointPhase([1.0, 2.0], 1e9)], "phases.0.scene.bodies.tumbling.rate"),
     ([ff.CapturePhase("nobody", 3.0)], "phases.0.body"),
-    ([ff.CapturePhase("tool", 3.0)], "phases.0.body"),
-    ([CAPTURE, CAPTURE], "phases.1.body"),
     ([ff.CapturePhase("box", 3.0)], "phases.0.inertia"),
     ([CAPTURE, path_in(BODIES[0])], "phases.1.path.frame"),
     ([ff.PathPhase(AWAY)], "phases.0.path"),
-    ([goal(1.0, 0.5, 0.0), ff.PathPhase(AWAY)], "phases.1.path"),
     ([ff.PathPhase(MOVING)], "phases.0.path"),
     ([ff.PathPhase(OFF_PLANE)], "phases.0.path"),
     ([path_in(BODIES[0])], "phases.0.path"),  # the client tumbles, the end-effector rests
-    ([goal(*GRAPPLE)], "phases.0.path"),
-    ([goal(1.0, 0.5, 0.5)], "phases.0.path"),
     ([replace(goal(1.0, 0.5, 0.0), redundancy=ff.Redundancy())], "phases.0.redundancy"),
-    ([replace(REST, name="path")], "phases.0.name"),
     ([replace(REST, name="a"), goal(1.0, 0.5, 0.0), replace(REST, name="a")], "phases.2.name"),
     ([REST, "berth"], "phases.1"),
-    (REST, "phases"),
 ])  # fmt: skip
 def test_a_phase_that_cannot_follow_is_refused_before_planning(problem, phases, key) -> None:
     with pytest.raises(InputError) as raised:
@@ -92,9 +82,7 @@ def test_a_phase_that_cannot_follow_is_refused_before_planning(problem, phases, 
 
 @pytest.mark.usefixtures("no_planning")
 @pytest.mark.parametrize(("changes", "key"), [
-    ({"com": [0.35, 0.0, 0.0]}, "phases.0.com"),
     ({"com": [0.0, 0.0, 0.0]}, "phases.0.com"),
-    ({"inertia": [1.0, 1.0, 1.0]}, "phases.0.inertia"),
     ({"inertia": [0.2, 0.1, 0.1]}, "phases.0.inertia"),
 ])  # fmt: skip
 def test_a_capture_agrees_with_how_its_body_tumbles(problem, changes, key) -> None:
@@ -137,6 +125,7 @@ def test_a_path_that_begins_within_rounding_is_moved_there(problem: ff.Problem) 
     np.testing.assert_allclose(path.pose(10.0).position, [0.9, 1.0, 0.0], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_joint_rates_of_a_redundant_arm_do_not_jump() -> None:
     """The end-effector may go on as before while the arm would have to change its rates at once."""
     posed = ff.load_scenario("planar_3dof/parabola").problem()

@@ -1,12 +1,9 @@
 """Tangency points: states at which a motion has S = S0 as its smallest magnitude."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.planning.plane import candidates as planar_candidates
 from freefloat.planning.plane.tangency import TangencyKind, planar_tangency_points
 from freefloat.so3 import heading_quaternion
 from tests.motions import bundled
@@ -50,11 +47,3 @@ def test_tangent_points_are_local_minima_of_the_motion_through_them(problem, poi
             values.append(abs(problem.margin.measure(motion.final.joints)) - 5.0)
         assert min(values) > 0.0
         assert max(values[2:]) < 0.5 * max(values[:2])
-
-
-@pytest.mark.slow
-def test_ten_times_as_many_instants_find_the_same_points(problem, points, monkeypatch):
-    monkeypatch.setattr(planar_candidates, "_TIMES", 10 * planar_candidates._TIMES)
-    fine = planar_tangency_points(replace(problem), 5.0, (0.0, 100.0))  # computed anew
-    times = sorted(point.time for point in points)
-    assert sorted(point.time for point in fine) == pytest.approx(times, abs=1e-7)

@@ -9,11 +9,9 @@ import pytest
 import freefloat as ff
 from freefloat.motion.margin import keeps_threshold
 from freefloat.planning import planar_planner
-from freefloat.planning.domain import SearchDomain
 from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.plane.heading_search import sample_headings
-from freefloat.planning.plane.ranges import reach_limits
-from freefloat.planning.plane.search import _headings, searched_ranges
+from freefloat.planning.plane.search import searched_ranges
 from freefloat.so3 import heading_of, heading_quaternion
 from tests.motions import bundled
 
@@ -71,18 +69,6 @@ def test_the_robust_attitude_is_the_middle_of_the_widest_range(problem, robust):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("present", "deviation"), [(200.0, 0.0), (100.0, None)])
-def test_the_nearest_attitude_is_the_present_one_or_a_limit(problem, present, deviation):
-    """Inside a range nothing has to change; outside, the nearest limit of any branch is taken."""
-    search = ff.Search("nearest", heading_quaternion(np.radians(present)), spare=0.0)
-    plan = ff.plan(problem, search)
-    limits = np.degrees([limit for entry in plan.ranges for limit in entry.limits])
-    nearest = np.abs((limits - present + 180.0) % 360.0 - 180.0).min()
-    expected = nearest if deviation is None else deviation
-    assert np.degrees(plan.deviation) == pytest.approx(expected, abs=1e-3)
-    assert plan.chosen.motion.completed
-
-
 @pytest.mark.parametrize(
     ("present", "spare", "within", "depth"),
     [(200.0, 2.0, 180.0, None), (100.0, 2.0, 180.0, 2.0), (100.0, 89.0, 80.0, None)],
@@ -138,6 +124,7 @@ def test_infeasible_plans_have_the_place_and_the_reason(problem, start, end, val
     assert "s =" in plan.reason
 
 
+@pytest.mark.slow
 def test_searched_ranges_agree_with_the_exact_ones(problem, robust):
     for searched, exact in zip(searched_ranges(evaluator_for(problem), 24), robust.ranges,
                                strict=True):  # fmt: skip
@@ -184,21 +171,3 @@ def test_the_map_agrees_with_the_ranges(problem, robust):
         assert row.tolist() == inside
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1.0
-
-
-def test_headings_next_to_the_limits_of_the_reach_are_sampled(problem):
-    """There a range may be narrower than the spacing."""
-    stretched = on_line(problem, [3.0, 0.5, 0], [2.5, 0.5, 0], 1.0)
-    edges = [*reach_limits(stretched, 0.0)]
-    assert edges
-    headings = _headings(stretched, 12, SearchDomain())
-    for edge in edges:
-        assert np.abs(np.angle(np.exp(1j * (headings - edge)))).min() < 1e-5
-
-
-def test_a_plan_is_a_table_in_notebooks(robust):
-    table = robust._repr_html_()
-    rows = table.count("<tr>")
-    assert rows == table.count("</tr>") == 5
-    assert f"{robust.chosen.closest_approach.value:.6g} at" in table
-    assert f"{np.degrees(robust.robust_radius):.4f} deg" in table

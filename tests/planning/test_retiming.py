@@ -16,6 +16,7 @@ from freefloat.planning.timing.speed_profile import fastest_speeds
 from freefloat.so3 import heading_quaternion
 from tests.commands import document, run
 from tests.errors import error_key
+from tests.motions import bundled, first_motion
 
 PEAKS = ff.Limits(
     joint_rate=np.array([0.1290148, 0.0343564]),
@@ -113,7 +114,7 @@ def toppra_duration(motion, limits: ff.Limits) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_toppra_agrees_in_the_plane(seed: int) -> None:
     rng = np.random.default_rng(seed)
     problem, joints = straight([0.0, 0.9, -0.9], rng.uniform([-0.5, 0.2], [-0.2, 0.6]))
@@ -128,9 +129,8 @@ def test_toppra_agrees_in_the_plane(seed: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["ets_vii/line", "panda_servicer/line"])
 def test_toppra_agrees_in_space(name: str) -> None:
-    scenario = ff.load_scenario(name)
-    problem = scenario.problem().replace(momentum=np.zeros(3))
-    motion = ff.plan(problem, ff.Search(samples=64)).chosen.motion
+    problem = bundled(name).replace(momentum=np.zeros(3))
+    motion = first_motion(problem)
     limits = ff.Limits(joint_rate=np.full(problem.model.dof, 0.2),
                     joint_torque=np.full(problem.model.dof, 3.0))  # fmt: skip
     duration = fastest_speeds(motion, limits)[-1][0]
@@ -138,11 +138,10 @@ def test_toppra_agrees_in_space(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("momentum", "drift"), [(0.05, 0.0), (0.0, 0.01)])
-def test_with_momentum_or_drift_timing_and_motion_agree(momentum: float, drift: float) -> None:
+def test_with_momentum_and_drift_timing_and_motion_agree() -> None:
     problem, _ = straight([0.0, 0.9, -0.9], [-0.3, 0.4])
-    path = replace(problem.path, drift=[drift, -drift, 0.0])
-    problem = problem.replace(momentum=np.array([0.0, 0.0, momentum]), path=path)
+    path = replace(problem.path, drift=[0.01, -0.01, 0.0])
+    problem = problem.replace(momentum=np.array([0.0, 0.0, 0.05]), path=path)
     plan = ff.plan(problem, limits=LIMITS)
     result = ff.retime(plan)
     assert result.agrees
@@ -211,18 +210,6 @@ def test_the_timing_is_slowed_down_for_a_tumbling_body(tmp_path) -> None:
     assert 1.01 * free < slowed.duration <= 100.0 * (1.0 + 1e-9)
     results = ff.check_limits(slowed.plan.chosen.motion, scenario.limits())
     assert all(entry.kept for entry in results)
-
-
-@pytest.mark.slow
-def test_a_retimed_plan_without_limits_of_torques_is_verified() -> None:
-    problem = ff.load_scenario("spatial_6dof/above").problem()
-    limits = ff.Limits(joint_rate=np.full(6, 0.1))
-    plan = ff.plan(problem, ff.Search(samples=128), limits)
-    result = ff.retime(plan)
-    assert result.duration < 0.7 * result.before
-    report = ff.check(result.plan)
-    assert report.passed, report.discrepancies
-    assert result.plan.tolerance.momentum > 1.2 * plan.tolerance.momentum
 
 
 @pytest.mark.slow

@@ -37,21 +37,6 @@ def test_another_arm_branch_is_chosen_where_a_body_is_in_the_way():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rate", [0.0, 0.05])
-def test_a_longer_motion_is_checked_beside_a_tumbling_body(rate):
-    """Far away it changes nothing, but the duration is one with which motions were compared."""
-    tumbling = ff.Tumbling([1.0, 1.0, 1.0], [0.0, 0.0, rate])
-    body = ff.SceneBody("client", ff.Sphere(0.1), [9.0, 0.0, 0.0], motion=tumbling)
-    scenario = ff.load_scenario("planar_2dof/line")
-    problem = scenario.problem().replace(scene=ff.Scene([body]))
-    limits = ff.Limits(joint_rate=np.full(2, 0.05), clearance=0.02)
-    plan = ff.plan(problem, scenario.search(), limits, stretch=True)
-    assert plan.feasible
-    assert plan.stretch == pytest.approx(2.2255, abs=0.01)
-    assert not ff.check(plan).discrepancies
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("in_the_way", [False, True])
 def test_a_tumbling_body_is_an_obstacle_at_its_time_only(in_the_way):
     """The same ball on a wheel above: it is down there with the elbow or half a minute later."""

@@ -6,30 +6,14 @@ from functools import partial
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.motion.extrema import joint_extents
 from freefloat.motion.motion import Ending
-from freefloat.paths import PolynomialCurve, SlerpOrientation
 from freefloat.so3 import heading_quaternion
 from tests.motions import BAD, GOOD, bundled
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
-
-
-@pytest.fixture(scope="module")
-def good(spatial):
-    return ff.simulate(spatial, GOOD)
-
-
-def test_every_branch_starts_at_its_joints(spatial, good):
-    """Eight branches, each with its closest approach."""
-    assert [entry.branch.index for entry in good.branches] == list(range(8))
-    for entry in good.branches:
-        assert (entry.motion.initial.joints == entry.branch.joints).all()
-        assert_close(entry.motion.initial.attitude, spatial.attitude(GOOD), atol=1e-15)
-        assert entry.closest_approach == ff.closest_approach(entry.motion, spatial.margin.measure)
 
 
 @pytest.mark.slow
@@ -62,26 +46,6 @@ def test_a_branch_that_completes_comes_before_one_that_does_not(planar):
     stopped = ff.simulate(wide, heading_quaternion(np.deg2rad(140.0)), stop_at_margin=True)
     assert {entry.motion.ending for entry in stopped.branches} == {Ending.MARGIN}
     assert stopped.chosen in stopped.branches
-
-
-def test_completing_counts_more_than_any_margin(spatial):
-    """Pitched in the plane of the arm, four wrists straighten where the arm's own factor is larger.
-
-    S(q2, q3) does not see the wrist: those four have the larger margin and yet do not complete.
-    """
-    joints = [0.0, 0.6, -1.3, 0.0, 0.3, 0.0]
-    pose = spatial.model.end_effector_pose([0, 0, 0, 1], joints)
-    line = PolynomialCurve.line(pose.position, pose.position + np.array([-0.3, 0.0, 0.3]))
-    pitched = Rotation.from_rotvec([0.0, -2.0, 0.0]).as_matrix() @ pose.rotation
-    path = ff.EndEffectorPath(line, SlerpOrientation(pose.rotation, pitched))
-    problem = replace(spatial, path=ff.TimedPath(path, ff.Timing(20.0)), momentum=[0.0, 0.2, 0.0])
-    simulation = ff.simulate(problem, [0, 0, 0, 1])
-    failed = [entry for entry in simulation.branches if entry.motion.ending is Ending.SINGULAR]
-    assert len(failed) == 4
-    assert simulation.chosen.motion.completed
-    assert all(
-        entry.closest_approach.value > simulation.chosen.closest_approach.value for entry in failed
-    )
 
 
 @pytest.mark.parametrize("heading", [80.0, 120.0])
@@ -118,27 +82,6 @@ def test_motions_end_at_the_margin_when_asked_to(spatial):
     endings = [entry.motion.ending for entry in simulation.branches]
     assert endings.count(Ending.MARGIN) == 4
     assert simulation.chosen.motion.completed
-
-
-@pytest.mark.slow
-def test_a_redundant_arm_starts_from_a_set_of_configurations_and_requested_joints(spatial):
-    """Six joints, three coordinates: a spread of configurations, and one more when asked for."""
-    near = ff.EndEffectorPath(
-        PolynomialCurve.line([1, 0, 0], [0.85, 0.08, 0.033]), spatial.path.path.orientation
-    )
-    problem = replace(
-        spatial, task=ff.Task.POSITION,
-        margin=ff.Margin(ff.singularity_measure(spatial.model, ff.Task.POSITION, "gjm"), 0.0),
-        path=ff.TimedPath(near, ff.Timing(10.0)),
-    )  # fmt: skip
-    joints = spatial.branches(spatial.attitude(GOOD))[3].joints
-    simulation = ff.simulate(problem, GOOD, joints=joints, others=True)
-    assert simulation.chosen.branch.label == "given"
-    assert len(simulation.branches) == len(problem.branches(spatial.attitude(GOOD))) + 1
-    assert len({entry.branch.index for entry in simulation.branches}) == len(simulation.branches)
-    assert_close(simulation.chosen.motion.initial.joints, joints, atol=1e-6)
-    for entry in simulation.branches:
-        assert entry.motion.residuals().end_effector_position < 1e-7
 
 
 @pytest.mark.slow

@@ -7,10 +7,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.attitude_grids import attitudes_within, grid_spacing
+from freefloat.attitude_grids import attitudes_within
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.margin import keeps_threshold
 from freefloat.planning.evaluator import evaluator_for
@@ -18,7 +17,6 @@ from freefloat.planning.objectives.objectives import NAMED
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import NOT_UNIQUE
 from freefloat.planning.simulation import SimulatedBranch
-from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.planning.spatial_planner import plan_in_space
 from freefloat.so3 import angle_between, frozen
 from tests.motions import bundled
@@ -131,17 +129,6 @@ def test_the_deepest_attitude_is_chosen(robust: Plan, largest: Plan, nearest: Pl
 
 
 @pytest.mark.slow
-def test_a_feasible_present_attitude_stays() -> None:
-    """The spacecraft need not rotate."""
-    problem = with_margin(20.0)
-    attitudes = Rotation.random(20, rng=np.random.default_rng(1)).as_quat()
-    present = attitudes[int(np.argmax(FeasibilityEvaluator(problem, 1).margins(attitudes, None)))]
-    plan = planned(problem, ff.Search("nearest", frozen(present), 16, spare=0.0))
-    assert plan.deviation == 0.0
-    np.testing.assert_allclose(plan.chosen.motion.initial.attitude, present, atol=1e-12)
-
-
-@pytest.mark.slow
 def test_reason_of_a_margin_kept_nowhere() -> None:
     """It has the largest margin, found between the samples, and where."""
     plan = planned(with_margin(60.0), ff.Search("robust", frozen(BAD), 16))
@@ -149,23 +136,6 @@ def test_reason_of_a_margin_kept_nowhere() -> None:
     assert plan.chosen is plan.robust_radius is plan.tolerance is plan.deviation is None
     assert "53.61" in plan.reason
     assert plan.disagreements == ()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("objective", ["nearest", "robust"])
-def test_sets_narrower_than_the_grid_are_found(objective: str) -> None:
-    """A margin that no sample keeps is kept between samples; reasons have angles in degrees."""
-    value, samples, seed = 53.55, 16, 3
-    problem = with_margin(value)
-    coarse = sample_attitudes(FeasibilityEvaluator(problem, 1), samples, ff.Search(seed=seed))
-    assert coarse.feasible_fraction == 0.0
-    plan = planned(problem, ff.Search(objective, frozen(BAD), samples, seed, spare=0.0))
-    assert plan.feasible
-    assert keeps_threshold(plan.chosen.closest_approach.value, value)
-    if objective == "robust":
-        assert 0.0 <= plan.robust_radius < grid_spacing(samples)
-    angle = plan.deviation if objective == "nearest" else plan.robust_radius
-    assert f"{np.degrees(angle):.4g} degrees" in plan.reason
 
 
 @pytest.mark.slow
@@ -186,27 +156,3 @@ def test_unconfirmed_candidates_are_reported_and_the_next_is_taken(
     assert len(plan.disagreements) == 2
     for simulated, text in zip(tried, plan.disagreements, strict=False):
         assert str(np.round(simulated.motion.initial.attitude, 6).tolist()) in text
-
-
-@pytest.mark.slow
-def test_where_no_candidate_is_confirmed_there_is_no_plan(monkeypatch: pytest.MonkeyPatch) -> None:
-    """After twelve candidates at most, all reported."""
-    monkeypatch.setattr(SimulatedBranch, "feasible", property(lambda chosen: False))
-    plan = planned(with_margin(50.0), ff.Search("nearest", frozen(BAD), 64, spare=0.0))
-    assert not plan.feasible
-    assert plan.chosen is None
-    assert 1 <= len(plan.disagreements) <= 12
-
-
-@pytest.mark.slow
-def test_a_stock_arm_finds_its_largest_margin() -> None:
-    """A UR5, whose wrist is not spherical."""
-    problem = bundled("ur5_servicer/arc")
-    fractions: list[float] = []
-    plan = ff.plan(problem, ff.Search(samples=16), progress=fractions.append, threads=1)
-    assert plan.feasible
-    assert problem.margin.keeps(plan.chosen.closest_approach.value)
-    assert plan.chosen.closest_approach.value >= plan.map.margins.max() * (1.0 - 1e-3)
-    assert fractions == sorted(fractions)
-    assert fractions[-1] == 1.0
-    assert plan.tolerance.longest == pytest.approx(10.0 * problem.path.duration)

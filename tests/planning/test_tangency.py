@@ -1,7 +1,5 @@
 """Tangency points in space: states at which a motion has S = S0 as its minimum magnitude."""
 
-from collections import Counter
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -18,7 +16,6 @@ from freefloat.planning.space.tangency import (
     require_tangency_points,
     tangency_points,
 )
-from freefloat.robot.names import models_folder
 from freefloat.so3 import axes_rotation
 from tests.errors import error_key
 from tests.motions import bundled
@@ -154,6 +151,7 @@ def test_tangency_points_are_on_the_path_and_on_the_margin_surface(case):
         assert gap(branches[point.branch].joints, point.joints) < 1e-9
 
 
+@pytest.mark.slow
 def test_motions_have_their_minimum_at_tangency_points(case):
     """(14): before and after |S| is larger, to second order in the time between."""
     problem, _, _, points = case
@@ -289,47 +287,6 @@ def test_brute_force_finds_no_other_tangency_point(case):
     assert seen >= 0.5 * len(points)
 
 
-@pytest.mark.slow
-def test_the_first_joint_only_rotates_the_spacecraft(problem):
-    """(39): about the axis of a symmetric spacecraft q1 changes neither time nor other joints."""
-    first, second = (tangency_points(problem, q1, 2.0) for q1 in (0.1, -2.5))
-    assert len(first) == len(second) > 0
-    for point in first:
-        assert any(
-            abs(point.tau - same.tau) < 1e-7 and gap(point.joints[1:], same.joints[1:]) < 1e-6
-            for same in second
-        )
-
-
-@pytest.mark.slow
-def test_wrist_flipped_branches_have_the_same_tangency_points():
-    """With a massless wrist, flipping it only changes the sign of det S*.
-
-    Six times as many samples find these 32 points and no other; without the finer samples around
-    extrema of S six are missed.
-    """
-    *_, points = computed("gjm", 0.004, MOMENTUM, (0.4, 2.2))
-    places = Counter(
-        (round(t.tau, 6), round(t.joints[2], 4), round(abs(t.attitude[3]), 4)) for t in points
-    )
-    assert len(points) == 32
-    assert set(places.values()) == {2}
-    assert sum(point.level > 0.0 for point in points) == 16
-
-
-@pytest.mark.slow
-def test_without_momentum_points_do_not_depend_on_the_time_law(problem):
-    """With h = 0 the tangency points have the same s for any duration and time law."""
-    still = changed(problem, h=STILL)
-    timing = ff.Timing(37.0, law=type(problem.path.timing.law)("cubic"))
-    slow = changed(still, path=ff.TimedPath(problem.path.path, timing))
-    places = [
-        sorted(p.path.timing.s(t.time) for t in tangency_points(p, 0.3, 1.9)) for p in (still, slow)
-    ]
-    assert len(places[0]) > 0
-    assert places[0] == pytest.approx(places[1], abs=1e-8)
-
-
 def keeps_rotated(problem, there, rotation_vector):
     """Whether the margin is kept from a slightly rotated initial attitude."""
     attitude = (
@@ -352,70 +309,6 @@ def test_boundary_attitude_is_on_the_boundary(problem, h):
                  for axis in np.eye(3) for side in (-1, 1)]  # fmt: skip
         pairs = list(zip(sides[::2], sides[1::2], strict=True))
         assert (True, False) in pairs or (False, True) in pairs
-
-
-BEFORE, AFTER, LATER = "singular before the point", "singular after it", "closer elsewhere"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("h", "pair", "expected"),
-    [
-        (MOMENTUM, (-2.5, 2.3656), {"", LATER}),
-        ((-2.0, 1.0, 3.0), (2.4612, 0.5351), {"", BEFORE, f"{LATER}, {AFTER}"}),
-        ((-2.0, 1.0, 3.0), (-1.2667, -1.1688), {"", AFTER}),
-    ],
-)
-def test_violation_elsewhere_gives_no_boundary_attitude(h, pair, expected):
-    """None exactly where the motion is singular or closer to a singularity somewhere else.
-
-    At a singularity of the wrist the measure ``arm`` may be anything.
-    """
-    seen = set()
-    problem, *_, points = computed("arm", 5.0, h, pair)
-    for point in points[::2]:
-        back = backward(problem, point)
-        kinds = [BEFORE]
-        if back.completed:
-            motion = ff.integrate_motion(problem, back.final.attitude, back.final.joints)
-            approach = ff.closest_approach(motion, problem.margin.measure)
-            kinds = [LATER] * (approach.value < 4.9) + [AFTER] * (not motion.completed)
-        assert (boundary_attitude(problem, point) is None) == bool(kinds)
-        seen.add(", ".join(kinds))
-    assert seen == expected
-
-
-@pytest.mark.slow
-def test_minimum_of_a_boundary_motion_is_that_of_its_tangency_point(problem):
-    """A difference of a thousandth of S0 is rejected, also where S0 is far below one."""
-    problem = changed(problem, measure="arm", value=0.1)
-    points = tangency_points(problem, -2.5, 2.3656)
-    point = next(point for point in points if boundary_attitude(problem, point))
-    assert boundary_attitude(problem, replace(point, level=1.00001 * point.level))
-    for fraction in (0.999, 1.001):
-        assert boundary_attitude(problem, replace(point, level=fraction * point.level)) is None
-
-
-def test_states_without_wrist_solution_are_dropped(problem, tmp_path):
-    """Axes 4 and 5 at 53 degrees allow 106 degrees at most; points within that are found."""
-    text = (models_folder() / "spatial_6dof" / "spatial_6dof.urdf").read_text()
-    first, joint_5 = text.split('<joint name="q5"')
-    skew = first + '<joint name="q5"' + joint_5.replace("0 -1 0", "0.6 -0.8 0", 1)
-    (tmp_path / "skew.urdf").write_text(skew)
-    model = ff.FreeFloatingModel.from_urdf(tmp_path / "skew.urdf")
-    margin = ff.Margin(ff.singularity_measure(model, problem.task, "arm"), 5.0)
-    changed_problem = ff.Problem(model, problem.path, problem.task, MOMENTUM, margin)
-    assert len(tangency_points(changed_problem, 0.1, 2.0)) > 0
-
-
-@pytest.mark.slow
-def test_a_level_is_signed():
-    """Both signs of the margin when left out; otherwise the requested sign and value."""
-    problem, q1, q2, both = computed("arm", 5.0, MOMENTUM, (-2.5, 2.3656))
-    assert {t.level for t in both} == {5.0, -5.0}
-    positive = tangency_points(problem, q1, q2, 5.0)
-    assert sorted(t.time for t in positive) == sorted(t.time for t in both if t.level > 0.0)
-    assert {t.level for t in tangency_points(problem, q1, q2, -4.0)} == {-4.0}
 
 
 def test_problems_without_tangency_points_are_refused(problem, tmp_path):

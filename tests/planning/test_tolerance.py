@@ -9,12 +9,12 @@ import pytest
 
 import freefloat as ff
 from freefloat.attitude_grids import attitude_grid
-from freefloat.dynamics.momentum import generalized_determinant, inertia_matrices
+from freefloat.dynamics.momentum import generalized_determinant
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.space.disturbances import tolerance
 from freefloat.planning.tolerance import Tolerance
-from tests.motions import GOOD, bundled
+from tests.motions import bundled
 
 
 def with_margin(name: str, value: float | None = None) -> ff.Problem:
@@ -121,13 +121,6 @@ def test_a_precise_motion_agrees_with_the_worst_direction(drifting: Case) -> Non
 
 
 @pytest.mark.slow
-def test_the_limit_rotates_the_locked_system_once(drifting: Case) -> None:
-    """2 pi I / T, with the mean of the principal moments."""
-    D, _ = inertia_matrices(drifting.problem.model, drifting.joints)
-    moments = np.linalg.eigvalsh(D)
-    assert drifting.tolerance.momentum_limit == pytest.approx(2.0 * np.pi / 100.0 * moments.mean())
-
-
 def test_durations_inside_keep_the_margin_and_those_outside_do_not(drifting: Case) -> None:
     """With the path retimed and integrated precisely."""
     tolerated, planned = drifting.tolerance, drifting.problem.path.duration
@@ -139,49 +132,6 @@ def test_durations_inside_keep_the_margin_and_those_outside_do_not(drifting: Cas
     assert drifting.precisely(duration=1.01 * tolerated.longest) < 30.0
     if tolerated.shortest > planned / 10.0 * 1.001:
         assert drifting.precisely(duration=tolerated.shortest / 1.01) < 30.0
-
-
-@pytest.mark.slow
-def test_a_shortest_duration_is_found_too() -> None:
-    """Where momentum helps, a faster motion violates the margin."""
-    problem = with_margin("spatial_6dof/line")
-    base = ff.simulate(problem, GOOD).chosen
-    K = 200
-    scale = np.exp(np.linspace(np.log(0.1), 0.0, K))
-    for momentum in directions(12, 9) * 1.0:
-        changed = replace(problem, momentum=momentum)
-        ensemble = EnsembleIntegrator(changed, 1).integrate(
-            np.tile(base.motion.initial.attitude, (K, 1)), np.tile(base.branch.joints, (K, 1)),
-            momenta=scale[:, None] * momentum,
-        )  # fmt: skip
-        value = float(0.98 * ensemble.minimum[-1])
-        if ensemble.minimum.min() < 0.95 * value and ensemble.endings[-1] == 0:
-            break
-    else:
-        pytest.fail("no momentum helps")
-    strict = replace(changed, margin=ff.Margin(problem.margin.measure, value))
-    tolerated = tolerance(
-        EnsembleIntegrator(strict, 1), base.motion.initial.attitude, np.array(base.branch.joints)
-    )
-    assert 10.5 < tolerated.shortest < 100.0
-    for duration, keeps in ((tolerated.shortest / 0.99, True), (tolerated.shortest / 1.01, False)):
-        path = ff.TimedPath(strict.path.path, replace(strict.path.timing, duration=duration))
-        motion = ff.integrate_motion(
-            replace(strict, path=path), base.motion.initial.attitude, base.branch.joints
-        )
-        smallest = (
-            ff.closest_approach(motion, strict.margin.measure).value if motion.completed else 0.0
-        )
-        assert (smallest >= value) is keeps
-
-
-@pytest.mark.slow
-def test_without_momentum_any_duration_is_feasible(still: Case) -> None:
-    """From a tenth to ten times the planned one; the motion is the same at any speed."""
-    assert still.tolerance.shortest == pytest.approx(10.0)
-    assert still.tolerance.longest == pytest.approx(1000.0)
-    for duration in (10.0, 1000.0):
-        assert still.precisely(duration=duration) == pytest.approx(still.minimum, rel=1e-6)
 
 
 def test_scaling_duration_and_momentum_is_equivalent(drifting: Case) -> None:

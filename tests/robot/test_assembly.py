@@ -15,10 +15,8 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.dynamics.momentum import momentum_map
-from freefloat.errors import ModelError
 from freefloat.robot.assembly import assemble
 from freefloat.robot.parts import Attachment, Mount
-from tests.errors import error_key
 from tests.robots import Robot, inertial_text, joint_text, link_text, random_inertia, random_robot
 
 CUBE = np.array([35.0, 35.0, 35.0])
@@ -49,12 +47,6 @@ def free_flyer(text: str) -> Any:
     return pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
 
 
-def centre_of_mass(model: Any, q: np.ndarray) -> np.ndarray:
-    """In the root link's frame."""
-    whole = np.concatenate([np.zeros(3), IDENTITY, q])
-    return np.array(pin.centerOfMass(model, model.createData(), whole))
-
-
 def joints(rng: np.random.Generator, robot: Robot) -> np.ndarray:
     return rng.uniform(-2.0, 2.0, len(robot.joints))
 
@@ -80,37 +72,6 @@ def test_a_mounted_arm_is_pinocchios_own_sum_of_two_models(seed: int) -> None:
     theirs = pin.crba(whole, whole.createData(), q)
     scale = np.abs(theirs).max()
     assert np.allclose(np.triu(ours), np.triu(theirs), rtol=0, atol=1e-12 * scale)
-
-
-@given(seed=seeds)
-def test_the_arms_kinematics_relative_to_its_root_stay_as_they_were(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    arm, craft = random_robot(rng, "RRPR"), random_spacecraft(rng)
-    text = assembled(arm.text, craft, random_payload(rng), arm.end_effector)
-    q = joints(rng, arm)
-    poses = []
-    for model in (pin.buildModelFromXML(arm.text), pin.buildModelFromXML(text)):
-        data = model.createData()
-        pin.framesForwardKinematics(model, data, q)
-        poses.append(data.oMf[model.getFrameId(arm.end_effector)].homogeneous)
-    assert np.allclose(mounted(craft).homogeneous @ poses[0], poses[1], rtol=0, atol=1e-12)
-    assert not np.allclose(poses[0], poses[1], rtol=0, atol=1e-3), "the mount moves the arm"
-
-
-def test_the_box_is_drawn_and_may_collide_only_where_a_size_is_given() -> None:
-    arm = random_robot(np.random.default_rng(1), "RR").text
-    drawn = ET.fromstring(assembled(arm, ff.Spacecraft(9.0, CUBE, size=[1.0, 2.0, 0.5])))
-    (link,) = (link for link in drawn.findall("link") if link.get("name") == "spacecraft")
-    for tag in ("visual", "collision"):
-        (box,) = link.findall(f"{tag}/geometry/box")
-        assert box.get("size") == "1.0 2.0 0.5"
-    bare = ET.fromstring(assembled(arm, ff.Spacecraft(9.0, CUBE)))
-    assert not bare.findall("link/visual") + bare.findall("link/collision")
-
-
-def test_nothing_to_assemble_leaves_the_robot_as_it_is() -> None:
-    arm = random_robot(np.random.default_rng(2), "RC").text
-    assert ET.canonicalize(assembled(arm)) == ET.canonicalize(arm)
 
 
 # ---------------------------------------------------------------------------------- the payload
@@ -148,17 +109,6 @@ def test_a_payload_adds_its_own_momentum(seed: int) -> None:
     assert not np.allclose(momentum_map(empty, q) @ v, momentum, rtol=0, atol=1e-6 * scale)
 
 
-def test_of_several_last_links_one_must_be_named() -> None:
-    arm = random_robot(np.random.default_rng(7), "RR", "R")
-    load = random_payload(np.random.default_rng(8))
-    with pytest.raises(ModelError) as caught:
-        assembled(arm.text, payload=load)
-    assert caught.value.key == "end_effector"
-    assert arm.end_effector in caught.value.accepted
-    assert caught.value.source == "URDF text"
-    assert error_key(assembled, arm.text, None, load, "gripper") == "end_effector"
-
-
 # ------------------------------------------------------------------------------------ the names
 
 
@@ -175,20 +125,6 @@ def test_names_that_are_taken_get_a_number() -> None:
     model = ff.FreeFloatingModel.from_urdf(text, "tool")
     assert np.isclose(model.total_mass, 106.0, rtol=1e-12)
     assert np.isclose(model.bodies[0].mass, 101.0, rtol=1e-12)
-
-
-def test_factors_reach_what_was_assembled_by_its_name() -> None:
-    arm = random_robot(np.random.default_rng(9), "RR")
-    parts = {"spacecraft": ff.Spacecraft(100.0, CUBE), "payload": ff.Payload(3.0, CUBE)}
-    alone = ff.FreeFloatingModel.from_urdf(arm.text, arm.end_effector).total_mass
-    for scale, expected in (
-        ({"spacecraft": 2.0, "payload": 10.0}, alone + 230.0),
-        (3.0, 3.0 * (alone + 103.0)),
-    ):
-        model = ff.FreeFloatingModel.from_urdf(
-            arm.text, arm.end_effector, scale_mass=scale, **parts
-        )
-        assert np.isclose(model.total_mass, expected, rtol=1e-12)
 
 
 # ---------------------------------------------------------------------------------- bad input
@@ -269,25 +205,6 @@ def test_an_empty_root_gives_way_to_what_is_joined_to_it() -> None:
         assert np.allclose(frame.homogeneous, expected.homogeneous, rtol=0, atol=1e-14)
 
 
-def test_names_that_are_taken_ask_for_a_prefix() -> None:
-    arm = random_robot(np.random.default_rng(3), "RR")
-    with pytest.raises(ModelError) as caught:
-        assembled(arm.text, attached=[Attachment(arm.text)])
-    assert caught.value.key == "attached.0.prefix"
-    assert arm.joints[0] in caught.value.problem
-    text = assembled(arm.text, attached=[Attachment(arm.text, prefix="left_")])
-    assert f'name="left_{arm.joints[0]}"' in text
-
-
-def test_a_colour_of_its_own_keeps_its_name_to_itself() -> None:
-    plain = '<robot name="{0}"><material name="m"><color rgba="{1} 0 0 1"/></material>'
-    plain += link_text("{0}", inertial_text(1.0, np.eye(3))) + "</robot>"
-    red, dark = plain.format("a", "1"), plain.format("b", "0")
-    assert error_key(assembled, red, attached=[Attachment(dark)]) == "attached.0.prefix"
-    assert assembled(red, attached=[Attachment(red.replace('"a"', '"b"'))]).count('"m"') == 2
-    assert '"x_m"' in assembled(red, attached=[Attachment(dark, prefix="x_")])
-
-
 def test_meshes_of_an_attached_robot_are_found_from_the_first(tmp_path: Path) -> None:
     (tmp_path / "tool").mkdir()
     (tmp_path / "tool" / "part.stl").write_bytes(b"")
@@ -300,38 +217,3 @@ def test_meshes_of_an_attached_robot_are_found_from_the_first(tmp_path: Path) ->
     arm.write_text(random_robot(np.random.default_rng(4), "R").text)
     text = assembled(arm, attached=[Attachment(tool)])
     assert f'filename="{tmp_path / "tool" / "part.stl"}"' in text
-
-
-def test_unknown_links_and_invalid_files_are_refused() -> None:
-    arm = random_robot(np.random.default_rng(5), "R").text
-    assert (
-        error_key(assembled, arm, attached=[Attachment(arm, "elbow", prefix="b_")])
-        == "attached.0.link"
-    )
-    with pytest.raises(ModelError) as caught:
-        assembled(arm, attached=[Attachment("<robot/>")])
-    assert caught.value.source == "URDF text"
-
-
-@pytest.mark.parametrize(
-    "parts", [[4.0, 0.1, 0.2, 5.0, 0.3, 6.0], [4.0, 0.1, 0.2, 0.1, 5.0, 0.3, 0.2, 0.3, 6.0]]
-)
-def test_inertias_may_be_six_or_nine_numbers(parts: list[float]) -> None:
-    expected = [[4.0, 0.1, 0.2], [0.1, 5.0, 0.3], [0.2, 0.3, 6.0]]
-    assert np.array_equal(ff.Spacecraft(9.0, parts).inertia, expected)
-
-
-def test_the_spacecrafts_centre_of_mass_need_not_be_its_origin() -> None:
-    arm = random_robot(np.random.default_rng(6), "R").text
-    craft = ff.Spacecraft(1e6, CUBE, size=[1, 2, 3], com=[0.1, -0.2, 0.3])
-    text = assembled(arm, craft)
-    centre = centre_of_mass(free_flyer(text), np.zeros(1))
-    assert np.allclose(centre, [0.1, -0.2, 0.3], rtol=0, atol=1e-3)
-    (origin,) = ET.fromstring(text).findall("link[@name='spacecraft']/visual/origin")
-    assert origin.get("xyz") == "0.0 0.0 0.0"
-
-
-# ---------------------------------------------------------------------------------- scenarios
-
-
-# --------------------------------------------------------------------------- a redundant arm

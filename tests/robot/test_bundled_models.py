@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -64,18 +63,6 @@ def test_collision_shapes_lie_within_visuals(name: str) -> None:
         drawn, solid = _corners(robot, link.visuals), _corners(robot, link.collisions)
         assert (solid[0] >= drawn[0] - 1e-9).all()
         assert (solid[1] <= drawn[1] + 1e-9).all()
-
-
-@pytest.mark.parametrize("name", ["ets_vii", "ssrms"])
-def test_every_joint_of_a_real_arm_has_a_range_a_rate_and_a_torque(name: str) -> None:
-    joints = [joint for joint in ET.parse(urdf(name)).getroot().findall("joint")
-              if joint.get("type") != "fixed"]  # fmt: skip
-    assert len(joints) == model(name).dof
-    for joint in joints:
-        limit = {key: float(value) for key, value in joint.find("limit").attrib.items()}  # type: ignore[union-attr]
-        assert -2 * np.pi < limit["lower"] < 0.0 < limit["upper"] < 2 * np.pi
-        assert 0.0 < limit["velocity"] < 0.2
-        assert limit["effort"] > 0.0
 
 
 def test_the_two_real_arms_have_the_published_masses_and_lengths() -> None:

@@ -21,8 +21,6 @@ EXAMPLES = [
     examples_folder() / file
     for file in (
         "ur_description/meshes/ur5/visual/forearm.dae",
-        "ur_description/meshes/ur5/visual/wrist1.dae",
-        "panda_description/meshes/visual/link0.dae",
         "panda_description/meshes/visual/link6.dae",
     )
 ]
@@ -66,19 +64,6 @@ def test_the_unit_of_a_file_counts_and_its_upward_axis_does_not(tmp_path: Path) 
     copy = tmp_path / "copy.dae"
     copy.write_text(text)
     np.testing.assert_allclose(bounds(read_mesh(copy)), 0.01 * bounds(read_mesh(EXAMPLES[0])))
-
-
-def test_edges_stay_sharp_and_curves_smooth(tmp_path: Path) -> None:
-    """A box has three normals at each corner; a ball has the same vertices as before."""
-    (box,) = read_mesh(saved(trimesh.creation.box((1, 2, 3)), tmp_path / "box.stl"))
-    assert len(box.mesh.vertices) == 24
-    assert box.colour is None
-    outwards = np.abs(box.mesh.normals * np.sign(box.mesh.vertices)).max(axis=1)
-    np.testing.assert_allclose(outwards, 1.0, atol=1e-12)
-    ball = trimesh.creation.icosphere(3)
-    (smooth,) = read_mesh(saved(ball, tmp_path / "ball.stl"))
-    assert len(smooth.mesh.vertices) == len(ball.vertices)
-    np.testing.assert_allclose(smooth.mesh.normals, smooth.mesh.vertices, atol=0.01)
 
 
 def test_a_mirrored_mesh_still_looks_outwards(tmp_path: Path) -> None:
@@ -163,12 +148,10 @@ CHAIN = [{"mesh": 0, "children": [k + 1]} for k in range(200)] + [{"mesh": 0}]
     ("suffix", "text"),
     [
         ("dae", collada(doubled(26))),
-        ("dae", collada('<node id="n0">' + '<instance_geometry url="#g"/>' * 10_001 + "</node>")),
         ("gltf", gltf(CHAIN)),
-        ("gltf", gltf([{"mesh": 0}], primitives=10_001)),
         ("gltf", gltf([{"mesh": 0}], count=10**9)),
     ],
-    ids=["doubled nodes", "instances", "nested nodes", "primitives", "vertices without data"],
+    ids=["doubled nodes", "nested nodes", "vertices without data"],
 )
 def test_a_small_file_that_expands_is_refused_at_once(
     tmp_path: Path, suffix: str, text: str
@@ -189,13 +172,6 @@ def test_instances_of_nodes_are_read(tmp_path: Path, suffix: str, text: str) -> 
     path = tmp_path / f"nested.{suffix}"
     path.write_text(text)
     assert read_mesh(path)
-
-
-def test_a_mesh_scaled_to_nothing_is_refused(tmp_path: Path) -> None:
-    """A scale of zero leaves no triangle."""
-    path = saved(trimesh.creation.box((1, 1, 1)), tmp_path / "box.stl")
-    with pytest.raises(MeshFileError):
-        read_mesh(path, 0.0)
 
 
 # ------------------------------------------------------------------------------------- finding

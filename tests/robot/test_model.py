@@ -15,8 +15,6 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.dynamics.momentum import momentum_map
-from freefloat.errors import ModelError
-from freefloat.robot.names import models_folder
 from freefloat.robot.validation import read_urdf
 from freefloat.so3 import rotation_matrix
 from tests.errors import error_key
@@ -61,16 +59,6 @@ def test_joints_run_from_the_spacecraft_to_the_end_effector(robot: Robot) -> Non
     assert [body.joint for body in model.bodies] == ["root_joint", *robot.joints]
 
 
-def test_continuous_joints_are_plain_angles() -> None:
-    """One number a joint, no cosine and sine: a whole turn more changes nothing but the number."""
-    model = ff.FreeFloatingModel.from_urdf(ELBOW, "fore")
-    assert model.pin_model.nq == 7 + model.dof
-    here = model.end_effector_pose([0, 0, 0, 1], [0.3, 0.4])
-    later = model.end_effector_pose([0, 0, 0, 1], [0.3, 0.4 + 2.0 * np.pi])
-    np.testing.assert_allclose(here.position, later.position, atol=1e-14)
-    np.testing.assert_allclose(here.rotation, later.rotation, atol=1e-14)
-
-
 def test_bodies_have_ranges_axes_and_kinds() -> None:
     """Ranges come from the URDF; a continuous joint has none."""
     text = ELBOW.replace('axis xyz="0 0 1"', 'axis xyz="0 0 3"')
@@ -100,18 +88,6 @@ def test_too_many_moving_joints_are_refused() -> None:
     assert ff.FreeFloatingModel.from_urdf(text, fixed_joints=fixed).dof == 128
 
 
-def test_the_only_last_link_is_the_end_effector() -> None:
-    """With one last link it need not be named; with several they are listed."""
-    folder = models_folder()
-    model = ff.FreeFloatingModel.from_urdf(folder / "planar_3dof" / "planar_3dof.urdf")
-    assert model.end_effector == "end_effector"
-    with pytest.raises(ModelError) as caught:
-        ff.FreeFloatingModel.from_urdf(ELBOW)
-    assert caught.value.key == "end_effector"
-    links = caught.value.accepted.partition(" such as ")[2]
-    assert set(links.split(", ")) == {"fore", "mast"}
-
-
 @pytest.mark.parametrize("frame", ["bus", "antenna", "glue"])
 def test_a_frame_fixed_to_the_spacecraft_is_refused(frame: str) -> None:
     """No joint moves it; the links that joints do move are listed."""
@@ -122,15 +98,6 @@ def test_a_frame_fixed_to_the_spacecraft_is_refused(frame: str) -> None:
         )
         == "end_effector"
     )
-
-
-def test_of_a_link_and_a_joint_the_link_is_meant() -> None:
-    """The shoulder's joint may be called 'fore': the end-effector is the link of that name."""
-    named = ff.FreeFloatingModel.from_urdf(ELBOW.replace('"shoulder"', '"fore"'), "fore")
-    assert named.joint_names == ("fore", "elbow")
-    plain = ff.FreeFloatingModel.from_urdf(ELBOW, "fore")
-    here, there = (m.end_effector_pose([0, 0, 0, 1], [0.4, 0.9]) for m in (named, plain))
-    np.testing.assert_array_equal(here.position, there.position)
 
 
 # ----------------------------------------------------------------------------- merged and fixed
@@ -147,33 +114,6 @@ def test_fixed_joints_are_as_if_glued() -> None:
     np.testing.assert_allclose(momentum_map(fixed, q), momentum_map(glued, q), atol=1e-12)
     straight = ff.FreeFloatingModel.from_urdf(ELBOW, "fore")
     assert np.abs(momentum_map(fixed, q) - momentum_map(straight, q)).max() > 0.1
-
-
-@given(data=st.data(), robot=robots(branch=st.just("RP")))
-def test_joints_not_named_are_fixed_at_zero(data: st.DataObject, robot: Robot) -> None:
-    """Silence means zero."""
-    silent = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
-    zeros = dict.fromkeys(robot.others, 0.0)
-    zero = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector, fixed_joints=zeros)
-    q = data.draw(joint_values(silent.dof))
-    np.testing.assert_array_equal(momentum_map(silent, q), momentum_map(zero, q))
-
-
-def test_a_stuck_joint_of_the_arm_is_as_if_glued() -> None:
-    """Fixed by name it does not move; the bodies beyond it are where they are without motion."""
-    stuck = ff.FreeFloatingModel.from_urdf(ELBOW, "fore", fixed_joints={"shoulder": 0.4})
-    free = ff.FreeFloatingModel.from_urdf(ELBOW, "fore")
-    (left,) = stuck.joint_names
-    assert {left, "shoulder"} == set(free.joint_names)
-    q = np.zeros(free.dof)
-    q[free.joint_names.index("shoulder")], q[free.joint_names.index(left)] = 0.4, -0.7
-    attitude = [0.1, -0.2, 0.3, np.sqrt(0.86)]
-    pose, expected = (m.end_effector_pose(attitude, j) for m, j in ((stuck, [-0.7]), (free, q)))
-    np.testing.assert_allclose(pose.position, expected.position, atol=1e-12)
-    kept = [*range(6), 6 + free.joint_names.index(left)]
-    np.testing.assert_allclose(
-        momentum_map(stuck, [-0.7]), momentum_map(free, q)[:, kept], atol=1e-12
-    )
 
 
 @pytest.mark.parametrize(
@@ -214,18 +154,6 @@ def test_the_centre_of_mass_is_the_origin(
     np.testing.assert_allclose(pose.rotation, R @ model.tool.rotation, atol=1e-12)
 
 
-def test_published_spatial_arm_lies_straight_along_x_at_zero(
-    spatial_6dof: ff.FreeFloatingModel,
-) -> None:
-    """Table II: 2.4 m from the shoulder, which is 0.5 m above the spacecraft's centre."""
-    base = spatial_6dof.base_position([0, 0, 0, 1], np.zeros(6))
-    pose = spatial_6dof.end_effector_pose([0, 0, 0, 1], np.zeros(6))
-    np.testing.assert_allclose(pose.position - base, [2.4, 0, 0.5], atol=1e-12)
-    np.testing.assert_allclose(pose.rotation, np.eye(3), atol=1e-15)
-    raised = spatial_6dof.end_effector_pose([0, 0, 0, 1], [0, 0.5, 0, 0, 0, 0])
-    assert raised.position[2] - pose.position[2] > 0.5  # positive q2 raises the arm toward +z
-
-
 # ---------------------------------------------------------------------------- joints by name
 
 
@@ -234,17 +162,6 @@ def test_joint_vectors_come_by_name_or_in_order(planar_3dof: ff.FreeFloatingMode
     by_name = planar_3dof.joint_vector({"q3": 3, "q1": 1.0, "q2": np.float64(2)})
     np.testing.assert_array_equal(by_name, [1, 2, 3])
     np.testing.assert_array_equal(planar_3dof.joint_vector((1, 2, 3)), [1, 2, 3])
-
-
-@pytest.mark.parametrize(
-    "joints",
-    [{"q1": 1, "q2": 2}, {"q1": 1, "q2": 2, "q3": 3, "a": 0}, [1, 2], [1, 2, np.nan],
-     ["a", "b", "c"]],
-)  # fmt: skip
-def test_joint_vectors_that_do_not_fit_are_refused(
-    planar_3dof: ff.FreeFloatingModel, joints: object
-) -> None:
-    assert error_key(planar_3dof.joint_vector, joints) == "joints"
 
 
 # ------------------------------------------------------------------------------------- records
@@ -263,23 +180,6 @@ def test_models_survive_pickling_and_copying(rng: np.random.Generator) -> None:
         np.testing.assert_array_equal(momentum_map(copied, q), expected)
         assert copied.joint_names == model.joint_names
         assert copied.scratch is not model.scratch
-
-
-def test_files_and_text_give_the_same_model(spatial_6dof: ff.FreeFloatingModel) -> None:
-    """A path, its string and the text itself."""
-    path = models_folder() / "spatial_6dof" / "spatial_6dof.urdf"
-    q = np.full(6, 0.4)
-    text = path.read_text()
-    sources = {
-        path: str(path),
-        str(path): str(path),
-        text: "URDF text",
-        f"\n  {text[21:]}": "URDF text",
-    }
-    for urdf, source in sources.items():
-        model = ff.FreeFloatingModel.from_urdf(urdf)
-        np.testing.assert_array_equal(momentum_map(model, q), momentum_map(spatial_6dof, q))
-        assert model.description.source == source
 
 
 # -------------------------------------------------------------------------------- where things are

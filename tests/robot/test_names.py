@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import sysconfig
-import xml.etree.ElementTree as ET
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
@@ -16,20 +15,14 @@ from freefloat.errors import ModelError
 from freefloat.robot import robot_packages
 from freefloat.robot.assembly import assemble
 from freefloat.robot.names import (
-    bundled_robots,
     bundled_scenarios,
     find_robot,
     find_scenario,
     models_folder,
 )
-from freefloat.robot.robot_packages import EXAMPLE, example_robots
+from freefloat.robot.robot_packages import EXAMPLE
 from freefloat.robot.validation import read_urdf
 from tests.errors import error_key
-
-
-def test_a_robot_of_example_robot_data_without_its_prefix_is_suggested() -> None:
-    with pytest.raises(ff.InputError, match=r"did you mean example-robot-data:ur10\?"):
-        find_robot("ur10", Path("/"))
 
 
 def test_links_of_moving_bodies_are_suggested_as_end_effector() -> None:
@@ -41,14 +34,6 @@ def test_links_of_moving_bodies_are_suggested_as_end_effector() -> None:
     assert caught.value.key == "end_effector"
     links = set(caught.value.accepted.rpartition("such as ")[2].split(", "))
     assert links == {"wrist_3_link", "ee_link", "tool0", "payload"}
-
-
-@pytest.mark.parametrize("name", bundled_robots())
-def test_every_bundled_robot_loads(name: str) -> None:
-    urdf = find_robot(name, Path("/"))
-    assert urdf.parent.name == urdf.stem == name
-    assert ET.parse(urdf).getroot().get("name") == name
-    assert ff.FreeFloatingModel.from_urdf(urdf).dof > 0
 
 
 @pytest.mark.parametrize("name", bundled_scenarios())
@@ -98,17 +83,6 @@ def test_a_stock_robot_is_found_by_its_short_name(name: str, file: str) -> None:
     assert read_urdf(path).source == str(path)
 
 
-def test_every_urdf_of_the_package_has_a_name_and_the_empty_one_gives_way() -> None:
-    robots = example_robots()
-    folder = robot_packages.examples_folder()
-    missing = {path.name for path in folder.glob("*/**/*.urdf")} - {
-        path.name for path in robots.values()
-    }
-    assert missing == {"ur3.urdf"}, "it holds no link"
-    assert len(set(robots.values())) == len(robots)
-    assert not any(name.endswith("_robot") for name in robots)
-
-
 def _not_installed(name: str) -> None:
     raise PackageNotFoundError(name)
 
@@ -119,14 +93,3 @@ def test_without_the_package_the_message_says_how_to_get_it(
     monkeypatch.setattr(robot_packages, "distribution", _not_installed)
     monkeypatch.setattr(sysconfig, "get_path", lambda name: str(tmp_path))
     assert error_key(find_robot, f"{EXAMPLE}ur5", Path("/")) == "urdf"
-
-
-def test_the_package_may_lie_where_conda_puts_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    file = tmp_path / "share/example-robot-data/robots/my_description/urdf/mine_robot.urdf"
-    file.parent.mkdir(parents=True)
-    file.write_text("<robot/>")
-    monkeypatch.setattr(robot_packages, "distribution", _not_installed)
-    monkeypatch.setattr(sysconfig, "get_path", lambda name: str(tmp_path))
-    assert example_robots() == {"mine": file}

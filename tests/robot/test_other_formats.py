@@ -13,7 +13,7 @@ from freefloat.io.formats.mjcf_file import mjcf_text
 from freefloat.io.formats.trajectory import Trajectory
 from tests.commands import document
 from tests.errors import error_key
-from tests.motions import bundled
+from tests.motions import bundled, first_motion
 
 HEAD = '<robot name="{name}" xmlns:xacro="http://www.ros.org/wiki/xacro">\n'
 BODIES = """
@@ -56,14 +56,6 @@ ETS_VII = """
   </xacro:macro>
   <xacro:arm parent="satellite" x="2.4" k="0"/>
 """
-PREFIXED = """
-  <xacro:arg name="prefix" default="left_"/>
-  <xacro:property name="p" value="$(arg prefix)"/>
-  <xacro:body name="bus" mass="${200 + 50}" length="1.0" radius="0.5"/>
-  <xacro:body name="${p}upper" length="0.8"/><xacro:body name="${p}lower" length="0.7"/>
-  <xacro:hinge name="${p}q1" parent="bus" child="${p}upper" x="1.0" axis="0 0 1"/>
-  <xacro:hinge name="${p}q2" parent="${p}upper" child="${p}lower" x="0.8" axis="0 0 1"/>
-"""
 CONDITIONS = """
   <xacro:property name="slender" value="true"/>
   <xacro:body name="bus" mass="100" length="1.0" radius="0.4"/>
@@ -74,20 +66,9 @@ CONDITIONS = """
   <xacro:hinge name="q2" parent="a" child="b" x="0.9" axis="0 0 1"/>
   <xacro:hinge name="q3" parent="b" child="c" x="${0.5 * sqrt(2)}" axis="0 0 1"/>
 """
-SLIDE = """
-  <xacro:property name="stroke" value="0.6"/>
-  <xacro:body name="bus" mass="300" length="1.0" radius="0.5"/>
-  <xacro:body name="boom" length="1.0"/><xacro:body name="slider" length="0.4"/>
-  <xacro:hinge name="q1" parent="bus" child="boom" x="1.0" axis="0 0 1"/>
-  <joint name="d2" type="prismatic"><parent link="boom"/><child link="slider"/>
-    <origin xyz="1.0 0 0"/><axis xyz="1 0 0"/>
-    <limit lower="0" upper="${stroke}" effort="10" velocity="0.1"/></joint>
-"""
 FILES = {
     "ets_vii_like": (ETS_VII, "link_5", 0.1, 6, "pose"),
-    "prefixed": (BODIES + PREFIXED, "left_lower", 0.7, 2, "planar-position"),
     "conditions": (BODIES + CONDITIONS, "c", 0.5, 3, "planar-pose"),
-    "slide": (BODIES + SLIDE, "slider", 0.4, 2, "planar-position"),
 }
 """Text, last link and its length, number of joints, and task."""
 
@@ -148,6 +129,7 @@ def test_expressions_are_evaluated(xacro) -> None:
     assert tool[0] - bus[0] == pytest.approx(1.0 + 0.9 + np.sqrt(0.5) + 0.5)
 
 
+@pytest.mark.slow
 def test_errors_of_xacro_files(tmp_path: Path) -> None:
     for text in ("<robot", HEAD.format(name="a") + "<xacro:none/></robot>",
                  HEAD.format(name="a") + '<link name="${1 / 0}"/></robot>'):  # fmt: skip
@@ -156,10 +138,10 @@ def test_errors_of_xacro_files(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["ets_vii/line", "planar_3dof/parabola", "ssrms/transfer"])
+@pytest.mark.parametrize("name", ["ets_vii/line", "planar_3dof/parabola"])
 def test_a_model_of_mujoco_has_the_same_dynamics(name: str, tmp_path: Path) -> None:
     problem = bundled(name)
-    motion = ff.plan(problem, ff.Search(samples=16)).chosen.motion
+    motion = first_motion(problem)
     file = tmp_path / "robot.xml"
     file.write_text(mjcf_text(Trajectory.sampled(motion, 3)))
     read = ff.FreeFloatingModel.from_urdf(file)

@@ -63,16 +63,6 @@ def test_another_parser_reads_what_is_saved(name: str) -> None:
     assert ff.FreeFloatingModel.from_urdf(text, "tip").joint_names == ("J1", "J2")
 
 
-def test_moments_out_of_the_plane_do_not_matter_in_it() -> None:
-    flat = ROBOTS["inertias of the plane"]
-    full = flat.replace('ixx="0"', 'ixx="5"').replace('iyy="0"', 'iyy="7"')
-    jacobians = [
-        ff.generalized_jacobian(ff.FreeFloatingModel.from_urdf(text), [0.5, 1.0], "planar-position")
-        for text in (flat, full)
-    ]
-    np.testing.assert_allclose(*jacobians, rtol=1e-12)
-
-
 def test_prismatic_joints_need_a_range() -> None:
     sliding = ROBOTS["no limits"].replace('"revolute"', '"prismatic"', 1)
     assert error_key(ff.FreeFloatingModel.from_urdf, sliding) == "joint J1"
@@ -160,16 +150,6 @@ def test_packages_are_named(workspace, tmp_path: Path) -> None:
             assert error_key(scenario.model) == key
 
 
-def test_meshes_of_named_packages_are_found(tmp_path: Path) -> None:
-    (tmp_path / "arm.stl").write_text("solid arm\nendsolid arm\n")
-    shape = '<visual><geometry><mesh filename="package://far/arm.stl"/></geometry></visual>'
-    text = ROBOTS["no limits"].replace('<link name="upper">', f'<link name="upper">{shape}')
-    (tmp_path / "robot.urdf").write_text(text)
-    file = tmp_path / "robot.urdf"
-    assert "link upper" in warned(document("info", file))
-    assert "link upper" not in warned(document("info", file, "--package", f"far={tmp_path}"))
-
-
 def test_every_command_knows_robot_descriptions(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -192,9 +172,3 @@ def test_every_command_knows_robot_descriptions(
     assert near.count("robot_descriptions:arm_") == 5
     for name in [name for name in sys.modules if name.startswith("robot_descriptions")]:
         monkeypatch.delitem(sys.modules, name)
-
-
-def test_unknown_robots_of_a_package_are_answered_with_the_nearest() -> None:
-    accepted = error("info", "example-robot-data:ur_10")["accepted"]
-    assert "example-robot-data:ur10" in accepted
-    assert accepted.count("example-robot-data:") == 5

@@ -23,24 +23,17 @@ CLASSES = "().__class__.__base__.__subclasses__()"
 ATTACKS = {
     "code in a lambda": f"(lambda: {CLASSES})()",
     "attributes": CLASSES,
-    "globals of a function": "xacro.load_yaml.__globals__",
-    "a method of type by its name": "python.vars(python.type)['__subclasses__'](python.type)",
     "a format that reads attributes": r"str.format('{0.__class__\x7d', 1)",
     "builtins": "__builtins__",
-    "import": "__import__('os').system('true')",
-    "assignment": "(x := 1)",
     "the symbols of a namespace": "python.parent",
     "a secret text file": "xacro.load_yaml('/etc/passwd')",
     "a tag of PyYAML": "xacro.load_yaml('tag.yaml')",
     "a file of XML, then a download": "n['**block'].ownerDocument.implementation.createDOMBuilder",
 }
 FILES = {
-    "a lazy property": '<xacro:property name="x" value="${(lambda: 1)()}"/><link name="${x}"/>',
     "a default": '<xacro:macro name="m" params="a:=${().__class__}"><c d="${a}"/></xacro:macro>'
                  "<xacro:m/>",
     "eval": r"""<link name="$(eval open${'\x28'}'/etc/passwd'${'\x29'})"/>""",
-    "the environment": '<link name="$(env PATH)"/>',
-    "a command": '<link name="$(command ls)"/>',
     "no XML": '<xacro:include filename="/etc/passwd"/>',
     "a device": '<xacro:include filename="/dev/zero"/>',
     "itself": '<xacro:include filename="a.xacro"/>',

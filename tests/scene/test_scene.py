@@ -79,14 +79,10 @@ def test_a_corridor_moves_with_its_body():
 
 
 @pytest.mark.parametrize(("call", "key"), [
-    (lambda: ff.SceneBody("", ff.Sphere(1.0)), "body.name"),
     (lambda: ff.SceneBody("a", ff.Box([1.0, -1.0, 1.0])), "body.shape.size"),
-    (lambda: ff.SceneBody("a", ff.Cylinder(1.0, np.nan)), "body.shape.length"),
-    (lambda: ff.SceneBody("a", 3.0), "body.shape"),
     (lambda: ff.SceneBody("a", "missing.stl"), "body.shape"),
     (lambda: ff.SceneBody("a", ff.Sphere(1.0), motion="drifting"), "body.motion"),
     (lambda: ff.Corridor([0, 0, 0], [0, 0, 1]), "corridor"),
-    (lambda: ff.Corridor([0, 0, 0], [0, 0, 1], 2.0), "corridor.half_angle"),
     (lambda: ff.Scene([ff.SceneBody("a", ff.Sphere(1.0))] * 2), "scene.bodies"),
     (lambda: ff.Scene([], ff.Corridor([0, 0, 0], [0, 0, 1], 0.1, body="a")), "scene.corridor.body"),
 ])  # fmt: skip

@@ -45,18 +45,6 @@ def test_no_configuration_is_above_the_bound_and_the_value_is_attained(
     assert max(abs(measure(q)) for q in samples) <= found.upper_bound
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["planar_2dof/line", "ur5_servicer/arc"])
-def test_margins_that_are_fractions_refer_to_proven_magnitudes(name: str) -> None:
-    scenario = ff.load_scenario(name)
-    margin = scenario.problem().margin
-    assert scenario.content.margin.fraction is not None
-    found = guaranteed_magnitude(scenario.model(), scenario.problem().task, margin.measure.name)
-    expected = scenario.content.margin.fraction * found.value
-    assert margin.threshold == pytest.approx(expected, rel=1e-6)
-    assert found.upper_bound < (1.0 + 2e-6) * found.value
-
-
 def test_the_search_does_not_depend_on_its_start() -> None:
     problem = bundled("planar_2dof/line")
     polynomial = ff.SingularityPolynomial.of(problem.model, problem.task)
@@ -78,13 +66,6 @@ def test_the_bound_holds_when_the_search_ends_early(monkeypatch: pytest.MonkeyPa
     monkeypatch.undo()
     proven = guaranteed_magnitude(problem.model, problem.task, "system")
     assert early.value <= proven.upper_bound < early.upper_bound
-
-
-def test_a_tolerance_below_rounding_ends() -> None:
-    problem = bundled("planar_2dof/line")
-    polynomial = ff.SingularityPolynomial.of(problem.model, problem.task)
-    found = global_maximum(polynomial, np.array([0.1, 1.0]), 0.0)
-    assert found.value <= found.upper_bound < found.value + 1e-6
 
 
 def test_a_wrong_polynomial_is_noticed() -> None:

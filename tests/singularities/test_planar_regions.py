@@ -9,9 +9,6 @@ from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.singularities.planar_regions import (
     PlanarArm,
     margin_curves,
-    most_singular_place,
-    point_3,
-    point_3_on_path,
 )
 from freefloat.so3 import heading_quaternion
 
@@ -89,18 +86,3 @@ def test_margin_curves_satisfy_22a_and_22b(planar_3dof, level):
             shift = np.arctan2(k2, k1)
             forms = np.array([np.pi - np.arcsin(height) - shift, np.arcsin(height) - shift])
             assert np.abs(np.angle(np.exp(1j * (forms - q2)))).min() < 2e-5
-
-
-def test_largest_s_at_the_worst_place_of_the_path_is_that_of_a_fine_search(planar, rng):
-    """No configuration with point 3 at that distance has a larger |S|."""
-    s, largest = most_singular_place(planar)
-    arm = PlanarArm.of(planar.model)
-    q = rng.uniform(-np.pi, np.pi, (100_000, 2))
-    angles = arm.angles(np.zeros(len(q)), np.column_stack([q, np.zeros(len(q))]))
-    near = (
-        np.abs(
-            np.abs(point_3(arm, q)) - abs(point_3_on_path(planar, planar.path.timing.time_at(s)))
-        )
-        < 0.005
-    )
-    assert largest == pytest.approx(np.abs(arm.determinant(angles[near])).max(), rel=0.05)

@@ -1,15 +1,12 @@
 """Reach and areas: published radii, brute force in joint space, and what the paper says."""
 
-import json
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from typer.testing import CliRunner
 
 import freefloat as ff
-from freefloat.cli.app import app
 from tests.robots import planar_robot
 
 
@@ -78,26 +75,6 @@ def test_the_path_of_example_1_crosses_both_areas(areas_of_example_1):
     assert parts[2][0][0] < 0.8333 < parts[2][0][1]
 
 
-def workspace_command(*arguments):
-    result = CliRunner().invoke(app, ["workspace", *arguments])
-    assert result.exit_code == 0, result.output
-    return json.loads(result.stdout)
-
-
-@pytest.mark.slow
-def test_the_workspace_command_has_reach_and_areas():
-    document = workspace_command("planar_3dof/parabola", "--json")
-    assert document["reach"] == pytest.approx([0.39278, 3.17410], abs=1e-5)
-    assert len(document["pdw"]) == 2
-    assert len(document["piw"]) == 1
-    document = workspace_command("spatial_6dof/line", "--json")
-    assert (document["point"], document["measure"], document["exact"]) == (
-        "wrist centre", "arm", True,
-    )  # fmt: skip
-    assert len(document["pdw"]) == len(document["piw"]) == 2
-    assert [part["path_dependent"] for part in document["path"]] == [False, True, False]
-
-
 @pytest.fixture(scope="module")
 def line():
     """Example 2."""
@@ -146,32 +123,6 @@ def test_singular_configurations_fill_the_path_dependent_shells(
         assert np.diff(filled).max() < 0.1 * (high - low)
         radii = np.setdiff1d(radii, inside)
     assert len(radii) == 0
-
-
-@pytest.mark.slow
-def test_nowhere_in_the_path_independent_shells_the_arm_factor_vanishes(
-    line, shells, rng: np.random.Generator
-):
-    """In a shell |S| keeps away from zero at all of very many configurations."""
-    joints = rng.uniform(-np.pi, np.pi, (20_000, 6))
-    radii = distances(line, shells, joints)
-    measure = ff.singularity_measure(line.model, line.task, "arm")
-    for low, high in shells.path_independent or ():
-        middle, half = (low + high) / 2.0, 0.4 * (high - low)
-        inside = joints[np.abs(radii - middle) < half]
-        assert len(inside) > 30
-        assert min(abs(measure(q)) for q in inside) > 0.05 * shells.largest_s
-
-
-def test_shoulder_and_wrist_are_singular_at_any_radius(line, shells, rng: np.random.Generator):
-    """So the areas are about the arm factor: det S* vanishes in path-independent shells, too."""
-    joints = singular_joints(line, "gjm", rng, 50)
-    radii = distances(line, shells, joints)
-    measure = ff.singularity_measure(line.model, line.task, "arm")
-    for low, high in shells.path_independent or ():
-        others = joints[(radii > low + 0.01) & (radii < high - 0.01)]
-        assert len(others) > 0
-        assert min(abs(measure(q)) for q in others) > 1e-3
 
 
 def test_the_path_of_example_2_crosses_one_path_dependent_area(line, shells):

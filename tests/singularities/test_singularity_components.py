@@ -49,11 +49,3 @@ def test_the_components_of_an_elbow_arm_correspond_to_its_branches() -> None:
     assert sum(part.sign for part in found.components) == 0
     most = [max(part.branches, key=lambda name: part.branches[name]) for part in found.components]
     assert len(set(most)) == 8
-
-
-def test_components_of_maps_with_fixed_joints_have_no_branches() -> None:
-    problem = bundled("planar_2dof/line")
-    fixed = {problem.model.joint_names[0]: 0.5}
-    found = ff.singularity_components(ff.singularity_map(problem.model, problem.task, fixed=fixed))
-    assert [dict(part.branches) for part in found.components] == [{}] * len(found.components)
-    assert {part.sign for part in found.components} == {1, -1}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 import freefloat as ff
 from freefloat.so3 import heading_quaternion, rotation_matrix
@@ -19,37 +18,6 @@ def case(name: str) -> tuple[ff.FreeFloatingModel, ff.Task]:
         return problem.model, problem.task
     robot = random_robot(np.random.default_rng(12), name)
     return ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector), ff.Task.POSE
-
-
-def singular_curve() -> np.ndarray:
-    """Points of the curve det A = 0 of the arm 40/4/3 around the square, shape (K, 2)."""
-    problem = bundled("planar_2dof/line")
-    measure = ff.singularity_measure(problem.model, problem.task, "system")
-    points = []
-    q2 = np.linspace(-2.0 * np.pi, 2.0 * np.pi, 97)
-    for q1 in np.linspace(-2.0 * np.pi, 2.0 * np.pi, 1441):
-
-        def along(value: float, q1: float = q1) -> float:
-            return measure(np.array([q1, value]))
-
-        values = [along(value) for value in q2]
-        for k in np.flatnonzero(np.diff(np.sign(values))):
-            points.append([q1, brentq(along, q2[k], q2[k + 1])])
-    return np.array(points)
-
-
-@pytest.mark.slow
-def test_the_distance_is_that_of_the_singular_curve() -> None:
-    problem, curve = bundled("planar_2dof/line"), singular_curve()
-    polynomial = ff.SingularityPolynomial.of(problem.model, problem.task)
-    for q in np.random.default_rng(0).uniform(-np.pi, np.pi, (12, 2)):
-        found = ff.distance_to_singularity(
-            problem.model, q, problem.task, polynomial=polynomial
-        )  # fmt: skip
-        exact = np.linalg.norm(curve - q, axis=1).min()
-        assert found.lower_bound <= exact
-        assert exact - 1e-4 < found.distance < exact + 1e-9
-        assert found.lower_bound >= 0.99 * found.distance
 
 
 @pytest.mark.slow
@@ -87,19 +55,6 @@ def test_the_printed_singularity_of_papadopoulos_and_dubowsky() -> None:
     assert found.direction == pytest.approx([-0.12213, 0.99251], abs=2e-5)
     R = rotation_matrix(heading_quaternion(heading))[:2, :2]
     assert found.inertial_direction == pytest.approx(R @ found.direction)
-
-
-def test_full_rotations_do_not_matter() -> None:
-    problem = bundled("planar_2dof/line")
-    first, turned = (
-        ff.distance_to_singularity(problem.model, q, problem.task)
-        for q in ([0.3, 0.7], [0.3 + 2.0 * np.pi, 0.7 - 4.0 * np.pi])
-    )
-    assert turned.distance == pytest.approx(first.distance)
-    assert first.joints is not None
-    assert turned.joints == pytest.approx(
-        first.joints + 2.0 * np.pi * np.array([1.0, -2.0]), abs=1e-5
-    )
 
 
 @pytest.mark.parametrize(("key", "name", "joints"), [

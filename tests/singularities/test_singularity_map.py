@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 import pytest
 
@@ -69,28 +67,6 @@ def test_boxes_are_those_of_the_nodes_and_are_cut_down_to_the_resolution() -> No
         narrowest = (2.0 * halves[unknown]).min(axis=1)
         assert (narrowest <= np.radians(2.0)).all()
     assert volume == pytest.approx((2.0 * np.pi) ** 2)
-
-
-def test_boxes_marked_singular_hold_a_change_of_sign() -> None:
-    problem = bundled("planar_2dof/line")
-    found = ff.singularity_map(problem.model, problem.task, np.radians(5.0))
-    measure = ff.singularity_measure(problem.model, problem.task, "system")
-    count = 0
-    for part, centres, halves in found.iterate_boxes():
-        for row in np.flatnonzero(found.nodes[part] == Kind.SINGULAR):
-            sides = np.array(list(product(np.linspace(-1.0, 1.0, 5), repeat=2)))
-            signs = {np.sign(measure(q)) for q in centres[row] + sides * halves[row]}
-            assert {1.0, -1.0} <= signs
-            count += 1
-    assert count > 50
-
-
-def test_the_map_does_not_depend_on_the_size_of_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = bundled("planar_2dof/line")
-    whole = ff.singularity_map(problem.model, problem.task, np.radians(1.0))
-    monkeypatch.setattr("freefloat.singularities.singularity_map._BOXES", 16)
-    pieces = ff.singularity_map(problem.model, problem.task, np.radians(1.0))
-    assert (whole.nodes == pieces.nodes).all()
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -104,23 +103,3 @@ def test_without_a_feasible_attitude_the_motion_that_gets_farthest_is_shown() ->
     motion = studied.motion(state, no_progress).content
     assert motion["outcome"] == "The whole path was followed."
     assert studied.limits().content["results"]
-
-
-@pytest.mark.slow
-def test_plans_of_a_scenario_that_states_a_fraction_are_saved_under_free_names(
-    tmp_path: Path,
-) -> None:
-    studied, _ = analysis("planar_2dof/line")
-    names = [studied.save(tmp_path / "line.h5", None).content["file"] for _ in range(3)]
-    assert [Path(name).name for name in names] == ["line.h5", "line-2.h5", "line-3.h5"]
-    chosen = (0.0, 0.0, np.sin(1.0), np.cos(1.0))  # not feasible: the nearest one is planned
-    file = studied.save(tmp_path / "line.h5", chosen).content["file"]
-    plan = ff.load(file)
-    assert ff.check(plan).passed
-
-
-@pytest.mark.slow
-def test_the_contact_of_a_saved_motion_is_told(tmp_path: Path) -> None:
-    studied, _ = analysis("spatial_6dof/line", search={"samples": 512})
-    content = studied.save(tmp_path / "line.h5", None).content
-    assert content["contact"] == str(ff.load(content["file"]).contact)

@@ -10,7 +10,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.robot.names import bundled_scenarios, find_scenario
+from freefloat.robot.names import find_scenario
 from freefloat.studio.edits import edited
 from freefloat.studio.messages import MoveHandle, SetDuration, SetMargin, SetMomentum, TurnEnd
 from freefloat.studio.outline import outline
@@ -112,12 +112,3 @@ def test_a_path_on_a_tumbling_body_has_no_handles() -> None:
     content = scenario("servicing/capture_client")
     assert outline_of(content)["handles"] == []
     assert error_key(moved, content, 0, np.zeros(3)) == "handle"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", bundled_scenarios())
-def test_every_bundled_scenario_has_an_outline(name: str) -> None:
-    loaded = ff.load_scenario(name)
-    content = outline(loaded, loaded.problem(), 1.0)
-    assert len(content["path"]) > 2
-    assert content["margin"]["threshold"] >= 0.0

@@ -143,54 +143,6 @@ def test_two_hundred_slow_connections_do_not_stop_it(studio: Studio) -> None:
 
 
 @pytest.mark.slow
-def test_two_browsers_see_the_same(studio: Studio) -> None:
-    async def talk() -> None:
-        async with connected(studio) as first, connected(studio) as second:
-            for connection in (first, second):
-                await answer(connection, "outline")
-            edit = {"type": "momentum", "value": [0.0, 0.0, 0.25], **EDIT}
-            await first.write_message(json.dumps(edit))
-            for connection in (first, second):
-                await answer(
-                    connection, "outline", wanted=lambda m: m["momentum"] == [0.0, 0.0, 0.25]
-                )
-                assert (await answer(connection, "attitudes"))["kind"] == "dial"
-            await second.write_message(json.dumps({"type": "undo"}))
-            await answer(first, "outline", wanted=lambda m: m["momentum"] == [0.0, 0.0, 0.0])
-
-    in_a_loop(talk())
-
-
-@pytest.mark.slow
-def test_edits_of_a_gesture_are_one_step_that_undo_and_redo_take(studio: Studio) -> None:
-    async def talk() -> None:
-        async with connected(studio) as connection:
-            before = await answer(connection, "state")
-            await answer(connection, "outline")
-            for number in range(1, 6):
-                edit = {"type": "handle", "handle": 1, "position": [0.5, 1.2 + 0.01 * number, 0.0]}
-                edit |= {"gesture": "a drag", "done": number == 5}
-                await connection.write_message(json.dumps(edit))
-            for step in ("undo", "redo", "undo", "redo"):  # the worker may see the last one alone
-                await connection.write_message(json.dumps({"type": step}))
-            at_end = await answer(
-                connection, "state", wanted=lambda m: "1.25" in m["text"] and not m["redo"]
-            )
-            await answer(
-                connection, "outline", wanted=lambda m: m["handles"][1]["position"][1] == 1.25
-            )
-            edit = {"type": "handle", "handle": 0, "position": [1.9, 0.25, 0.0], **EDIT}
-            await connection.write_message(json.dumps(edit))
-            await answer(connection, "state", wanted=lambda m: "[1.9, 0.25, 0.0]" in m["text"])
-            await connection.write_message(json.dumps({"type": "undo"}))
-            await answer(connection, "state", wanted=lambda m: m["text"] == at_end["text"])
-            await connection.write_message(json.dumps({"type": "undo"}))
-            await answer(connection, "state", wanted=lambda m: m["text"] == before["text"])
-
-    in_a_loop(talk())
-
-
-@pytest.mark.slow
 def test_it_ends_with_exit_code_zero_and_its_worker_with_it(
     start_studio: Callable[..., Studio],
 ) -> None:

@@ -70,7 +70,7 @@ COMPARISONS = tuple(Comparison(*row) for row in (
      "rotation of the spacecraft after a closed loop of joints",
      "-2.35462974398 deg, from a quadrature", 1e-7, "deg"),
     ("test_brute_force", "test_random_ranges_agree_with_brute_force",
-     "heading range limits of 8 random problems", "sweep and bisection", 0.05, "deg"),
+     "heading range limits of 5 random problems", "sweep and bisection", 0.05, "deg"),
     ("test_brute_force", "test_a_map_agrees_with_precise_motions",
      "minimum margins of a map, Example 2", "precise motions", 3e-4, "of the initial S"),
     ("test_scene", "test_ten_revolutions_are_those_of_jacobi",

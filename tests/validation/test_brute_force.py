@@ -2,7 +2,6 @@
 
 import importlib.util
 import sys
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +13,6 @@ from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from tests.motions import bundled
 from tests.validation.comparisons import assert_agrees
-
-assert_close = partial(np.testing.assert_allclose, rtol=0)
-
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "verify_planar_ranges.py"
 
@@ -32,7 +28,7 @@ def verify():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [0, 2, 4, 5, 8, 13, 17, 19])
+@pytest.mark.parametrize("number", [0, 2, 4, 8, 13])
 def test_random_ranges_agree_with_brute_force(verify, number):
     """Every range is found, none invented, limits are even in number.
 
@@ -45,6 +41,7 @@ def test_random_ranges_agree_with_brute_force(verify, number):
     assert_agrees("test_random_ranges_agree_with_brute_force", verdict.worst)
 
 
+@pytest.mark.slow
 def test_a_map_agrees_with_precise_motions():
     """Endings and smallest |S| over its first value of every fifth motion of a small map."""
     problem = bundled("spatial_6dof/line")

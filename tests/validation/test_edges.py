@@ -7,34 +7,27 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 import freefloat as ff
-from freefloat.attitude_grids import attitude_grid
 from freefloat.certificate.certificate import certify
 from freefloat.cli.app import app
 from freefloat.ensemble.endings import COMPLETED, SINGULAR
-from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import IntegrationError
 from freefloat.motion import integration
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Ending
 from freefloat.paths import PolynomialCurve
 from freefloat.planning.plane.ranges import find_range_limits, heading_ranges
-from freefloat.planning.space.robust_radius import robust_radius
 from freefloat.robot.names import models_folder
-from freefloat.so3 import angle_between, heading_of
+from freefloat.so3 import heading_of
 from freefloat.verification.engines.mujoco import forward_run, inverse_run
 from freefloat.verification.engines.mujoco_model import Engine
 from tests.motions import GOOD, along, bundled, compiled_motion, heading, lasting, simulated
 from tests.robots import in_units, planar_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
-EXAMPLE_1 = "planar_3dof/parabola_nonstop"
 UPRIGHT = np.eye(3)
-LEVEL = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-"""The end-effector's approach axis along y, its z axis along x."""
 
 
 @pytest.fixture(scope="module")
@@ -177,17 +170,6 @@ def test_a_motion_that_grazes_zero_is_reported_from_one_that_does_not(planar):
         assert compiled_motion(motion).endings[0] == (COMPLETED if motion.completed else SINGULAR)
 
 
-@pytest.mark.slow
-def test_the_ends_of_a_range_graze_the_margin(planar, ranges):
-    """Expected: from the ends of a range the minimum |S| is S0 to 1e-7 of it."""
-    for entry in ranges:
-        for part in entry.ranges:
-            for end in (part.low, part.high):
-                motion = simulated(planar, heading(np.degrees(end)), entry.branch)
-                minimum = ff.closest_approach(motion, planar.margin.measure).value
-                assert minimum == pytest.approx(5.0, abs=5e-7)
-
-
 # --- very short and very long ---------------------------------------------------------------------
 
 
@@ -210,28 +192,6 @@ def test_a_millisecond_and_a_million_seconds_are_one_motion(name, attitude, bran
         assert (entry.value, entry.bound) == pytest.approx((other.value, other.bound), rel=1e-6)
     assert certificate.momentum.value < 1e-6 * certificate.momentum_scale
     assert certificate.end_effector_position.value < 1e-8
-
-
-def test_in_a_millisecond_momentum_has_no_time_to_matter(spatial):
-    """Expected: with momentum the end is that of h = 0, but for the drift of 1e-5 rad."""
-    drifting = simulated(lasting(spatial, 1e-3), GOOD, 2)
-    assert_equal_ends(drifting, simulated(lasting(spatial, 1e-3, [0, 0, 0]), GOOD, 2), 1e-4)
-    assert drifting.residuals().momentum < 1e-6 * 6e4  # the arm swings with 6e4 N m s by itself
-
-
-def test_a_million_seconds_of_slow_drift_are_integrated(planar):
-    """Expected: where S cannot vanish, the spacecraft rotates twice."""
-    problem = along(
-        planar.model, ff.Task.PLANAR_POSE, [2.1, 0, 0], [2.1, 0.2, 0], UPRIGHT, 1e6, [0, 0, 0.005]
-    )
-    motion = simulated(problem, heading(10.0), 0)
-    assert motion.completed
-    headings = np.unwrap([heading_of(attitude) for attitude in motion.attitudes])
-    assert headings[-1] - headings[0] > 2.0 * 2.0 * np.pi
-    assert_compiled_agrees(motion, 1e-3)
-    residuals = motion.residuals()
-    assert max(residuals.end_effector_position, residuals.end_effector_orientation) < 1e-7
-    assert residuals.momentum < 1e-8
 
 
 def test_many_rotations_raise_an_error(spatial, monkeypatch):
@@ -266,16 +226,6 @@ def test_a_spacecraft_that_tumbles_is_confirmed_by_both_engines(planar):
     assert forward_run(motion, engine).attitude < 1e-3
 
 
-def test_a_tumbling_arm_in_space_becomes_singular_where_both_ways_say(spatial):
-    """Expected: a hundred times Example 2's momentum ends it, precise and compiled alike."""
-    motion = simulated(lasting(spatial, 100.0, 100.0 * spatial.momentum), GOOD, 2)
-    assert motion.ending is Ending.SINGULAR
-    compiled = compiled_motion(motion)
-    assert compiled.endings[0] == SINGULAR
-    assert compiled.ended_at[0] == pytest.approx(motion.final.time, abs=1e-2)
-    assert motion.residuals().end_effector_position < 1e-7
-
-
 # --- light and heavy ------------------------------------------------------------------------------
 
 GRAM, HEAVY = 1e-3, 4e5
@@ -306,26 +256,6 @@ def test_the_size_of_all_masses_does_not_matter(mass):
     assert_compiled_agrees(motion, 1e-4)
     inverse = inverse_run(motion, Engine(motion.problem.system))
     assert inverse.wrench < 1e-4 * inverse.torque
-
-
-def test_links_of_a_gram_do_not_rotate_400_tonnes():
-    """Expected: the spacecraft rests to 1e-9, the joints are those of a fixed base."""
-    problem = planar_line([HEAVY, *[GRAM] * 3], [1e6, *[1e-5] * 3])
-    motion = elbow_up(problem)
-    assert motion.completed
-    assert_close(motion.final.attitude, [0, 0, 0, 1], atol=1e-9)
-    (fixed,) = [b for b in problem.branches([0, 0, 0, 1], 50.0) if b.joints[1] > 0.0]
-    assert_close(motion.final.joints, fixed.joints, atol=1e-8)
-    assert_compiled_agrees(motion, 1e-5)
-
-
-def test_an_arm_of_1200_tonnes_on_a_gram_is_singular():
-    """Expected: an ending, not a numerical failure."""
-    problem = planar_line([GRAM, *[HEAVY] * 3], [1e-6, *[1e6] * 3])
-    for branch in problem.branches([0, 0, 0, 1]):
-        motion = ff.integrate_motion(problem, [0, 0, 0, 1], branch.joints)
-        assert motion.ending is Ending.SINGULAR
-        assert compiled_motion(motion).endings[0] == SINGULAR
 
 
 # --- links of a millimetre ------------------------------------------------------------------------
@@ -366,105 +296,3 @@ def test_an_arm_of_millimetres_moves_as_one_of_metres(
     inverse = inverse_run(motion, Engine(problem.system))
     assert inverse.wrench < 1e-4 * inverse.torque
     assert not Path("MUJOCO_LOG.TXT").exists()  # of inertias near zero
-
-
-@pytest.mark.slow
-def test_ranges_of_headings_do_not_depend_on_the_size(ranges):
-    """Expected: Example 1 in millimetres has the ranges that it has in metres, to 1e-6 rad."""
-    for large, tiny in zip(ranges, all_headings(small(EXAMPLE_1, 1e-3)), strict=True):
-        ends = [[(part.low, part.high) for part in entry.ranges] for entry in (large, tiny)]
-        assert_close(ends[0], ends[1], atol=1e-6)
-
-
-# --- through the centre of mass -------------------------------------------------------------------
-
-
-def test_a_planar_end_effector_passes_through_the_centre_of_mass():
-    """Expected: it is a place like others."""
-    usual = bundled("planar_2dof/line")
-    problem = along(usual.model, usual.task, [0.5, 0, 0], [-0.5, 0, 0], UPRIGHT, 30.0)
-    motions = [
-        simulated(problem, heading(degrees), branch)
-        for degrees in range(0, 360, 45)
-        for branch in range(len(problem.branches(heading(degrees))))
-    ]
-    completed = [motion for motion in motions if motion.completed]
-    assert 0 < len(completed) < len(motions)
-    for motion in motions:
-        assert motion.completed == (compiled_motion(motion).endings[0] == COMPLETED)
-    (middle,) = completed[0].sample(15.0)
-    place = usual.model.end_effector_pose(middle.attitude, middle.joints).position
-    assert_close(place[:2], 0.0, atol=1e-8)
-
-
-def test_a_spatial_end_effector_passes_through_the_centre_of_mass(spatial):
-    """Expected: the line is completed from some attitude, with the end-effector there to 1e-8 m."""
-    problem = along(spatial.model, ff.Task.POSE, [1, 0, 0], [-1, 0, 0], LEVEL)
-    results = FeasibilityEvaluator(problem, 1).evaluate(attitude_grid(16))
-    completed = np.argwhere(results.motions.endings == COMPLETED)
-    assert len(completed)
-    at, branch = completed[0]
-    motion = ff.integrate_motion(problem, results.attitudes[at], results.joints[at, branch])
-    (middle,) = motion.sample(50.0)
-    place = spatial.model.end_effector_pose(middle.attitude, middle.joints).position
-    assert_close(place, 0.0, atol=1e-8)
-    assert motion.residuals().momentum < 1e-6
-
-
-@pytest.mark.slow
-def test_a_wrist_that_passes_through_the_centre_of_mass_has_no_robust_radius(spatial):
-    """Expected: it lies on the shoulder's axis there, which no attitude helps: radius zero.
-
-    `arm` does not see the shoulder, det S* does.
-    """
-    line = along(spatial.model, ff.Task.POSE, [1, 0.4, 0], [-1, 0.4, 0], LEVEL)
-    margin = ff.Margin(ff.singularity_measure(spatial.model, ff.Task.POSE, "arm"), 0.5)
-    problem = ff.Problem(line.model, line.path, line.task, line.momentum, margin)
-    evaluator = FeasibilityEvaluator(problem, 1)
-    results = evaluator.evaluate(attitude_grid(64))
-    assert (results.motions.determinant_ratios < 1e-2).all()
-    at, branch = np.unravel_index(int(np.argmax(results.margins)), results.margins.shape)
-    assert results.margins[at, branch] > 0.5
-    assert robust_radius(evaluator, results.attitudes[at], int(branch), 0.5) == 0.0
-
-
-# --- signs of quaternions, rotations by pi --------------------------------------------------------
-
-HALF_ROTATIONS = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
-
-
-@pytest.mark.parametrize("attitude", [*HALF_ROTATIONS, GOOD])
-def test_both_signs_of_a_quaternion_are_one_start(spatial, attitude):
-    """Expected: same joints, endings and smallest |S| to the last digits; also rotated by pi."""
-    evaluator = FeasibilityEvaluator(spatial, 1)
-    unit = spatial.attitude(attitude)
-    first, other = (evaluator.evaluate(sign * unit[None]) for sign in (1.0, -1.0))
-    assert (first.motions.endings == other.motions.endings).all()
-    assert_close(first.joints, other.joints, atol=1e-12)
-    assert_close(first.motions.minimum, other.motions.minimum, atol=1e-9)
-    motions = [
-        ff.integrate_motion(spatial, sign * unit, first.joints[0, 0]) for sign in (1.0, -1.0)
-    ]
-    assert_close(motions[0].final.joints, motions[1].final.joints, atol=1e-12)
-    assert_close(motions[0].final.attitude, -motions[1].final.attitude, atol=1e-12)
-
-
-def test_a_rotation_by_pi_from_the_grids_first_attitude_is_nothing_special(spatial):
-    """Expected: compiled and precise motions agree after rotations by pi and -pi."""
-    pole = attitude_grid(64)[0]
-    rotations = Rotation.from_rotvec(np.pi * np.vstack([np.eye(3), -np.eye(3)]))
-    away = (Rotation.from_quat(pole) * rotations).as_quat()
-    assert_close(angle_between(away, pole), np.pi, atol=1e-7)
-    results = FeasibilityEvaluator(spatial, 1).evaluate(away)
-    assert (
-        results.motions.endings[:3] == results.motions.endings[3:]
-    ).all()  # rotations by pi and -pi are equal
-    assert_close(results.motions.minimum[:3], results.motions.minimum[3:], atol=1e-9)
-    for k in range(3):
-        motion = ff.integrate_motion(spatial, away[k], results.joints[k, 0])
-        assert motion.completed == (results.motions.endings[k, 0] == COMPLETED)
-        assert_close(
-            ff.closest_approach(motion, spatial.margin.measure).value,
-            results.motions.minimum[k, 0],
-            atol=1e-3,
-        )

@@ -136,20 +136,6 @@ def test_a_plain_integration_agrees(case):
     assert motion.residuals().momentum < 1e-6
 
 
-def test_a_plain_integration_of_the_printed_path_agrees():
-    """Example 2 with line, quintic (18b) and twist written out by hand."""
-    problem, attitude, joints = example_2()
-    A, B = np.array([1.0, 0.0, 0.0]), np.array([-0.5, 0.8, 0.33])
-
-    def twist(t):
-        tau = t / 100.0
-        return np.concatenate([(B - A) * 30 * tau**2 * (1 - tau) ** 2 / 100.0, np.zeros(3)])
-
-    times = np.linspace(0.0, 100.0, 9)
-    motion = ff.integrate_motion(problem, attitude, joints)
-    assert deviation(motion, plain(problem, attitude, joints, times, twist), times) < 1e-7
-
-
 @pytest.mark.parametrize("case", ["spatial pose", "seven joints, pose", "prismatic joint"])
 def test_the_centre_of_mass_stays_put(case):
     """No force from outside: it rests at the origin, and what turns the base keeps it there."""

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.integrate import quad
 
 import freefloat as ff
 from freefloat.dynamics.momentum import inertia_matrices, system_matrix
@@ -119,19 +118,6 @@ def test_planar_determinant_equals_the_closed_form(seed: int, q: np.ndarray) -> 
     ) == pytest.approx(S, abs=1e-9 * size)
     # joint j rotates bodies j and beyond
     assert relative(rates, np.cumsum(D[::-1])[::-1]) < 1e-12
-
-
-def test_a_closed_joint_loop_rotates_the_base() -> None:
-    """The base is rotated by -2.35462974398 degrees: drift is not holonomic."""
-    model = ff.FreeFloatingModel.from_urdf(planar_robot(*TWO_LINKS))
-
-    def rate(phase: float) -> float:
-        q = [0.3 + 0.6 * np.cos(phase), 0.7 + 0.6 * np.sin(phase)]
-        D, Dq = inertia_matrices(model, q)
-        return float(-Dq[2] @ [-0.6 * np.sin(phase), 0.6 * np.cos(phase)] / D[2, 2])
-
-    angle, _ = quad(rate, 0.0, 2.0 * np.pi, epsabs=1e-12, epsrel=1e-12)
-    assert np.degrees(angle) == pytest.approx(-2.35462974398, abs=1e-10)
 
 
 def test_the_bundled_planar_arm_is_the_published_one() -> None:

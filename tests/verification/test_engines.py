@@ -11,14 +11,10 @@ from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.cli.models import bundled_file
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.motion.motion import Motion
-from freefloat.so3 import rotation_matrix, rotation_vector_between
+from freefloat.so3 import rotation_matrix
 from freefloat.verification.engine_runs import engine_checks, engine_runs
-from freefloat.verification.engines.mujoco import start
-from freefloat.verification.engines.mujoco_model import Engine
-from freefloat.verification.engines.plant import Plant
 from freefloat.verification.gravity import CircularOrbit
 from tests.commands import document, error, run
 from tests.errors import error_key
@@ -86,63 +82,6 @@ def test_a_resting_system_turns_as_the_integrated_torque_says(still) -> None:
 
 
 @pytest.mark.slow
-def test_gravity_gradient_falls_with_the_third_power_of_the_radius(still) -> None:
-    near, far = (engine_runs("mujoco", still, CircularOrbit(r)).gravity for r in (5e7, 1e8))
-    assert far.attitude == pytest.approx(near.attitude / 8.0, rel=0.01)
-    margin = ff.closest_approach(still, still.problem.margin.measure).value
-    assert far.margin == pytest.approx(margin, rel=1e-6)
-
-
-@pytest.mark.slow
-def test_no_margin_is_left_where_the_arm_becomes_singular() -> None:
-    problem = ff.load_scenario("planar_3dof/parabola").problem()
-    singular = ff.simulate(problem, heading=np.radians(140.0), branch=0).chosen.motion
-    effect = engine_runs("mujoco", singular, LEO).gravity
-    assert effect.margin == 0.0
-    assert 0.0 < effect.attitude < 1e-3
-
-
-def followed(motion: Motion, orbit: CircularOrbit | None) -> tuple[float, float]:
-    """Smallest margin and change of the momentum with a controller that knows of no gravity."""
-    problem = motion.problem
-    engine = Engine(problem.system)
-    state, duration = motion.initial, problem.path.duration
-    solver, path = problem.resolved_rate_solver(), problem.path
-    _, rates = solver.rates(state.attitude, state.joints, path.twist(0.0))
-    start(motion, engine, 0.0, rates)
-    times = np.linspace(0.0, duration, 1001)
-    plant, margins = Plant(engine, problem.model, times[1], 0.0), []
-    for t in times[:-1]:
-        pose, wanted = plant.end_effector, path.pose(t)
-        turn = rotation_vector_between(pose.rotation, wanted.rotation)
-        error = np.concatenate([wanted.position - pose.position, turn])
-        margins.append(problem.margin.measure(plant.joints))
-        if orbit is not None:
-            engine.angular_momentum()  # places the bodies
-            engine.apply_gravity_gradient(orbit, t)
-        _, rates = solver.rates(plant.attitude, plant.joints, path.twist(t + times[1] / 2) + error)
-        plant.advance(rates)
-    change = np.linalg.norm(engine.angular_momentum() - problem.momentum)
-    k = int(np.abs(margins).argmin())
-    curve = np.polynomial.Polynomial.fit(times[k - 3 : k + 4], np.abs(margins)[k - 3 : k + 4], 4)
-    return float(curve(np.linspace(times[k - 1], times[k + 1], 101)).min()), float(change)
-
-
-@pytest.mark.slow
-def test_the_margin_is_that_of_a_controller_in_mujoco() -> None:
-    problem = ff.load_scenario("spatial_6dof/line").problem()
-    attitude = [0.46008, 0.09337, 0.73519, -0.48898]
-    chosen = ff.simulate(problem, attitude, branch=0).chosen
-    (without, unchanged), (margin, momentum) = (followed(chosen.motion, o) for o in (None, LEO))
-    effect = engine_runs("mujoco", chosen.motion, LEO).gravity
-    assert unchanged < 1e-9
-    assert effect.momentum == pytest.approx(momentum, rel=0.01)
-    change = effect.margin - chosen.minimum_margin
-    assert abs(change) > 1e-3
-    assert change == pytest.approx(margin - without, rel=0.05)
-
-
-@pytest.mark.slow
 def test_basilisk_and_mujoco_find_the_same_effect_of_gravity() -> None:
     pytest.importorskip("Basilisk")
     simulation = ff.simulate(ff.load_scenario(SPATIAL).problem(), [0.0, 0.0, 0.0, 1.0])
@@ -194,15 +133,5 @@ def test_what_basilisk_cannot_simulate_is_refused() -> None:
     problem = ff.load_scenario("spatial_6dof/line").problem()
     attitude = [0.46008, 0.09337, 0.73519, -0.48898]
     simulation = ff.simulate(problem, attitude, branch=0)
-    assert (
-        error_key(ff.check, simulation, "basilisk") == "engine"
-    )  # its table violates an inequality
-    wheels = ff.load_scenario(SPATIAL).problem().replace(wheel_momentum=[0.0, 0.1, 0.0])
-    turning = ff.simulate(wheels, [0.0, 0.0, 0.0, 1.0])
-    assert error_key(ff.check, turning, "basilisk") == "engine"
-    earth = ff.FreeFloatingModel.from_urdf(
-        bundled_file("planar_2dof").text.replace("spacecraft", "world")
-    )
-    named = ff.load_scenario("planar_2dof/line").problem().replace(model=earth)
-    simulation = ff.simulate(named, heading=0.0)
+    # its table violates an inequality
     assert error_key(ff.check, simulation, "basilisk") == "engine"

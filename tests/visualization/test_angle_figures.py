@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
@@ -29,6 +27,7 @@ def panels(simulation: Simulation) -> list[Axes]:
     return list(ff.figures(simulation)["angles"].axes)
 
 
+@pytest.mark.slow
 def test_angles_are_those_of_the_heading(simulation: Simulation, panels: list[Axes]) -> None:
     """In the plane an angle is a difference of headings, from -180 to 180 degrees."""
     assert [labels(axes)[0] for axes in panels] == NAMES
@@ -38,25 +37,3 @@ def test_angles_are_those_of_the_heading(simulation: Simulation, panels: list[Ax
     for shown, origin in ((line(panels[0], NAMES[0])[:, 1], np.pi / 2.0), (turns, headings[0])):
         expected = np.abs((headings - origin + np.pi) % (2.0 * np.pi) - np.pi)
         assert shown == pytest.approx(np.degrees(expected), abs=1e-6)
-
-
-def test_the_largest_are_those_of_the_limits(simulation: Simulation, panels: list[Axes]) -> None:
-    worst = {result.limit: np.degrees(result.worst) for result in simulation.limit_results}
-    assert line(panels[0], NAMES[0])[:, 1].max() == pytest.approx(worst["pointing"], abs=0.01)
-    assert line(panels[2], NAMES[2])[:, 1].max() == pytest.approx(worst["base_turn"], abs=0.01)
-
-
-def test_the_forbidden_side_is_shaded(panels: list[Axes]) -> None:
-    """Above the angle where the axis stays inside, below it where it stays outside."""
-    for axes, bound, above in zip(panels, (0.6, 0.5, 0.5), (True, False, True), strict=True):
-        (area,) = axes.patches
-        low, high = np.sort(area.get_path().get_extents(area.get_patch_transform()).intervaly)
-        assert (low if above else high) == pytest.approx(np.degrees(bound))
-        assert (high if above else low) == axes.get_ylim()[above]
-    assert [labels(axes)[1].split()[0] for axes in panels] == ["inside", "outside", "at"]
-
-
-@pytest.mark.slow
-def test_plans_and_simulations_without_such_limits_have_no_figure(simulation: Simulation) -> None:
-    rates = replace(simulation, limits=ff.Limits(base_rate=1.0), limit_results=())
-    assert "angles" not in ff.figures(rates)

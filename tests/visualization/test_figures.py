@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import os
-import warnings
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
-from IPython.core.formatters import DisplayFormatter
-from IPython.display import HTML
 
 import freefloat as ff
-from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.plan import Plan
-from freefloat.planning.plane.heading_search import sample_headings
 from freefloat.visualization.figures import figures as figures_module
-from tests.commands import document, error
+from tests.commands import document
 from tests.figures import labels, line
 from tests.scenarios import PARABOLA
 
@@ -93,20 +88,3 @@ def test_commands_write_pdf_and_png_and_list_them(folder: Path) -> None:
     plots = document("map", "strict.yaml", "--samples", "36", "--plots", "drawn", code=1)["plots"]
     assert plots == ["drawn/headings.pdf", "drawn/headings.png"]
     assert sorted(os.listdir("drawn")) == ["headings.pdf", "headings.png"]
-
-
-@pytest.mark.slow
-def test_a_notebook_shows_figures_and_pages_without_warnings(folder: Path) -> None:
-    formatter = DisplayFormatter()
-    result = sample_headings(evaluator_for(ff.load_scenario("good.yaml").problem()), 12)
-    drawings = ff.figures(result)
-    assert "<img" in formatter.format(drawings)[0]["text/html"]
-    assert formatter.format(drawings["headings"])[0]["image/png"].startswith(b"\x89PNG")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        HTML(ff.playback(result)._repr_html_())
-
-
-def test_a_bad_folder_is_refused(folder: Path) -> None:
-    (folder / "file").touch()
-    assert error("plan", "good.yaml", "--plots", "file")["key"] == "plots"

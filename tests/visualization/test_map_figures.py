@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 import pytest
 from matplotlib.collections import QuadMesh
@@ -11,10 +9,8 @@ from matplotlib.colors import to_rgba
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.planning.plan import Plan
 from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.visualization.figure_style import BLUE, GREY
-from freefloat.visualization.figures import figures as figures_module
 from freefloat.visualization.figures.map_figures import histogram_figure, slices_figure
 from freefloat.visualization.slices import Mark, map_slices
 
@@ -51,6 +47,7 @@ def meshes(axes):
     return [item for item in axes.collections if isinstance(item, QuadMesh)]
 
 
+@pytest.mark.slow
 def test_colours_are_the_margins_of_feasible_motions(shown):
     """Below the margin the colour mesh is masked and the grey mesh is drawn."""
     _, slices, figures = shown
@@ -64,27 +61,6 @@ def test_colours_are_the_margins_of_feasible_motions(shown):
         np.testing.assert_allclose(
             feasible[np.isfinite(feasible)], plane.margins[plane.margins > 0.0]
         )
-
-
-def test_marks_are_where_their_attitudes_are(shown):
-    """Components in degrees, in each of the planes; one entry for each mark in the legend."""
-    _, slices, figures = shown
-    for axes, plane in zip(figures["map_slices"].axes, slices, strict=False):
-        (line,) = axes.get_lines()
-        vector = np.degrees(ff_vector(plane.mark.attitude))
-        right, up = plane.across
-        assert (line.get_xdata()[0], line.get_ydata()[0]) == pytest.approx(vector[[right, up]])
-        assert "xyz"[right] in axes.get_xlabel()
-        assert "xyz"[up] in axes.get_ylabel()
-        assert "[deg]" in axes.get_xlabel()
-    words = [text.get_text() for text in figures["map_slices"].legends[0].get_texts()]
-    assert words[:2] == ["best", "robust"]
-
-
-def ff_vector(attitude):
-    """A rotation vector by its definition: axis times angle."""
-    axis, angle = attitude[:3], 2.0 * np.arctan2(np.linalg.norm(attitude[:3]), attitude[3])
-    return axis / np.linalg.norm(axis) * angle
 
 
 def test_bars_add_up_to_the_percentages(shown, problem):
@@ -105,27 +81,3 @@ def test_bars_add_up_to_the_percentages(shown, problem):
         assert axes.get_title(loc="left").startswith("shoulder")
         (line,) = axes.get_lines()
         assert set(line.get_xdata()) == {problem.margin.threshold}
-
-
-@pytest.mark.slow
-def test_a_map_with_nothing_feasible_is_drawn(problem):
-    """With a margin above all motions the slices are grey."""
-    margin = ff.Margin(problem.margin.measure, 1e6)
-    infeasible = ff.Problem(problem.model, problem.path, problem.task, problem.momentum, margin)
-    _, _, figures = drawn(infeasible, [], 50)
-    assert len(figures["map_slices"].axes) == 3  # no colour bar
-    for axes in figures["map_slices"].axes:
-        assert axes.get_title().startswith("centre")
-        assert not np.isfinite(np.ma.filled(meshes(axes)[1].get_array(), np.nan)).any()
-
-
-@pytest.mark.slow
-def test_spatial_plans_show_their_map_and_the_present_attitude(problem, monkeypatch):
-    """Also without a feasible motion."""
-    monkeypatch.setattr(figures_module, "map_slices", partial(map_slices, side=9))
-    result = sample_attitudes(FeasibilityEvaluator(problem), 50)
-    search = ff.Search("nearest", np.array([0.0, 0.0, 0.0, 1.0]))
-    figures = ff.figures(Plan(problem, search, False, "for a test", map=result))
-    assert list(figures) == ["workspace", "map_slices", "map_histogram"]
-    assert figures["map_slices"].axes[0].get_title().startswith("now")
-    assert list(ff.figures(result)) == ["map_slices", "map_histogram"]

@@ -28,7 +28,7 @@ from freefloat.visualization.scenes.map_scene import (
     map_scene,
 )
 from freefloat.visualization.scenes.scene_builder import Scene
-from tests.maps import branch_results, with_motions
+from tests.maps import with_motions
 
 SECOND = "shoulder+ elbow- wrist±"
 LABELS = [f"shoulder{a} elbow{b} wrist{c}" for a in "+-" for b in "+-" for c in "+-"]
@@ -66,13 +66,6 @@ def points(scene: Scene, title: str) -> dict[str, list[np.ndarray]]:
             arrays = [attributes[key]["array"].data for key in ("position", "color")]
             drawn[path[1]] = [np.frombuffer(array, "<f4").reshape(-1, 3) for array in arrays]
     return drawn
-
-
-def test_the_scale_ends_at_the_best_attitude_also_between_samples(result: AttitudeMap) -> None:
-    assert result.best is not None
-    best = replace(result.best, minimum_margin=1.5 * result.margins.max())
-    scale = map_scene(replace(result, best=best)).description.scale
-    assert scale.largest == best.minimum_margin
 
 
 @pytest.mark.parametrize(("title", "columns"), [(BEST_BRANCH, slice(None)), (SECOND, [2])])
@@ -118,12 +111,3 @@ def test_attitudes_that_do_not_reach_the_path_are_distinguished(result: Attitude
     assert (samples.margins[7] < 0.0).all()
     others = np.arange(result.samples) != 7
     assert samples.margins[others] == pytest.approx(result.margins[others, ::2])
-
-
-@pytest.mark.slow
-def test_many_samples_are_thinned_evenly(result: AttitudeMap) -> None:
-    many = branch_results(np.tile(result.attitudes, (100, 1)), np.tile(result.margins, (100, 1)))
-    drawn = points(map_scene(replace(result, results=many)), BEST_BRANCH)
-    assert sum(len(drawn[name][0]) for name in (FRONT, BACK, INFEASIBLE)) == 40_000
-    fraction = len(drawn[INFEASIBLE][0]) / 40_000
-    assert fraction == pytest.approx(1.0 - result.feasible_fraction, abs=0.005)

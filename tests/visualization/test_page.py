@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.plan import Plan
-from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.visualization.scenes.map_scene import BACK, BALL, BEST_BRANCH, FRONT
 from tests.browser import differing, opened
@@ -116,28 +115,6 @@ def test_a_page_shows_a_map(browser: Browser, spatial: ff.Problem, tmp_path: Pat
         assert words[words.index("wrist±") + 1] == (f"{margin:.4g}" if margin > 0.0 else "ends")
         page.page.locator("#sample button").click()
         page.page.get_by_text("Copied").wait_for()
-        assert page.errors == []
-
-
-@pytest.mark.slow
-def test_a_page_shows_a_map_over_headings(browser: Browser, tmp_path: Path) -> None:
-    problem = ff.load_scenario("planar_2dof/line").problem()
-    result = ff.attitude_map(problem, 24)
-    assert isinstance(result, HeadingMap)
-    file = ff.playback(result).save(tmp_path / "map.html")
-    with opened(browser, file) as page:
-        page.only()
-        empty = page.picture()
-        for item in ("Circle", "Best heading", "elbow+", "elbow-"):
-            page.only(item)
-            assert differing(page.picture(), empty) > 50
-        box = page.page.locator("#meshcat-pane").bounding_box()
-        assert box is not None
-        page.page.mouse.move(box["width"] / 2 + 80, box["height"] / 2 - 80)
-        text = page.page.locator("#sample").inner_text()
-        assert text.startswith("heading 45°")
-        for margin in result.margins[3]:
-            assert f"{margin:.4g}" in text
         assert page.errors == []
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ import freefloat as ff
 from freefloat.motion.motion import Motion
 from freefloat.planning.plane.arcs import BranchRanges, HeadingRange
 from freefloat.planning.plane.heading_map import HeadingMap
-from freefloat.singularities.planar_regions import PlanarArm, point_3, two_angles
+from freefloat.singularities.planar_regions import PlanarArm, two_angles
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figures.planar_figures import (
     headings_figure,
@@ -39,33 +37,6 @@ def test_s_is_what_the_curves_say(motions: list[Motion]) -> None:
         curve = curve[np.isfinite(curve).all(axis=1)]
         assert len(curve) > 500
         assert np.allclose(arm.determinant(two_angles(arm, curve)), level, atol=1e-6)
-
-
-def test_motion_curves_are_the_joints_of_the_motions(motions: list[Motion]) -> None:
-    """200 degrees keeps away from S = 0, 140 ends on it."""
-    (axes,), arm = joint_space_figure(PLANAR, motions).axes, PlanarArm.of(PLANAR.model)
-    ends = []
-    for motion, label in zip(motions, ("heading 200°", "heading 140°"), strict=True):
-        curve = line(axes, label)
-        inside = curve[np.isfinite(curve).all(axis=1)]
-        assert (np.abs(inside) <= 180.0).all()
-        assert np.allclose(np.exp(1j * np.radians(inside[0])), np.exp(1j * motion.joints[0, :2]))
-        S = arm.determinant(two_angles(arm, np.radians(inside)))
-        ends.append((S.min(), S[-1]))
-    assert ends[0][0] > 60.0
-    assert abs(ends[1][1]) < 1e-3
-    marks = [item.get_marker() for item in axes.lines if item.get_marker() in ("o", "X")]
-    assert marks == ["o", "o", "o", "X"]
-
-
-def test_distance_curves_are_where_the_path_begins_and_ends(motions: list[Motion]) -> None:
-    (axes,), arm = joint_space_figure(PLANAR, motions).axes, PlanarArm.of(PLANAR.model)
-    assert {"reaches the start", "reaches the end"} <= set(labels(axes))
-    (first, last) = (item for item in axes.collections)
-    for drawn, place in ((first, 0), (last, -1)):
-        corners = np.radians(np.vstack(drawn.get_paths()[0].vertices))
-        joints = motions[0].joints[place, :2]
-        assert np.allclose(np.abs(point_3(arm, corners)), abs(point_3(arm, joints)), atol=1e-3)
 
 
 def some_map() -> HeadingMap:
@@ -98,12 +69,3 @@ def test_shaded_spans_are_the_ranges() -> None:
         (curve,) = [item for item in axes.lines if len(item.get_xdata()) == 8]
         assert np.array_equal(curve.get_ydata(), row, equal_nan=True)
         assert line(axes, "margin 5")[:, 1].tolist() == [5.0, 5.0]
-
-
-def test_a_redundant_arm_has_one_axes_for_the_best_branch() -> None:
-    ranges = (BranchRanges(0, "any", (HeadingRange(0.5, 1.0, BOTH),), (0.5, 1.0)),)
-    redundant = replace(PLANAR, task=ff.Task.PLANAR_POSITION)
-    (axes,) = headings_figure(replace(some_map(), problem=redundant), ranges, (3, 0.7)).axes
-    best = [9.0, 9.0, 9.0, 8.0, 9.0, 7.0, 5.0, 9.0]
-    assert line(axes, "best branch")[:, 1].tolist() == best
-    assert np.allclose(spans(axes), np.degrees([(0.5, 1.0)]))

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.motion.motion import Motion
 from freefloat.visualization.scenes.scene import motion_scene
-from tests.browser import differing, opened
 from tests.scene_commands import tracks, vertices
 
 ATTITUDE = [0.46008, 0.09337, 0.73519, -0.48898]
@@ -64,29 +61,3 @@ def test_the_rim_is_at_the_angle_from_the_target_and_the_arrow_is_the_axis(
         cosines = turned.apply(rim) @ target / np.linalg.norm(rim, axis=1)
         assert np.arccos(cosines) == pytest.approx(limit.angle, abs=1e-5)
         assert pointed.apply(tip) / np.linalg.norm(tip) == pytest.approx(axis, abs=1e-5)
-
-
-@pytest.mark.slow
-def test_a_page_shows_and_hides_them_with_labels_that_move(
-    browser: Browser, motion: Motion, tmp_path: Path
-) -> None:
-    """The label is at the tip of the arrow at every time."""
-    simulation = ff.simulate(motion.problem, ATTITUDE, branch=0)
-    file = ff.playback(replace(simulation, limits=LIMITS)).save(tmp_path / "page.html")
-    with opened(browser, file) as page:
-        page.only()
-        empty = page.picture()
-        page.only("Pointing limits")
-        assert differing(page.picture(), empty) > 500
-        places = []
-        for time in (0.0, 60.0):
-            page.ask("t => freefloat.seek(t)", time)
-            label = page.page.locator("#labels .label", has_text="pointing.1 inside 17.19°")
-            places.append(
-                [label.evaluate(f"item => item.style.{side}") for side in ("left", "top")]
-            )
-        assert places[0] != places[1]
-        page.only("Robot")
-        page.ask("freefloat.seek(60)")
-        assert page.page.locator("#labels .label").count() == 0
-        assert page.errors == []

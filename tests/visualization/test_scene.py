@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from meshcat import Visualizer
 from meshcat.path import Path as ScenePath
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.dynamics.measures import SingularityMeasure
@@ -20,7 +20,6 @@ from freefloat.motion.motion import Motion
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.page.playback import Playback
 from freefloat.visualization.scenes.description import MarginColours
-from freefloat.visualization.scenes.sampled_motion import key_times
 from freefloat.visualization.scenes.scene import motion_scene
 from freefloat.visualization.scenes.scene_builder import Scene
 from freefloat.visualization.scenes.visuals import body_poses, robot_visuals
@@ -48,6 +47,7 @@ def objects(scene: Scene) -> dict[str, dict[str, Any]]:
     return {path: found["object"] for path, found in commands(scene, "set_object").items()}
 
 
+@pytest.mark.slow
 def test_tracks_are_the_poses_of_the_bodies(scene: Scene, motion: Motion) -> None:
     values, names = tracks(scene), motion.problem.model.body_names
     for body, name in enumerate(names):
@@ -58,26 +58,6 @@ def test_tracks_are_the_poses_of_the_bodies(scene: Scene, motion: Motion) -> Non
         shown = Rotation.from_quat(quaternions.reshape(-1, 4))
         off = shown * Rotation.from_matrix(poses[1][:, body]).inv()
         assert off.magnitude().max() < 1e-5
-
-
-def test_motions_are_nearly_straight_between_key_times(
-    motion: Motion, rng: np.random.Generator
-) -> None:
-    keys = key_times(motion)
-    assert (keys[0], keys[-1]) == (0.0, pytest.approx(motion.final.time, rel=1e-7))
-    assert (np.diff(keys) > 0.0).all()
-    assert 700 < len(keys) < 6000
-    times = np.sort(rng.uniform(0.0, keys[-1], 2000))
-    (positions, rotations), exact = (
-        body_poses(motion, motion.coordinate_at(t)) for t in (keys, times)
-    )
-    for body in range(positions.shape[1]):
-        columns = positions[:, body].T
-        drawn = np.column_stack([np.interp(times, keys, column) for column in columns])
-        assert drawn == pytest.approx(exact[0][:, body], abs=2e-4)
-        drawn_rotations = Slerp(keys, Rotation.from_matrix(rotations[:, body]))(times)
-        off = drawn_rotations.inv() * Rotation.from_matrix(exact[1][:, body])
-        assert off.magnitude().max() < 2e-3
 
 
 def test_the_trail_shows_the_measure_by_time_and_colour(scene: Scene, motion: Motion) -> None:
@@ -96,12 +76,6 @@ def test_the_trail_shows_the_measure_by_time_and_colour(scene: Scene, motion: Mo
     assert np.linalg.norm(points - np.outer(points @ along, along), axis=1).max() < 0.03
 
 
-def test_the_momentum_arrow_points_along_the_momentum(scene: Scene, motion: Motion) -> None:
-    end = attribute(objects(scene)["/meshcat/good/Momentum"])[-1]
-    h = motion.problem.momentum
-    assert end / np.linalg.norm(end) == pytest.approx(h / np.linalg.norm(h), abs=1e-6)
-
-
 @pytest.mark.slow
 def test_a_playback_goes_into_a_visualizer(motion: Motion) -> None:
     sent: list[dict[str, Any]] = []
@@ -116,19 +90,6 @@ def test_a_playback_goes_into_a_visualizer(motion: Motion) -> None:
         assert sum(path.startswith(root) for path in objects) == shapes
     clips = [clip["path"] for clip in sent[-1]["animations"]]
     assert "/meshcat/mine/second/Robot/spacecraft" in clips
-
-
-@pytest.mark.slow
-def test_planar_rings_have_the_radii_of_the_areas(planar: ff.Problem) -> None:
-    """The paper's areas of the last joint: dependent, independent, dependent."""
-    motion = ff.simulate(planar, heading_quaternion(3.5), branch=0).chosen.motion
-    drawn = objects(motion_scene({"m": motion}))
-    rings = [attribute(drawn[f"/meshcat/m/Areas/{k}"])[:, :2] for k in (1, 2, 3)]
-    radii = [np.linalg.norm(ring, axis=1) for ring in rings]
-    assert radii[0].min() == pytest.approx(0.3928, abs=1e-3)
-    assert radii[1].min() == pytest.approx(radii[0].max(), abs=1e-6)
-    assert radii[2].min() == pytest.approx(radii[1].max(), abs=1e-6)
-    assert radii[2].max() == pytest.approx(3.174, abs=1e-3)
 
 
 def test_colours_show_what_is_below_the_margin() -> None:

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from matplotlib.patches import Circle, Polygon, Wedge
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 import freefloat as ff
-from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.motion import Motion
 from freefloat.singularities.planar_regions import point_3_on_path
 from freefloat.singularities.regions import exact_workspace
-from freefloat.so3 import heading_quaternion, rotation_matrix
+from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figures.scene_figures import (
     outlines,
     snapshots_figure,
     workspace_figure,
 )
-from tests.figures import labels, line
+from tests.figures import line
 
 PLANAR = ff.load_scenario("planar_3dof/parabola").problem()
 AREAS = exact_workspace(PLANAR)
@@ -69,28 +67,6 @@ def test_the_path_runs_from_its_start_to_its_end() -> None:
     assert np.allclose(point[[0, -1]] @ [1.0, 1.0j], wanted)
 
 
-@pytest.mark.slow
-def test_in_space_the_distance_from_the_centre_is_shown() -> None:
-    """The wrist of Example 2 passes two shells in which its arm can be singular."""
-    problem = ff.load_scenario("spatial_6dof/line").problem()
-    areas = ff.workspace_regions(problem)
-    figure = workspace_figure(problem, areas)
-    (axes,) = figure.axes
-    assert areas.path_dependent is not None
-    shells = [(band.get_y(), band.get_y() + band.get_height()) for band in axes.patches]
-    assert areas.path_independent is not None
-    assert np.allclose(shells, [*areas.path_dependent, *areas.path_independent])
-    drawn = line(axes, "wrist centre")
-    for s, distance in drawn[[0, 100, -1]]:
-        pose = problem.path.path.pose(float(s))
-        assert distance == pytest.approx(
-            np.linalg.norm(pose.position + pose.rotation @ areas.offset)
-        )
-    assert labels(axes) == [
-        "measure arm can vanish", "measure arm cannot vanish", "reach", "wrist centre",
-    ]  # fmt: skip
-
-
 def test_the_robot_is_drawn_at_several_instants_the_last_the_darkest(good: Motion) -> None:
     (axes,) = snapshots_figure(good, AREAS).axes
     arms = [item for item in axes.lines if len(item.get_xdata()) == 5]
@@ -108,14 +84,6 @@ def test_the_robot_is_drawn_at_several_instants_the_last_the_darkest(good: Motio
     assert np.allclose(edges, 1.0)  # a square of 1 m, not a bow tie
 
 
-def test_a_motion_ends_in_a_cross_where_it_is_singular(good: Motion, singular: Motion) -> None:
-    (axes,) = snapshots_figure(singular, AREAS).axes
-    cross = line(axes, f"singular at {singular.final.time:.4g} s")
-    arms = [item for item in axes.lines if len(item.get_xdata()) == 5]
-    assert np.allclose(cross, arms[-1].get_xydata()[-1:], atol=1e-6)
-    assert not any("singular at" in text for text in labels(snapshots_figure(good, AREAS).axes[0]))
-
-
 def test_snapshots_in_space_show_the_first_and_the_last_state(spatial: Motion) -> None:
     figure = snapshots_figure(spatial)
     times = np.linspace(0.0, spatial.final.time, 3)
@@ -129,30 +97,3 @@ def test_snapshots_in_space_show_the_first_and_the_last_state(spatial: Motion) -
         assert np.allclose(spans, spans[0])  # as long one way as the other
     singular = [text.get_text() for text in figure.legends[0].get_texts()]
     assert singular[-1].startswith("singular at 54.66")
-
-
-def motion_at_rest(name: str, attitude: list[float]) -> Motion:
-    """A motion with a single state."""
-    problem = ff.load_scenario(name).problem()
-    joints = problem.branches(attitude)[0].joints
-    return Motion(problem, Ending.COMPLETED, np.zeros(1), np.array([attitude]), joints[None])
-
-
-@pytest.mark.parametrize("name", ["planar_3dof/parabola", "spatial_6dof/line"])
-def test_the_arm_runs_from_its_mount_to_the_end_effector(name: str) -> None:
-    planar = name.startswith("planar")
-    attitude = heading_quaternion(3.5) if planar else np.array([0.1, -0.2, 0.3, 0.927])
-    attitude = attitude / np.linalg.norm(attitude)
-    motion = motion_at_rest(name, attitude.tolist())
-    model, joints = motion.problem.model, motion.joints[0]
-    (shown,) = outlines(motion, [0.0])
-    assert shown.arm.shape == (model.dof + 2, 3)
-    end = model.end_effector_pose(attitude, joints).position
-    assert np.allclose(shown.arm[-1], end, atol=1e-12)
-    mount = model.base_position(attitude, joints) + rotation_matrix(attitude) @ (
-        model.bodies[1].placement.position
-    )
-    assert np.allclose(shown.arm[1], mount, atol=1e-12)
-    lengths = [np.linalg.norm(body.placement.position) for body in model.bodies[2:]]
-    drawn = [np.linalg.norm(b - a) for a, b in pairwise(shown.arm[1:-1])]
-    assert np.allclose(drawn, lengths, atol=1e-12)

@@ -44,15 +44,6 @@ def test_moving_bodies_are_drawn_at_every_instant_of_a_planar_figure() -> None:
         assert (bar.min(axis=0) + bar.max(axis=0)) / 2.0 == pytest.approx([0.0, 3.0], abs=1e-6)
 
 
-@pytest.mark.slow
-def test_the_view_in_space_contains_the_bodies() -> None:
-    motion = motion_beside("spatial_6dof/line", [0.46008, 0.09337, 0.73519, -0.48898])
-    for axes in snapshots_figure(motion).axes:
-        assert len(axes.collections) == 1 + len(BODIES)
-        assert axes.get_xlim()[1] > 3.2
-        assert axes.get_ylim()[1] > 3.0
-
-
 def test_outlines_have_nearly_the_volume_of_the_shapes() -> None:
     shapes = [(ff.Sphere(0.5), 4.0 / 3.0 * np.pi * 0.125), (ff.Box([1, 2, 3]), 6.0),
               (ff.Cylinder(0.5, 2.0), 0.5 * np.pi)]  # fmt: skip

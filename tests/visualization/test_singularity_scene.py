@@ -22,7 +22,6 @@ from freefloat.visualization.scenes.singularity_scene import (
     zero_surface,
 )
 from tests.browser import differing, opened
-from tests.commands import document
 from tests.motions import bundled
 
 
@@ -98,10 +97,3 @@ def test_joints_are_chosen_by_name() -> None:
     for names in (["q3"], ["q3", "q3"], ["q3", "q9"]):
         with pytest.raises(ff.InputError):
             singularity_scene(found, joints=names)
-
-
-def test_the_command_view_writes_the_page_of_a_saved_map(tmp_path: Path) -> None:
-    file, page = tmp_path / "map.h5", tmp_path / "page.html"
-    ff.save(mapped("planar_3dof/parabola"), file)
-    assert document("view", file, "--html", page)["html"] == str(page)
-    assert "det A = 0" in page.read_text(encoding="utf-8")

@@ -51,29 +51,3 @@ def test_every_place_has_the_margin_of_its_attitude(evaluator, slices):
         shown = plane.margins[rows[picked], columns[picked]]
         assert shown == pytest.approx(np.where(margins >= value, margins, 0.0))
         assert shown.max() > value
-
-
-def test_places_outside_the_ball_are_nan(slices):
-    step = slices[0].ticks[1] - slices[0].ticks[0]
-    for plane in slices:
-        lengths = np.array([
-            [np.linalg.norm(placed(plane, row, column)) for column in range(SIDE)]
-            for row in range(SIDE)
-        ])  # fmt: skip
-        assert (np.isnan(plane.margins) == (lengths > np.pi + step)).all()
-        assert np.isfinite(plane.margins[plane.reached]).all()
-
-
-@pytest.mark.slow
-def test_unreached_attitudes_differ_from_infeasible_ones():
-    """The UR5 reaches the start of its path from less than half of all attitudes."""
-    evaluator = FeasibilityEvaluator(ff.load_scenario("ur5_servicer/arc").problem())
-    fractions = []
-    slices = map_slices(evaluator, [], fractions.append, side=19)
-    assert len(slices[0].ticks) == 19
-    reached = np.concatenate([plane.reached[np.isfinite(plane.margins)] for plane in slices])
-    margins = np.concatenate([plane.margins[np.isfinite(plane.margins)] for plane in slices])
-    assert 0.05 < reached.mean() < 0.6
-    assert (margins[~reached] == 0.0).all()
-    assert (margins[reached] == 0.0).any()
-    assert fractions[-1] == 1.0

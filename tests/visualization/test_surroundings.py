@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
@@ -70,16 +69,6 @@ def test_while_the_centre_of_mass_drifts_fixed_bodies_and_the_corridor_move(moti
 
 
 @pytest.mark.slow
-def test_fast_tumbling_has_enough_key_times(motion: Motion) -> None:
-    """Between two of them it turns by less than half a revolution, else it seems to turn back."""
-    fast = ff.Tumbling([1.0, 1.0, 1.0], [0.0, 0.0, 10.0])
-    body = ff.SceneBody("client", ff.Sphere(1.0), [30.0, 0.0, 0.0], motion=fast)
-    scene = scene_of(motion, [body])
-    times, _ = tracks(scene)[f"{ROOT}/Scene bodies/client.position"]
-    assert 10.0 * np.diff(times).max() < np.pi / 3.0
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("half_angle", "body"), [(0.3, "client"), (None, None)])
 def test_the_surface_of_the_corridor_is_at_its_limit(
     motion: Motion, half_angle: float | None, body: str | None
@@ -100,21 +89,10 @@ def test_the_surface_of_the_corridor_is_at_its_limit(
         assert ((points - corridor.point) @ corridor.axis).max() > max(along)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", [[6.0, 0.0, 0.0], [0.0, -6.0, 1.0]])
 def test_the_first_view_shows_bodies_beside_the_robot(motion: Motion, place: list[float]) -> None:
     """Neither hides the other: the line between them is seen from its side."""
     body = ff.SceneBody("client", ff.Box([1.0, 1.0, 2.0]), place)
     eye = np.array(scene_of(motion, [body]).description.view.direction)
     assert abs(eye @ place) < 0.3 * np.linalg.norm(eye) * np.linalg.norm(place)
-
-
-@pytest.mark.slow
-def test_meshes_are_drawn_and_missing_ones_are_named(motion: Motion, tmp_path: Any) -> None:
-    file = tmp_path / "part.stl"
-    trimesh.creation.box((1.0, 2.0, 3.0)).export(file)
-    body = ff.SceneBody("part", str(file))
-    item = commands(scene_of(motion, [body]), "set_object")[f"{ROOT}/Scene bodies/part/1"]
-    assert item["object"]["materials"][0]["opacity"] == pytest.approx(0.6)
-    file.unlink()
-    (remark,) = scene_of(motion, [body]).description.remarks
-    assert remark.startswith("scene body part: <visual>")

@@ -9,21 +9,16 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
-from hypothesis import given
-from hypothesis import strategies as st
 
 import freefloat as ff
 from freefloat.robot.meshes import Mesh
 from freefloat.robot.names import find_robot
 from freefloat.robot.robot_packages import examples_folder
-from freefloat.so3 import Pose
 from freefloat.visualization.scenes.visuals import RobotVisuals, Visual, robot_visuals
 from tests.robots import (
-    Robot,
     inertial_text,
     joint_text,
     link_text,
-    robots,
 )
 
 
@@ -45,20 +40,6 @@ def two_links(visual: str, head: str = "") -> str:
         + joint_text("end", "F", "arm", "tip", "0 0 2")
         + "</robot>"
     )
-
-
-def test_the_planar_robot_is_boxes_and_cylinders(planar_3dof: ff.FreeFloatingModel) -> None:
-    """Sizes, places and colours of the file; a cylinder's axis is its z."""
-    visuals = robot_visuals(planar_3dof)
-    assert visuals.problems == ()
-    assert len({item.name for item in visuals.shapes}) == len(visuals.shapes) == 9
-    wing, hub = named(visuals, "spacecraft 2"), named(visuals, "link_2 1")
-    assert (wing.body, hub.body) == (0, 2)
-    np.testing.assert_array_equal(wing.shape.size, [0.7, 1.1, 0.03])
-    np.testing.assert_array_equal(wing.placement.position, [0, 1.1, 0])
-    assert wing.colour == (0.10, 0.20, 0.45, 1.0)
-    assert hub.shape == ff.Cylinder(0.08, 0.2)
-    np.testing.assert_array_equal(hub.placement.rotation, np.eye(3))
 
 
 @pytest.mark.slow
@@ -91,22 +72,7 @@ def test_meshes_of_real_arms_are_where_pinocchio_draws_them(name: str, end_effec
 
 
 RED = "<material name='paint'><color rgba='1 0 0 1'/></material>"
-NAMED = "<material name='paint'/>"
 BOX = "<geometry><box size='1 2 3'/></geometry>"
-
-
-@pytest.mark.parametrize(
-    ("visual", "head"),
-    [
-        (f"<visual>{BOX}{RED}</visual>", ""),
-        (f"<visual>{BOX}{NAMED}</visual>", RED),
-        (f"<visual>{BOX}{NAMED}</visual><visual>{BOX}{RED}</visual>", ""),
-    ],
-)
-def test_colours_are_inline_global_or_named(visual: str, head: str) -> None:
-    """The three forms that URDF allows."""
-    visuals = robot_visuals(ff.FreeFloatingModel.from_urdf(two_links(visual, head)))
-    assert {item.colour for item in link_visuals(visuals, "arm")} == {(1.0, 0.0, 0.0, 1.0)}
 
 
 def test_a_relative_mesh_takes_place_scale_and_colour_from_the_urdf(tmp_path: Path) -> None:
@@ -140,47 +106,3 @@ def test_a_missing_mesh_is_reported_and_replaced(tmp_path: Path) -> None:
         ff.FreeFloatingModel.from_urdf(two_links(f"<visual>{BOX}</visual>" + visual))
     )
     assert isinstance(named(partly, "arm").shape, ff.Box)
-
-
-@pytest.mark.parametrize(
-    "invalid",
-    [
-        "<visual><geometry><box/></geometry></visual>",
-        "<visual><geometry><capsule radius='1' length='2'/></geometry></visual>",
-    ],
-)
-def test_an_invalid_visual_is_reported_and_skipped(invalid: str) -> None:
-    ball = "<visual><geometry><sphere radius='0.5'/></geometry></visual>"
-    visuals = robot_visuals(ff.FreeFloatingModel.from_urdf(two_links(invalid + ball)))
-    assert named(visuals, "arm").shape == ff.Sphere(0.5)
-    assert len(visuals.problems) == 1
-
-
-def ends(visual: Visual) -> np.ndarray:
-    """Both ends of a cylinder in its body's frame, shape (2, 3)."""
-    half = 0.5 * visual.shape.length * visual.placement.rotation[:, 2]
-    return visual.placement.position + np.outer([-1.0, 1.0], half)
-
-
-def nearest_end(visuals: list[Visual], pose: Pose, point: np.ndarray) -> float:
-    """From the ends of all cylinders of a body to a point, both in the inertial frame."""
-    all_ends = np.vstack([ends(item) for item in visuals if isinstance(item.shape, ff.Cylinder)])
-    return float(np.linalg.norm(all_ends @ pose.rotation.T + pose.position - point, axis=1).min())
-
-
-@pytest.mark.slow
-@given(robot=robots(chain=st.text("RC", min_size=1, max_size=6)), seed=st.integers(0, 99))
-def test_default_rods_lead_from_joint_to_joint(robot: Robot, seed: int) -> None:
-    """In any configuration: a rod of every body ends where the next joint is; hubs lie along it."""
-    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
-    visuals = robot_visuals(model)
-    assert visuals.problems == ()
-    joints = np.random.default_rng(seed).uniform(-3, 3, model.dof)
-    poses = model.body_poses([0.5, 0.5, 0.5, 0.5], joints)
-    for k, body in enumerate(model.bodies[1:], 1):
-        before = [item for item in visuals.shapes if item.body == k - 1]
-        assert nearest_end(before, poses[k - 1], poses[k].position) < 1e-9
-        hub = named(visuals, f"{model.body_names[k]} joint")
-        assert hub.body == k
-        np.testing.assert_allclose(hub.placement.position, 0.0, atol=1e-12)
-        assert hub.placement.rotation[:, 2] @ body.axis == pytest.approx(1.0)
