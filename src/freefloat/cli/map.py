@@ -10,26 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import RenderableType
 
-from freefloat.cli.console import (
-    ANY,
-    DONE,
-    NO,
-    Console,
-    decimals,
-    search_lines,
-    short_label,
-    table,
-)
+from freefloat.cli.console import ANY, DONE, NO, Console, decimals, search_lines, short_label, table
 from freefloat.cli.delivery import Delivery
-from freefloat.cli.options import (
-    Json,
-    Plots,
-    Quaternion,
-    Quiet,
-    ResultFile,
-    ScenarioName,
-    Threads,
-)
+from freefloat.cli.options import Json, Plots, Quaternion, Quiet, ResultFile, ScenarioName, Threads
 
 if TYPE_CHECKING:
     from freefloat.planning.candidates import Candidate

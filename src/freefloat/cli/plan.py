@@ -24,15 +24,7 @@ from freefloat.cli.console import (
 )
 from freefloat.cli.delivery import Delivery
 from freefloat.cli.manoeuvre import manoeuvre_tables
-from freefloat.cli.options import (
-    Json,
-    Page,
-    Plots,
-    Quiet,
-    ResultFile,
-    ScenarioName,
-    Threads,
-)
+from freefloat.cli.options import Json, Page, Plots, Quiet, ResultFile, ScenarioName, Threads
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:

@@ -12,13 +12,7 @@ import typer
 
 from freefloat.cli.answers import load_motion
 from freefloat.cli.console import Console
-from freefloat.cli.options import (
-    Json,
-    Page,
-    Quiet,
-    distinct_stems,
-    prepare_outputs,
-)
+from freefloat.cli.options import Json, Page, Quiet, distinct_stems, prepare_outputs
 from freefloat.errors import InputError, require_extra
 from freefloat.io.files import make_folder
 

@@ -12,13 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.errors import (
-    LARGEST_NUMBER,
-    InputError,
-    finite_number,
-    number_array,
-    require_type,
-)
+from freefloat.errors import LARGEST_NUMBER, InputError, finite_number, number_array, require_type
 from freefloat.motion.pointing import PointingLimit
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen

@@ -25,14 +25,7 @@ from freefloat.paths.orientation import FreeOrientation
 from freefloat.paths.timing import TimedPath
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.scene.scene import Scene
-from freefloat.so3 import (
-    Array,
-    frozen,
-    heading_quaternion,
-    rotation_matrix,
-    unit_quaternion,
-    zeros,
-)
+from freefloat.so3 import Array, frozen, heading_quaternion, rotation_matrix, unit_quaternion, zeros
 
 MAX_REVOLUTIONS = 50
 """Most rotations of the system along a path: the time of an integration depends on them."""

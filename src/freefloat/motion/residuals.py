@@ -10,12 +10,7 @@ import numpy as np
 from freefloat.dynamics.momentum import Task, momentum_map
 from freefloat.motion.panels import TO_COEFFICIENTS, with_slopes
 from freefloat.motion.problem import Problem
-from freefloat.so3 import (
-    Array,
-    IntArray,
-    rotation_matrix,
-    rotation_vector_between,
-)
+from freefloat.so3 import Array, IntArray, rotation_matrix, rotation_vector_between
 
 _UNRESOLVED = 1e-7
 """Changes in a panel [rad, m, fraction of duration] below which derivatives are not resolved."""

@@ -21,12 +21,7 @@ from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.motion.singularity import singular_event
 from freefloat.planning.answer import Answer, PhaseResult
-from freefloat.planning.reasons import (
-    Verdict,
-    reach_message,
-    unreachable,
-    verdict_on,
-)
+from freefloat.planning.reasons import Verdict, reach_message, unreachable, verdict_on
 from freefloat.so3 import Array
 
 

@@ -18,12 +18,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.check import attitude_limits
 from freefloat.limits.result import LimitResult
 from freefloat.motion.integration import integrate_motion
-from freefloat.planning.plane.arcs import (
-    BranchRanges,
-    HeadingRange,
-    arcs_between,
-    branch_ranges,
-)
+from freefloat.planning.plane.arcs import BranchRanges, HeadingRange, arcs_between, branch_ranges
 from freefloat.so3 import Array, heading_quaternion
 
 _SPACING = np.radians(0.25)

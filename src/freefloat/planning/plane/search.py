@@ -17,13 +17,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import BranchResults, EnsembleResult
 from freefloat.motion.problem import Problem
 from freefloat.planning.domain import SearchDomain
-from freefloat.planning.plane.arcs import (
-    MARGIN,
-    SEARCH,
-    BranchRanges,
-    arcs_between,
-    branch_ranges,
-)
+from freefloat.planning.plane.arcs import MARGIN, SEARCH, BranchRanges, arcs_between, branch_ranges
 from freefloat.planning.plane.continuation import continued_motions
 from freefloat.planning.plane.ranges import reach_limits
 from freefloat.planning.searches.line_search import Function, Samples, resolved

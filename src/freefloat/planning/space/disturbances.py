@@ -9,12 +9,7 @@ from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import is_kept, regularity
 from freefloat.ensemble.result import EnsembleResult
-from freefloat.planning.searches.adversary import (
-    CAUTION,
-    Regularity,
-    closest,
-    confirmed_radius,
-)
+from freefloat.planning.searches.adversary import CAUTION, Regularity, closest, confirmed_radius
 from freefloat.planning.searches.line_search import Function, Samples, resolved
 from freefloat.planning.searches.pattern_search import Flags
 from freefloat.planning.tolerance import Effort, Tolerance

@@ -41,11 +41,7 @@ from freefloat.visualization.scenes.overlays import (
 from freefloat.visualization.scenes.pointing_cones import POINTING
 from freefloat.visualization.scenes.sampled_motion import MAX_KEYS, SampledMotion, sampled_motion
 from freefloat.visualization.scenes.scene_builder import ROOT, Scene, SceneBuilder, node
-from freefloat.visualization.scenes.visuals import (
-    bounding_box,
-    robot_visuals,
-    view_direction,
-)
+from freefloat.visualization.scenes.visuals import bounding_box, robot_visuals, view_direction
 
 ROBOT = "Robot"
 
