@@ -35,7 +35,8 @@ PHASES = "tests/planning/test_manoeuvre.py tests/planning/test_phases.py"
 TESTS = {
     "dynamics.momentum": "tests/dynamics/test_momentum.py tests/validation/test_planar_golden.py",
     "limits.check": "tests/limits/test_check.py tests/test_result_kinds.py",
-    "limits.extremes": "tests/limits/test_check.py",
+    "limits.extremes": "tests/limits/test_check.py tests/limits/test_pointing.py "
+    "tests/limits/test_corridor.py",
     "motion.integration": "tests/motion/test_integration.py tests/motion/test_motion.py "
     "tests/motion/test_extrema.py",
     "motion.law": "tests/motion/test_law.py tests/limits/test_torques.py",

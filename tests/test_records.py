@@ -99,6 +99,7 @@ def test_a_record_of_every_type_returns() -> None:
     assert tree["doubled"].unit == tree["pair"]["low"].unit == "m"
     assert tree["points"]["place"].values.shape == (2, 3)
     assert other.pair.codes.dtype == np.int8
+    assert not other.pair.codes.flags.writeable
 
 
 @dataclass(frozen=True)
