@@ -9,9 +9,8 @@ import yaml
 
 import freefloat as ff
 from freefloat.studies.database import open_results
-from freefloat.studies.row import Row
-from freefloat.studies.run import study_files
-from freefloat.studies.stored_rows import StoredRows
+from freefloat.studies.portable import study_files
+from freefloat.studies.rows import StudyRows
 from freefloat.studies.study import Study
 
 BASE: dict[str, Any] = {
@@ -53,9 +52,10 @@ def a_study(folder: Path, vary: dict[str, Any] | None = None, **keys: Any) -> St
     return ff.load_study(write_study(folder, HEADINGS if vary is None else vary, **keys))
 
 
-def finished(study: Study, folder: Path, *rows: Row, content: bytes | None = None) -> StoredRows:
-    """Add rows to the database of a study, and return all of them."""
+def finished(study: Study, folder: Path, *runs: dict[str, Any]) -> StudyRows:
+    """Add results of runs, by number, to the database of a study, and return its rows."""
     with open_results(folder, study, study_files(study)) as database:
-        for row in rows:
-            database.add(row, content)
+        for run in runs:
+            values = {name: [value] for name, value in run.items() if name != "number"}
+            database.add([run["number"]], values)
         return database.rows

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Mapping
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from freefloat.studies.ensembles import decided_rows
-from freefloat.studies.row import Row
-from freefloat.studies.run import Run, execute
+from freefloat.studies.ensembles import chunks, integrated
+from freefloat.studies.portable import PortableStudy
+from freefloat.studies.run import execute
 from freefloat.studies.run_values import group_numbers
 from freefloat.studies.runner import run_study
 from freefloat.studies.study import Study
@@ -30,30 +28,32 @@ DISTURBED: dict[str, Any] = {
     "robot.scale_mass": {"normal": {"mean": 1, "sd": 0.1}},
 }
 MARGINS: dict[str, Any] = {"margin.value": {"uniform": [2.0, 30.0]}}
-TIMES = ("seconds", "began")
 
 
-def values_of(row: Row) -> dict[str, Any]:
-    return {entry.name: getattr(row, entry.name) for entry in fields(Row)
-            if entry.name not in TIMES}  # fmt: skip
+Row = dict[str, Any]
 
 
 def assert_same(decided: Row, alone: Row) -> None:
     """Verdicts are equal, minima within 1e-4, the moments of minima within a thousandth."""
-    same = ("verdict", "parameters", "reason", "measure", "completed", "branch")
-    for name in same:
-        assert getattr(decided, name) == getattr(alone, name), name
-    assert decided.margin == pytest.approx(alone.margin, rel=1e-4)
-    assert decided.margin_required == pytest.approx(alone.margin_required, rel=1e-6)
-    assert decided.margin_time == pytest.approx(alone.margin_time, abs=0.2)
-    assert (decided.singular_time or 0.0) == pytest.approx(alone.singular_time or 0.0, rel=1e-6)
-    assert decided.attitude == pytest.approx(alone.attitude, abs=1e-12)
-    assert decided.heading_deg == pytest.approx(alone.heading_deg, abs=1e-9)
-    assert decided.joints == pytest.approx(alone.joints, abs=1e-9)
+    for name in ("verdict", "reason", "measure", "completed", "branch"):
+        assert decided[name] == alone[name], name
+    assert decided["margin"] == pytest.approx(alone["margin"], rel=1e-4)
+    assert decided["margin_required"] == pytest.approx(alone["margin_required"], rel=1e-6)
+    assert decided["margin_time"] == pytest.approx(alone["margin_time"], abs=0.2)
+    ends = [row["singular_time"] or 0.0 for row in (decided, alone)]
+    assert ends[0] == pytest.approx(ends[1], rel=1e-6)
+    for name in alone:
+        if name.startswith(("attitude.", "joints.", "heading_deg")):
+            value = decided.get(f"found.{name}", decided[name])  # where the heading varies
+            assert value == pytest.approx(alone[name], abs=1e-9), name
 
 
-def rows_of(study: Study, folder: Path) -> Mapping[int, Row]:
-    return run_study(study, folder, workers=1, report=False).rows
+def alone(study: Study, number: int) -> Row:
+    return execute(PortableStudy(study), number).values
+
+
+def rows_of(study: Study, folder: Path) -> list[Row]:
+    return list(run_study(study, folder, workers=1, report=False).rows)
 
 
 @pytest.mark.slow
@@ -73,9 +73,9 @@ def test_rows_are_those_of_single_runs(
 ) -> None:
     study = a_study(tmp_path, vary, cases=24, files="none", **keys)
     rows = rows_of(study, tmp_path / "out")
-    assert any(str(row.decided_by).startswith("ensemble") for row in rows.values())
+    assert any(str(row["decided_by"]).startswith("ensemble") for row in rows)
     for number in range(0, 24, 3):
-        assert_same(rows[number], execute(Run.of(study, number)).row)
+        assert_same(rows[number], alone(study, number))
 
 
 def test_listed_values_of_other_keys_make_groups(tmp_path: Path) -> None:
@@ -87,7 +87,7 @@ def test_listed_values_of_other_keys_make_groups(tmp_path: Path) -> None:
     assert groups[0] != groups[40]
     rows = rows_of(study, tmp_path / "out")
     for number in (0, 39, 40, 79):
-        assert_same(rows[number], execute(Run.of(study, number)).row)
+        assert_same(rows[number], alone(study, number))
 
 
 @pytest.mark.parametrize(
@@ -110,36 +110,43 @@ def test_values_that_are_refused_are_left_to_single_runs(tmp_path: Path) -> None
     values = [0.5, "much", float("nan"), 1e5, True, *[k / 40 for k in range(20)]]
     vary = {"momentum.2": {"list": values}, "margin.value": {"list": [5, -1]}}
     study = a_study(tmp_path, vary, files="none")
-    columns = decided_rows(study, group_numbers(study), np.arange(50), 1)
-    decided = [number for chunk in columns for number in chunk["number"]]
+    decided: list[int] = []
+    for chunk in chunks(group_numbers(study), np.arange(50)):
+        decided.extend(integrated(PortableStudy(study), chunk)["number"])
     assert decided == [0, *range(10, 50, 2)]
 
 
 @pytest.mark.slow
-def test_rows_are_the_same_for_any_threads_and_interruptions(tmp_path: Path) -> None:
+def test_rows_are_the_same_for_any_chunks_threads_and_interruptions(tmp_path: Path) -> None:
     study = a_study(tmp_path, DISTURBED, cases=300, files="none")
-    every = run_study(study, tmp_path / "one", workers=1, report=False)
-    run_study(study, tmp_path / "two", workers=2, report=False)
-    connection = sqlite3.connect(tmp_path / "two" / "study.sqlite")
+    every = rows_of(study, tmp_path / "out")
+    connection = sqlite3.connect(tmp_path / "out" / "study.sqlite")
+    times = {"seconds": None, "began": None}
     with connection:
         connection.execute("DELETE FROM runs WHERE number % 7 > 2 OR number < 40")
     connection.close()
-    again = run_study(study, tmp_path / "two", workers=2, report=False)
+    again = run_study(study, tmp_path / "out", workers=2, report=False)
     assert 0 < again.computed < 300
-    for number, row in again.rows.items():
-        assert values_of(row) == values_of(every.rows[number])
+    assert [row | times for row in again.rows] == [row | times for row in every]
+    groups = group_numbers(study)
+    for size in (7, 100):
+        parts = [integrated(PortableStudy(study), chunk)
+                 for chunk in chunks(groups, np.arange(300), size)]  # fmt: skip
+        margins = np.concatenate([part["margin"] for part in reversed(parts)])
+        numbers = np.concatenate([part["number"] for part in reversed(parts)])
+        assert [every[number]["margin"] for number in numbers.tolist()] == margins.tolist()
 
 
 @pytest.mark.slow
 def test_files_of_the_worst_runs_and_of_the_undisturbed_one_are_kept(tmp_path: Path) -> None:
     study = a_study(tmp_path, DISTURBED, cases=30, files="worst 2", base=SHORT)
     rows = rows_of(study, tmp_path / "out")
-    worst = sorted(rows, key=lambda number: (rows[number].margin or 0.0, number))[:2]
+    worst = sorted(range(30), key=lambda number: (rows[number]["margin"] or 0.0, number))[:2]
     names = {f"{number:05d}.h5" for number in worst}
     assert {path.name for path in (tmp_path / "out" / "cases").iterdir()} == {
         *names, "undisturbed.h5",
     }  # fmt: skip
-    assert [rows[number].file for number in worst] == [f"cases/{n:05d}.h5" for n in worst]
+    assert [rows[number]["file"] for number in worst] == [f"cases/{n:05d}.h5" for n in worst]
 
 
 @pytest.mark.slow

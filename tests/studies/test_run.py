@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +14,8 @@ from freefloat.io.records.results import load
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
-from freefloat.studies.results import Row
-from freefloat.studies.run import Run, RunResult, execute, study_files
+from freefloat.studies.portable import PortableStudy, study_files
+from freefloat.studies.run import RunResult, execute
 from freefloat.studies.study import load_study
 from tests.example_studies import BASE, HEADINGS, a_study, write_study
 
@@ -21,12 +23,16 @@ pytestmark = pytest.mark.usefixtures("kernels")
 
 
 def results(folder: Path, vary: dict[str, Any] | None = None, **keys: Any) -> list[RunResult]:
-    study = a_study(folder, vary, **keys)
-    return [execute(Run.of(study, number, save=True)) for number in range(study.count)]
+    study = PortableStudy(a_study(folder, vary, **keys))
+    return [execute(study, number, save_file=True) for number in range(study.study.count)]
 
 
-def rows(folder: Path, vary: dict[str, Any] | None = None, **keys: Any) -> list[Row]:
-    return [result.row for result in results(folder, vary, **keys)]
+def rows(folder: Path, vary: dict[str, Any] | None = None, **keys: Any) -> list[dict[str, Any]]:
+    return [result.values for result in results(folder, vary, **keys)]
+
+
+def joints(row: dict[str, Any]) -> list[float]:
+    return [value for name, value in row.items() if name.startswith("joints.")]
 
 
 @pytest.mark.slow
@@ -34,18 +40,22 @@ def test_a_simulation_has_the_results_of_simulate_and_its_file(tmp_path: Path) -
     simulated = results(tmp_path, HEADINGS, branch=0)
     problem = load_scenario(tmp_path / "base.yaml").problem()
     for result, heading in zip(simulated, HEADINGS["heading_deg"]["list"], strict=True):
-        row, start = result.row, heading_quaternion(np.radians(heading))
+        row, start = result.values, heading_quaternion(np.radians(heading))
         chosen = simulate(problem, start, branch=0).chosen
-        assert row.completed == chosen.motion.completed
-        assert row.heading_deg == pytest.approx(heading)
-        assert row.joints == pytest.approx(chosen.motion.initial.joints.tolist())
-        assert row.seconds is not None
+        assert row["completed"] == chosen.motion.completed
+        assert row["heading_deg"] == pytest.approx(heading)
+        assert joints(row) == pytest.approx(chosen.motion.initial.joints.tolist())
+        assert row["seconds"] is not None
         assert result.content is not None
         (tmp_path / "run.h5").write_bytes(result.content)
-        assert load(tmp_path / "run.h5").chosen.minimum_margin == row.margin
-    assert [result.row.verdict for result in simulated] == ["feasible", "infeasible", "feasible"]
-    assert simulated[1].row.singular_time == pytest.approx(simulated[1].row.margin_time)
-    assert simulated[1].row.reason == "The arm became singular."
+        assert load(tmp_path / "run.h5").chosen.minimum_margin == row["margin"]
+    assert [result.values["verdict"] for result in simulated] == [
+        "feasible",
+        "infeasible",
+        "feasible",
+    ]
+    assert simulated[1].values["singular_time"] == pytest.approx(simulated[1].values["margin_time"])
+    assert simulated[1].values["reason"] == "The arm became singular."
 
 
 def test_a_run_in_space_has_no_heading(tmp_path: Path) -> None:
@@ -63,40 +73,41 @@ def test_a_run_in_space_has_no_heading(tmp_path: Path) -> None:
     }
     keys = {"base": base, "heading_deg": None, "attitude": [0.0, 0.0, 0.0, 1.0], "branch": "best"}
     (row,) = rows(tmp_path, {"timing.duration": {"list": [100]}}, **keys)
-    assert row.completed
-    assert row.attitude == [0.0, 0.0, 0.0, 1.0]
-    assert row.heading_deg is None
+    assert row["completed"]
+    assert [row[f"attitude.{axis}"] for axis in "xyzw"] == [0.0, 0.0, 0.0, 1.0]
+    assert row["heading_deg"] is None
 
 
 @pytest.mark.slow
 def test_a_plan_has_the_results_of_plan(tmp_path: Path) -> None:
     keys = {"command": "plan", "heading_deg": None}
     (result,) = results(tmp_path, {"momentum.2": {"list": [0.25]}}, **keys)
-    row = result.row
-    assert row.verdict == "feasible"
+    row = result.values
+    assert row["verdict"] == "feasible"
     assert result.content is not None
     (tmp_path / "run.h5").write_bytes(result.content)
     document = load(tmp_path / "run.h5").to_dict()
     for key in ("robust_radius_deg", "heading_deg", "branch"):
-        assert getattr(row, key) == pytest.approx(document[key])
+        assert row[key] == pytest.approx(document[key])
     ranges = {str(entry["branch"]): entry["ranges"] for entry in document["attitude_ranges_deg"]}
-    assert row.attitude_ranges_deg.keys() == ranges.keys()
+    for branch, spans in ranges.items():
+        assert json.loads(row[f"attitude_ranges_deg.{branch}"]) == spans
     spans = [span for entry in ranges.values() for span in entry]
     inside = [any(low <= heading <= high for low, high in spans)
               for heading in np.linspace(0.0, 360.0, 3601)]  # fmt: skip
     assert 0.5 < np.mean(inside) < 1.0
-    assert row.feasible_fraction == pytest.approx(np.mean(inside), abs=2e-3)
+    assert row["feasible_fraction"] == pytest.approx(np.mean(inside), abs=2e-3)
 
 
 def test_a_map_has_the_results_of_map(tmp_path: Path) -> None:
     base = BASE | {"search": {"samples": 24}}
     keys = {"command": "map", "heading_deg": None, "base": base}
     few, none = results(tmp_path, {"margin.value": {"list": [5, 500]}}, **keys)
-    assert few.row.verdict == "feasible"
-    assert few.row.feasible_fraction is not None
-    assert 0.5 < few.row.feasible_fraction < 1.0
+    assert few.values["verdict"] == "feasible"
+    assert few.values["feasible_fraction"] is not None
+    assert 0.5 < few.values["feasible_fraction"] < 1.0
     assert few.content is not None
-    assert (none.row.verdict, none.row.feasible_fraction) == ("infeasible", 0.0)
+    assert (none.values["verdict"], none.values["feasible_fraction"]) == ("infeasible", 0.0)
 
 
 @pytest.mark.slow
@@ -104,27 +115,30 @@ def test_simulations_follow_the_branch_of_the_undisturbed_motion(tmp_path: Path)
     """With less momentum the other one is better, but the arm is not on it."""
     vary = {"momentum.2": {"list": [-0.5]}, "heading_deg": {"list": [120.0, 200.0]}}
     undisturbed = rows(tmp_path, HEADINGS | {"heading_deg": vary["heading_deg"]})
-    assert [row.branch for row in undisturbed] == [1, 0]
+    assert [row["branch"] for row in undisturbed] == [1, 0]
     default, best = rows(tmp_path, vary), rows(tmp_path, vary, branch="best")
-    assert [(row.branch, row.verdict) for row in default] == [(1, "infeasible"), (0, "infeasible")]
-    assert [(row.branch, row.verdict) for row in best] == [(0, "feasible"), (1, "feasible")]
+    assert [(row["branch"], row["verdict"]) for row in default] == [
+        (1, "infeasible"),
+        (0, "infeasible"),
+    ]
+    assert [(row["branch"], row["verdict"]) for row in best] == [(0, "feasible"), (1, "feasible")]
     for row, start in zip(default, undisturbed, strict=True):
-        assert row.joints == pytest.approx(start.joints)
+        assert joints(row) == pytest.approx(joints(start))
 
 
 def test_an_arm_that_is_not_the_bases_has_no_undisturbed_motion(tmp_path: Path) -> None:
     vary = {"robot.urdf": "planar_2dof", "task": "planar-position", "path.polynomial.x.0": 1.0}
     (row,) = rows(tmp_path, {key: {"list": [value]} for key, value in vary.items()})
-    assert "branch: " in str(row.error)
+    assert "branch: " in str(row["error"])
 
 
 @pytest.mark.slow
 def test_violated_margins_and_limits_are_infeasible(tmp_path: Path) -> None:
     vary = {"margin.value": {"list": [5, 200]}, "limits.base_rate": {"list": [1.0, 1e-4]}}
     checked = rows(tmp_path, vary, branch=0)
-    assert [row.verdict for row in checked] == ["feasible", *["infeasible"] * 3]
-    assert [row.limits_kept for row in checked] == [True, False, True, False]
-    ratios = [row.limits["base_rate"] for row in checked if row.limits]
+    assert [row["verdict"] for row in checked] == ["feasible", *["infeasible"] * 3]
+    assert [row["limits_kept"] for row in checked] == [True, False, True, False]
+    ratios = [row["limits.base_rate"] for row in checked]
     assert ratios[0] < 1.0 < ratios[1]
 
 
@@ -142,9 +156,9 @@ def test_violated_margins_and_limits_are_infeasible(tmp_path: Path) -> None:
 def test_an_error_becomes_a_row(vary: dict[str, Any], key: str, tmp_path: Path) -> None:
     (tmp_path / "bad.urdf").write_text("<robot><link")
     result = results(tmp_path, vary)[-1]
-    assert result.row.verdict == "error"
-    assert key in str(result.row.error)
-    assert "\n" not in str(result.row.error)
+    assert result.values["verdict"] == "error"
+    assert key in str(result.values["error"])
+    assert "\n" not in str(result.values["error"])
     assert result.content is None
 
 
@@ -155,7 +169,7 @@ def test_an_error_of_a_solver_becomes_a_row(
         raise np.linalg.LinAlgError("Singular\nmatrix")
 
     monkeypatch.setattr("freefloat.studies.records.simulate", fails)
-    assert rows(tmp_path)[0].error == "LinAlgError: Singular matrix"
+    assert rows(tmp_path)[0]["error"] == "LinAlgError: Singular matrix"
 
 
 def test_files_sent_along_are_enough_on_another_machine(tmp_path: Path) -> None:
@@ -171,11 +185,12 @@ def test_files_sent_along_are_enough_on_another_machine(tmp_path: Path) -> None:
     )
     files = study_files(study)
     assert [path for path, _ in files] == [str(home / "robots" / "arm.urdf")]
-    here = execute(Run.of(study, 0)).row
+    here = execute(PortableStudy(study), 0).values
     home.rename(tmp_path / "away")
-    there, error = (execute(Run.of(study, number, files)).row for number in range(2))
-    assert there.margin == here.margin
-    assert str(error.error).startswith(f"{home}/study.yaml: vary.robot.urdf: ")
+    sent = pickle.loads(pickle.dumps(PortableStudy(study, files)))
+    there, error = (execute(sent, number).values for number in range(2))
+    assert there["margin"] == here["margin"]
+    assert str(error["error"]).startswith(f"{home}/study.yaml: vary.robot.urdf: ")
 
 
 def test_meshes_are_files_of_a_study(tmp_path: Path) -> None:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from freefloat.visualization.figures.study_figure import study_figure
 
 TABLE = {
-    "case": [0, 1, 2], "timing.duration": [50.0, 60.0, 70.0], "fixed": [1.0, 1.0, 1.0],
-    "robot.urdf": ["planar_3dof", "a$_{b", "c" * 99],
-    "verdict": ["feasible", "infeasible", "error"], "margin": [7.5, 2.5, None],
-    "margin_required": [5.0, 5.0, None], "measure": ["system", "system", None],
+    "timing.duration": np.array([50.0, 60.0, 70.0]), "fixed": np.ones(3),
+    "robot.urdf": np.array(["planar_3dof", "a$_{b", "c" * 99], dtype=object),
+    "verdict": np.array(["feasible", "infeasible", "error"], dtype=object),
+    "margin": np.array([7.5, 2.5, np.nan]), "margin_required": np.array([5.0, 5.0, np.nan]),
+    "measure": np.array(["system", "system", None]),
 }  # fmt: skip
 
 
@@ -20,12 +23,23 @@ def test_the_figure_has_a_panel_for_every_parameter_that_varies(tmp_path: Path) 
     )
     assert figure.axes[0].get_ylabel() == "minimum |system| [m$^{2}$ kg]"
     panels = {axes.get_xlabel(): axes for axes in figure.axes}
-    assert list(panels) == ["T [s]", "robot.urdf"]
+    assert list(panels) == ["T [s]", "robot.urdf", "runs"]
     lines = {line.get_label(): line for line in panels["T [s]"].lines}
     assert lines["feasible (1)"].get_xydata().tolist() == [[50.0, 7.5]]
     assert lines["infeasible (1)"].get_xydata().tolist() == [[60.0, 2.5]]
     assert lines["error (1)"].get_xydata().tolist() == [[70.0, 0.0]]
     labels = [label.get_text() for label in panels["robot.urdf"].get_xticklabels()]
-    assert labels[0] == "planar_3dof"
-    assert len(labels[2]) < 40
+    assert labels[2] == "planar_3dof"
+    assert len(labels[1]) < 40
+    assert panels["runs"].lines[0].get_ydata().tolist() == [1.0, 0.5]
     figure.savefig(tmp_path / "summary.png")  # no name is read as mathematics
+
+
+def test_many_runs_are_drawn_as_density() -> None:
+    durations = np.linspace(50.0, 200.0, 6000)
+    verdicts = np.where(durations < 140.0, "feasible", "infeasible").astype(object)
+    table = {"T": durations, "verdict": verdicts, "margin": 200.0 - durations,
+             "margin_required": np.full(6000, 60.0), "measure": np.full(6000, "arm")}  # fmt: skip
+    panel = study_figure(table, {"T": "T [s]"}).axes[0]
+    assert panel.collections[0].get_array().sum() == 6000
+    assert [line.get_ydata()[0] for line in panel.lines] == [60.0]

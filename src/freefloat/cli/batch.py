@@ -16,8 +16,9 @@ from freefloat.errors import InputError, MissingExtraError
 from freefloat.io.files import make_folder, require_writable, written_beside
 
 if TYPE_CHECKING:
+    from freefloat.studies.estimate import StudyEstimate
     from freefloat.studies.results import Combination, StudyResult
-    from freefloat.studies.runner import StudyEstimate
+    from freefloat.studies.sensitivity import Sensitivity
     from freefloat.studies.study import Study
 
 _MAX_ROWS = 20
@@ -41,7 +42,7 @@ _Scheduler = Annotated[
     typer.Option(metavar="ADDRESS", help="Use the workers of a Dask scheduler: tcp://host:8786"),
 ]
 _DryRun = Annotated[
-    bool, typer.Option("--dry-run", help="List the runs and estimate the time; time two runs.")
+    bool, typer.Option("--dry-run", help="List the runs and estimate the time; time some.")
 ]
 _Until = Annotated[
     str | None,
@@ -81,13 +82,14 @@ def batch(
 
     Example: freefloat batch spatial_6dof/montecarlo --run 17 -o run.h5
     """
-    from freefloat.studies.runner import estimate_study, run_study
+    from freefloat.studies.estimate import estimate_study
+    from freefloat.studies.runner import run_study
     from freefloat.studies.study import load_study
 
     console = Console(as_json, quiet)
     loaded = load_study(study)
     if dry_run:
-        with console.progress("timing two runs"):
+        with console.progress("timing runs"):
             estimate = estimate_study(loaded, output, workers=workers, scheduler=scheduler)
         if as_json:  # a million runs take gigabytes
             console.json(estimate.to_dict())
@@ -109,19 +111,23 @@ def batch(
     except KeyboardInterrupt:
         say("the same command continues the study")
         raise
-    console.json(result.to_dict())
+    if as_json:
+        console.json(result.to_dict())
     console.tables(_result_lines(result))
-    if result.combinations:
+    if not (as_json or quiet):  # the indices take a moment
+        console.tables(_sensitivity_tables(result.sensitivities))
         console.tables(_combination_tables(result.combinations))
     if result.errors:
-        count, first = result.verdicts["error"], result.errors[0]
-        say(f"{count} of {loaded.count} runs ended in an error; run {first.number}: {first.error}")
+        number, error = next(iter(result.errors.items()))
+        count = result.verdicts["error"]
+        say(f"{count:,} of {loaded.count:,} runs ended in an error; run {number}: {error}")
     raise typer.Exit(NO if result.errors else DONE)
 
 
 def _write_run(study: Study, number: int, file: Path, console: Console) -> None:
     """Execute one run of a study and write its result file."""
-    from freefloat.studies.run import Run, execute
+    from freefloat.studies.portable import PortableStudy
+    from freefloat.studies.run import execute, finite
 
     if number >= study.count:
         raise InputError("run", f"{number} was given", f"0 to {study.count - 1}, a run")
@@ -129,16 +135,17 @@ def _write_run(study: Study, number: int, file: Path, console: Console) -> None:
         raise InputError("run", "the command track writes no result files", "another command")
     require_writable("output", file)
     with console.progress(f"run {number}"):
-        result = execute(Run.of(study, number, save=True))
-    row, written = result.row, None
+        result = execute(PortableStudy(study), number, save_file=True)
+    values, written = result.values, None
     if result.content is not None:
         with written_beside(file) as beside:
             beside.write_bytes(result.content)
         written = str(file)
-    console.json({"case": number, **vars(row), "file": written})
-    console.tables([f"run {number}: {row.verdict}", f"written: {written or 'nothing'}"])
-    if row.error is not None:
-        say(f"run {number} ended in an error: {row.error}")
+    parameters = finite(study.parameters(number))
+    console.json({"case": number, "parameters": parameters, **values, "file": written})
+    console.tables([f"run {number}: {values['verdict']}", f"written: {written or 'nothing'}"])
+    if "error" in values:
+        say(f"run {number} ended in an error: {values['error']}")
         raise typer.Exit(NO)
 
 
@@ -188,7 +195,7 @@ def _result_lines(result: StudyResult) -> Iterator[str]:
     if result.margins is not None:
         words = zip(("smallest", "median", "largest"), result.margins.values(), strict=True)
         yield "minimum margin: " + ", ".join(f"{word} {value:.6g}" for word, value in words)
-    yield from (f"  run {row.number}: {row.error}" for row in errors)
+    yield from (f"  run {number}: {error}" for number, error in errors.items())
     if result.verdicts["error"] > len(errors):
         yield f"  and {result.verdicts['error'] - len(errors):,} more errors"
     yield (
@@ -201,8 +208,22 @@ def _result_lines(result: StudyResult) -> Iterator[str]:
         yield f"not written: cases.parquet; {MissingExtraError.of('parquet')}"
 
 
+def _sensitivity_tables(sensitivities: list[Sensitivity]) -> Iterator[RenderableType]:
+    """Sobol indices with their intervals."""
+    from freefloat.studies.names import readable_name
+
+    rows = table("Sobol indices of", "for", "first order (95 %)", "total (95 %)")
+    for entry in sensitivities:
+        indices = map(str, (entry.first_order, entry.total))
+        rows.add_row(readable_name(entry.key), entry.quantity, *indices)
+    if sensitivities:
+        yield rows
+
+
 def _combination_tables(combinations: list[Combination]) -> Iterator[RenderableType]:
     """The feasible runs by combination of listed values."""
+    if not combinations:
+        return
     rows = table(*combinations[0].parameters, "feasible", "of", "smallest margin")
     for entry in combinations[:_MAX_ROWS]:
         margin = "" if entry.margin is None else f"{entry.margin:.6g}"

@@ -5,26 +5,39 @@ from __future__ import annotations
 import json
 import os
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
-from dataclasses import replace
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from freefloat.errors import InputError
 from freefloat.io.files import make_folder, written_beside
-from freefloat.studies.row import UNDISTURBED, Row
-from freefloat.studies.stored_rows import COLUMNS, StoredRows, check_rows, database_errors, stored
-from freefloat.studies.study import Study
+from freefloat.studies.columns import (
+    FOUND,
+    NUMBER,
+    REAL,
+    RESULTS,
+    TEXT,
+    VERDICTS,
+    Column,
+    Columns,
+    result_type,
+)
+from freefloat.studies.portable import Files
+from freefloat.studies.rows import StudyRows, database_errors, quoted
+from freefloat.studies.study import UNDISTURBED, Study
 
 DATABASE, _LOCK, _FILES = "study.sqlite", "study.lock", "cases"
 """Names in the folder of a study."""
-_UNDISTURBED_FILE = f"{_FILES}/undisturbed.h5"
-Files = tuple[tuple[str, bytes], ...]
-"""Absolute paths of files and their contents."""
 _SOFTWARE = ("freefloat", "pin", "numpy", "scipy", "numba")
+_FORMAT = 2
+"""Number of the format of the database."""
+_STORAGE = {"INTEGER": "integer", "TEXT": "text", "REAL": "real", "BOOLEAN": "integer"}
+"""Storage classes of SQLite by type of a column."""
 
 
 class StudyDatabase:
@@ -35,57 +48,73 @@ class StudyDatabase:
         rows: The finished runs by number.
     """
 
-    def __init__(self, folder: Path, connection: sqlite3.Connection) -> None:
+    def __init__(self, folder: Path, study: Study, connection: sqlite3.Connection) -> None:
         self.folder = folder
-        self.rows = StoredRows(folder / DATABASE)
+        self._study = study
         self._connection = connection
+        self.rows = StudyRows(folder / DATABASE, list(study.variation.columns(0, 1)))
+        self._types = self.rows.types
 
     @property
     def has_undisturbed_file(self) -> bool:
         """Whether the file of the undisturbed simulation is there."""
-        return (self.folder / _UNDISTURBED_FILE).is_file()
+        return (self.folder / _FILES / "undisturbed.h5").is_file()
 
     def worst_without_file(self, count: int) -> list[int]:
         """Numbers of those of the ``count`` runs with the smallest margins that have no file."""
-        ranked = self.rows.columns(
-            "number", "file", last=f"WHERE margin IS NOT NULL ORDER BY margin, number LIMIT {count}"
-        )
-        pairs = zip(ranked["number"], ranked["file"], strict=True)
-        return [number for number, file in pairs if file is None]
+        query = "SELECT number, file FROM runs WHERE margin IS NOT NULL ORDER BY margin, number"
+        ranked = self.rows.query(f"{query} LIMIT {count}")
+        return [number for number, file in ranked if file is None]
 
-    def add(self, row: Row, content: bytes | None = None) -> None:
-        """Write the result file of a run, if there is one, then commit its row.
+    def add(self, numbers: Column, results: Columns) -> None:
+        """Commit rows of runs, ascending, with the values of their parameters.
 
         Raises:
             InputError: If they cannot be written.
         """
-        if content is not None:
-            name = f"{_FILES}/{row.number:05d}.h5"
-            self._write_file(name, content)
-            row = replace(row, file=name, bytes=len(content))
-        self.add_columns(stored(row))
-
-    def add_columns(self, columns: Mapping[str, Sequence[Any]]) -> None:
-        """Commit rows as columns of what is stored, see :mod:`freefloat.studies.stored_rows`."""
-        places = ", ".join("?" * len(columns))
-        statement = f"INSERT INTO runs ({', '.join(columns)}) VALUES ({places})"
+        first = int(numbers[0])
+        places = np.asarray(numbers) - first
+        parameters = self._study.variation.columns(first, int(places[-1]) + 1)
+        columns = {NUMBER: numbers} | {key: column[places] for key, column in parameters.items()}
+        columns |= {
+            f"{FOUND}{name}" if name in parameters else name: column
+            for name, column in results.items()
+        }
+        names, marks = ", ".join(map(quoted, columns)), ", ".join("?" * len(columns))
+        values = [v.tolist() if isinstance(v, np.ndarray) else v for v in columns.values()]
         with database_errors(self.folder / DATABASE), self._connection:
-            self._connection.executemany(statement, zip(*columns.values(), strict=True))
+            self._add_missing(columns)
+            statement = f"INSERT INTO runs ({names}) VALUES ({marks})"
+            self._connection.executemany(statement, zip(*values, strict=True))
+
+    def _add_missing(self, columns: Columns) -> None:
+        """Add the columns of results by joint, quantity, limit or arm branch."""
+        for name in columns:
+            if name not in self._types:
+                kind = result_type(name.removeprefix(FOUND))
+                self._connection.execute(f"ALTER TABLE runs ADD COLUMN {_definition(name, kind)}")
+                self._types[name] = kind
 
     def add_file(self, number: int, content: bytes) -> None:
         """Write the result file of a finished run and name it in its row, if it has one."""
-        name = _UNDISTURBED_FILE if number == UNDISTURBED else f"{_FILES}/{number:05d}.h5"
-        self._write_file(name, content)
+        values = (*self.write_file(number, content).values(), number)
         with database_errors(self.folder / DATABASE), self._connection:
-            statement = "UPDATE runs SET file = ?, bytes = ? WHERE number = ?"
-            self._connection.execute(statement, (name, len(content), number))
+            self._connection.execute("UPDATE runs SET file = ?, bytes = ? WHERE number = ?", values)
 
-    def _write_file(self, name: str, content: bytes) -> None:
-        """Write a file below the folder of the study, whole or not at all."""
+    def write_file(self, number: int, content: bytes) -> dict[str, Any]:
+        """Write the result file of a run, whole or not at all; return the values of its row."""
+        name = f"{'undisturbed' if number == UNDISTURBED else f'{number:05d}'}.h5"
+        file = self.folder / _FILES / name
         with database_errors(self.folder / DATABASE):
-            (self.folder / name).parent.mkdir(exist_ok=True)
-            with written_beside(self.folder / name) as temporary:
+            file.parent.mkdir(exist_ok=True)
+            with written_beside(file) as temporary:
                 temporary.write_bytes(content)
+        return {"file": f"{_FILES}/{name}", "bytes": len(content)}
+
+
+def _definition(name: str, kind: str) -> str:
+    """Definition of a column, which refuses values of another type."""
+    return f"{quoted(name)} {kind} CHECK (typeof({quoted(name)}) IN ('null', '{_STORAGE[kind]}'))"
 
 
 @contextmanager
@@ -107,16 +136,32 @@ def open_results(folder: Path, study: Study, files: Files) -> Iterator[StudyData
             stack.enter_context(_locked(folder / _LOCK))
             connection = stack.enter_context(closing(sqlite3.connect(folder / DATABASE)))
             connection.execute("PRAGMA journal_mode = WAL")  # readers do not block the writer
+            connection.execute("PRAGMA synchronous = NORMAL")  # WAL: no row of a chunk without it
             connection.execute("BEGIN IMMEDIATE")
-            columns = ", ".join(f"{name} {kind}" for name, kind in COLUMNS.items())
-            connection.execute(f"CREATE TABLE IF NOT EXISTS runs ({columns}, PRIMARY KEY (number))")
-            connection.execute(
-                "CREATE TABLE IF NOT EXISTS study (digest TEXT, content JSON, software JSON)"
-            )
+            _create(connection, study)
             _check_study(connection, folder, study, files)
-            check_rows(connection, study.count)
             connection.commit()
-        yield StudyDatabase(folder, connection)
+        yield StudyDatabase(folder, study, connection)
+
+
+def _create(connection: sqlite3.Connection, study: Study) -> None:
+    """Create the tables of a new database; an error of SQLite if one has others."""
+    parameters = study.variation.columns(0, 1)
+    types = {name: TEXT if column.dtype == object else REAL for name, column in parameters.items()}
+    results = {f"{FOUND}{name}" if name in types else name: kind for name, kind in RESULTS.items()}
+    verdicts = ", ".join(map(repr, VERDICTS))
+    definitions = [
+        f"number INTEGER PRIMARY KEY CHECK (number BETWEEN 0 AND {study.count - 1})",
+        *(_definition(name, kind) for name, kind in (types | results).items()),
+        f"CHECK (verdict IN ({verdicts}))",
+    ]
+    connection.execute(f"CREATE TABLE IF NOT EXISTS runs ({', '.join(definitions)})")
+    connection.execute(
+        "CREATE TABLE IF NOT EXISTS study (digest TEXT, content JSON, software JSON)"
+    )
+    names = {name for _, name, *_ in connection.execute("PRAGMA table_info(runs)")}
+    if missing := {NUMBER, *types, *results} - names:
+        raise sqlite3.DatabaseError(f"no column {min(missing)}")
 
 
 @contextmanager
@@ -137,7 +182,7 @@ def _check_study(connection: sqlite3.Connection, folder: Path, study: Study, fil
     del content["base"]
     base = study.base_source.absolute().parent
     digests = {os.path.relpath(path, base): sha256(data).hexdigest() for path, data in files}
-    text = json.dumps({"study": content, "base": study.base, "files": digests})
+    text = json.dumps({"format": _FORMAT, "study": content, "base": study.base, "files": digests})
     digest = sha256(text.encode()).hexdigest()
     (stored,) = connection.execute("SELECT max(digest) FROM study").fetchone()
     (runs,) = connection.execute("SELECT count(*) FROM runs").fetchone()

@@ -15,12 +15,9 @@ from typing import Any
 from jinja2 import Environment, PackageLoader
 
 from freefloat.io.files import written_beside
-from freefloat.io.scenario.schema import ScenarioFile
-from freefloat.io.scenario.yaml import section_at
+from freefloat.studies.columns import NUMBER
+from freefloat.studies.names import heading, readable_name
 from freefloat.studies.results import StudyResult
-from freefloat.studies.study import StudyFile
-from freefloat.studies.tables import Table
-from freefloat.studies.track_section import TRACK
 
 REPORT = "report.html"
 _HEADINGS = {
@@ -34,19 +31,12 @@ _HEADINGS = {
 _FIRST_LISTED = ("verdict", "margin")
 """Columns of the report before the parameters."""
 _SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
-_MAX_LISTED = 2000
+_MAX_LISTED = 1000
 """Runs listed in the report; the tables have all of them."""
 
 
-def save_report(
-    result: StudyResult, table: Table, tables: Mapping[str, Path | None]
-) -> dict[str, Path]:
+def save_report(result: StudyResult) -> dict[str, Path]:
     """Write the figure and the report of a study; return the files by kind.
-
-    Args:
-        result: The study.
-        table: Its rows by column.
-        tables: Files of the table, to which the report links.
 
     Raises:
         InputError: If they cannot be written.
@@ -54,54 +44,35 @@ def save_report(
     from freefloat.visualization.figure_style import save_figures
     from freefloat.visualization.figures.study_figure import study_figure
 
-    varied = tuple(result.study.content.vary)
-    prefixes = tuple(f"{key}." for key in varied)
-    columns = [key for key in table if key in varied or key.startswith(prefixes)]
-    parameters = {key: heading(key) for key in columns}
+    rows = result.rows
+    parameters = {name: heading(name) for name in rows.parameters}
+    drawn = (*parameters, "verdict", "margin", "margin_required", "measure")
     unit = _margin_unit(result)
-    drawing = study_figure(table, parameters, unit)
+    drawing = study_figure({name: rows.column(name) for name in drawn}, parameters, unit)
     figure, picture = save_figures(result.folder, {"summary": drawing})
-    linked = [file.name for file in (*tables.values(), figure) if file]
-    page = _page(result, table, parameters, unit, picture.read_bytes(), linked)
+    linked = [file.name for file in (result.files.get("csv"), result.files.get("parquet"), figure)
+              if file]  # fmt: skip
+    page = _page(result, parameters, unit, picture.read_bytes(), linked)
     with written_beside(result.folder / REPORT) as beside:
         beside.write_text(page, encoding="utf-8")
     return {"figure": figure, "picture": picture, "report": result.folder / REPORT}
 
 
-def heading(key: str) -> str:
-    """Return the dotted path of a varied key with its unit, which the schema describes."""
-    schema = StudyFile if key.startswith(TRACK) else ScenarioFile
-    description = section_at(schema, key.split("."))[1] or ""
-    unit = re.search(r"\[[^\]]*\]", description)
-    return key if unit is None or key.endswith("_deg") else f"{key} {unit[0]}"
-
-
 def _margin_unit(result: StudyResult) -> str:
     """Return the unit of the margins, nothing where there is none."""
-    number = next((row.number for row in result.rows.values() if row.margin is not None), None)
-    if number is None:
-        return ""
-    unit = result.study.scenario(number).problem().margin.measure.unit
-    return "" if unit == "1" else unit
+    numbers = result.rows.query("SELECT number FROM runs WHERE margin IS NOT NULL LIMIT 1")
+    for (number,) in numbers:
+        unit = result.study.scenario(number).problem().margin.measure.unit
+        return "" if unit == "1" else unit
+    return ""
 
 
 def _page(
-    result: StudyResult,
-    table: Table,
-    parameters: Mapping[str, str],
-    unit: str,
-    picture: bytes,
-    linked: list[str],
+    result: StudyResult, parameters: Mapping[str, str], unit: str, picture: bytes, linked: list[str]
 ) -> str:
     """Return the report, one HTML page that needs no other file."""
     unit = re.sub(r"\^(-?[0-9]+)", lambda power: power[1].translate(_SUPERSCRIPTS), unit)
-    filled = {key: text for key, text in _HEADINGS.items() if _filled(table[key])}
-    if unit and "margin" in filled:
-        filled["margin"] += f" [{unit}]"
-    first = {key: filled[key] for key in _FIRST_LISTED if key in filled}
-    headings = {"case": "run", **first, **parameters, **filled}
-    shown = zip(*(table[key][:_MAX_LISTED] for key in headings), strict=True)
-    names = table["file"][:_MAX_LISTED]
+    headings, rows = _listed(result, parameters, f" [{unit}]" if unit else "")
     content = result.study.content.model_dump(mode="json", by_alias=True, exclude_unset=True)
     environment = Environment(loader=PackageLoader("freefloat.studies", "."), autoescape=True)
     environment.filters["cell"] = _cell
@@ -114,9 +85,10 @@ def _page(
         time=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         figure=base64.b64encode(picture).decode(),
         margin_unit=unit,
-        headings=list(headings.values()),
-        rows=list(zip(names, shown, strict=True)),
-        hidden=len(table["case"]) - _MAX_LISTED,
+        headings=headings,
+        rows=rows,
+        sensitivities=result.sensitivities,
+        readable_name=readable_name,
         linked=linked,
         text=json.dumps(content, indent=2, ensure_ascii=False),
         script=script,
@@ -124,8 +96,31 @@ def _page(
     )
 
 
-def _filled(values: list[Any]) -> bool:
-    return any(value not in (None, "") for value in values)
+def _listed(
+    result: StudyResult, parameters: Mapping[str, str], unit: str
+) -> tuple[list[str], list[tuple[str | None, list[Any]]]]:
+    """Headings and runs, each with its file: errors, then those with the smallest margins.
+
+    Columns that are empty in all of them are left out.
+    """
+    first = {key: _HEADINGS[key] for key in _FIRST_LISTED}
+    headings = {"file": "", NUMBER: "run", **first, **parameters, **_HEADINGS}
+    headings["margin"] += unit
+    columns = list(headings)
+    order = "ORDER BY margin IS NOT NULL, margin, number" if result.done > _MAX_LISTED else ""
+    query = f"{result.rows.selection(columns)} {order or 'ORDER BY number'} LIMIT {_MAX_LISTED}"
+    rows = list(result.rows.query(query))
+    filled = [place for place, values in enumerate(zip(*rows, strict=True))
+              if place and any(value not in (None, "") for value in values)]  # fmt: skip
+    truth = columns.index("limits_kept")
+    return [headings[columns[place]] for place in filled], [
+        (row[0], [_truth(row[place]) if place == truth else row[place] for place in filled])
+        for row in rows
+    ]
+
+
+def _truth(value: int | None) -> bool | None:
+    return None if value is None else bool(value)
 
 
 def _cell(value: Any) -> str:

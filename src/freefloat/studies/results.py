@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from freefloat.statistics import confidence_interval, percentage
-from freefloat.studies.row import ERROR, FEASIBLE, INFEASIBLE, VERDICTS, Row
-from freefloat.studies.stored_rows import StoredRows
+from freefloat.studies.columns import ERROR, FEASIBLE, INFEASIBLE, NUMBER, VERDICTS
+from freefloat.studies.rows import StudyRows
+from freefloat.studies.sensitivity import Sensitivity, sensitivities
 from freefloat.studies.study import Study
 from freefloat.studies.track_section import TRACK_SEED
 
@@ -62,26 +62,22 @@ class StudyResult:
     """
 
     study: Study
-    rows: StoredRows = field(repr=False)
+    rows: StudyRows = field(repr=False)
     folder: Path
     computed: int = 0
     seconds: float = 0.0
     files: Mapping[str, Path | None] = field(default_factory=dict)
 
     @cached_property
-    def _columns(self) -> dict[str, list[Any]]:
-        return self.rows.columns("number", "verdict", "margin", "reason", "seconds")
-
-    @cached_property
     def verdicts(self) -> dict[str, int]:
         """Number of runs by verdict: feasible, infeasible, error."""
-        counts = Counter(self._columns["verdict"])
-        return {verdict: counts[verdict] for verdict in VERDICTS}
+        counts = dict(self.rows.query("SELECT verdict, count(*) FROM runs GROUP BY verdict"))
+        return {verdict: counts.get(verdict, 0) for verdict in VERDICTS}
 
     @property
     def done(self) -> int:
         """Number of finished runs."""
-        return len(self._columns["number"])
+        return sum(self.verdicts.values())
 
     @property
     def feasible_fraction(self) -> float | None:
@@ -114,59 +110,68 @@ class StudyResult:
             return None
         return percentage(feasible, feasible + infeasible, self.feasible_interval is not None)
 
-    @property
+    @cached_property
     def margins(self) -> dict[str, float] | None:
         """Smallest, median and largest margin; None if no run has one."""
-        values = [margin for margin in self._columns["margin"] if margin is not None]
-        if not values:
+        margins = self.rows.column("margin", "WHERE margin IS NOT NULL")
+        if not len(margins):
             return None
-        median = float(np.median(values))
-        return {"least": min(values), "median": median, "largest": max(values)}
+        median = float(np.median(margins))
+        return {"least": float(margins.min()), "median": median, "largest": float(margins.max())}
 
-    @property
+    @cached_property
     def combinations(self) -> list[Combination]:
         """Results by combination of listed values, the seed of the command track aside.
 
         Empty where every combination has one run, or there is only one.
         """
-        variation, columns = self.study.variation, self._columns
+        variation, numbers = self.study.variation, self.rows.column(NUMBER)
         places = variation.places(0, self.study.count)
         keys = [key for key in self.study.content.vary if key in places and key != TRACK_SEED]
         indices = np.stack([places[key] for key in keys] or [np.zeros(self.study.count, int)])
-        groups: dict[tuple[int, ...], list[tuple[str, float | None]]] = {}
-        finished = zip(
-            indices[:, columns["number"]].T.tolist(), columns["verdict"], columns["margin"],
-            strict=True,
-        )  # fmt: skip
-        for place, verdict, margin in finished:
-            groups.setdefault(tuple(place), []).append((verdict, margin))
-        if not 1 < len(groups) < len(columns["number"]):
+        found, groups = np.unique(indices[:, numbers], axis=1, return_inverse=True)
+        if not 1 < found.shape[1] < len(numbers):
             return []
+        verdicts, margins = self.rows.column("verdict"), self.rows.column("margin")
+        feasible, runs = (
+            np.bincount(groups.ravel(), chosen, found.shape[1]).astype(int).tolist()
+            for chosen in (verdicts == FEASIBLE, verdicts != ERROR)
+        )
+        smallest = np.full(found.shape[1], np.inf)
+        np.minimum.at(smallest, groups.ravel(), np.where(np.isnan(margins), np.inf, margins))
         return [
-            _combination(
-                {key: variation.listed[key][i] for key, i in zip(keys, place, strict=True)}, runs
+            Combination(
+                {key: variation.listed[key][k] for key, k in zip(keys, place, strict=True)},
+                *counts, float(margin) if np.isfinite(margin) else None,
             )
-            for place, runs in groups.items()
-        ]
-
-    @property
-    def reasons(self) -> dict[str, int]:
-        """Number of infeasible runs by reason, the most frequent first."""
-        runs = zip(self._columns["verdict"], self._columns["reason"], strict=True)
-        infeasible = (str(reason) for verdict, reason in runs if verdict == INFEASIBLE)
-        return dict(Counter(infeasible).most_common(_MAX_LISTED))
+            for place, counts, margin in zip(
+                found.T.tolist(), zip(feasible, runs, strict=True), smallest, strict=True
+            )
+        ]  # fmt: skip
 
     @cached_property
-    def errors(self) -> list[Row]:
-        """The first runs that ended in an error."""
-        runs = zip(self._columns["number"], self._columns["verdict"], strict=True)
-        numbers = [number for number, verdict in runs if verdict == ERROR]
-        return [self.rows[number] for number in numbers[:_MAX_LISTED]]
+    def reasons(self) -> dict[str, int]:
+        """Number of infeasible runs by reason, the most frequent first."""
+        query = "SELECT reason, count(*) AS runs FROM runs WHERE verdict = ? GROUP BY reason"
+        limit = f"ORDER BY runs DESC, min(number) LIMIT {_MAX_LISTED}"
+        return dict(self.rows.query(f"{query} {limit}", INFEASIBLE))
+
+    @cached_property
+    def errors(self) -> dict[int, str]:
+        """Messages of the first runs that ended in an error, by their numbers."""
+        query = "SELECT number, error FROM runs WHERE verdict = ? ORDER BY number"
+        return dict(self.rows.query(f"{query} LIMIT {_MAX_LISTED}", ERROR))
+
+    @cached_property
+    def sensitivities(self) -> list[Sensitivity]:
+        """Sobol indices of the varied keys, see :func:`.sensitivity.sensitivities`."""
+        return sensitivities(self.study)
 
     @property
     def run_seconds(self) -> float:
-        """Total duration of the finished runs [s]."""
-        return float(sum(seconds or 0.0 for seconds in self._columns["seconds"]))
+        """Processor time of the finished runs [s]."""
+        ((seconds,),) = self.rows.query("SELECT total(seconds) FROM runs")
+        return float(seconds)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON document of the command batch."""
@@ -184,7 +189,8 @@ class StudyResult:
             "margin": self.margins,
             "combinations": [entry.to_dict() for entry in self.combinations],
             "reasons": self.reasons,
-            "errors": [{"case": row.number, "error": row.error} for row in self.errors],
+            "sensitivities": [entry.to_dict() for entry in self.sensitivities],
+            "errors": [{"case": number, "error": error} for number, error in self.errors.items()],
             "case_seconds": self.run_seconds,
             "output": str(self.folder),
             "computed": self.computed,
@@ -193,11 +199,3 @@ class StudyResult:
             "runs_per_second": self.computed / self.seconds if self.seconds else None,
             "files": files,
         }
-
-
-def _combination(values: dict[str, Any], runs: list[tuple[str, float | None]]) -> Combination:
-    """Return the results of runs, verdict and margin of each, with the same values of some keys."""
-    verdicts = [verdict for verdict, _ in runs]
-    least = min((margin for _, margin in runs if margin is not None), default=None)
-    feasible, errors = verdicts.count(FEASIBLE), verdicts.count(ERROR)
-    return Combination(values, feasible, len(runs) - errors, least)

@@ -6,28 +6,26 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 from freefloat.concurrency import available_cores, require_memory
 from freefloat.errors import InputError, finite_number, require_extra, require_type
-from freefloat.studies.database import DATABASE, Files, StudyDatabase, open_results
+from freefloat.studies.columns import NUMBER, Columns
+from freefloat.studies.database import DATABASE, StudyDatabase, open_results
+from freefloat.studies.portable import PortableStudy, study_files
 from freefloat.studies.results import StudyResult
-from freefloat.studies.row import ERROR
-from freefloat.studies.run import Run, RunResult, execute, study_files
+from freefloat.studies.run import RunResult, error_values, execute
 from freefloat.studies.run_values import group_numbers
-from freefloat.studies.study import START_KEYS, Command, Study
-from freefloat.studies.tables import save_tables, study_table
+from freefloat.studies.study import START_KEYS, UNDISTURBED, Command, Study
+from freefloat.studies.tables import save_tables
 from freefloat.studies.tally import Tally
-from freefloat.studies.values import finite
 
 _WORKER_SIZE = 200_000_000
 """Memory of a worker [bytes]."""
 _REPORT_FILES = ("figure", "picture", "report")
 """Kinds of files that are written with a report."""
-_START_SECONDS = 3.0
-"""Typical time until local workers have started."""
 
 
 def run_study(
@@ -42,16 +40,15 @@ def run_study(
 ) -> StudyResult:
     """Execute the runs of a study that are not finished yet.
 
-    Simulations that differ in momentum, duration, masses and other disturbances are integrated as
-    one ensemble; other runs are executed one by one, side by side. Scripts that call this need
+    Simulations that differ in momentum, duration, masses and other disturbances are integrated in
+    chunks of 4,096; other runs are executed one by one, side by side. Scripts that call this need
     ``if __name__ == "__main__":``, because every worker process imports them.
 
     Args:
         study: As :func:`~freefloat.studies.study.load_study` returns it.
         folder: Folder of the results. A folder of the same study is continued.
         workers: Number of threads and processes on this machine; default is one per core.
-        scheduler: Address of a Dask scheduler whose workers execute runs one by one instead,
-            ``tcp://...``.
+        scheduler: Address of a Dask scheduler whose workers are used instead, ``tcp://...``.
         until: Stop when the 95 % confidence interval of the feasible fraction is that narrow, of
             the runs before the first one that is missing; for studies of random values alone.
         report: Whether to write ``report.html`` and the figure ``summary``.
@@ -86,24 +83,24 @@ def run_study(
         before = tally.done
         if before < study.count and not _vary_robots(study):
             study.scenario(0).model()  # an error of the robot is one of every run
-        execution = _Execution(study, database, tally, workers or available_cores(), scheduler,
-                               () if scheduler is None else files)  # fmt: skip
+        sent = PortableStudy(study, () if scheduler is None else files)
+        execution = _Execution(sent, database, tally, workers or available_cores(), scheduler)
         try:
             execution.integrate()
             execution.execute()
             execution.write_files()
         except KeyboardInterrupt:
-            save_tables(folder, study_table(database.rows))
+            save_tables(folder, database.rows)
             raise
-        table = study_table(database.rows)
-        tables = save_tables(folder, table)
+        tables = save_tables(folder, database.rows)
         result = StudyResult(study, database.rows, folder, tally.done - before)
         paths = {"database": folder / DATABASE, **tables, **dict.fromkeys(_REPORT_FILES)}
+        result = replace(result, files=paths, seconds=time.perf_counter() - begin)
         if report:
             from freefloat.studies.report import save_report  # imports slowly
 
-            paths |= save_report(result, table, tables)
-    return replace(result, files=paths, seconds=time.perf_counter() - begin)
+            result = replace(result, files=paths | save_report(result))
+    return replace(result, seconds=time.perf_counter() - begin)
 
 
 def _vary_robots(study: Study) -> bool:
@@ -114,151 +111,75 @@ def _vary_robots(study: Study) -> bool:
 class _Execution:
     """The steps of a study."""
 
-    study: Study
+    sent: PortableStudy
     database: StudyDatabase
     tally: Tally
     workers: int
     scheduler: str | None
-    files: Files
 
     def integrate(self) -> None:
         """Integrate the missing runs of ensembles and store those that are decided."""
-        groups = group_numbers(self.study)
-        missing = self.tally.missing
-        missing = missing[groups[missing] >= 0]
-        if not len(missing):
+        groups, missing = group_numbers(self.sent.study), self.tally.missing
+        if not (groups[missing] >= 0).any():
             return
-        from freefloat.studies.ensembles import decided_rows  # compiled kernels import slowly
+        from freefloat.studies.ensembles import chunks, integrated  # compiled kernels
 
-        for columns in decided_rows(self.study, groups, missing, self.workers):
-            self.database.add_columns(columns)
-            if self.tally.add(columns["number"], columns["verdict"]):
-                return
+        todo = chunks(groups, missing)
+        if self.scheduler is None:
+            rows = (integrated(self.sent, chunk, self.workers) for chunk in todo)
+            self._store(rows)
+            return
+        from freefloat.studies.execution import completed_tasks, integrated_by_worker
+
+        tasks = completed_tasks(integrated_by_worker, self.sent, todo, None, self.scheduler)
+        with closing(tasks):
+            self._store(columns for _, columns in tasks if columns is not None)
+
+    def _store(self, rows: Iterable[Columns]) -> None:
+        for columns in rows:
+            results = dict(columns)
+            numbers = results.pop(NUMBER)
+            if len(numbers):
+                self.database.add(numbers, results)
+                if self.tally.add(numbers, results["verdict"]):
+                    return
 
     def execute(self) -> None:
         """Execute the other missing runs one by one."""
-        study, save = self.study, self.study.kept_files >= self.study.count
-        missing = () if self.tally.is_enough else self.tally.missing.tolist()
-        runs = (Run.of(study, number, self.files, save=save) for number in missing)
-        for result in self._results(runs, len(missing)):
-            self.database.add(result.row, result.content)
-            if self.tally.add([result.row.number], [result.row.verdict]):
+        study = self.sent.study
+        missing = [] if self.tally.is_enough else self.tally.missing.tolist()
+        for result in self._results(missing, save_files=study.kept_files >= study.count):
+            values = result.values
+            if result.content is not None:
+                values |= self.database.write_file(result.number, result.content)
+            self.database.add([result.number], {name: [value] for name, value in values.items()})
+            if self.tally.add([result.number], [values["verdict"]]):
                 return
 
     def write_files(self) -> None:
         """Write the files of the worst runs and of the undisturbed one."""
-        study, kept = self.study, self.study.kept_files
-        if not kept:
+        study = self.sent.study
+        if not study.kept_files:
             return
-        runs = [
-            Run.of(study, number, self.files, save=True)
-            for number in self.database.worst_without_file(kept)
-        ]
+        numbers = self.database.worst_without_file(study.kept_files)
         fixed = study.start(0) and not any(key in study.content.vary for key in START_KEYS)
         if fixed and not self.database.has_undisturbed_file:
-            runs.append(Run.undisturbed(study, self.files))
-        for result in self._results(runs, len(runs)):
+            numbers.append(UNDISTURBED)
+        for result in self._results(numbers, save_files=True):
             if result.content is not None:
-                self.database.add_file(result.row.number, result.content)
+                self.database.add_file(result.number, result.content)
 
-    def _results(self, runs: Iterable[Run], count: int) -> Iterator[RunResult]:
+    def _results(self, numbers: list[int], save_files: bool) -> Iterator[RunResult]:
         """Execute runs side by side."""
-        if not count:
+        if not numbers:
             return
-        from freefloat.studies.execution import execute_all  # Dask imports slowly
+        from freefloat.studies.clients import REPETITIONS  # Dask imports slowly
+        from freefloat.studies.execution import completed_tasks
 
-        workers = min(self.workers, count)
-        with closing(execute_all(runs, workers=workers, scheduler=self.scheduler)) as results:
-            yield from results
-
-
-@dataclass(frozen=True, eq=False)
-class StudyEstimate:
-    """Runs of a study and the expected duration of those that are not finished.
-
-    Attributes:
-        study: The study.
-        finished: Numbers of the finished runs.
-        workers: Number of workers; None for those of a scheduler.
-        run_seconds: Expected duration of a run [s]; None if no run could be timed.
-        basis: What this is based on, such as ``"finished runs"``, or why there is no estimate.
-    """
-
-    study: Study
-    finished: frozenset[int] = field(repr=False)
-    workers: int | None
-    run_seconds: float | None
-    basis: str | None
-
-    @property
-    def missing(self) -> int:
-        """Number of runs that are not finished."""
-        return self.study.count - len(self.finished)
-
-    @property
-    def start_seconds(self) -> float:
-        """Expected time until the workers have started [s]."""
-        return _START_SECONDS if self.workers is not None and self.missing else 0.0
-
-    @property
-    def seconds(self) -> float | None:
-        """Expected duration of the study [s]; with a scheduler on one worker."""
-        if self.run_seconds is None:
-            return None
-        parallel = min(self.workers or 1, available_cores(), self.missing or 1)
-        return self.start_seconds + self.run_seconds * self.missing / parallel
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the JSON document of ``batch --dry-run``."""
-        return {
-            "study": self.study.source,
-            "base": str(self.study.base_source),
-            "command": str(self.study.content.command),
-            "count": self.study.count,
-            "done": len(self.finished),
-            "workers": self.workers,
-            "seconds_each": self.run_seconds,
-            "start_up_seconds": self.start_seconds,
-            "timed": self.basis,
-            "seconds": self.seconds,
-            "cases": [
-                {"case": number, "done": number in self.finished,
-                 "parameters": finite(self.study.parameters(number))}
-                for number in range(self.study.count)
-            ],
-        }  # fmt: skip
-
-
-def estimate_study(
-    study: Study,
-    folder: str | Path | None = None,
-    *,
-    workers: int | None = None,
-    scheduler: str | None = None,
-) -> StudyEstimate:
-    """Estimate how long a study will take; nothing is written.
-
-    Without finished runs, two runs are executed and the second one is timed.
-
-    Args:
-        study: The study.
-        folder: Folder with finished runs.
-        workers: Number of processes on this machine; default is one per core.
-        scheduler: Address of a Dask scheduler whose workers are used instead.
-    """
-    columns: dict[str, list[Any]] = {"number": [], "seconds": []}
-    if folder is not None and (Path(folder) / DATABASE).is_file():
-        with open_results(Path(folder), study, study_files(study)) as database:
-            columns = database.rows.columns("number", "seconds")
-    seconds = [value for value in columns["seconds"] if value is not None]
-    finished = frozenset(columns["number"])
-    missing = [number for number in range(study.count) if number not in finished]
-    each, basis = (sum(seconds) / len(seconds), "finished runs") if seconds else (None, None)
-    if each is None and missing:
-        first, second = (execute(Run.of(study, missing[k])).row for k in (0, len(missing) // 2))
-        row = first if second.verdict == ERROR else second
-        each, basis = row.seconds, f"run {row.number}"
-        if row.verdict == ERROR:
-            each, basis = None, f"no run could be timed, run {row.number}: {row.error}"
-    count = workers or available_cores() if scheduler is None else None
-    return StudyEstimate(study, finished, count, each, basis)
+        work, workers = partial(execute, save_file=save_files), min(self.workers, len(numbers))
+        with closing(
+            completed_tasks(work, self.sent, numbers, workers, self.scheduler)
+        ) as completed:
+            for number, result in completed:
+                problem = f"its worker was killed, also in {REPETITIONS} repetitions"
+                yield result or RunResult(number, error_values(problem))

@@ -26,6 +26,8 @@ from freefloat.studies.variation import Variation
 
 START_KEYS = ("attitude", "heading_deg")
 """Keys that may vary but belong to the commands simulate and track, not to the scenario."""
+UNDISTURBED = -1
+"""In place of the number of a run: the simulation of the base scenario as it is."""
 _MAX_VALUES = 5 * MAX_RUNS
 _VALIDATED_RUNS = 1000
 
@@ -119,7 +121,7 @@ class Study:
 
     def parameters(self, number: int) -> dict[str, Any]:
         """Return the varied keys of a run and their values, in the order of the study file."""
-        return self.variation.parameters(number)
+        return {} if number == UNDISTURBED else self.variation.parameters(number)
 
     @property
     def branch_rule(self) -> str | None:
@@ -149,6 +151,8 @@ class Study:
         """Return the start of a simulation: attitude or heading_deg, and branch if it is set."""
         values = {key: getattr(self.content, key) for key in (*START_KEYS, "branch")}
         values |= {k: v for k, v in self.parameters(number).items() if k in START_KEYS}
+        if number == UNDISTURBED:
+            del values["branch"]
         return {key: value for key, value in values.items() if value is not None}
 
     def tracking(self, number: int) -> dict[str, Any]:
@@ -218,6 +222,8 @@ def _check_values(study: Study) -> None:
     for key, other in itertools.permutations(vary, 2):
         if other.startswith(f"{key}."):
             raise InputError(f"vary.{other}", f"{key}, which holds it, varies too", "one of them")
+        if other.lower() == key.lower():  # columns of a database
+            raise InputError(f"vary.{other}", f"{key} varies too", "names that differ in letters")
 
 
 def _check_start(study: Study) -> None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
 from freefloat.so3 import IntArray
 from freefloat.statistics import confidence_interval
-from freefloat.studies.row import FEASIBLE, INFEASIBLE, VERDICTS
-from freefloat.studies.stored_rows import StoredRows
+from freefloat.studies.columns import FEASIBLE, INFEASIBLE, NUMBER, VERDICTS, Column
+from freefloat.studies.rows import StudyRows
 
 _MISSING = -1
 
@@ -20,7 +20,7 @@ class Tally:
     def __init__(
         self,
         count: int,
-        rows: StoredRows,
+        rows: StudyRows,
         until: float | None,
         progress: Callable[[float], None] | None,
     ) -> None:
@@ -35,8 +35,7 @@ class Tally:
         self._verdicts = np.full(count, _MISSING, dtype=np.int8)
         self._until = until
         self._progress = progress
-        columns = rows.columns("number", "verdict")
-        self._note(columns["number"], columns["verdict"])
+        self._note(rows.column(NUMBER), rows.column("verdict"))
 
     @property
     def done(self) -> int:
@@ -62,12 +61,12 @@ class Tally:
         low, high = confidence_interval(feasible, total)
         return high - low <= self._until
 
-    def add(self, numbers: Sequence[int], verdicts: Sequence[str]) -> bool:
+    def add(self, numbers: Column, verdicts: Iterable[str]) -> bool:
         """Count finished runs; return whether these are enough."""
         self._note(numbers, verdicts)
         if self._progress is not None:
             self._progress(self.done / len(self._verdicts))
         return self.is_enough
 
-    def _note(self, numbers: Sequence[int], verdicts: Sequence[str]) -> None:
+    def _note(self, numbers: Column, verdicts: Iterable[str]) -> None:
         self._verdicts[np.asarray(numbers, dtype=int)] = [VERDICTS.index(v) for v in verdicts]

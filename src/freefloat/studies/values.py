@@ -1,9 +1,10 @@
-"""Values of a run's row, by column, from the record of its result."""
+"""Results of a run by column, from the record of its command."""
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from freefloat.ensemble.endings import DECIDERS, MOTION
@@ -14,7 +15,7 @@ from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.simulation import SimulatedBranch, Simulation
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import degrees, heading_of, heading_quaternion
-from freefloat.studies.row import FEASIBLE, INFEASIBLE
+from freefloat.studies.columns import FEASIBLE, INFEASIBLE
 from freefloat.verification.tracking import track
 
 MARGIN_REASON = "The margin is not kept."
@@ -22,7 +23,7 @@ MARGIN_REASON = "The margin is not kept."
 
 
 def record_values(record: Any) -> dict[str, Any]:
-    """Return the values of a simulation, a plan or a map."""
+    """Return the results of a simulation, a plan or a map."""
     return _VALUES[type(record)](record)
 
 
@@ -50,11 +51,9 @@ def tracking_values(followed: Plan | Simulation, tracking: dict[str, Any]) -> di
         "reason": reason,
         "margin": result.minimum_margin,
         "margin_time": result.margin_time,
-        "residuals": {
-            "end_effector_position": result.peak_position_error,
-            "end_effector_attitude": result.peak_orientation_error,
-            "final_position": result.final_position_error,
-        },
+        "residuals.end_effector_position": result.peak_position_error,
+        "residuals.end_effector_attitude": result.peak_orientation_error,
+        "residuals.final_position": result.final_position_error,
     }
 
 
@@ -86,10 +85,8 @@ def _plan_values(plan: Plan) -> dict[str, Any]:
         "deviation_deg": degrees(plan.deviation),
         "feasible_fraction": plan.feasible_fraction,
     }
-    if plan.ranges:
-        ranges = {str(entry.branch): entry.degrees for entry in plan.ranges}
-        values["attitude_ranges_deg"] = ranges
-    return values
+    ranges = {entry.branch: json.dumps(entry.degrees) for entry in plan.ranges or ()}
+    return values | _family("attitude_ranges_deg", ranges)
 
 
 def _attitude_map_values(result: AttitudeMap) -> dict[str, Any]:
@@ -97,7 +94,7 @@ def _attitude_map_values(result: AttitudeMap) -> dict[str, Any]:
     return {
         **_map_values(result),
         "robust_radius_deg": result.robust and degrees(result.robust.radius),
-        "attitude": result.best and result.best.attitude.tolist(),
+        **(_attitude(result.best.attitude.tolist()) if result.best else {}),
         "measure": result.problem.margin.measure.name,
     }
 
@@ -109,7 +106,7 @@ def _heading_map_values(result: HeadingMap) -> dict[str, Any]:
         values["robust_radius_deg"] = result.robust.radius
     if result.best is not None:
         values["heading_deg"] = degrees(result.best.heading)
-        values["attitude"] = heading_quaternion(result.best.heading).tolist()
+        values |= _attitude(heading_quaternion(result.best.heading).tolist())
     return values
 
 
@@ -140,27 +137,24 @@ def _motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
         "margin_required": motion.problem.margin.threshold,
         "singular_time": motion.final.time if motion.ending is Ending.SINGULAR else None,
         "branch": chosen.branch.index,
-        "attitude": attitude,
+        **_attitude(attitude),
         "heading_deg": math.degrees(heading_of(attitude)) if planar else None,
-        "joints": motion.initial.joints.tolist(),
-        "residuals": motion.residuals().to_dict(),
+        **_family("joints", dict(enumerate(motion.initial.joints.tolist()))),
+        **_family("residuals", motion.residuals().to_dict()),
     }
 
 
 def _limit_values(limits: Sequence[LimitResult]) -> dict[str, Any]:
-    return {
-        "limits_kept": not violated(limits) if limits else None,
-        "limits": {result.limit: result.ratio for result in limits},
-    }
+    ratios = {result.limit: result.ratio for result in limits}
+    return {"limits_kept": not violated(limits) if limits else None, **_family("limits", ratios)}
 
 
-def finite(value: Any) -> Any:
-    """Replace numbers that JSON does not know by None."""
-    if isinstance(value, dict):
-        return {key: finite(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return [finite(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+def _attitude(quaternion: Sequence[float]) -> dict[str, Any]:
+    return _family("attitude", dict(zip("xyzw", quaternion, strict=True)))
+
+
+def _family(name: str, values: Mapping[Any, Any]) -> dict[str, Any]:
+    return {f"{name}.{key}": value for key, value in values.items()}
 
 
 _VALUES: dict[type, Callable[[Any], dict[str, Any]]] = {

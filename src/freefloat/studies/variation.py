@@ -9,8 +9,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from freefloat.so3 import Array, IntArray
+from freefloat.studies.columns import by_entry
 from freefloat.studies.sampling import ValuesSection
 
 Values = Mapping[str, Array | list[Any]]
@@ -70,6 +72,28 @@ class Variation:
             else section.draws(self.seed, key, first, count)
             for key, section in self.vary.items()
         }
+
+    @cached_property
+    def _listed_columns(self) -> dict[str, dict[str, npt.NDArray[Any]]]:
+        """Listed values of each key by column."""
+        return {key: by_entry(key, values) for key, values in self.listed.items()}
+
+    def columns(self, first: int, count: int) -> dict[str, npt.NDArray[Any]]:
+        """The values in runs ``first`` to ``first + count`` as columns of tables.
+
+        Numbers are named by their key, entries of lists also by their index, as ``momentum.2``;
+        other values are texts.
+        """
+        places, columns = self.places(first, count), dict[str, npt.NDArray[Any]]()
+        for key, section in self.vary.items():
+            if key in self.listed:
+                values = self._listed_columns[key].items()
+                columns |= {name: column[places[key]] for name, column in values}
+                continue
+            draws = section.draws(self.seed, key, first, count)
+            entries = {f"{key}.{index}": column for index, column in enumerate(draws.T)}
+            columns |= {key: draws} if draws.ndim == 1 else entries
+        return columns
 
     def parameters(self, number: int) -> dict[str, Any]:
         """The values in a run: numbers, lists, or whatever a key accepts."""

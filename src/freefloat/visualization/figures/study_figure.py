@@ -1,15 +1,18 @@
-"""Figure of a study: minimum margins of the runs over the varied parameters."""
+"""Figure of a study: minimum margins over the varied parameters, and the feasible fraction."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from freefloat.so3 import Array
+from freefloat.statistics import confidence_interval
 from freefloat.visualization.figure_style import (
     BLUE,
     COLUMN,
@@ -22,74 +25,115 @@ from freefloat.visualization.figure_style import (
     styled,
 )
 
-_MAX_PANELS = 12
+_MAX_PANELS = 11
 _COLUMNS = 3
 _HEIGHT = 2.1
 """Height of a panel [inch]."""
 _MARKS = {"feasible": ("o", BLUE), "infeasible": ("x", ORANGE), "error": ("|", VERMILION)}
+_MAX_POINTS = 5000
+"""Runs above which their density is drawn."""
+_CELLS = 60, 40
+"""Numbers of cells of a density, across and up."""
+_ESTIMATES = 200
+"""Points of the running estimate."""
 _LABEL_LENGTH = 28
 """Characters that fit under a panel."""
+
+Column = npt.NDArray[Any]
 
 
 @styled
 def study_figure(
-    table: Mapping[str, list[Any]], parameters: Mapping[str, str], unit: str = ""
+    table: Mapping[str, Column], parameters: Mapping[str, str], unit: str = ""
 ) -> Figure:
     """Return the figure of margins over parameters; runs without a margin are drawn at zero.
 
+    Above 5,000 runs panels show how many runs there are. The last panel is the running estimate of
+    the feasible fraction, by number of runs without error, with its 95 % confidence interval.
+
     Args:
-        table: Columns of the runs, among them case, verdict, margin, margin_required and measure.
+        table: Columns of the runs: verdict, margin, margin_required, measure and the parameters.
         parameters: Labels of the horizontal axes by column.
         unit: Unit of the margins.
     """
-    varied = [key for key in parameters if len(set(map(repr, table[key]))) > 1]
-    shown = varied[:_MAX_PANELS] or ["case"]
-    across = min(_COLUMNS, len(shown))
-    down = math.ceil(len(shown) / across)
+    varied = [key for key in parameters if len(set(table[key].tolist())) > 1][:_MAX_PANELS]
+    across = min(_COLUMNS, len(varied) + 1)
+    down = math.ceil((len(varied) + 1) / across)
     figure = new_figure(COLUMN if across == 1 else PAGE, 0.4 + _HEIGHT * down)
-    panels = figure.subplots(down, across, squeeze=False, sharey=True)
-    verdicts = np.array(table["verdict"])
-    margins = np.array(table["margin"], dtype=float)
-    for axes, key in zip(panels.flat, shown, strict=False):
-        _panel(axes, parameters.get(key, "run"), table[key], margins, verdicts)
-    for axes in list(panels.flat)[len(shown) :]:
-        axes.remove()
-    required = {value for value in table["margin_required"] if value is not None}
+    panels = list(figure.subplots(down, across, squeeze=False).flat)
+    verdicts = table["verdict"]
+    margins = np.nan_to_num(table["margin"])
+    required = np.unique(table["margin_required"][~np.isnan(table["margin_required"])])
     measure = next(filter(None, table["measure"]), None)
-    for axes in panels.flat[: len(shown)] if len(required) == 1 else ():
-        axes.axhline(*required, color=GREY, linestyle="--", linewidth=0.8)
-    for row in panels:
-        row[0].set_ylim(bottom=-0.02 * np.nanmax([*margins, 1e-9]))
-        quantity = "minimum margin" if measure is None else f"minimum |{measure}|"
-        row[0].set_ylabel(axis_label(quantity, unit))
-    handles, labels = panels.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=3)
+    quantity = "minimum margin" if measure is None else f"minimum |{measure}|"
+    drawn = None
+    for place, (axes, key) in enumerate(zip(panels, varied, strict=False)):
+        drawn = _panel(axes, table[key], margins, verdicts)
+        axes.set_xlabel(_short(parameters[key]))
+        if len(required) == 1:
+            axes.axhline(*required, color=GREY, linestyle="--", linewidth=0.8)
+        axes.set_ylim(bottom=-0.02 * margins.max(initial=1e-9))
+        if place % across == 0:
+            axes.set_ylabel(axis_label(quantity, unit))
+        else:
+            axes.tick_params(labelleft=False)
+    if drawn is None:
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper left", ncols=3)
+    else:
+        figure.colorbar(
+            drawn, ax=panels[: len(varied)], label="runs in a cell", location="top", shrink=0.4,
+            aspect=40,
+        )  # fmt: skip
+    _draw_estimate(panels[len(varied)], verdicts)
+    for axes in panels[len(varied) + 1 :]:
+        axes.remove()
     return figure
 
 
-def _panel(
-    axes: Any, label: str, values: Sequence[Any], margins: Array, verdicts: np.ndarray[Any, Any]
-) -> None:
+def _panel(axes: Any, values: Column, margins: Array, verdicts: Column) -> Any:
+    """Draw margins over a parameter; return the density, None where runs are points."""
     places, names = _places(values)
-    floor = np.where(np.isfinite(margins), margins, 0.0)
+    if names is not None:
+        axes.set_xticks(range(len(names)), names, rotation=30, ha="right")
+    if len(places) > _MAX_POINTS:
+        density = axes.hist2d(places, margins, _CELLS, cmin=1, norm=LogNorm(1), cmap="Blues")
+        return density[3]
     for verdict, (mark, colour) in _MARKS.items():
         chosen = verdicts == verdict
         axes.plot(
-            places[chosen], floor[chosen], mark, color=colour, linestyle="none", markersize=3.0,
+            places[chosen], margins[chosen], mark, color=colour, linestyle="none", markersize=3.0,
             label=f"{verdict} ({int(chosen.sum())})", alpha=0.7,
         )  # fmt: skip
-    if names is not None:
-        axes.set_xticks(range(len(names)), names, rotation=30, ha="right")
-    axes.set_xlabel(_short(label))
+    return None
 
 
-def _places(values: Sequence[Any]) -> tuple[Array, list[str] | None]:
+def _draw_estimate(axes: Any, verdicts: Column) -> None:
+    """Draw the feasible fraction of the first runs over their number."""
+    feasible = (verdicts == "feasible")[verdicts != "error"]
+    axes.set_xlabel("runs")
+    axes.set_ylabel("feasible fraction")
+    axes.yaxis.set_label_position("right")
+    axes.yaxis.tick_right()
+    axes.set_ylim(-0.02, 1.02)
+    if not len(feasible):
+        return
+    counts = np.unique(np.geomspace(1, len(feasible), _ESTIMATES).astype(int))
+    found = np.cumsum(feasible)[counts - 1]
+    low, high = np.transpose(
+        [confidence_interval(int(k), int(n)) for k, n in zip(found, counts, strict=True)]
+    )
+    axes.plot(counts, found / counts, color=BLUE)
+    axes.fill_between(counts, low, high, color=BLUE, alpha=0.2, linewidth=0.0)
+    axes.set_xscale("log")
+
+
+def _places(values: Column) -> tuple[Array, list[str] | None]:
     """Return axis positions: the numbers themselves, or indices with names of other values."""
-    if all(value is None or isinstance(value, int | float) for value in values):
-        return np.array(values, dtype=float), None
-    names = list(dict.fromkeys(map(str, values)))
-    places = np.array([names.index(str(value)) for value in values], dtype=float)
-    return places, list(map(_short, names))
+    if values.dtype != object:
+        return np.asarray(values, dtype=float), None
+    names, places = np.unique(values, return_inverse=True)
+    return places.astype(float), [_short(str(name)) for name in names]
 
 
 def _short(text: str) -> str:

@@ -1,0 +1,74 @@
+"""Columns of the table of a study: a row for each finished run, the same on disk and in memory."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+FEASIBLE, INFEASIBLE, ERROR = "feasible", "infeasible", "error"
+VERDICTS = (FEASIBLE, INFEASIBLE, ERROR)
+"""Verdicts."""
+INTEGER, REAL, TEXT, BOOLEAN = "INTEGER", "REAL", "TEXT", "BOOLEAN"
+"""Types of columns, by their names in the database."""
+NUMBER = "number"
+"""The first column; parameters follow, then results."""
+_FIRST = {
+    "verdict": TEXT, "reason": TEXT, "margin": REAL, "margin_time": REAL, "margin_required": REAL,
+    "measure": TEXT, "completed": BOOLEAN, "singular_time": REAL, "branch": INTEGER,
+    "attitude.x": REAL, "attitude.y": REAL, "attitude.z": REAL, "attitude.w": REAL,
+    "heading_deg": REAL, "robust_radius_deg": REAL, "deviation_deg": REAL,
+    "feasible_fraction": REAL, "motion_fraction": REAL, "limits_kept": BOOLEAN,
+}  # fmt: skip
+_LAST = {"decided_by": TEXT, "seconds": REAL, "began": TEXT, "file": TEXT, "bytes": INTEGER,
+         "error": TEXT}  # fmt: skip
+RESULTS = _FIRST | _LAST
+"""Types of the results that every study has, empty where its command does not compute them."""
+_FAMILIES = {"joints": REAL, "residuals": REAL, "limits": REAL, "attitude_ranges_deg": TEXT}
+"""Types of results that a study has by joint, quantity, limit and arm branch, such as joints.0."""
+
+Column = Sequence[Any] | npt.NDArray[Any]
+Columns = Mapping[str, Column]
+"""Values of runs by column."""
+
+
+def result_type(name: str) -> str:
+    """The type of a column of results."""
+    return RESULTS.get(name) or _FAMILIES[name.partition(".")[0]]
+
+
+def in_order(names: Iterable[str], parameters: Sequence[str]) -> list[str]:
+    """Columns in the order of tables: number, parameters, verdict and margin, families, others."""
+    before, results = [NUMBER, *parameters], [*_FIRST, *_FAMILIES, *_LAST]
+
+    def place(name: str) -> int:
+        if name in before:
+            return before.index(name)
+        name = name.removeprefix(FOUND)
+        name = name if name in RESULTS else name.partition(".")[0]
+        return len(before) + (results.index(name) if name in results else len(results))
+
+    return sorted(names, key=place)
+
+
+FOUND = "found."
+"""Before the name of a result where a parameter has this name, such as ``limits.base_rate``."""
+
+
+def by_entry(key: str, values: Sequence[Any]) -> dict[str, npt.NDArray[Any]]:
+    """Values of a key as columns of numbers, of lists one for each entry; else as a text."""
+    if all(map(_is_number, values)):
+        return {key: np.array(values, dtype=float)}
+    lists = all(isinstance(value, list) and all(map(_is_number, value)) for value in values)
+    if lists and len(lengths := set(map(len, values))) == 1 and lengths != {0}:
+        columns = np.array(values, dtype=float).T
+        return {f"{key}.{index}": column for index, column in enumerate(columns)}
+    texts = [value if isinstance(value, str) else json.dumps(value) for value in values]
+    return {key: np.array(texts, dtype=object)}
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

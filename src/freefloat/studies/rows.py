@@ -1,0 +1,100 @@
+"""The rows of a study in its database: read when they are asked for, one by one or by column."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.errors import InputError
+from freefloat.studies.columns import BOOLEAN, NUMBER, TEXT, in_order
+
+BLOCK = 10_000
+"""Rows that are read at a time."""
+
+
+class StudyRows:
+    """The finished runs of a study: values by column, as in ``cases.csv``.
+
+    ``for row in rows`` yields all, ordered by number; ``rows[17]`` is that of run 17.
+    """
+
+    def __init__(self, file: Path, parameters: Sequence[str]) -> None:
+        """Return the rows of a database, which may grow meanwhile.
+
+        Args:
+            file: The database.
+            parameters: Columns of the varied keys.
+        """
+        self._file = file
+        self.parameters = tuple(parameters)
+
+    def __len__(self) -> int:
+        ((count,),) = self.query("SELECT count(*) FROM runs")
+        return int(count)
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        return self._rows("ORDER BY number")
+
+    def __getitem__(self, number: int) -> dict[str, Any]:
+        for row in self._rows("WHERE number = ?", number):
+            return row
+        raise KeyError(number)
+
+    def _rows(self, condition: str, *values: Any) -> Iterator[dict[str, Any]]:
+        types = self.types
+        for cells in self.query(f"{self.selection(types)} {condition}", *values):
+            yield {
+                name: bool(value) if kind == BOOLEAN and value is not None else value
+                for (name, kind), value in zip(types.items(), cells, strict=True)
+            }
+
+    @property
+    def types(self) -> dict[str, str]:
+        """Types of the columns by name, in the order of tables."""
+        types = {name: kind for _, name, kind, *_ in self.query("PRAGMA table_info(runs)")}
+        return {name: types[name] for name in in_order(types, self.parameters)}
+
+    def selection(self, names: Sequence[str] | Mapping[str, str]) -> str:
+        """The beginning of a query of columns."""
+        return f"SELECT {', '.join(map(quoted, names))} FROM runs"
+
+    def column(self, name: str, condition: str = "") -> npt.NDArray[Any]:
+        """Values of a column ordered by number: numbers, NaN without one, or texts."""
+        query = f"{self.selection([name])} {condition} ORDER BY number"
+        kinds = {NUMBER: np.int64, TEXT: object}
+        kind = kinds.get(name) or kinds.get(self.types[name], float)
+        return np.array([value for (value,) in self.query(query)], dtype=kind)
+
+    def query(self, query: str, *values: Any) -> Iterator[tuple[Any, ...]]:
+        """Yield the rows of a query."""
+        with database_errors(self._file), closing(sqlite3.connect(self._file)) as connection:
+            cursor = connection.execute(query, values)
+            while block := cursor.fetchmany(BLOCK):
+                yield from block
+
+
+def quoted(name: str) -> str:
+    """The name of a column in a query."""
+    return '"{}"'.format(name.replace('"', '""'))
+
+
+@contextmanager
+def database_errors(file: Path) -> Iterator[None]:
+    """Raise errors of the file system and of SQLite as errors of the output folder."""
+    accepted = "a writable folder with space, and an unaltered database"
+    try:
+        yield
+    except (sqlite3.Error, UnicodeDecodeError) as error:
+        problem = f"{file}: {error}"
+        if getattr(error, "sqlite_errorname", "").startswith("SQLITE_BUSY"):
+            problem = f"{file.parent}: another process is running this study"
+            accepted = "another folder"
+        raise InputError("output", problem, accepted) from None
+    except OSError as error:
+        raise InputError("output", f"{file.parent}: {error.strerror}", accepted) from None

@@ -1,0 +1,150 @@
+"""Sobol indices: how much of the variance of margin and feasibility each random key explains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from freefloat.concurrency import available_cores
+from freefloat.so3 import Array
+from freefloat.studies.run_values import group_numbers
+from freefloat.studies.study import Study
+from freefloat.studies.variation import Values, Variation
+
+_PAIRS = 2048
+"""Pairs of independent draws."""
+_QUANTILE = 1.959963984540054
+"""Of the standard normal distribution, for 95 % confidence."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """An estimate with its 95 % confidence interval."""
+
+    value: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        value, low, high = (round(number, 2) + 0.0 for number in vars(self).values())  # no -0.00
+        return f"{value:.2f} ({low:.2f} to {high:.2f})"
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Sobol indices of a varied key: fractions of the variance of a quantity.
+
+    Attributes:
+        key: The key; a list of numbers counts as one.
+        quantity: ``"margin"``, the minimum margin, or ``"feasible"``, 1 or 0.
+        first_order: Fraction of the variance that the key explains alone.
+        total: Fraction that is left if all other keys are known.
+    """
+
+    key: str
+    quantity: str
+    first_order: Estimate
+    total: Estimate
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the indices as a JSON document."""
+        indices = {"first_order": self.first_order, "total": self.total}
+        document: dict[str, Any] = {"key": self.key, "quantity": self.quantity}
+        for name, index in indices.items():
+            document |= {name: index.value, f"{name}_interval": [index.low, index.high]}
+        return document
+
+
+@dataclass(frozen=True, eq=False)
+class _Mixtures(Variation):
+    """Saltelli's design: draws A and B of each key, then A with the values of one key from B."""
+
+    def values(self, first: int, count: int) -> Values:
+        """See :class:`.variation.Variation`."""
+        pairs = {key: (section.draws(self.seed, key, 0, _PAIRS),
+                       section.draws(self.seed, key, _PAIRS, _PAIRS))
+                 for key, section in self.vary.items()}  # fmt: skip
+        return {
+            key: np.concatenate([A, B, *(B if other == key else A for other in self.vary)])[
+                first : first + count
+            ]
+            for key, (A, B) in pairs.items()
+        }
+
+
+class _MixedStudy(Study):
+    """A study whose runs are those of the design."""
+
+    @cached_property
+    def variation(self) -> Variation:
+        """See :class:`.study.Study`."""
+        return _Mixtures(self.content.vary, False, 1, self.content.seed)
+
+
+def sensitivities(study: Study) -> list[Sensitivity]:
+    """Sobol indices of the keys of a study, for the minimum margin and for feasibility.
+
+    They are those of 2,048 pairs of draws and their mixtures, integrated beside the runs of the
+    study. Empty for studies that ensembles do not decide, or that list values; without those of
+    feasibility where limits need precise motions, and of what does not vary.
+    """
+    if study.variation.listed or group_numbers(study)[0] < 0:
+        return []
+    from freefloat.studies.groups import group_of  # compiled kernels
+
+    group, keys = group_of(study, 0), list(study.content.vary)
+    if group is None:
+        return []
+    mixed = _MixedStudy(study.source, study.content, study.base_source, study.base)
+    count = (len(keys) + 2) * _PAIRS
+    numbers, motions = replace(group, study=mixed).integrate(np.arange(count), available_cores())
+    known, decided = np.zeros((2, count), dtype=bool)
+    known[numbers] = motions.reached & ~motions.failed
+    decided[numbers] = group.are_decided(motions)
+    used = known.reshape(-1, _PAIRS).all(axis=0)
+    results = []
+    for quantity, found in (("margin", motions.minimum_margins), ("feasible", motions.feasible)):
+        values = np.zeros(count)
+        values[numbers] = found
+        if quantity == "margin" or decided[known].all():
+            blocks = values.reshape(-1, _PAIRS)[:, used]
+            results += _sensitivities(keys, quantity, blocks)
+    return results
+
+
+def _sensitivities(keys: list[str], quantity: str, values: Array) -> list[Sensitivity]:
+    if not values.size or np.ptp(values[:2]) == 0.0:
+        return []
+    indices = sobol_indices(values[0], values[1], values[2:])
+    return [Sensitivity(key, quantity, *pair) for key, pair in zip(keys, indices, strict=True)]
+
+
+def sobol_indices(f_A: Array, f_B: Array, f_AB: Array) -> list[tuple[Estimate, Estimate]]:
+    """First-order and total index of each variable, as ``scipy.stats.sobol_indices``.
+
+    Saltelli et al., "Variance based sensitivity analysis of model output", 2010, table 2 (b), (f).
+    Intervals are those of a ratio of two means by linearization; SciPy's bootstrap takes a time
+    that grows with the square of the number of samples.
+
+    Args:
+        f_A: Values of a function at N independent points A, shape (N,).
+        f_B: Values at N others, B, shape (N,).
+        f_AB: Values at A with variable k of B, shape (d, N).
+    """
+    mean = (f_A.mean() + f_B.mean()) / 2.0
+    A, B, AB = f_A - mean, f_B - mean, f_AB - mean
+    squares = (A**2 + B**2) / 2.0
+    return [
+        (_ratio(B * (mixed - A), squares), _ratio((A - mixed) ** 2 / 2.0, squares)) for mixed in AB
+    ]
+
+
+def _ratio(numerators: Array, denominators: Array) -> Estimate:
+    """The ratio of two means over samples."""
+    mean = denominators.mean()
+    value = numerators.mean() / mean
+    error = np.std(numerators - value * denominators) / (mean * np.sqrt(len(numerators)))
+    return Estimate(*map(float, (value, value - _QUANTILE * error, value + _QUANTILE * error)))
