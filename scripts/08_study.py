@@ -34,8 +34,8 @@ def main() -> None:
     result = ff.run_study(study, "study", workers=2)  # the processes, one a core when left out
     print(f"computed {result.computed}, reused {study.count - result.computed}")
 
-    for row in result.rows.values():
-        print(f"run {row.number}: {row.verdict}, minimum |S| {row.margin:.4f}")
+    for row in result.rows:
+        print(f"run {row['number']}: {row['verdict']}, minimum |S| {row['margin']:.4f}")
 
     # The same rows for pandas, R or MATLAB: study/cases.csv; and a figure.
     print("written:", ", ".join(sorted(file.name for file in result.files.values() if file)))

@@ -17,7 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ import psutil
 from freefloat.robot.names import find_study
 from freefloat.studies.rows import StudyRows
 
-RUNS, WORKERS, CHUNK = 20_000, 2, 4096
+RUNS, WORKERS = 20_000, 2
 LONGEST = 2.0
 """Longest time from the first committed chunk to a kill [s]."""
 
@@ -78,9 +78,15 @@ def kill(running: subprocess.Popen[str], target: str) -> None:
     if target != "worker":
         running.kill()
     if target != "command":
-        children = psutil.Process().children(recursive=True)
-        found = [child for child in children if "spawn_main" in " ".join(child.cmdline())]
-        random.choice(found).kill()
+        random.choice(list(spawned())).kill()
+
+
+def spawned() -> Iterator[psutil.Process]:
+    """Workers of the cluster."""
+    for child in psutil.Process().children(recursive=True):
+        with suppress(psutil.Error):  # it has just ended
+            if "spawn_main" in " ".join(child.cmdline()):
+                yield child
 
 
 def main(kills: int = 30) -> int:

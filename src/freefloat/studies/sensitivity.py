@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -95,12 +95,12 @@ def sensitivities(study: Study) -> list[Sensitivity]:
         return []
     from freefloat.studies.groups import group_of  # compiled kernels
 
-    group, keys = group_of(study, 0), list(study.content.vary)
+    mixed = _MixedStudy(study.source, study.content, study.base_source, study.base)
+    group, keys = group_of(mixed, 0), list(study.content.vary)
     if group is None:
         return []
-    mixed = _MixedStudy(study.source, study.content, study.base_source, study.base)
     count = (len(keys) + 2) * _PAIRS
-    numbers, motions = replace(group, study=mixed).integrate(np.arange(count), available_cores())
+    numbers, motions = group.integrate(np.arange(count), available_cores())
     known, decided = np.zeros((2, count), dtype=bool)
     known[numbers] = motions.reached & ~motions.failed
     decided[numbers] = group.are_decided(motions)
