@@ -23,7 +23,7 @@ import pytest
 from freefloat.errors import InputError
 from freefloat.io.records.results import load
 from freefloat.robot.names import bundled_studies, models_folder
-from freefloat.studies.clients import _CONFIG
+from freefloat.studies.dask_clients import _CONFIG
 from freefloat.studies.database import open_results
 from freefloat.studies.estimate import estimate_study
 from freefloat.studies.execution import completed_tasks
@@ -284,7 +284,7 @@ def test_workers_of_a_scheduler_get_the_same_rows(folder: Path, scheduler: str) 
 def test_a_scheduler_that_does_not_answer_is_an_error(
     address: str, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("freefloat.studies.clients._TIMEOUT", 1.0)
+    monkeypatch.setattr("freefloat.studies.dask_clients._TIMEOUT", 1.0)
     assert error_key(run_study, a_study(folder), folder / "out", scheduler=address) == "scheduler"
 
 
@@ -294,7 +294,7 @@ def test_a_server_that_is_no_scheduler_is_an_error(
     greeting: bytes, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Mute, or with a greeting of its own."""
-    monkeypatch.setattr("freefloat.studies.clients._TIMEOUT", 0.5)
+    monkeypatch.setattr("freefloat.studies.dask_clients._TIMEOUT", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
 

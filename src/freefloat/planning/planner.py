@@ -10,11 +10,11 @@ from freefloat.errors import require_type
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.paths.time_laws import TimeLaw
-from freefloat.planning.limits.keeping import stretched_plan
 from freefloat.planning.path_planner import plan_within
 from freefloat.planning.plan import Plan
 from freefloat.planning.settings import Search
 from freefloat.planning.timing.speed_profile import require_considered
+from freefloat.planning.timing.stretching import stretched_plan
 
 
 def plan(

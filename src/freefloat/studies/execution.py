@@ -7,8 +7,8 @@ from typing import Any, TypeVar
 
 from distributed import KilledWorker, as_completed, get_worker
 
-from freefloat.studies.clients import local_client, remote_client
 from freefloat.studies.columns import Columns
+from freefloat.studies.dask_clients import local_client, remote_client
 from freefloat.studies.ensembles import Chunk, integrated
 from freefloat.studies.portable import PortableStudy
 

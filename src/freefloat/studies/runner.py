@@ -173,7 +173,7 @@ class _Execution:
         """Execute runs side by side."""
         if not numbers:
             return
-        from freefloat.studies.clients import REPETITIONS  # Dask imports slowly
+        from freefloat.studies.dask_clients import REPETITIONS  # Dask imports slowly
         from freefloat.studies.execution import completed_tasks
 
         work, workers = partial(execute, save_file=save_files), min(self.workers, len(numbers))

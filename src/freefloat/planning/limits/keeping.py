@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -14,10 +14,9 @@ from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.kinds.corridor import CorridorLimit
 from freefloat.limits.kinds.joint_rate import JointRateLimit
 from freefloat.limits.limits import Limits
-from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.limits.screening import screen
-from freefloat.planning.limits.trials import OVER, PassedTrial, Trials
+from freefloat.planning.limits.trials import PassedTrial, Trials
 from freefloat.planning.objectives.objective import Comparison
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_planner import heading_depth
@@ -37,24 +36,6 @@ _NEAREST = 16
 _STRETCHED = 256
 """Attitudes from which longer motions are tried where no candidate is known to keep the limits."""
 _BISECTIONS = 10
-
-
-def stretched_plan(
-    plan: Callable[[Problem, ScreenedCandidate | None], Plan], problem: Problem
-) -> Plan:
-    """The plan of a problem, with a longer duration where rates or torques require one.
-
-    Args:
-        plan: Plans a problem, given a candidate that is known to keep the margin and the limits.
-        problem: The problem.
-    """
-    result = plan(problem, None)
-    if result.needed_stretch is None:
-        return result
-    factor = result.needed_stretch
-    if not problem.depends_on_timing and not problem.scene.tumbles:
-        factor *= OVER  # it just keeps the limits; else it is one that was integrated
-    return replace(plan(problem.stretched(factor), result.stretch_candidate), stretch=factor)
 
 
 def keep_limits(
