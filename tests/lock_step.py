@@ -45,8 +45,7 @@ class Table:
     """Rows of columns; an index outside raises IndexError."""
 
     def __init__(self, array: np.ndarray, columns: int) -> None:
-        """Of a flat array, of which each element may be ``Lanes``."""
-        assert len(array) % columns == 0
+        """Of a flat array, of which each element may be ``Lanes``; it may go on after the table."""
         self.array, self.columns = array, columns
 
     def place(self, index: Any) -> int:
@@ -117,6 +116,7 @@ NUMPY = {
     "components": tuple,
     "floats": lambda array, columns: Table(array.ravel(), columns),
     "lanes": lambda array, columns: Table(array.reshape(-1, WIDTH), columns),
+    "first_if_none": lambda value, first, second: first if value is None else second,
     "below": lambda table, row, columns: Table(table.array[row * table.columns :], columns),
     "get_vector": get_vector,
     "set_vector": set_vector,
@@ -164,7 +164,7 @@ class Kernels:
         self.work = records.workspace_in_tables(
             records.make_workspace(arrays.robot.n, arrays.robot.m)
         )
-        self.problem = records.problem_in_tables(arrays)
+        self.problem = records.problem_in_tables(arrays, None, self.work)
         self.robot = self.problem.robot
 
     @staticmethod

@@ -12,6 +12,7 @@ import freefloat as ff
 from attacks import descent
 from attacks.descent import ball, in_ball, lowest
 from attacks.motions import PRECISE, Motions, keeps
+from freefloat.ensemble.systems import Systems
 from freefloat.planning.plane.arcs import HeadingRange
 from freefloat.so3 import heading_quaternion
 
@@ -70,7 +71,7 @@ def attack_momentum(motions: Motions, plan: ff.Plan, rng: np.random.Generator) -
 
     def value(vectors: np.ndarray) -> np.ndarray:
         states = np.tile(attitude, (len(vectors), 1)), np.tile(joints, (len(vectors), 1))
-        return motions.values(*states, momenta=problem.momentum + vectors)
+        return motions.values(*states, Systems.of(problem, problem.momentum + vectors))
 
     points, low, tried = lowest(value, ball(rng, radius), in_ball(radius), 0.2 * radius, rng)
     return verdict(
@@ -91,7 +92,7 @@ def attack_duration(motions: Motions, plan: ff.Plan, rng: np.random.Generator) -
 
     def value(powers: np.ndarray) -> np.ndarray:
         states = np.tile(attitude, (len(powers), 1)), np.tile(joints, (len(powers), 1))
-        return motions.values(*states, momenta=np.exp(powers) * problem.momentum)
+        return motions.values(*states, Systems.of(problem, np.exp(powers) * problem.momentum))
 
     def breaks(power: np.ndarray) -> bool:
         timing = replace(path.timing, duration=duration * float(np.exp(power[0])))

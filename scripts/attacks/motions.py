@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.ensemble.systems import Systems
 from freefloat.ik.nearest import newton_solutions
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
@@ -26,10 +27,12 @@ class Motions:
         self.problem = problem
         self._integrator = EnsembleIntegrator(problem, tolerance=1e-8)
 
-    def values(self, attitudes: np.ndarray, joints: np.ndarray, **others: np.ndarray) -> np.ndarray:
+    def values(
+        self, attitudes: np.ndarray, joints: np.ndarray, systems: Systems | None = None
+    ) -> np.ndarray:
         """Margin and ratio of determinants, the lesser of both over what is required, (K,)."""
         threshold = self.problem.margin.threshold
-        motions = self._integrator.integrate(attitudes, joints, **others)
+        motions = self._integrator.integrate(attitudes, joints, systems)
         values = np.minimum(motions.minimum / threshold, motions.determinant_ratios / REGULAR)
         return np.where(motions.endings == 0, values, 0.0)
 

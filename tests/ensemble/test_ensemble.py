@@ -14,6 +14,7 @@ from freefloat.dynamics.momentum import generalized_determinant
 from freefloat.ensemble.endings import COMPLETED, MARGIN, SINGULAR
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.result import EnsembleResult
+from freefloat.ensemble.systems import Systems
 from freefloat.motion.extrema import first_crossing
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Ending
@@ -290,6 +291,8 @@ def test_states_that_kernels_could_not_read_are_refused(
 ) -> None:
     attitudes, joints = states(spatial, spatial.attitude(GOOD))
     given = {"attitudes": attitudes[:1], "joints": joints[:1], key: np.array(value)}
+    if key == "momenta":
+        given["systems"] = Systems.of(spatial, given.pop("momenta"))
     integrator = EnsembleIntegrator(spatial, 1)
     assert error_key(lambda: integrator.integrate(**given)) in {key, "attitudes"}
 
@@ -399,14 +402,14 @@ def test_momenta_are_those_of_problems_with_them(spatial: ff.Problem) -> None:
     start = spatial.attitude(GOOD)
     attitudes, joints = np.tile(start, (3, 1)), np.tile(spatial.branches(start)[2].joints, (3, 1))
     integrator = EnsembleIntegrator(spatial, 1)
-    mixed = integrator.integrate(attitudes, joints, momenta=momenta)
+    mixed = integrator.integrate(attitudes, joints, Systems.of(spatial, momenta))
     for k, momentum in enumerate(momenta):
         single = replace(spatial, momentum=momentum)
         result = EnsembleIntegrator(single, 1).integrate(attitudes[k : k + 1], joints[k : k + 1])
         np.testing.assert_array_equal(mixed.joints[k], result.joints[0])
         assert mixed.minimum[k] == result.minimum[0]
     assert np.abs(mixed.joints[1] - mixed.joints[0]).max() > 0.01
-    everyone = integrator.integrate(attitudes, joints, momenta=momenta[2])
+    everyone = integrator.integrate(attitudes, joints, Systems.of(spatial, momenta[2]))
     np.testing.assert_array_equal(everyone.joints, np.tile(mixed.joints[2], (3, 1)))
 
 

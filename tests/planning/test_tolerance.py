@@ -12,6 +12,7 @@ from freefloat.attitude_grids import attitude_grid
 from freefloat.dynamics.momentum import generalized_determinant
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.systems import Systems
 from freefloat.planning.space.disturbances import tolerance
 from freefloat.planning.tolerance import Tolerance
 from tests.motions import bundled
@@ -46,7 +47,7 @@ class Case:
         """Whether compiled motions with other momenta keep the rule of tolerances, shape (K,)."""
         K = len(momenta)
         ensemble = self.integrator.integrate(
-            np.tile(self.attitude, (K, 1)), np.tile(self.joints, (K, 1)), momenta=momenta
+            np.tile(self.attitude, (K, 1)), np.tile(self.joints, (K, 1)), Systems.of(self.problem, momenta)
         )
         keeps = ensemble.keeps(self.problem.margin.threshold)
         return keeps & (ensemble.determinant_ratios > 0.01)

@@ -14,6 +14,8 @@ from typing import Literal, get_args
 import numpy as np
 
 from freefloat.attitude_grids import low_discrepancy
+from freefloat.dynamics.arm_factor import ArmPlane
+from freefloat.dynamics.link_frames import link_frames
 from freefloat.dynamics.momentum import (
     Task,
     determinant,
@@ -96,8 +98,8 @@ def singularity_measure(
         factors = unit_factors(model, task)
         return SingularityMeasure(name, words, "1", partial(_sigma, model, task, factors))
     if name == "arm":
-        factor = partial(_in_plane_determinant, model, plane_axes(model, task))
-        function = partial(_sum_of_terms, trigonometric_terms(factor))
+        plane_axes(model, task)
+        function = partial(_sum_of_terms, trigonometric_terms(model))
         words = "determinant of the in-plane block of (39): h, v normal and in the arm's plane"
         return SingularityMeasure(name, words, "m^4 kg", function)
     raise InputError("measure", f"{name!r} was given", ", ".join(NAMES))
@@ -137,12 +139,8 @@ def _sigma(
     return float(np.linalg.svd(S, compute_uv=False)[-1])
 
 
-_WRIST = (0.0, np.pi / 2, 0.0)
-"""Wrist angles for evaluating (37), which does not depend on them: far from singular."""
 _IN_PLANE, _OUT_OF_PLANE = [0, 4, 5], [1, 2, 3]
 _TOLERANCE = 1e-6
-_ANGLES, _ROUNDING = 12, 1e-13
-"""Values of a joint from which the terms are found; relative size of rounding errors."""
 
 
 def plane_axes(model: FreeFloatingModel, task: Task) -> Array:
@@ -171,7 +169,7 @@ def plane_axes(model: FreeFloatingModel, task: Task) -> Array:
     offset = _last_body_offset(model, virtual.reach)
     if offset is None:
         raise error
-    reference = _plane_axes_at(virtual, np.zeros(6))
+    terms = trigonometric_terms(model)
     for fraction in low_discrepancy(8, 6):
         joints = np.pi * (2.0 * fraction - 1.0)
         joints[4] = 0.5 + 2.0 * fraction[4]
@@ -182,38 +180,21 @@ def plane_axes(model: FreeFloatingModel, task: Task) -> Array:
         blocks = R[np.ix_(_IN_PLANE, _OUT_OF_PLANE)], R[np.ix_(_OUT_OF_PLANE, _IN_PLANE)]
         coupling, scale = np.abs(blocks).max(), np.abs(R).max()
         factor = np.linalg.det(R[np.ix_(_IN_PLANE, _IN_PLANE)])
-        change = abs(factor - _in_plane_determinant(model, reference, joints))
+        change = abs(factor - _sum_of_terms(terms, joints))
         if max(abs(axes[0] @ axes[2]), coupling / scale, change / scale**3) > _TOLERANCE:
             raise error
-    return reference
+    return _plane_axes_at(virtual, np.zeros(6))
 
 
-def _in_plane_determinant(model: FreeFloatingModel, axes: Array, joints: Array) -> float:
-    """The factor S(q2, q3) (40) of det A, which by (39) does not depend on the first joint."""
-    R = _shoulder_system(model, np.array([0.0, joints[1], joints[2], *_WRIST]), axes)
-    return float(np.linalg.det(R[np.ix_(_IN_PLANE, _IN_PLANE)]))
-
-
-def trigonometric_terms(factor: Callable[[Array], float]) -> Array:
-    """The factor S(q2, q3) as a trigonometric polynomial, which it is exactly.
-
-    Args:
-        factor: Its values at joint values of shape (6,).
+def trigonometric_terms(model: FreeFloatingModel) -> Array:
+    """The factor S(q2, q3) (40) of det A of an elbow arm, see :mod:`.arm_factor`.
 
     Returns:
-        Rows k, l, a, b of the terms a cos(k q2 + l q3) + b sin(k q2 + l q3), shape (M, 4).
+        Rows k, l, a, b of the terms a cos(k q2 + l q3) + b sin(k q2 + l q3), shape (5, 4).
     """
-    angles = 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES
-    values = [[factor(np.array([0.0, q2, q3, *_WRIST])) for q3 in angles] for q2 in angles]
-    coefficients = np.fft.fft2(values) / _ANGLES**2
-    coefficients[np.abs(coefficients) < _ROUNDING * np.abs(coefficients).max()] = 0.0
-    terms = []
-    for i, j in zip(*np.nonzero(coefficients), strict=True):
-        pair = tuple(int(index - _ANGLES * (2 * index > _ANGLES)) for index in (i, j))
-        if pair >= (0, 0):  # the others are the conjugates of these
-            coefficient = (1.0 if pair == (0, 0) else 2.0) * coefficients[i, j]
-            terms.append([*pair, coefficient.real, -coefficient.imag])
-    return np.array(terms)
+    frames = link_frames(model)
+    plane = ArmPlane.of(frames)
+    return np.column_stack([plane.multiples, plane.coefficients(frames.bodies)])
 
 
 def _sum_of_terms(terms: Array, joints: Array) -> float:

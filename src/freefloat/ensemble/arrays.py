@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.dynamics.measures import NAMES, trigonometric_terms
+from freefloat.dynamics.arm_factor import ArmPlane
+from freefloat.dynamics.link_frames import LinkFrames, frames_at_zero, link_frames
+from freefloat.dynamics.measures import NAMES
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.redundancy import (
     DAMPED_BELOW,
@@ -28,7 +30,7 @@ from freefloat.ensemble.kernels.records import (
 )
 from freefloat.ensemble.kernels.records import Problem as KernelProblem
 from freefloat.ensemble.kernels.steps import TABLEAU
-from freefloat.ensemble.link_frames import LinkFrames, frames_at_zero, link_frames
+from freefloat.ensemble.robots import robot_properties
 from freefloat.motion.pointing import AttitudeLimits, Keep
 from freefloat.motion.problem import Problem
 from freefloat.paths.path import EndEffectorPath
@@ -49,15 +51,17 @@ def kernel_problem(problem: Problem, limits: AttitudeLimits | None = None) -> Ke
     """The arrays that the kernels read of a problem and of limits of attitude."""
     model, task = problem.model, problem.task
     frames, pointing = link_frames(model), task is Task.POINTING
+    reach, name = VirtualManipulator.of(model).reach, problem.margin.measure.name
+    multiples, coefficients = np.zeros((2, 0, 2))
+    if name == "arm":
+        plane = ArmPlane.of(frames)
+        multiples, coefficients = plane.multiples, plane.coefficients(frames.bodies)
     robot = Robot(
-        frames.bodies, frames.base, frames.tool, np.array(task.rows, dtype=float), model.dof,
-        len(task.rows), task.planar, model.total_mass,
+        frames.joints, robot_properties(frames.base, frames.bodies, reach, coefficients),
+        frames.tool, np.array(task.rows, dtype=float), model.dof, len(task.rows), task.planar,
         SPINNING_SPEED if pointing else SINGULAR_SPEED, frames.across if pointing else None,
     )  # fmt: skip
-    name = problem.margin.measure.name
-    polynomial = trigonometric_terms(problem.margin.measure) if name == "arm" else np.zeros((0, 4))
-    reach = VirtualManipulator.of(model).reach
-    measure = Measure(NAMES.index(name), reach, len(polynomial), polynomial)
+    measure = Measure(NAMES.index(name), len(multiples), multiples)
     cones = None
     if limits is not None and limits.number:
         cones = _cones(model, frames, limits, problem.path.duration)

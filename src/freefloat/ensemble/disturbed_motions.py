@@ -7,6 +7,7 @@ or the minimum is still too near to the threshold, a precise motion decides.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import tau
 
 import numpy as np
@@ -22,15 +23,17 @@ from freefloat.ensemble.endings import (
     STRICT,
 )
 from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator
-from freefloat.ensemble.equivalence import Equivalents, broadcast, equivalents
+from freefloat.ensemble.equivalence import POSITIVE, Equivalents, broadcast, equivalents
 from freefloat.ensemble.many_motions import BoolArray, ManyMotions
 from freefloat.ensemble.result import EnsembleResult
+from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.starts import starts_at
 from freefloat.errors import InputError, IntegrationError
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Problem, require_problem
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, IntArray, heading_quaternion
 
 _STRICT_TOLERANCE = 1e-10
@@ -55,7 +58,7 @@ def simulate_many(
     wheels: npt.ArrayLike | None = None,
     drifts: npt.ArrayLike | None = None,
     durations: npt.ArrayLike | None = None,
-    scale_mass: npt.ArrayLike = 1.0,
+    scale_mass: npt.ArrayLike | Mapping[str, npt.ArrayLike] = 1.0,
     thresholds: npt.ArrayLike | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -78,7 +81,9 @@ def simulate_many(
         wheels: Momenta stored in wheels [N m s], likewise.
         drifts: Velocities of the centre of mass [m/s], likewise.
         durations: Durations of the path [s]; the time law is stretched.
-        scale_mass: Factors on mass and inertia of every link.
+        scale_mass: Factors on mass and inertia of every link, or a map from links to those of each.
+            With such a map, configurations are found fast for one requested ``branch`` or
+            ``joints`` alone; otherwise each robot's model is built.
         thresholds: Required margins; by default the problem's.
         threads: Number of threads; one for each core when left out.
         progress: Called with the fraction done, in [0, 1].
@@ -95,14 +100,16 @@ def simulate_many(
     """
     require_problem(problem)
     q0 = _attitudes(problem, attitudes, headings)
-    varied = (momenta, wheels, drifts), (durations, scale_mass, thresholds)
+    by_link = scale_mass if isinstance(scale_mass, Mapping) else {}
+    factor = 1.0 if isinstance(scale_mass, Mapping) else scale_mass
+    varied = (momenta, wheels, drifts), (durations, factor, thresholds, *by_link.values())
     counts = [len(q0)] if q0.ndim == 2 else []
     counts += [len(v) for v in map(np.asarray, filter(_is_given, varied[0])) if v.ndim == 2]
     counts += [len(v) for v in map(np.asarray, filter(_is_given, varied[1])) if v.ndim == 1]
     count = counts[0] if counts else 1
     disturbed = equivalents(
         problem, count, momenta=momenta, wheels=wheels, drifts=drifts, durations=durations,
-        scale_mass=scale_mass,
+        scale_mass=factor, robots=_scaled_robots(problem, by_link, count) if by_link else None,
     )  # fmt: skip
     if disturbed.turns_too_often.any():
         raise InputError("momenta", "a system rotates too often", "smaller or shorter ones")
@@ -112,6 +119,28 @@ def simulate_many(
         joints = problem.model.joint_vector(joints)
     q0 = broadcast("attitudes", q0, (count, 4))
     return integrate_disturbed(disturbed, q0, required, branch, joints, threads, progress)
+
+
+def _scaled_robots(
+    problem: Problem, scale_mass: Mapping[str, npt.ArrayLike], count: int
+) -> Robots:
+    """Robots with factors on mass and inertia of links."""
+    model, factors = problem.model, {}
+    for name, values in scale_mass.items():
+        if name not in model.link_places:
+            accepted = ", ".join(model.link_places)
+            raise InputError(f"scale_mass.{name}", "the robot has no such link", accepted)
+        factors[name] = broadcast(f"scale_mass.{name}", values, (count,), *POSITIVE)
+
+    def model_of(number: int) -> FreeFloatingModel:
+        return model.scaled({name: float(values[number]) for name, values in factors.items()})
+
+    robots = Robots.of(model, count, model_of, factors=factors)
+    measure = problem.margin.measure.name
+    if not robots.have_measure(measure).all():
+        problem_text = f"a robot has no measure {measure}: its arm is not symmetric about a plane"
+        raise InputError("scale_mass", problem_text, "other factors, or another measure")
+    return robots
 
 
 def _is_given(values: object) -> bool:
@@ -154,7 +183,7 @@ def integrate_disturbed(
         progress: Called with the fraction done.
     """
     problem = disturbed.problem
-    starts = starts_at(problem, attitudes, branch, joints)
+    starts = starts_at(problem, attitudes, branch, joints, disturbed.systems.robots)
     owners, columns = np.nonzero(starts.exist)
     begun = starts.joints[owners, columns]
     motions, deciders = _decided(
@@ -197,9 +226,8 @@ def _decided(
         some = disturbed[chosen]
         integrator = EnsembleIntegrator(disturbed.problem, threads, tolerance=tolerance)
         return integrator.integrate(
-            attitudes[chosen], joints[chosen], momenta=some.momenta, wheels=some.wheels,
-            drifts=some.drifts, progress=progress,
-        )  # fmt: skip
+            attitudes[chosen], joints[chosen], some.systems, progress=progress
+        )
 
     every = np.ones(len(joints), dtype=bool)
     first = integrated(every, STEP_TOLERANCE, step_of(progress, 0.0, _FIRST_PASS))

@@ -14,6 +14,7 @@ from freefloat.ensemble.endings import COMPLETED, LIMITED
 from freefloat.ensemble.kernels.integration import integrate_many
 from freefloat.ensemble.kernels.records import Motions, make_workspace
 from freefloat.ensemble.result import EnsembleResult
+from freefloat.ensemble.systems import Systems
 from freefloat.errors import InputError, finite_number, whole_number
 from freefloat.lockstep.lanes import WIDTH
 from freefloat.motion.margin import ROUNDING
@@ -61,10 +62,8 @@ class EnsembleIntegrator:
         self,
         attitudes: Array,
         joints: Array,
+        systems: Systems | None = None,
         *,
-        momenta: Array | None = None,
-        wheels: Array | None = None,
-        drifts: Array | None = None,
         starts: Array | None = None,
         ends: Array | None = None,
         stop_below: float = 0.0,
@@ -75,11 +74,7 @@ class EnsembleIntegrator:
         Args:
             attitudes: Initial attitudes, unit quaternions x, y, z, w, shape (K, 4).
             joints: Initial joint values, with the end-effector on the path, shape (K, n).
-            momenta: Angular momenta [N m s], shape (K, 3); the problem's when left out.
-            wheels: Momenta stored in wheels, spacecraft frame [N m s], shape (K, 3); the problem's
-                when left out.
-            drifts: Velocities of the centre of mass [m/s], shape (K, 3); the problem's when left
-                out.
+            systems: Momenta, drifts and robots; the problem's when left out.
             starts: Initial times [s], shape (K,); 0 when left out.
             ends: Final times [s], shape (K,); the duration when left out. With an end before its
                 start a motion is integrated backward.
@@ -91,27 +86,28 @@ class EnsembleIntegrator:
                 the path.
         """
         K, n = len(joints), self.problem.model.dof
-        momenta = self.problem.momentum if momenta is None else momenta
-        wheels = self.problem.wheel_momentum if wheels is None else wheels
-        drifts = self.problem.path.drift if drifts is None else drifts
+        systems = systems or Systems.of(self.problem)
+        robots, measure = None, self.problem.margin.measure.name
+        if systems.robots is not None:
+            robots = systems.robots.properties(measure)
         duration = self.problem.path.duration
         motions = Motions(
             _checked("attitudes", attitudes, (K, 4)),
             _checked("joints", joints, (K, n)),
-            _checked("momenta", np.broadcast_to(momenta, (K, 3)), (K, 3)),
-            _checked("wheels", np.broadcast_to(wheels, (K, 3)), (K, 3)),
-            _checked("drifts", np.broadcast_to(drifts, (K, 3)), (K, 3)),
+            systems.columns(K),
+            robots,
             _checked("starts", np.zeros(K) if starts is None else starts, (K,), duration),
             _checked("ends", np.full(K, duration) if ends is None else ends, (K,), duration),
             stop_below * (1.0 - ROUNDING),
         )
+        properties = 0 if robots is None else robots.shape[1]
         result = EnsembleResult.empty((K,), n, len(self._spares))
         chunk = min(_CHUNK, max(-(-K // (4 * self.threads)), 4 * WIDTH))
 
         def integrate_chunk(first: int) -> None:
             integrate_many(
                 self._arrays, motions, first, min(first + chunk, K), self.tolerance,
-                make_workspace(n, self._arrays.robot.m, len(self._spares)), result,
+                make_workspace(n, self._arrays.robot.m, len(self._spares), properties), result,
             )  # fmt: skip
 
         run_chunks(integrate_chunk, range(0, K, chunk), self.threads, progress)

@@ -8,15 +8,20 @@ the centre of mass with T / T0 alone.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.ensemble.robots import Robots
+from freefloat.ensemble.systems import Systems
 from freefloat.errors import InputError, number_array
 from freefloat.motion.planar_requirements import require_in_plane, require_level
-from freefloat.motion.problem import MAX_REVOLUTIONS, Problem, revolutions
+from freefloat.motion.problem import MAX_REVOLUTIONS, Problem
 from freefloat.so3 import Array
+
+POSITIVE = "numbers above zero", float(np.finfo(float).tiny)
+"""What is accepted of durations and factors, and the smallest of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,41 +30,33 @@ class Equivalents:
 
     Attributes:
         problem: The nominal problem.
-        momenta: Their angular momenta [N m s], shape (K, 3).
-        wheels: Their momenta stored in wheels [N m s], shape (K, 3).
-        drifts: Their velocities of the centre of mass [m/s], shape (K, 3).
+        systems: Their momenta, drifts and robots, one for each motion.
         stretches: Times of the disturbed motions over those of these, shape (K,).
         magnifications: Values of the measure along them over those of these, shape (K,).
     """
 
     problem: Problem
-    momenta: Array = field(repr=False)
-    wheels: Array = field(repr=False)
-    drifts: Array = field(repr=False)
+    systems: Systems = field(repr=False)
     stretches: Array = field(repr=False)
     magnifications: Array = field(repr=False)
 
     def __len__(self) -> int:
-        return len(self.momenta)
+        return len(self.stretches)
 
     def __getitem__(self, chosen: npt.NDArray[np.bool_] | npt.NDArray[np.int64]) -> Equivalents:
         """Some of the motions."""
         return Equivalents(
-            self.problem, self.momenta[chosen], self.wheels[chosen], self.drifts[chosen],
-            self.stretches[chosen], self.magnifications[chosen],
-        )  # fmt: skip
+            self.problem, self.systems[chosen], self.stretches[chosen], self.magnifications[chosen]
+        )
 
     def problem_of(self, k: int) -> Problem:
         """The problem of motion k."""
-        path = replace(self.problem.path, drift=self.drifts[k])
-        return replace(
-            self.problem, path=path, momentum=self.momenta[k], wheel_momentum=self.wheels[k]
-        )
+        return self.systems.problem_of(self.problem, k)
 
     @property
     def turns_too_often(self) -> npt.NDArray[np.bool_]:
         """Whose systems would rotate more often than problems may, shape (K,)."""
-        return revolutions(self.problem, self.momenta, self.wheels) > MAX_REVOLUTIONS
+        return self.systems.revolutions(self.problem) > MAX_REVOLUTIONS
 
 
 def equivalents(
@@ -71,6 +68,7 @@ def equivalents(
     drifts: npt.ArrayLike | None = None,
     durations: npt.ArrayLike | None = None,
     scale_mass: npt.ArrayLike = 1.0,
+    robots: Robots | None = None,
 ) -> Equivalents:
     """The motions of a problem that stand for disturbed ones.
 
@@ -82,19 +80,20 @@ def equivalents(
         drifts: Velocities of the centre of mass [m/s], likewise.
         durations: Durations of the path [s], shape () or (K,).
         scale_mass: Factors on all masses and inertias, shape () or (K,).
+        robots: K robots, without these factors; the problem's when left out.
 
     Raises:
         InputError: If a value is not accepted, or a duration is given for a path in the frame of a
             body, which moves in its own time.
     """
-    nominal, positive = problem.path.duration, ("numbers above zero", np.finfo(float).tiny)
+    nominal = problem.path.duration
     stretches = np.ones(count)
     if durations is not None:
-        stretches = broadcast("durations", durations, (count,), *positive) / nominal
+        stretches = broadcast("durations", durations, (count,), *POSITIVE) / nominal
         if problem.path.frame is not None and (stretches != 1.0).any():
             moving = "the path is stated in the frame of a body of the scene"
             raise InputError("durations", moving, "none, or another path")
-    factors = broadcast("scale_mass", scale_mass, (count,), *positive)
+    factors = broadcast("scale_mass", scale_mass, (count,), *POSITIVE)
     vectors = {"momenta": momenta, "wheels": wheels, "drifts": drifts}
     nominals = problem.momentum, problem.wheel_momentum, problem.path.drift
     h, w, v = (
@@ -107,8 +106,8 @@ def equivalents(
         require_level("drifts", np.abs(v).max(axis=0, initial=0.0))
     ratio = (stretches / factors)[:, None]
     magnifications = factors ** _mass_exponent(problem)
-    return Equivalents(problem, h * ratio, w * ratio, v * stretches[:, None], stretches,
-                       magnifications)  # fmt: skip
+    systems = Systems(h * ratio, w * ratio, v * stretches[:, None], robots)
+    return Equivalents(problem, systems, stretches, magnifications)
 
 
 def broadcast(

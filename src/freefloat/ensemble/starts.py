@@ -6,11 +6,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
+from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
 from freefloat.errors import InputError
+from freefloat.ik.neighbours import neighbouring_configurations
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, IntArray
+
+_SLICE = 2048
+"""Robots whose configurations are computed at once, so that they fit into the cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +38,11 @@ class Starts:
 
 
 def starts_at(
-    problem: Problem, attitudes: Array, branch: int | None = None, joints: Array | None = None
+    problem: Problem,
+    attitudes: Array,
+    branch: int | None = None,
+    joints: Array | None = None,
+    robots: Robots | None = None,
 ) -> Starts:
     """The arm at the starts of motions from attitudes.
 
@@ -43,7 +53,10 @@ def starts_at(
         joints: Only the arm branch nearest to these joint values, shape (n,) or (K, n); of a
             redundant arm, shape (n,), see :func:`~freefloat.ik.nearest.closest_branches`. With
             neither argument all arm branches are candidates.
+        robots: Robots of the motions; the problem's when left out.
     """
+    if robots is not None:
+        return _starts_of_robots(problem, robots, attitudes, branch, joints)
     if branch is not None and joints is not None:
         raise InputError("branch", f"{branch} was given together with joints", "branch or joints")
     same = len(attitudes) > 1 and bool((attitudes == attitudes[0]).all())
@@ -53,6 +66,62 @@ def starts_at(
         return starts
     every = np.zeros(len(attitudes), dtype=int)
     return Starts(starts.joints[every], starts.branches[every])
+
+
+def _starts_of_robots(
+    problem: Problem, robots: Robots, attitudes: Array, branch: int | None, joints: Array | None
+) -> Starts:
+    """Near the starts of the problem's robot; where these do not lead there, those of a model.
+
+    So are those of all arm branches, and of a redundant arm without joints, whose arm branches are
+    others with another robot.
+    """
+    if joints is None and (branch is None or problem.redundant):
+        certain, found = np.zeros(len(robots), dtype=bool), _none(len(robots), problem.model.dof)
+    else:
+        found = starts_at(problem, attitudes, branch, joints)
+        begun = found.joints[:, 0]
+        if joints is not None and problem.redundant:
+            begun = np.broadcast_to(joints, begun.shape)
+        q, certain = _near_starts(problem, robots, attitudes, begun)
+        if problem.redundant:
+            lower, upper = problem.model.joint_ranges
+            certain &= ((q >= lower) & (q <= upper)).all(axis=1)
+        found = Starts(q[:, None], np.where(certain[:, None], found.branches, -1))
+    exact = {
+        k: starts_at(
+            problem.replace(model=robots.model(k)), attitudes[k : k + 1], branch,
+            joints if joints is None or joints.ndim == 1 else joints[k],
+        )
+        for k in np.flatnonzero(~certain).tolist()
+    }  # fmt: skip
+    width = max([1, *(starts.branches.shape[1] for starts in exact.values())])
+    every = Starts(
+        np.full((len(robots), width, problem.model.dof), np.nan), np.full((len(robots), width), -1)
+    )
+    every.joints[:, :1], every.branches[:, :1] = found.joints, found.branches
+    for k, starts in exact.items():
+        columns = starts.branches.shape[1]
+        every.joints[k, :columns], every.branches[k, :columns] = starts.joints[0], starts.branches[0]
+    return every
+
+
+def _near_starts(
+    problem: Problem, robots: Robots, attitudes: Array, joints: Array
+) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """The configurations (K, n) of robots near joint values (K, n), and whether they are."""
+    pose = problem.path.pose(0.0)
+    to_base = robots.base[:, :3] @ Rotation.from_quat(attitudes).as_matrix().swapaxes(1, 2)
+    position = (to_base @ pose.position).T
+    rotation = np.moveaxis(to_base @ pose.rotation, 0, -1)
+    parts = []
+    for first in range(0, len(robots), _SLICE):
+        few = np.arange(first, min(first + _SLICE, len(robots)))
+        parts.append(neighbouring_configurations(
+            robots[few].chain, problem.task, position[:, few], rotation[..., few], joints[few].T
+        ))  # fmt: skip
+    found, near = zip(*parts, strict=True)
+    return np.concatenate(found, axis=1).T, np.concatenate(near)
 
 
 def _distinct_starts(

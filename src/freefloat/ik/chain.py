@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache, reduce
 from itertools import pairwise
 from math import tau
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +25,7 @@ EXACT = 1e-13
 """Residual at which the iteration stops [m, rad]."""
 _DAMPING = 0.1
 _MIN_DAMPING = 1e-13
+_Terms = list[tuple[int, Any]]
 _ROUNDING = 8.0
 """Rounding error of a pivot relative to the trace: with less damping one could vanish."""
 
@@ -50,12 +51,13 @@ class Chain:
     """An arm at zero joint values, and the ranges of its joints.
 
     Attributes:
-        points: Joint positions from the centre of mass [m], spacecraft frame, shape (3, n).
+        points: Joint positions from the centre of mass [m], spacecraft frame, shape (3, n); of K
+            arms that differ in lengths alone, shape (3, n, K).
         axes: Joint axes, shape (3, n).
-        position: Of the end-effector [m], shape (3,).
+        position: Of the end-effector [m], shape (3,) or (3, K).
         rotation: From the end-effector frame, shape (3, 3).
         prismatic: Which joints are prismatic, shape (n,).
-        strokes: Displacement per metre of a prismatic joint, shape (n,).
+        strokes: Displacement per metre of a prismatic joint, shape (n,) or (n, K).
         lower: Lower ends of the joint ranges, shape (n,).
         upper: Upper ends, shape (n,).
     """
@@ -81,17 +83,18 @@ class Chain:
         )  # fmt: skip
 
     @cached_property
-    def _joint_frames(self) -> tuple[list[list[list[float]]], list[list[float]]]:
-        """Columns of the rotation of each joint's frame, and the link behind it.
+    def _joint_frames(self) -> tuple[list[list[_Terms]], list[_Terms], list[Any]]:
+        """Columns of the rotation of each joint's frame, the link behind it, and its stroke.
 
         The z axes are the joint axes; at zero joints, in the frame before. The last rotation is the
         end-effector's.
         """
         frames = [np.eye(3), *map(axis_frame, self.axes.T), self.rotation]
-        rotations = [_rounded(before.T @ after).T.tolist() for before, after in pairwise(frames)]
-        links = np.diff(self.points, append=self.position[:, None]).T
+        rotations = [[_terms(column) for column in (before.T @ after).T]
+                     for before, after in pairwise(frames)]  # fmt: skip
+        links = np.diff(self.points, append=self.position[:, None], axis=1).swapaxes(0, 1)
         pairs = zip(frames[1:-1], links, strict=True)
-        return rotations, [_rounded(frame.T @ link).tolist() for frame, link in pairs]
+        return rotations, [_terms(frame.T @ link) for frame, link in pairs], _numbers(self.strokes)
 
     def _frames(self, q: Array) -> tuple[list[Array], list[Array], list[Array]]:
         """Positions of joints and end-effector, joint axes, columns of the end-effector's rotation.
@@ -99,14 +102,14 @@ class Chain:
         Arrays of shape (3, N) at joint values (n, N), or (3, 1) where they are constant.
         """
         cosines, sines = np.cos(q), np.sin(q)
-        rotations, links = self._joint_frames
-        p = self.points[:, :1].astype(q.dtype)
+        rotations, links, strokes = self._joint_frames
+        p = self.points[:, 0].reshape(3, -1).astype(q.dtype)
         frame = list(np.eye(3, dtype=q.dtype)[..., None])
         points, axes = [p], []
         for i, link in enumerate(links):
             x, y, z = (_combination(frame, column) for column in rotations[i])
             if self.prismatic[i]:
-                p = p + z * (float(self.strokes[i]) * q[i])
+                p = p + z * (strokes[i] * q[i])
             else:
                 x, y = x * cosines[i] + y * sines[i], y * cosines[i] - x * sines[i]
             frame = [x, y, z]
@@ -129,7 +132,8 @@ class Chain:
     def jacobian(self, at: Kinematics) -> Array:
         """The Jacobian of the end-effector's twist, shape (6, n, N)."""
         J = np.concatenate([cross(at.axes, at.position[:, None] - at.points), at.axes])
-        J[:3, self.prismatic] = (self.strokes[:, None] * at.axes)[:, self.prismatic]
+        strokes = self.strokes.reshape(len(self.prismatic), -1)
+        J[:3, self.prismatic] = (strokes * at.axes)[:, self.prismatic]
         J[3:, self.prismatic] = 0.0
         return J
 
@@ -188,15 +192,21 @@ def axis_frame(axis: Array) -> Array:
     return np.column_stack([x, np.cross(axis, x), axis])
 
 
-def _rounded(values: Array) -> Array:
-    """Values without the rounding errors of zeros."""
-    return np.where(np.abs(values) < 1e-15, 0.0, values)
+def _terms(vector: Array) -> _Terms:
+    """Places and values of the components of a vector (3,), or of many (3, K), but zeros."""
+    present = np.abs(vector).reshape(3, -1).max(axis=1) >= 1e-15
+    return [(i, value) for i, value in enumerate(_numbers(vector)) if present[i]]
 
 
-def _combination(vectors: list[Array], factors: list[float]) -> Array:
+def _numbers(values: Array) -> list[Any]:
+    """Plain numbers, of many arms arrays."""
+    return values.tolist() if values.ndim == 1 else list(values)
+
+
+def _combination(vectors: list[Array], terms: _Terms) -> Array:
     """The sum of vectors times factors, many of which are zero."""
-    terms = [factor * vector for vector, factor in zip(vectors, factors, strict=True) if factor]
-    return sum(terms[1:], terms[0]) if terms else 0.0 * vectors[0]
+    products = [factor * vectors[i] for i, factor in terms]
+    return sum(products[1:], products[0]) if products else 0.0 * vectors[0]
 
 
 def _stacked(vectors: list[Array], q: Array) -> Array:

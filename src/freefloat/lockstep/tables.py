@@ -75,6 +75,14 @@ def below(typing: Any, table: Any, row: Any, columns: Any) -> Any:
     return TableType(columns.literal_value, table.dtype)(table, row, columns), lower
 
 
+@builtin
+def first_if_none(typing: Any, value: Any, first: Any, second: Any) -> Any:
+    """The first of two tables where a value is None, else the second; its type decides."""
+    place = 1 if isinstance(value, types.NoneType) else 2
+    chosen = (first, second)[place - 1]
+    return chosen(value, first, second), lambda context, builder, kind, values: values[place]
+
+
 def _address(builder: Any, table: TableType, start: Any, row: Any, column: Any) -> Any:
     place = builder.add(builder.mul(row, INTEGER(table.columns)), column)
     if table.dtype == lanes_type:

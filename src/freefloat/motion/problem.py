@@ -153,7 +153,8 @@ class Problem:
 
     def _require_few_revolutions(self) -> None:
         """The time of an integration grows with the rotations of the spacecraft."""
-        turns = float(revolutions(self, self.momentum, self.wheel_momentum))
+        inertia, duration = mean_inertia(self.model), self.path.duration
+        turns = float(revolutions(self.momentum, self.wheel_momentum, inertia, duration))
         if turns > MAX_REVOLUTIONS:
             raise InputError(
                 "momentum",
@@ -267,18 +268,25 @@ class Problem:
         )
 
 
-def revolutions(problem: Problem, momenta: Array, wheels: Array) -> Array:
-    """How often the system rotates along the path with angular momenta (..., 3), shape (...).
+def mean_inertia(model: FreeFloatingModel) -> float:
+    """Mean of the robot's principal moments of inertia at zero joints [kg m²]."""
+    locked_inertia, _ = inertia_matrices(model, np.zeros(model.dof))
+    return float(np.trace(locked_inertia)) / 3.0
+
+
+def revolutions(
+    momenta: Array, wheels: Array, inertia: Array | float, duration: Array | float
+) -> Array:
+    """How often systems rotate along a path, shape (...).
 
     Args:
-        problem: Robot and path; its own momenta do not count.
-        momenta: Angular momenta [N m s].
-        wheels: Momenta stored in wheels [N m s].
+        momenta: Angular momenta [N m s], shape (..., 3).
+        wheels: Momenta stored in wheels [N m s], likewise.
+        inertia: Mean moments of inertia [kg m²], shape (...).
+        duration: Of the path [s], shape (...).
     """
     magnitudes = np.linalg.norm(momenta, axis=-1) + np.linalg.norm(wheels, axis=-1)
-    locked_inertia = inertia_matrices(problem.model, np.zeros(problem.model.dof))[0]
-    rates = magnitudes / (np.trace(locked_inertia) / 3.0)
-    return np.asarray(rates * problem.path.duration / (2.0 * np.pi))
+    return np.asarray(magnitudes / inertia * duration / (2.0 * np.pi))
 
 
 def require_problem(value: object) -> None:

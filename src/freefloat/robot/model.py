@@ -113,6 +113,11 @@ class FreeFloatingModel:
             end_effector = end_effector_link(description, None)
         return cls(description, end_effector, dict(fixed_joints or {}))
 
+    def scaled(self, scale_mass: float | Mapping[str, float]) -> FreeFloatingModel:
+        """The robot with a factor on every mass and inertia, or on those of named links."""
+        description = scaled(self.description, scale_mass)
+        return FreeFloatingModel(description, self.end_effector, self.fixed_joints)
+
     def _require_inertia(self) -> None:
         for joints in 2.0 * low_discrepancy(_CONFIGURATIONS, self.dof) - 1.0:
             q = self.configuration([0.0, 0.0, 0.0, 1.0], joints)

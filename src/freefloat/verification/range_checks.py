@@ -10,6 +10,7 @@ import numpy as np
 
 from freefloat.attitude_grids import even_directions
 from freefloat.ensemble.feasibility import FeasibilityEvaluator, regularity
+from freefloat.ensemble.systems import Systems
 from freefloat.limits.check import attitude_limits
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.pointing import AttitudeLimits
@@ -182,7 +183,7 @@ def _tolerance_check(
     def values(deviations: Array) -> Array:
         K = len(deviations)
         states = np.tile(start.attitude, (K, 1)), np.tile(start.joints, (K, 1))
-        motions = evaluator.integrator.integrate(*states, momenta=problem.momentum + deviations)
+        motions = evaluator.integrator.integrate(*states, Systems.of(problem, problem.momentum + deviations))
         return regularity(motions, problem.margin.threshold)
 
     outside = violations(values, tolerated, _MOMENTUM_EFFORT, _SEED)
@@ -192,7 +193,7 @@ def _tolerance_check(
         return Check("tolerance", False, words, tolerance.momentum, unit="N m s")
     momenta = problem.momentum + tolerated * directions
     states = np.tile(start.attitude, (_DIRECTIONS, 1)), np.tile(start.joints, (_DIRECTIONS, 1))
-    ensemble = evaluator.integrator.integrate(*states, momenta=momenta)
+    ensemble = evaluator.integrator.integrate(*states, Systems.of(problem, momenta))
     worst = [*momenta[np.argsort(ensemble.minimum)[:_PRECISE_COUNT]]]
     problems = [replace(problem, momentum=h) for h in worst]
     if problem.depends_on_timing:

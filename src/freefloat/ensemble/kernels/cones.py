@@ -20,7 +20,16 @@ from freefloat.ensemble.kernels.equation import (
     SINE,
 )
 from freefloat.ensemble.kernels.flow import to_spacecraft
-from freefloat.ensemble.kernels.records import Cones, Problem, Robot, Workspace
+from freefloat.ensemble.kernels.records import (
+    BASE,
+    FRAME_COLUMNS,
+    TOTAL_MASS,
+    Cones,
+    Problem,
+    Robot,
+    Workspace,
+    bodies_of,
+)
 from freefloat.lockstep.compilation import inlined, inner
 from freefloat.lockstep.lanes import (
     Float,
@@ -32,7 +41,7 @@ from freefloat.lockstep.lanes import (
     sine_cosine,
     sqrt,
 )
-from freefloat.lockstep.tables import Table, get_lane, get_vector
+from freefloat.lockstep.tables import Table, below, get_lane, get_vector
 from freefloat.lockstep.vectors import Vector, components, dot, vector
 
 if TYPE_CHECKING:
@@ -126,33 +135,34 @@ def to_base(robot: Robot, body: int, v: Vector, point: float, y: Table) -> Vecto
 @inlined
 def in_spacecraft(robot: Robot, v: Vector, point: Float) -> Vector:
     """A vector of link frame 0 in the spacecraft frame; with the part ``point`` of its origin."""
-    base = robot.base
+    base = below(robot.properties, BASE, 3)
     x, y, z = components(v)
     rotated = get_vector(base, 0, 0) * x + get_vector(base, 1, 0) * y + get_vector(base, 2, 0) * z
     return rotated + get_vector(base, 3, 0) * point
 
 
 @inlined
-def to_previous(robot: Robot, k: int, v: Vector, point: float, y: Table) -> Vector:
+def to_previous(robot: Robot, k: int, v: Vector, point: Float, y: Table) -> Vector:
     """A vector of link frame k in frame k - 1, with ``point`` times the frame's displacement."""
-    bodies, q = robot.bodies, y[3 + k]
-    angle, along = bodies[k, ANGLE] + 0.0 * q, bodies[k, ALONG_Z] + 0.0 * q
-    if bodies[k, PRISMATIC] != 0.0:
+    joint, q = below(robot.joints, k - 1, FRAME_COLUMNS), y[3 + k]
+    angle, along = joint[0, ANGLE] + 0.0 * q, joint[0, ALONG_Z] + 0.0 * q
+    if joint[0, PRISMATIC] != 0.0:
         along = along + q
     else:
         angle = angle + q
     s, c = sine_cosine(angle)
     a, b, z = components(v)
     a, b, z = c * a - s * b, s * a + c * b, z + along * point
-    s, c = bodies[k, SINE], bodies[k, COSINE]
-    return vector(a + bodies[k, ALONG_X] * point, b * c - z * s, b * s + z * c)
+    s, c = joint[0, SINE], joint[0, COSINE]
+    return vector(a + joint[0, ALONG_X] * point, b * c - z * s, b * s + z * c)
 
 
 @inner
 def centre_of_mass(robot: Robot, y: Table) -> Vector:
     """Centre of mass of the whole system in the spacecraft frame."""
-    M, u = robot.bodies[robot.n, MASS], get_vector(robot.bodies, robot.n, MOMENT)
+    bodies = bodies_of(robot)
+    M, u = bodies[robot.n, MASS], get_vector(bodies, robot.n, MOMENT)
     for k in range(robot.n, 0, -1):
-        u = to_previous(robot, k, u, M, y) + get_vector(robot.bodies, k - 1, MOMENT)
-        M += robot.bodies[k - 1, MASS]
-    return in_spacecraft(robot, u, M + 0.0 * y[0]) * (1.0 / robot.mass)
+        u = to_previous(robot, k, u, M, y) + get_vector(bodies, k - 1, MOMENT)
+        M += bodies[k - 1, MASS]
+    return in_spacecraft(robot, u, M + 0.0 * y[0]) * (1.0 / robot.properties[TOTAL_MASS])

@@ -22,11 +22,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from freefloat.ensemble.kernels.records import Robot, Workspace
+from freefloat.ensemble.kernels.records import BASE, TOTAL_MASS, Robot, Workspace, bodies_of
 from freefloat.lockstep.compilation import inlined, inner
 from freefloat.lockstep.lanes import Float, sine_cosine
 from freefloat.lockstep.reflections import factorize, solve_least_norm
-from freefloat.lockstep.tables import Table, get_vector, set_vector
+from freefloat.lockstep.tables import Table, below, get_vector, set_vector
 from freefloat.lockstep.vectors import (
     Vector,
     components,
@@ -37,9 +37,10 @@ from freefloat.lockstep.vectors import (
     vector,
 )
 
-COSINE, SINE, ALONG_X, ANGLE, ALONG_Z, PRISMATIC, MASS, MOMENT, DIAGONAL, PRODUCTS = (
-    0, 1, 2, 3, 4, 5, 6, 7, 10, 13)  # fmt: skip
-"""Columns of ``Robot.bodies``, see :class:`freefloat.ensemble.link_frames.LinkFrames`."""
+COSINE, SINE, ALONG_X, ANGLE, ALONG_Z, PRISMATIC = 0, 1, 2, 3, 4, 5
+"""Columns of ``Robot.joints``, see :class:`freefloat.dynamics.link_frames.LinkFrames`."""
+MASS, MOMENT, DIAGONAL, PRODUCTS = 0, 1, 4, 7
+"""Columns of the bodies."""
 AXIS, POINT, LINEAR, ANGULAR, TURN = 0, 3, 6, 9, 12
 """Columns of ``Workspace.momenta``: axis of a joint and a point on it; P, and L about the origin of
 the spacecraft frame; the spacecraft's angular velocity per joint rate."""
@@ -145,22 +146,23 @@ def place_bodies(robot: Robot, q: Table, work: Workspace) -> tuple[Vector, Vecto
         End-effector position, first moment and inertia of all bodies, and the point to which these
         refer.
     """
-    bodies, w = robot.bodies, work.momenta
-    ex, ey = get_vector(robot.base, 0, 0), get_vector(robot.base, 1, 0)
-    ez, p = get_vector(robot.base, 2, 0), get_vector(robot.base, 3, 0)
+    joints, bodies, w = robot.joints, bodies_of(robot), work.momenta
+    base = below(robot.properties, BASE, 3)
+    ex, ey, ez, p = (get_vector(base, 0, 0), get_vector(base, 1, 0), get_vector(base, 2, 0),
+                     get_vector(base, 3, 0))  # fmt: skip
     M = bodies[0, MASS]
     u = get_vector(bodies, 0, MOMENT)
     I = Inertia(get_vector(bodies, 0, DIAGONAL), get_vector(bodies, 0, PRODUCTS))
     for k in range(1, robot.n + 1):
-        s, c, d = bodies[k, SINE], bodies[k, COSINE], bodies[k, ALONG_X]
+        s, c, d = joints[k - 1, SINE], joints[k - 1, COSINE], joints[k - 1, ALONG_X]
         p = p + ex * d
         ey, ez = ey * c + ez * s, ez * c - ey * s
         u, I = screwed(M, rolled(u), Inertia(rolled(I.diagonal), rolled(I.products)), s, c, d)
         u = rolled(rolled(u))
         I = Inertia(rolled(rolled(I.diagonal)), rolled(rolled(I.products)))
-        angle, d = bodies[k, ANGLE] + 0.0 * q[k - 1], bodies[k, ALONG_Z] + 0.0 * q[k - 1]
+        angle, d = joints[k - 1, ANGLE] + 0.0 * q[k - 1], joints[k - 1, ALONG_Z] + 0.0 * q[k - 1]
         x, y, z = components(u)
-        if bodies[k, PRISMATIC] != 0.0:
+        if joints[k - 1, PRISMATIC] != 0.0:
             d = d + q[k - 1]
             P, L = ez * M, ex * y - ey * x
         else:
@@ -212,13 +214,14 @@ def form_jacobian(robot: Robot, q: Table, work: Workspace) -> tuple[Vector, Iner
         End-effector position from the centre of mass, inverse and determinant of D; for planar
         tasks the latter is its zz element.
     """
-    w, S, share = work.momenta, work.S, 1.0 / robot.mass
+    w, S, mass = work.momenta, work.S, robot.properties[TOTAL_MASS]
+    share = 1.0 / mass
     tip, u, I, p = place_bodies(robot, q, work)
     u = u * share
     c = p + u
     r = tip - c
     set_vector(work.centre, 0, 0, c)
-    D = minus(I, of_point(robot.mass, u))
+    D = minus(I, of_point(mass, u))
     inverse_D, det_D = inverse(D)
     if robot.planar:
         det_D = components(D.diagonal)[2]
@@ -228,7 +231,7 @@ def form_jacobian(robot: Robot, q: Table, work: Workspace) -> tuple[Vector, Iner
         y = times(inverse_D, L)
         set_vector(S, j, 0, P * share + cross(y, r))
         set_vector(S, j, 3, rotational_rows(robot.across, work.across, y))
-        if robot.bodies[j + 1, PRISMATIC] == 0.0:
+        if robot.joints[j, PRISMATIC] == 0.0:
             y = y - get_vector(w, j, AXIS)
         set_vector(w, j, TURN, y)
     if robot.m < 6:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -62,7 +62,8 @@ def integrate_many(
     tolerance. So are those that become singular after having come so close to a singularity that
     with exact numbers they may pass it.
     """
-    problem, work = problem_in_tables(problem), workspace_in_tables(workspace)
+    work = workspace_in_tables(workspace)
+    problem = problem_in_tables(problem, motions.robots, work)
     waiting, repeated = beyond - first, 0
     queue, factors = np.arange(first, beyond), np.ones(waiting)
     again, stricter = np.empty(waiting, np.int64), np.empty(waiting)
@@ -128,10 +129,9 @@ def load_motion(
     set_lane(work.y, 4 + n, lane, start / course.duration)
     for j in range(5 + n):
         set_lane(work.K, j, lane, 0.0)
-    for j in range(3):
+    for j in range(9):
         set_lane(work.h, j, lane, motions.momenta[k, j])
-        set_lane(work.h, 3 + j, lane, motions.wheels[k, j])
-        set_lane(work.h, 6 + j, lane, motions.drifts[k, j])
+    load_robot(motions.robots, k, lane, work)
     forward, segment = 1.0 if goal >= start else -1.0, 0
     stride = LAW + 2 * (course.degree + 1)
     while segment < course.number - 1 and (
@@ -145,6 +145,14 @@ def load_motion(
     ):  # fmt: skip
         set_lane(status, row, lane, value)
     enter_segment(problem, segment, goal, lane, work)
+
+
+@inner
+def load_robot(robots: Any, k: int, lane: int, work: Workspace) -> None:
+    """Write the properties of the robot of motion k, unless those of all are equal."""
+    if robots is not None:
+        for j in range(robots.shape[1]):
+            set_lane(work.properties, j, lane, robots[k, j])
 
 
 @inner

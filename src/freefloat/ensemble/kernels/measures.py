@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 from freefloat.ensemble.kernels.equation import PRISMATIC, form_jacobian
-from freefloat.ensemble.kernels.records import Measure, Robot, Workspace
+from freefloat.ensemble.kernels.records import (
+    BODIES,
+    BODY_COLUMNS,
+    REACH,
+    Measure,
+    Robot,
+    Workspace,
+)
 from freefloat.lockstep.compilation import inlined, inner
 from freefloat.lockstep.lanes import (
     Float,
@@ -15,7 +22,7 @@ from freefloat.lockstep.lanes import (
     sqrt,
 )
 from freefloat.lockstep.reflections import factorize
-from freefloat.lockstep.tables import Table
+from freefloat.lockstep.tables import Table, below
 
 GJM, SYSTEM, ARM, SIGMA = 0, 1, 2, 3
 """Codes of the measures, in the order of ``freefloat.dynamics.measures.NAMES``."""
@@ -27,10 +34,10 @@ _ORTHOGONAL = 1e-14
 def measure_at(robot: Robot, measure: Measure, q: Table, work: Workspace) -> Float:
     """The measure at joint values."""
     if measure.code == ARM:
-        return polynomial(measure, q)
+        return polynomial(robot, measure, q)
     _, _, det_D = form_jacobian(robot, q, work)
     if measure.code == SIGMA:
-        return smallest_singular_value(robot, measure, work.S)
+        return smallest_singular_value(robot, work.S)
     determinant = factorize(robot.m, robot.n, work.S, work.scales)
     return of_determinants(measure, determinant, det_D)
 
@@ -44,26 +51,27 @@ def of_determinants(measure: Measure, determinant: Float, det_D: Float) -> Float
 
 
 @inlined
-def polynomial(measure: Measure, q: Table) -> Float:
-    """The measure ``arm``: the sum of a cos(k q2 + l q3) + b sin(k q2 + l q3), rows k, l, a, b."""
+def polynomial(robot: Robot, measure: Measure, q: Table) -> Float:
+    """The measure ``arm``: the sum of a cos(k q2 + l q3) + b sin(k q2 + l q3), multiples k, l."""
+    coefficients = below(robot.properties, BODIES + BODY_COLUMNS * (1 + robot.n), 2)
     total = 0.0 * q[1]
     for i in range(measure.terms):
-        s, c = sine_cosine(q[1] * measure.polynomial[i, 0] + q[2] * measure.polynomial[i, 1])
-        total += c * measure.polynomial[i, 2] + s * measure.polynomial[i, 3]
+        s, c = sine_cosine(q[1] * measure.multiples[i, 0] + q[2] * measure.multiples[i, 1])
+        total += c * coefficients[i, 0] + s * coefficients[i, 1]
     return total
 
 
 @inner
-def smallest_singular_value(robot: Robot, measure: Measure, S: Table) -> Float:
+def smallest_singular_value(robot: Robot, S: Table) -> Float:
     """The smallest singular value of S*, lengths in units of the reach; overwrites ``S``.
 
     By Jacobi rotations of pairs of rows of S* until all are orthogonal (Hestenes 1958).
     """
-    m, n = robot.m, robot.n
+    m, n, reach = robot.m, robot.n, robot.properties[REACH]
     for j in range(n):
-        factor = measure.reach if robot.bodies[j + 1, PRISMATIC] != 0.0 else 1.0
+        factor = reach if robot.joints[j, PRISMATIC] != 0.0 else 1.0
         for i in range(m):
-            S[j, i] = S[j, i] * (factor / measure.reach if robot.rows[i] < 3.0 else factor)
+            S[j, i] = S[j, i] * (factor / reach if robot.rows[i] < 3.0 else factor)
     for _ in range(_SWEEPS):
         largest = 0.0 * S[0, 0]
         for i in range(m):

@@ -26,7 +26,7 @@ from freefloat.ensemble.kernels.equation import (
     determinants,
     spacecraft_rate,
 )
-from freefloat.ensemble.kernels.records import NullSpace, Robot, Workspace
+from freefloat.ensemble.kernels.records import TOTAL_MASS, NullSpace, Robot, Workspace
 from freefloat.lockstep.compilation import inlined, inner
 from freefloat.lockstep.lanes import Float, maximum, select, sqrt
 from freefloat.lockstep.reflections import reflect
@@ -252,14 +252,14 @@ def _kinetic_energy(robot: Robot, work: Workspace) -> None:
     joint j gives to the bodies before it.
     """
     n, w, W = robot.n, work.momenta, work.metric
-    centre = get_vector(work.centre, 0, 0)
+    centre, share = get_vector(work.centre, 0, 0), 1.0 / robot.properties[TOTAL_MASS]
     trace = 0.0 * work.rates[0]
     for i in range(n):
         a, P = get_vector(w, i, AXIS), get_vector(w, i, LINEAR)
-        if robot.bodies[i + 1, PRISMATIC] != 0.0:
-            velocity = P * (1.0 / robot.mass) - a
+        if robot.joints[i, PRISMATIC] != 0.0:
+            velocity = P * share - a
         else:
-            velocity = P * (1.0 / robot.mass) + cross(a, get_vector(w, i, POINT) - centre)
+            velocity = P * share + cross(a, get_vector(w, i, POINT) - centre)
         turn = get_vector(w, i, TURN)
         for j in range(i + 1):
             P = get_vector(w, j, LINEAR)

@@ -6,13 +6,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from freefloat.lockstep.compilation import inner
+from freefloat.lockstep.compilation import inlined, inner
 from freefloat.lockstep.lanes import WIDTH
-from freefloat.lockstep.tables import Table, floats, lanes
+from freefloat.lockstep.tables import Table, below, first_if_none, floats, lanes
 from freefloat.so3 import Array
 
-BODY_COLUMNS, JOINT_COLUMNS, CONE_COLUMNS = 16, 15, 13
-"""Numbers of columns of ``Robot.bodies``, ``Workspace.momenta`` and ``Cones.table``."""
+FRAME_COLUMNS, BODY_COLUMNS, JOINT_COLUMNS, CONE_COLUMNS = 6, 10, 15, 13
+"""Numbers of columns of ``Robot.joints``, of bodies, ``Workspace.momenta`` and ``Cones.table``."""
+BASE, TOTAL_MASS, REACH, BODIES = 0, 12, 13, 14
+"""First places of what ``Robot.properties`` has: link frame 0 in the spacecraft frame, x, y and z axes
+and origin; total mass; reach; rows of the bodies; coefficients of the measure ``arm``."""
 (
     SEGMENT, LEG, FORWARD, STEP, BY_TIME, FRESH, TOLERANCE, LAST_ERROR, POSITIVE, SIGN, VALUE,
     LOWEST, LOWEST_AT, HIGHEST, SMALLEST, LARGEST, SPEED, STATUS_ROWS,
@@ -26,16 +29,21 @@ minimum and the time of it, its maximum; smallest and largest magnitude of det S
 class Robot(NamedTuple):
     """A robot and its task, see :class:`freefloat.ensemble.link_frames.LinkFrames`."""
 
-    bodies: Table
-    base: Table
+    joints: Table  # (n, 6)
+    properties: Table  # what may differ between the robots of the motions, one row
     tool: Table
     rows: Table  # of the end-effector twist that the task prescribes, (m,)
     n: int
     m: int
     planar: bool
-    mass: float
     singular_speed: float  # of joints per duration, above which a redundant arm is singular
     across: Table | None  # x and y axes of the end-effector, for the task ``pointing`` only, (2, 3)
+
+
+@inlined
+def bodies_of(robot: Robot) -> Table:
+    """Rows of mass, first moment and inertia of the bodies, in their link frames."""
+    return below(robot.properties, BODIES, BODY_COLUMNS)
 
 
 class Course(NamedTuple):
@@ -53,9 +61,8 @@ class Measure(NamedTuple):
     """A singularity measure."""
 
     code: int
-    reach: float
     terms: int
-    polynomial: Table  # see freefloat.ensemble.kernels.measures
+    multiples: Table  # of q2 and q3, see freefloat.ensemble.kernels.measures, (terms, 2)
 
 
 class NullSpace(NamedTuple):
@@ -95,9 +102,8 @@ class Motions(NamedTuple):
 
     attitudes: Array
     joints: Array
-    momenta: Array
-    wheels: Array
-    drifts: Array
+    momenta: Array  # angular momentum, that of wheels, and the drift, (K, 9)
+    robots: Array | None  # rows like ``Robot.properties``, (K, C); None where all are equal
     starts: Array
     goals: Array
     stop_below: float
@@ -130,16 +136,24 @@ class Workspace(NamedTuple):
     inside: Table  # attitude, joints and time inside a step
     slacks: Table
     across: Table  # x and y axes of the end-effector, for the task ``pointing``
+    properties: Table  # of the motions' robots, see ``Robot.properties``; empty where all are equal
 
 
-def make_workspace(n: int, m: int, cones: int = 0) -> Workspace:
-    """Workspace for a robot of n joints, a task of m rows and a number of limits of attitude."""
+def make_workspace(n: int, m: int, cones: int = 0, properties: int = 0) -> Workspace:
+    """Workspace for a robot of n joints and a task of m rows.
+
+    Args:
+        n: Number of joints.
+        m: Number of the task's rows.
+        cones: Number of limits of attitude.
+        properties: Number of properties that differ between the motions' robots.
+    """
     r = n - m
     shapes = (
         (5 + n,), (5 + n,), (5 + n, 7), (1 + n,), (7,), (STATUS_ROWS,), (9,), (3 * n,),
         (n, JOINT_COLUMNS), (3,), (n, 6), (6,), (6,), (n,), (n * n,), (n * r,), (r * r,), (2 * r,),
         (n,), (n,), (4,), (5 + n,), (2 * cones,),
-        (2, 3),
+        (2, 3), (properties,),
     )  # fmt: skip
     return Workspace(*(np.zeros((*shape, WIDTH)) for shape in shapes))
 
@@ -154,25 +168,26 @@ def workspace_in_tables(work: Workspace) -> Workspace:
         lanes(work.scales, 1), lanes(work.b, 1), lanes(work.rates, 1), lanes(work.metric, 1),
         lanes(work.basis, 1), lanes(work.normal, 1), lanes(work.right, 1), lanes(work.column, 1),
         lanes(work.gradient, 1), lanes(work.initial, 1), lanes(work.inside, 1),
-        lanes(work.slacks, 1), lanes(work.across, 3),
+        lanes(work.slacks, 1), lanes(work.across, 3), lanes(work.properties, 1),
     )  # fmt: skip
 
 
 @inner
-def problem_in_tables(problem: Problem) -> Problem:
-    """A problem's arrays as tables."""
+def problem_in_tables(problem: Problem, robots: Array | None, work: Workspace) -> Problem:
+    """A problem's arrays as tables; the properties of robots that differ are those in the lanes."""
     robot, course, measure = problem.robot, problem.course, problem.measure
     return Problem(
         Robot(
-            floats(robot.bodies, BODY_COLUMNS), floats(robot.base, 3), floats(robot.tool, 1),
-            floats(robot.rows, 1), robot.n, robot.m, robot.planar, robot.mass,
+            floats(robot.joints, FRAME_COLUMNS),
+            first_if_none(robots, floats(robot.properties, 1), work.properties),
+            floats(robot.tool, 1), floats(robot.rows, 1), robot.n, robot.m, robot.planar,
             robot.singular_speed, _axes_in_table(robot.across),
         ),
         Course(
             course.duration, floats(course.segments, 1), course.number, course.degree,
             floats(course.cells, 1), course.single_cell,
         ),
-        Measure(measure.code, measure.reach, measure.terms, floats(measure.polynomial, 4)),
+        Measure(measure.code, measure.terms, floats(measure.multiples, 2)),
         _settings_in_tables(problem.null_space), floats(problem.tableau, 7),
         _cones_in_tables(problem.cones),
     )  # fmt: skip

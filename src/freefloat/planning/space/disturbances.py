@@ -9,6 +9,7 @@ from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import is_kept, regularity
 from freefloat.ensemble.result import EnsembleResult
+from freefloat.ensemble.systems import Systems
 from freefloat.planning.searches.adversary import CAUTION, Regularity, closest, confirmed_radius
 from freefloat.planning.searches.line_search import Function, Samples, resolved
 from freefloat.planning.searches.pattern_search import Flags
@@ -52,7 +53,7 @@ def tolerance(integrator: EnsembleIntegrator, attitude: Array, joints: Array) ->
         K = len(momenta)
         states = np.broadcast_to(attitude, (K, 4)), np.broadcast_to(joints, (K, len(joints)))
         return integrator.integrate(
-            *states, momenta=momenta, wheels=wheels, drifts=drifts, stop_below=threshold
+            *states, Systems(momenta, wheels, drifts), stop_below=threshold
         )
 
     def scaled(powers: Array, _: IntArray) -> tuple[Array, Flags]:

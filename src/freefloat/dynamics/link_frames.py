@@ -1,4 +1,4 @@
-"""Link frames after Denavit and Hartenberg, and the robot's data in them that the kernels read."""
+"""Link frames after Denavit and Hartenberg, and the joints and bodies of a robot in them."""
 
 from __future__ import annotations
 
@@ -20,15 +20,17 @@ class LinkFrames(NamedTuple):
 
     Attributes:
         base: Frame 0 in the spacecraft frame: x, y and z axes and origin, rows of shape (4, 3).
-        bodies: A row for the spacecraft and each joint: cosine and sine of the rotation about x and
-            displacement along it from frame k - 1, angle about z and displacement along it to frame
-            k at joint value zero; 1 for a prismatic joint; mass, first moment and inertia xx yy zz
-            yz zx xy of the body about the frame's origin, shape (1 + n, 16).
+        joints: A row for each joint: cosine and sine of the rotation about x and displacement along
+            it from frame k - 1, angle about z and displacement along it to frame k at joint value
+            zero; 1 for a prismatic joint, shape (n, 6).
+        bodies: A row for the spacecraft and each joint: mass, first moment and inertia xx yy zz yz
+            zx xy of the body about the frame's origin, shape (1 + n, 10).
         tool: End-effector position in frame n [m], shape (3,).
         across: The end-effector's x and y axes in frame n, rows of shape (2, 3).
     """
 
     base: Array
+    joints: Array
     bodies: Array
     tool: Array
     across: Array
@@ -36,11 +38,11 @@ class LinkFrames(NamedTuple):
 
 def link_frames(model: FreeFloatingModel) -> LinkFrames:
     """Choose the link frames of a robot."""
-    axes, points, rotations = _joints_at_zero(model)
+    axes, points, rotations = joints_at_zero(model)
     n = len(axes)
     x, origin = _perpendicular(axes[0]), points[0]
     base = np.vstack([x, np.cross(axes[0], x), axes[0], origin])
-    rows = [np.concatenate([np.zeros(6), _inertial(model.bodies[0], np.eye(3), np.zeros(3), base)])]
+    rows, bodies = [], [_inertial(model.bodies[0], np.eye(3), np.zeros(3), base)]
     twist, length = 0.0, 0.0
     for k, (z, point) in enumerate(zip(axes, points, strict=True)):
         x_before, start = x, origin + length * x
@@ -53,20 +55,21 @@ def link_frames(model: FreeFloatingModel) -> LinkFrames:
         angle = np.arctan2(x @ np.cross(z, x_before), x @ x_before)
         frame = np.vstack([x, np.cross(z, x), z, foot])
         body = model.bodies[k + 1]
-        joint = [np.cos(twist), np.sin(twist), length, angle, z @ (foot - start), body.prismatic]
-        rows.append(np.concatenate([joint, _inertial(body, rotations[k], point, frame)]))
+        along = float(z @ (foot - start))
+        rows.append([np.cos(twist), np.sin(twist), length, angle, along, body.prismatic])
+        bodies.append(_inertial(body, rotations[k], point, frame))
         twist, length, origin = next_twist, next_length, foot
     tool = frame[:3] @ (points[-1] + rotations[-1] @ model.tool.position - origin)
-    bodies = np.array(rows)
-    bodies[:, :2][np.abs(bodies[:, :2]) < _ROUNDING] = 0.0
+    joints = np.array(rows, dtype=float)
+    joints[:, :2][np.abs(joints[:, :2]) < _ROUNDING] = 0.0
     across = model.tool.rotation[:, :2].T @ rotations[-1].T @ frame[:3].T
-    return LinkFrames(base, bodies, tool, across)
+    return LinkFrames(base, joints, np.array(bodies), tool, across)
 
 
 def frames_at_zero(frames: LinkFrames) -> Array:
     """The link frames at joint values zero, spacecraft frame: rows x, y, z and origin."""
     placed = [frames.base]
-    for cosine, sine, along_x, angle, along_z in frames.bodies[1:, :5]:
+    for cosine, sine, along_x, angle, along_z in frames.joints[:, :5]:
         x, y, z, origin = placed[-1]
         origin = origin + along_x * x
         y, z = cosine * y + sine * z, cosine * z - sine * y
@@ -75,7 +78,7 @@ def frames_at_zero(frames: LinkFrames) -> Array:
     return np.array(placed)
 
 
-def _joints_at_zero(model: FreeFloatingModel) -> tuple[Array, Array, Array]:
+def joints_at_zero(model: FreeFloatingModel) -> tuple[Array, Array, Array]:
     """Axes and origins of the joints and rotations of their frames, spacecraft frame."""
     rotation, point = np.eye(3), np.zeros(3)
     axes, points, rotations = [], [], []
@@ -124,11 +127,46 @@ def _inertial(body: Body, rotation: Array, origin: Array, frame: Array) -> Array
         origin: Of the body's frame.
         frame: Rows x, y, z and origin.
     """
-    centre = frame[:3] @ (origin + rotation @ body.centre - frame[3])
-    R = frame[:3] @ rotation
-    inertia = R @ body.inertia @ R.T
-    inertia += body.mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-    return np.array([
-        body.mass, *body.mass * centre, *np.diag(inertia),
-        inertia[1, 2], inertia[2, 0], inertia[0, 1],
-    ])  # fmt: skip
+    row = inertial_row(body.mass, body.centre, body.inertia)
+    return in_frame(row, frame[:3] @ rotation, frame[:3] @ (origin - frame[3]))
+
+
+def inertial_row(mass: Array | float, centre: Array, inertia: Array) -> Array:
+    """Mass, first moment and inertia xx yy zz yz zx xy about the frame's origin, shape (..., 10).
+
+    Args:
+        mass: [kg], shape (...).
+        centre: Centre of mass in the frame [m], shape (..., 3).
+        inertia: About the centre of mass, axes of the frame [kg m²], shape (..., 3, 3).
+    """
+    m = np.asarray(mass)[..., None]
+    about_origin = inertia + m[..., None] * _of_point(centre, centre)
+    return np.concatenate([m, m * centre, _moments(about_origin)], axis=-1)
+
+
+def in_frame(rows: Array, rotation: Array, position: Array) -> Array:
+    """Mass, first moment and inertia in another frame.
+
+    Args:
+        rows: Those in a frame, as :func:`inertial_row` returns them, shape (..., 10).
+        rotation: From that frame into the other, shape (..., 3, 3).
+        position: Of that frame's origin in the other [m], shape (..., 3).
+    """
+    m, (xx, yy, zz, yz, zx, xy) = rows[..., :1], np.moveaxis(rows[..., 4:], -1, 0)
+    matrix = np.stack([xx, xy, zx, xy, yy, yz, zx, yz, zz], axis=-1).reshape(*xx.shape, 3, 3)
+    moment = (rotation @ rows[..., 1:4, None])[..., 0]
+    shift = _of_point(moment, position) + _of_point(position, moment)
+    shift = shift + m[..., None] * _of_point(position, position)
+    inertia = rotation @ matrix @ np.swapaxes(rotation, -1, -2) + shift
+    return np.concatenate([m, moment + m * position, _moments(inertia)], axis=-1)
+
+
+def _of_point(a: Array, b: Array) -> Array:
+    """The matrix (a . b) 1 - b a^T, for a = b the inertia of a unit mass, shape (..., 3, 3)."""
+    dot = (a * b).sum(axis=-1)[..., None, None]
+    return np.asarray(dot * np.eye(3) - b[..., :, None] * a[..., None, :])
+
+
+def _moments(inertia: Array) -> Array:
+    """The elements xx yy zz yz zx xy, shape (..., 6)."""
+    return inertia[..., [0, 1, 2, 1, 2, 0], [0, 1, 2, 2, 0, 1]]

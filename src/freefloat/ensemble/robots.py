@@ -1,0 +1,242 @@
+"""Many robots with the joints of one model, whose masses, inertias or mounts differ."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property, reduce
+from math import prod
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.dynamics.arm_factor import ArmPlane
+from freefloat.dynamics.link_frames import (
+    LinkFrames,
+    frames_at_zero,
+    in_frame,
+    inertial_row,
+    joints_at_zero,
+    link_frames,
+)
+from freefloat.ik.chain import Chain
+from freefloat.robot.description import IDENTITY
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, IntArray, Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Robots:
+    """K robots with the joints of one model.
+
+    Attributes:
+        nominal: The model.
+        frames: Its link frames.
+        base: Link frame 0 of each robot in its spacecraft frame, rows as in
+            :class:`.LinkFrames`, shape (K, 4, 3).
+        bodies: Mass, first moment and inertia of the bodies in their link frames, (K, 1 + n, 10).
+        numbers: Their numbers, shape (K,).
+        model_of: Builds the model of the robot with a number.
+    """
+
+    nominal: FreeFloatingModel
+    frames: LinkFrames
+    base: Array = field(repr=False)
+    bodies: Array = field(repr=False)
+    numbers: IntArray = field(repr=False)
+    model_of: Callable[[int], FreeFloatingModel]
+
+    @classmethod
+    def of(
+        cls,
+        nominal: FreeFloatingModel,
+        count: int,
+        model_of: Callable[[int], FreeFloatingModel],
+        *,
+        factors: Mapping[str, Array],
+        rows: Mapping[str, Array] | None = None,
+        mounts: tuple[Pose, Array, Array] | None = None,
+    ) -> Robots:
+        """The robots that differ from a model in the masses and inertias of links, or in the mount.
+
+        Args:
+            nominal: The model.
+            count: Number K of robots.
+            model_of: Builds the model of one of them.
+            factors: Factors on mass and inertia of links, shape (K,), by name.
+            rows: Of links in their frames, as :func:`.inertial_row` returns them, shape (K, 10), by
+                name; the model's where left out.
+            mounts: Where all but the root link is mounted on it: the model's pose, and the
+                positions (K, 3) [m] and rotations (K, 3, 3) of the robots.
+        """
+        frames, rows = link_frames(nominal), rows or {}
+        root = nominal.description.roots[0]
+        base = np.broadcast_to(frames.base, (count, 4, 3))
+        if mounts is not None:
+            base = _moved(frames.base, *mounts)
+        bodies = np.tile(frames.bodies, (count, 1, 1))
+        for name in {*factors, *rows, *(() if mounts is None else (root,))}:
+            body, rotation, position = _link_in_frame(nominal, frames, name)
+            row = _link_row(nominal, name)
+            bodies[:, body] -= in_frame(row, rotation, position)
+            if name == root and mounts is not None:
+                rotation = base[:, :3]
+                position = -(rotation @ base[:, 3, :, None])[..., 0]
+            varied = in_frame(rows.get(name, row), rotation, position)
+            bodies[:, body] += factors.get(name, np.ones(1))[:, None] * varied
+        return cls(nominal, frames, base, bodies, np.arange(count), model_of)
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def __getitem__(self, chosen: npt.NDArray[np.bool_] | IntArray) -> Robots:
+        """Some of the robots."""
+        return replace(self, base=self.base[chosen], bodies=self.bodies[chosen],
+                       numbers=self.numbers[chosen])  # fmt: skip
+
+    def model(self, k: int) -> FreeFloatingModel:
+        """The model of robot k."""
+        return self.model_of(int(self.numbers[k]))
+
+    def properties(self, measure: str) -> Array:
+        """What the kernels read of robots for a measure, shape (K, C)."""
+        coefficients = np.zeros((len(self), 0, 2))
+        if measure == "arm":
+            coefficients = ArmPlane.of(self.frames).coefficients(self.bodies)
+        return robot_properties(self.base, self.bodies, self.reaches, coefficients)
+
+    def have_measure(self, measure: str) -> npt.NDArray[np.bool_]:
+        """Which robots have a measure that the model has, shape (K,)."""
+        if measure == "arm":
+            return ArmPlane.of(self.frames).is_symmetric(self.bodies)
+        return np.ones(len(self), dtype=bool)
+
+    @property
+    def chain(self) -> Chain:
+        """The virtual manipulators, in link frame 0."""
+        frames, points = self._at_zero
+        links, strokes = self._barycentric
+        corners = np.cumsum(links, axis=1)
+        x, y = self.frames.across
+        rotation = frames[-1, :3].T @ np.column_stack([x, y, np.cross(x, y)])
+        return Chain(
+            corners[:, :-1], frames[1:, 2].T, corners[:, -1], rotation, self.nominal.prismatic,
+            strokes, *self.nominal.joint_ranges,
+        )  # fmt: skip
+
+    @property
+    def reaches(self) -> Array:
+        """Upper bounds of the distances from the centre of mass to the end-effector [m], (K,).
+
+        As :attr:`.VirtualManipulator.reach`.
+        """
+        links, strokes = self._barycentric
+        largest = np.abs(self.nominal.joint_ranges).max(axis=0)
+        lengths = [*np.sqrt(_dot(links, links))]
+        lengths += [strokes[k] * largest[k] for k in np.flatnonzero(self.nominal.prismatic)]
+        return reduce(np.add, lengths)
+
+    @property
+    def mean_inertias(self) -> Array:
+        """Means of the principal moments about the centre of mass at zero joints [kg m²], (K,)."""
+        frames, _ = self._at_zero
+        origins = frames[:, 3].T[..., None]
+        masses, moments = self.bodies[..., 0].T, self._moments
+        about_frames = np.moveaxis(self.bodies[..., 4:7], -1, 0).swapaxes(1, 2)
+        shifted = 4.0 * _dot(origins, moments) - 2.0 * masses * _dot(origins, origins)
+        traces = reduce(np.add, [*about_frames, shifted])
+        whole = reduce(np.add, moments.swapaxes(0, 1))
+        trace = reduce(np.add, traces) - 2.0 * _dot(whole, whole) / self.total_masses
+        return np.asarray(trace / 3.0)
+
+    @property
+    def total_masses(self) -> Array:
+        """[kg], shape (K,)."""
+        return reduce(np.add, self.bodies[..., 0].T)
+
+    @cached_property
+    def _at_zero(self) -> tuple[Array, Array]:
+        """Link frames (1 + n, 4, 3) and points (n + 2, 3), at joint values zero in frame 0.
+
+        The points are the origins of frame 0, the joints' and the end-effector's.
+        """
+        axes, origin = self.frames.base[:3], self.frames.base[3]
+        frames = frames_at_zero(self.frames)
+        frames[:, 3] -= origin
+        frames = frames @ axes.T
+        _, points, _ = joints_at_zero(self.nominal)
+        tip = frames[-1, 3] + self.frames.tool @ frames[-1, :3]
+        return frames, np.vstack([np.zeros(3), (points - origin) @ axes.T, tip])
+
+    @cached_property
+    def _moments(self) -> Array:
+        """First moments of the bodies about the origin of frame 0 at zero joints, (3, 1 + n, K)."""
+        frames, _ = self._at_zero
+        masses, own = self.bodies[..., 0].T, np.moveaxis(self.bodies[..., 1:4], -1, 0).swapaxes(1, 2)
+        turned = (frames[:, i].T[..., None] * own[i] for i in range(3))
+        return reduce(np.add, turned, frames[:, 3].T[..., None] * masses)
+
+    @cached_property
+    def _barycentric(self) -> tuple[Array, Array]:
+        """Barycentric vectors (17) at zero joints in frame 0, (3, 1 + n, K), and strokes (n, K)."""
+        _, points = self._at_zero
+        fractions = self.bodies[..., 0].T / self.total_masses
+        inward = np.cumsum(fractions, axis=0)
+        centres = self._moments / self.total_masses - points[:-1].T[..., None] * fractions
+        return np.diff(points, axis=0).T[..., None] * inward - centres, inward[:-1]
+
+
+def robot_properties(
+    base: Array, bodies: Array, reach: Array | float, coefficients: Array
+) -> Array:
+    """What the kernels read of a robot, see ``Robot.properties``, for one or many.
+
+    Args:
+        base: Link frame 0 in the spacecraft frame, see :class:`.LinkFrames`, shape (..., 4, 3).
+        bodies: The bodies in their link frames, shape (..., 1 + n, 10).
+        reach: Of the virtual manipulator [m], shape (...).
+        coefficients: Those of the measure ``arm``, shape (..., T, 2); of others (..., 0, 2).
+
+    Returns:
+        Shape (..., C).
+    """
+    rows = bodies.shape[:-2]
+    total = reduce(np.add, np.moveaxis(bodies[..., 0], -1, 0))
+    parts = base, total, np.asarray(reach), bodies, coefficients
+    sizes = (prod(part.shape[len(rows) :]) for part in parts)
+    columns = (part.reshape(*rows, size) for part, size in zip(parts, sizes, strict=True))
+    return np.concatenate([*columns], axis=-1)
+
+
+def _link_in_frame(
+    model: FreeFloatingModel, frames: LinkFrames, name: str
+) -> tuple[int, Array, Array]:
+    """The body of a link, and rotation and position of the link in the body's link frame."""
+    body, place = model.link_places[name]
+    frame, (_, points, rotations) = frames_at_zero(frames)[body], joints_at_zero(model)
+    joint = Pose(points[body - 1], rotations[body - 1]) if body else IDENTITY
+    link = joint @ place
+    return body, frame[:3] @ link.rotation, frame[:3] @ (link.position - frame[3])
+
+
+def _link_row(model: FreeFloatingModel, name: str) -> Array:
+    """Mass, first moment and inertia of a link in its frame."""
+    inertial = model.description.links_by_name[name].inertial
+    if inertial is None:
+        return np.zeros(10)
+    R = inertial.origin.rotation
+    return inertial_row(inertial.mass, inertial.origin.position, R @ inertial.inertia @ R.T)
+
+
+def _moved(base: Array, mount: Pose, positions: Array, rotations: Array) -> Array:
+    """Link frame 0 in the spacecraft frames where the mount is at other poses, (K, 4, 3)."""
+    local = mount.rotation.T @ np.column_stack([*base[:3], base[3] - mount.position])
+    columns = rotations @ local
+    columns[..., 3] += positions
+    return np.ascontiguousarray(columns.swapaxes(1, 2))
+
+
+def _dot(a: Array, b: Array) -> Array:
+    """Scalar products of vectors (3, ...)."""
+    x, y, z = a * b
+    return np.asarray(x + y + z)

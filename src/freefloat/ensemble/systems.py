@@ -1,0 +1,80 @@
+"""The systems of many motions: momenta, drifts and robots that differ from motion to motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.ensemble.robots import Robots
+from freefloat.errors import InputError
+from freefloat.motion.problem import Problem, mean_inertia, revolutions
+from freefloat.so3 import Array, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Systems:
+    """What differs between the systems of K motions.
+
+    Attributes:
+        momenta: Angular momenta [N m s], one for all, shape (3,), or for each, (K, 3).
+        wheels: Momenta stored in wheels, spacecraft frame [N m s], likewise.
+        drifts: Velocities of the centre of mass [m/s], likewise.
+        robots: The robots; None for one of all.
+    """
+
+    momenta: Array = field(repr=False)
+    wheels: Array = field(repr=False)
+    drifts: Array = field(repr=False)
+    robots: Robots | None = None
+
+    @classmethod
+    def of(
+        cls,
+        problem: Problem,
+        momenta: Array | None = None,
+        wheels: Array | None = None,
+        drifts: Array | None = None,
+    ) -> Systems:
+        """The systems of a problem with other momenta or drifts."""
+        return cls(
+            problem.momentum if momenta is None else momenta,
+            problem.wheel_momentum if wheels is None else wheels,
+            problem.path.drift if drifts is None else drifts,
+        )
+
+    def __getitem__(self, chosen: npt.NDArray[np.bool_] | IntArray) -> Systems:
+        """Those of some motions, where every array is one for each."""
+        robots = None if self.robots is None else self.robots[chosen]
+        return Systems(self.momenta[chosen], self.wheels[chosen], self.drifts[chosen], robots)
+
+    def columns(self, count: int) -> Array:
+        """Momenta, those in wheels, and drifts of ``count`` motions, shape (K, 9).
+
+        Raises:
+            InputError: If an array has another shape, or a number is not finite.
+        """
+        parts = []
+        for key, values in (("momenta", self.momenta), ("wheels", self.wheels),
+                            ("drifts", self.drifts)):  # fmt: skip
+            array = np.asarray(values, dtype=float)
+            if array.shape not in ((3,), (count, 3)) or not np.isfinite(array).all():
+                accepted = f"finite numbers, shape (3,) or ({count}, 3)"
+                raise InputError(key, f"shape {array.shape} was given", accepted)
+            parts.append(np.broadcast_to(array, (count, 3)))
+        return np.hstack(parts)
+
+    def revolutions(self, problem: Problem) -> Array:
+        """How often the systems rotate along the problem's path, shape (K,)."""
+        robots = self.robots
+        inertias = mean_inertia(problem.model) if robots is None else robots.mean_inertias
+        return revolutions(self.momenta, self.wheels, inertias, problem.path.duration)
+
+    def problem_of(self, problem: Problem, k: int) -> Problem:
+        """A problem with the system of motion k, where every array is one for each."""
+        changes: dict[str, Any] = {"momentum": self.momenta[k], "wheel_momentum": self.wheels[k]}
+        if self.robots is not None:
+            changes["model"] = self.robots.model(k)
+        return problem.replace(path=replace(problem.path, drift=self.drifts[k]), **changes)
