@@ -22,6 +22,7 @@ from freefloat.errors import InputError, finite_vector, number_array
 
 Array = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
 
 _ORTHOGONALITY = 1e-6  # largest deviation of the products of a rotation's columns
 

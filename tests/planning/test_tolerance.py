@@ -47,7 +47,9 @@ class Case:
         """Whether compiled motions with other momenta keep the rule of tolerances, shape (K,)."""
         K = len(momenta)
         ensemble = self.integrator.integrate(
-            np.tile(self.attitude, (K, 1)), np.tile(self.joints, (K, 1)), Systems.of(self.problem, momenta)
+            np.tile(self.attitude, (K, 1)),
+            np.tile(self.joints, (K, 1)),
+            Systems.of(self.problem, momenta),
         )
         keeps = ensemble.keeps(self.problem.margin.threshold)
         return keeps & (ensemble.determinant_ratios > 0.01)

@@ -16,19 +16,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from freefloat.dynamics.link_frames import LinkFrames, frames_at_zero, in_frame
 from freefloat.dynamics.virtual_manipulator import meeting_point
 from freefloat.errors import InputError
-from freefloat.so3 import Array
+from freefloat.so3 import Array, BoolArray
 
 _TOLERANCE = 1e-9
 """Distance of intersecting axes, relative to the size of the arm."""
 _SYMMETRY = 1e-6
 """Asymmetry relative to the whole inertia that counts as none."""
-Planar = tuple[Array, Array]
-"""Components of vectors in the plane, or real and imaginary parts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,30 +86,27 @@ class ArmPlane:
         """
         m = np.moveaxis(bodies[..., 0], -1, 0)
         J = [_inertia_about(self.axes[i, 0], bodies[..., i, 4:]) for i in range(4)]
-        s = [tuple(_along(axis, bodies[..., i, 1:4]) for axis in self.axes[i, 1:])
-             for i in range(4)]  # fmt: skip
-        o, p, elbow, wrist = (*self.origins[1:4, 1:], self.wrist[1:])
+        s = [_components(self.axes[i, 1:], bodies[..., i, 1:4]) for i in range(4)]
+        points = np.vstack([self.origins[1:4], self.wrist])[:, 1:]
+        o, p, elbow, wrist = points.reshape(4, 2, *(1,) * (bodies.ndim - 2))
         b, c = elbow - p, wrist - elbow
         at_wrist = m[4] + m[5] + m[6]
         beyond = m[3] + at_wrist
         moved = m[2] + beyond
         share = 1.0 / (m[0] + m[1] + moved)
-        u0 = _sum(s[0], s[1], _scaled(o, m[1]), _scaled(p, moved))  # first moments by body
-        u1, u2 = _sum(s[2], _scaled(b, beyond)), _sum(s[3], _scaled(c, at_wrist))
-        first = J[1] + 2.0 * _dot(o, s[1]) + m[1] * _dot(o, o)
+        u0 = s[0] + s[1] + o * m[1] + p * moved  # first moments by body
+        u1, u2 = s[2] + b * beyond, s[3] + c * at_wrist
+        first = J[0] + J[1] + 2.0 * _dot(o, s[1]) + m[1] * _dot(o, o)
         D = (
-            J[0] + first + moved * _dot(p, p) - share * _dot(u0, u0),
+            first + moved * _dot(p, p) - share * _dot(u0, u0),
             J[2] + beyond * _dot(b, b) - share * _dot(u1, u1),
             J[3] + at_wrist * _dot(c, c) - share * _dot(u2, u2),
         )
-        z0, z1, z2 = (_sum(vector, _scaled(u, -share))
-                      for vector, u in ((p, u0), (b, u1), (c, u2)))  # fmt: skip
-        return self._terms(
-            D, (_ratio(z0, u1), _ratio(z0, u2), _ratio(z1, u2)),
-            (_ratio(z0, z1), _ratio(z0, z2), _ratio(z1, z2)),
-        )  # fmt: skip
+        z0, z1, z2 = p - u0 * share, b - u1 * share, c - u2 * share
+        coupling = _ratio(z0, u1), _ratio(z0, u2), _ratio(z1, u2)
+        return self._terms(D, coupling, (_ratio(z0, z1), _ratio(z0, z2), _ratio(z1, z2)))
 
-    def is_symmetric(self, bodies: Array) -> npt.NDArray[np.bool_]:
+    def is_symmetric(self, bodies: Array) -> BoolArray:
         """Whether the motion in the plane is independent of that out of it.
 
         It is where the spacecraft is symmetric about the first joint's axis, the first three links
@@ -125,45 +119,47 @@ class ArmPlane:
         at_base = in_frame(unit, self.axes, self.origins)
         at_wrist = in_frame(unit, self.axes, self.origins - self.wrist)
         length = float(np.abs(self.wrist).max())
-        parts = [length * at_base[:, :4, 1], *np.moveaxis(at_base[:, :4, 8:], -1, 0),
-                 length * at_base[:, :1, 2], at_base[:, :1, 7], at_base[:, :1, 4] - at_base[:, :1, 5],
-                 *(length * np.moveaxis(at_wrist[:, 4:6, 1:4], -1, 0)),
-                 *np.moveaxis(at_wrist[:, 4:6, 4:], -1, 0)]  # fmt: skip
+        root, links, wrist = at_base[:, 0], at_base[:, :4], at_wrist[:, 4:6]
+        parts = [
+            length * links[..., 1], links[..., 8], links[..., 9],
+            np.stack([length * root[:, 2], root[:, 7], root[:, 4] - root[:, 5]], axis=1),
+            length * wrist[..., 1:4].reshape(70, 6), wrist[..., 4:].reshape(70, 12),
+        ]  # fmt: skip
         flat, size = bodies.reshape(-1, 70), at_base[:, :, 4:7].sum(axis=(1, 2))
         defects = np.abs(flat @ np.concatenate(parts, axis=1)).max(axis=1)
         return np.asarray(defects <= _SYMMETRY * (flat @ size))
 
     def _terms(
-        self, D: tuple[Array, ...], coupling: tuple[Planar, ...], area: tuple[Planar, ...]
+        self, D: tuple[Array, ...], coupling: tuple[Array, ...], area: tuple[Array, ...]
     ) -> Array:
         """The coefficients of S, from constant and varying parts of D and the vector products."""
         pairs = self._pairs
         phases = pairs[0], pairs[2], pairs[1]  # of bodies 0 and 1, 0 and 2, 1 and 2
         result = np.zeros((*D[0].shape, len(pairs), 2))
 
-        def add(factor: float, value: Planar, k: int, l: int) -> None:
-            """Add factor times Im(value exp(i (k q2 + l q3)))."""
-            known = (k, l) in pairs
-            if not known and (-k, -l) not in pairs:
+        def add(factor: float, value: Array, phase: tuple[int, int]) -> None:
+            """Add factor times Im(value exp(i phase))."""
+            opposite = -phase[0], -phase[1]
+            if phase not in pairs and opposite not in pairs:
                 return  # terms of q2 + 2 q3, which cancel
-            place = pairs.index((k, l) if known else (-k, -l))
+            place = pairs.index(phase if phase in pairs else opposite)
             result[..., place, 0] += factor * value[1]
-            result[..., place, 1] += factor * value[0] * (1.0 if known else -1.0)
+            result[..., place, 1] += factor * value[0] * (1.0 if phase in pairs else -1.0)
 
         for body, pair, sign in ((0, 2, 1.0), (1, 1, -1.0), (2, 0, 1.0)):
-            z, (k, l) = area[pair], phases[pair]
-            add(self.sense * sign, _scaled(z, D[body]), k, l)
+            factor, z, (i, j) = self.sense * sign, area[pair], phases[pair]
+            add(factor, z * D[body], (i, j))
             for other in ((0, 1), (0, 2), (1, 2))[body]:
-                x, (i, j) = coupling[other], phases[other]
-                add(0.5 * self.sense * sign, _product(x, z), k + i, l + j)
-                add(0.5 * self.sense * sign, _ratio(x, z), k - i, l - j)
+                x, (k, m) = coupling[other], phases[other]
+                add(0.5 * factor, _product(x, z), (i + k, j + m))
+                add(0.5 * factor, _ratio(x, z), (i - k, j - m))
         return result
 
 
-def _along(axis: Array, vectors: Array) -> Array:
-    """Components (...) of vectors (..., 3) along an axis."""
+def _components(axes: Array, vectors: Array) -> Array:
+    """Components along axes (2, 3) of vectors (..., 3), shape (2, ...)."""
     x, y, z = np.moveaxis(vectors, -1, 0)
-    return np.asarray(axis[0] * x + axis[1] * y + axis[2] * z)
+    return np.array([a[0] * x + a[1] * y + a[2] * z for a in axes])
 
 
 def _inertia_about(axis: Array, inertias: Array) -> Array:
@@ -173,24 +169,15 @@ def _inertia_about(axis: Array, inertias: Array) -> Array:
     return np.asarray(x * x * xx + y * y * yy + z * z * zz + 2.0 * products)
 
 
-def _sum(*vectors: Planar) -> Planar:
-    x, y = (sum(components[1:], components[0]) for components in zip(*vectors, strict=True))
-    return x, y
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(a[0] * b[0] + a[1] * b[1])
 
 
-def _scaled(vector: Planar, factor: Array) -> Planar:
-    return vector[0] * factor, vector[1] * factor
-
-
-def _dot(a: Planar, b: Planar) -> Array:
-    return a[0] * b[0] + a[1] * b[1]
-
-
-def _product(a: Planar, b: Planar) -> Planar:
+def _product(a: Array, b: Array) -> Array:
     """The product of complex numbers."""
-    return a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]
+    return np.array([a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]])
 
 
-def _ratio(a: Planar, b: Planar) -> Planar:
+def _ratio(a: Array, b: Array) -> Array:
     """The product of a complex number's conjugate and another: scalar and vector product."""
-    return a[0] * b[0] + a[1] * b[1], a[0] * b[1] - a[1] * b[0]
+    return np.array([a[0] * b[0] + a[1] * b[1], a[0] * b[1] - a[1] * b[0]])

@@ -24,7 +24,7 @@ from freefloat.ensemble.endings import (
 )
 from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator
 from freefloat.ensemble.equivalence import POSITIVE, Equivalents, broadcast, equivalents
-from freefloat.ensemble.many_motions import BoolArray, ManyMotions
+from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.starts import starts_at
@@ -34,7 +34,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, IntArray, heading_quaternion
+from freefloat.so3 import Array, BoolArray, IntArray, heading_quaternion
 
 _STRICT_TOLERANCE = 1e-10
 _NEAR, _STILL_NEAR = 1e-4, 1e-5
@@ -121,9 +121,7 @@ def simulate_many(
     return integrate_disturbed(disturbed, q0, required, branch, joints, threads, progress)
 
 
-def _scaled_robots(
-    problem: Problem, scale_mass: Mapping[str, npt.ArrayLike], count: int
-) -> Robots:
+def _scaled_robots(problem: Problem, scale_mass: Mapping[str, npt.ArrayLike], count: int) -> Robots:
     """Robots with factors on mass and inertia of links."""
     model, factors = problem.model, {}
     for name, values in scale_mass.items():
@@ -135,11 +133,10 @@ def _scaled_robots(
     def model_of(number: int) -> FreeFloatingModel:
         return model.scaled({name: float(values[number]) for name, values in factors.items()})
 
-    robots = Robots.of(model, count, model_of, factors=factors)
-    measure = problem.margin.measure.name
-    if not robots.have_measure(measure).all():
-        problem_text = f"a robot has no measure {measure}: its arm is not symmetric about a plane"
-        raise InputError("scale_mass", problem_text, "other factors, or another measure")
+    robots = Robots.of(model, np.arange(count), model_of, factors=factors)
+    if not robots.suit(problem).all():
+        words = "with these factors a robot is not symmetric about the plane of its task or measure"
+        raise InputError("scale_mass", words, "other factors, or another task or measure")
     return robots
 
 

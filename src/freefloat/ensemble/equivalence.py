@@ -18,7 +18,7 @@ from freefloat.ensemble.systems import Systems
 from freefloat.errors import InputError, number_array
 from freefloat.motion.planar_requirements import require_in_plane, require_level
 from freefloat.motion.problem import MAX_REVOLUTIONS, Problem
-from freefloat.so3 import Array
+from freefloat.so3 import Array, BoolArray, IntArray
 
 POSITIVE = "numbers above zero", float(np.finfo(float).tiny)
 """What is accepted of durations and factors, and the smallest of them."""
@@ -43,7 +43,7 @@ class Equivalents:
     def __len__(self) -> int:
         return len(self.stretches)
 
-    def __getitem__(self, chosen: npt.NDArray[np.bool_] | npt.NDArray[np.int64]) -> Equivalents:
+    def __getitem__(self, chosen: BoolArray | IntArray) -> Equivalents:
         """Some of the motions."""
         return Equivalents(
             self.problem, self.systems[chosen], self.stretches[chosen], self.magnifications[chosen]
@@ -54,7 +54,7 @@ class Equivalents:
         return self.systems.problem_of(self.problem, k)
 
     @property
-    def turns_too_often(self) -> npt.NDArray[np.bool_]:
+    def turns_too_often(self) -> BoolArray:
         """Whose systems would rotate more often than problems may, shape (K,)."""
         return self.systems.revolutions(self.problem) > MAX_REVOLUTIONS
 

@@ -9,9 +9,7 @@ import numpy.typing as npt
 
 from freefloat.ensemble.endings import COMPLETED, FAILED, SINGULAR, UNREACHED
 from freefloat.motion.margin import keeps_threshold
-from freefloat.so3 import Array, IntArray
-
-BoolArray = npt.NDArray[np.bool_]
+from freefloat.so3 import Array, BoolArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)

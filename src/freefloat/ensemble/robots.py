@@ -8,7 +8,6 @@ from functools import cached_property, reduce
 from math import prod
 
 import numpy as np
-import numpy.typing as npt
 
 from freefloat.dynamics.arm_factor import ArmPlane
 from freefloat.dynamics.link_frames import (
@@ -20,9 +19,13 @@ from freefloat.dynamics.link_frames import (
     link_frames,
 )
 from freefloat.ik.chain import Chain
+from freefloat.motion.problem import Problem
 from freefloat.robot.description import IDENTITY
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, IntArray, Pose
+from freefloat.so3 import Array, BoolArray, IntArray, Pose
+
+_PLANAR = 1e-9
+"""Asymmetry relative to the whole inertia that counts as none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +53,7 @@ class Robots:
     def of(
         cls,
         nominal: FreeFloatingModel,
-        count: int,
+        numbers: IntArray,
         model_of: Callable[[int], FreeFloatingModel],
         *,
         factors: Mapping[str, Array],
@@ -61,15 +64,15 @@ class Robots:
 
         Args:
             nominal: The model.
-            count: Number K of robots.
-            model_of: Builds the model of one of them.
+            numbers: Numbers of the robots, shape (K,).
+            model_of: Builds the model of the robot with a number.
             factors: Factors on mass and inertia of links, shape (K,), by name.
             rows: Of links in their frames, as :func:`.inertial_row` returns them, shape (K, 10), by
                 name; the model's where left out.
             mounts: Where all but the root link is mounted on it: the model's pose, and the
                 positions (K, 3) [m] and rotations (K, 3, 3) of the robots.
         """
-        frames, rows = link_frames(nominal), rows or {}
+        count, frames, rows = len(numbers), link_frames(nominal), rows or {}
         root = nominal.description.roots[0]
         base = np.broadcast_to(frames.base, (count, 4, 3))
         if mounts is not None:
@@ -84,12 +87,12 @@ class Robots:
                 position = -(rotation @ base[:, 3, :, None])[..., 0]
             varied = in_frame(rows.get(name, row), rotation, position)
             bodies[:, body] += factors.get(name, np.ones(1))[:, None] * varied
-        return cls(nominal, frames, base, bodies, np.arange(count), model_of)
+        return cls(nominal, frames, base, bodies, numbers, model_of)
 
     def __len__(self) -> int:
         return len(self.numbers)
 
-    def __getitem__(self, chosen: npt.NDArray[np.bool_] | IntArray) -> Robots:
+    def __getitem__(self, chosen: BoolArray | IntArray) -> Robots:
         """Some of the robots."""
         return replace(self, base=self.base[chosen], bodies=self.bodies[chosen],
                        numbers=self.numbers[chosen])  # fmt: skip
@@ -105,16 +108,34 @@ class Robots:
             coefficients = ArmPlane.of(self.frames).coefficients(self.bodies)
         return robot_properties(self.base, self.bodies, self.reaches, coefficients)
 
-    def have_measure(self, measure: str) -> npt.NDArray[np.bool_]:
-        """Which robots have a measure that the model has, shape (K,)."""
-        if measure == "arm":
-            return ArmPlane.of(self.frames).is_symmetric(self.bodies)
-        return np.ones(len(self), dtype=bool)
+    def suit(self, problem: Problem) -> BoolArray:
+        """Which robots suit the task and the measure of the model's problem, shape (K,)."""
+        suited = np.ones(len(self), dtype=bool)
+        if problem.task.planar:
+            suited &= self._are_planar
+        if problem.margin.measure.name == "arm":
+            suited &= ArmPlane.of(self.frames).is_symmetric(self.bodies)
+        return suited
+
+    @property
+    def _are_planar(self) -> BoolArray:
+        """Whose masses are symmetric about the plane of planar joints, shape (K,)."""
+        frames, _ = self._at_zero
+        rows = in_frame(self.bodies, frames[:, :3].swapaxes(1, 2), frames[:, 3])
+        height = (rows[..., 3].sum(axis=1) / rows[..., 0].sum(axis=1))[:, None]
+        size = rows[..., 4:7].sum(axis=(1, 2))
+        lever = np.sqrt(size / rows[..., 0].sum(axis=1))[:, None]
+        defects = (
+            lever * (rows[..., 3] - rows[..., 0] * height),
+            rows[..., 7] + height * rows[..., 2],
+            rows[..., 8] + height * rows[..., 1],
+        )
+        return np.asarray(np.abs(defects).max(axis=(0, 2)) <= _PLANAR * size)
 
     @property
     def chain(self) -> Chain:
         """The virtual manipulators, in link frame 0."""
-        frames, points = self._at_zero
+        frames, _ = self._at_zero
         links, strokes = self._barycentric
         corners = np.cumsum(links, axis=1)
         x, y = self.frames.across
@@ -172,7 +193,7 @@ class Robots:
     def _moments(self) -> Array:
         """First moments of the bodies about the origin of frame 0 at zero joints, (3, 1 + n, K)."""
         frames, _ = self._at_zero
-        masses, own = self.bodies[..., 0].T, np.moveaxis(self.bodies[..., 1:4], -1, 0).swapaxes(1, 2)
+        masses, own = self.bodies[..., 0].T, self.bodies[..., 1:4].T
         turned = (frames[:, i].T[..., None] * own[i] for i in range(3))
         return reduce(np.add, turned, frames[:, 3].T[..., None] * masses)
 

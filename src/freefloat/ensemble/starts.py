@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from freefloat.ensemble.robots import Robots
@@ -13,7 +12,7 @@ from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
 from freefloat.errors import InputError
 from freefloat.ik.neighbours import neighbouring_configurations
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array, IntArray
+from freefloat.so3 import Array, BoolArray, IntArray
 
 _SLICE = 2048
 """Robots whose configurations are computed at once, so that they fit into the cache."""
@@ -32,7 +31,7 @@ class Starts:
     branches: IntArray = field(repr=False)
 
     @property
-    def exist(self) -> npt.NDArray[np.bool_]:
+    def exist(self) -> BoolArray:
         """Where there is a candidate, shape (K, B)."""
         return np.asarray(self.branches >= 0)
 
@@ -102,13 +101,16 @@ def _starts_of_robots(
     every.joints[:, :1], every.branches[:, :1] = found.joints, found.branches
     for k, starts in exact.items():
         columns = starts.branches.shape[1]
-        every.joints[k, :columns], every.branches[k, :columns] = starts.joints[0], starts.branches[0]
+        every.joints[k, :columns], every.branches[k, :columns] = (
+            starts.joints[0],
+            starts.branches[0],
+        )
     return every
 
 
 def _near_starts(
     problem: Problem, robots: Robots, attitudes: Array, joints: Array
-) -> tuple[Array, npt.NDArray[np.bool_]]:
+) -> tuple[Array, BoolArray]:
     """The configurations (K, n) of robots near joint values (K, n), and whether they are."""
     pose = problem.path.pose(0.0)
     to_base = robots.base[:, :3] @ Rotation.from_quat(attitudes).as_matrix().swapaxes(1, 2)

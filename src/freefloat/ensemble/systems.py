@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from freefloat.dynamics.system import System
 from freefloat.ensemble.robots import Robots
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem, mean_inertia, revolutions
-from freefloat.so3 import Array, IntArray
+from freefloat.so3 import Array, BoolArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +44,7 @@ class Systems:
             problem.path.drift if drifts is None else drifts,
         )
 
-    def __getitem__(self, chosen: npt.NDArray[np.bool_] | IntArray) -> Systems:
+    def __getitem__(self, chosen: BoolArray | IntArray) -> Systems:
         """Those of some motions, where every array is one for each."""
         robots = None if self.robots is None else self.robots[chosen]
         return Systems(self.momenta[chosen], self.wheels[chosen], self.drifts[chosen], robots)
@@ -74,7 +73,6 @@ class Systems:
 
     def problem_of(self, problem: Problem, k: int) -> Problem:
         """A problem with the system of motion k, where every array is one for each."""
-        changes: dict[str, Any] = {"momentum": self.momenta[k], "wheel_momentum": self.wheels[k]}
-        if self.robots is not None:
-            changes["model"] = self.robots.model(k)
-        return problem.replace(path=replace(problem.path, drift=self.drifts[k]), **changes)
+        model = problem.model if self.robots is None else self.robots.model(k)
+        system = System(model, self.momenta[k], self.wheels[k], self.drifts[k])
+        return problem.with_system(system)

@@ -7,12 +7,11 @@ arms at once.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from freefloat.dynamics.momentum import Task
 from freefloat.ik.chain import CONVERGED, Chain, damped_step, task_rows
 from freefloat.ik.vectors import rotation_vector, tilt
-from freefloat.so3 import Array
+from freefloat.so3 import Array, BoolArray
 
 _STEPS, _EXACT = 12, 1e-12
 """Largest number of steps, and residual at which an arm is left as it is [m, rad]."""
@@ -22,7 +21,7 @@ _FAR = 0.3
 
 def neighbouring_configurations(
     chain: Chain, task: Task, positions: Array, rotations: Array, start: Array
-) -> tuple[Array, npt.NDArray[np.bool_]]:
+) -> tuple[Array, BoolArray]:
     """The configurations of K arms to which Newton's method converges.
 
     Each result depends on its own arm alone, to the last bit.

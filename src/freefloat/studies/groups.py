@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -14,10 +16,17 @@ from freefloat.errors import FreeFloatError
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.limits import GIVEN
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array, IntArray
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, BoolArray, IntArray
 from freefloat.studies.document import scenario_from, with_values
-from freefloat.studies.records import branch_choice
-from freefloat.studies.run_values import BoolArray, arrays_of, fits_ensembles
+from freefloat.studies.records import branch_choice, undisturbed_joints
+from freefloat.studies.robot_values import (
+    SCALE_MASS,
+    VariedRobot,
+    nominal_values,
+    vary_robots,
+)
+from freefloat.studies.run_values import arrays_of, fits_ensembles
 from freefloat.studies.study import START_KEYS, Study
 
 _SAFE_RANGE = 0.9
@@ -39,6 +48,7 @@ class Group:
             each attitude.
         ranges: Whether joints have ranges.
         limited: Whether anything else is limited, which only precise motions show.
+        robot: The robot of which those of the runs are variations.
     """
 
     study: Study
@@ -50,6 +60,7 @@ class Group:
     unvaried: Problem | None
     ranges: bool
     limited: bool
+    robot: VariedRobot
 
     def integrate(self, numbers: IntArray, threads: int) -> tuple[IntArray, ManyMotions]:
         """Integrate runs; return the numbers of those whose values fit, and their motions."""
@@ -59,7 +70,11 @@ class Group:
         arrays, fits = arrays_of(values, self.problem, count)
         attitudes = arrays.pop("attitudes", None)
         thresholds = arrays.pop("thresholds", None)
-        disturbed = equivalents(self.problem, count, **arrays)
+        robots, accepted = self.robot.robots(values, np.arange(first, first + count))
+        fits &= accepted
+        if robots is not None:
+            fits &= robots.suit(self.problem)
+        disturbed = equivalents(self.problem, count, **arrays, robots=robots)
         places = numbers - first
         places = places[(fits & ~disturbed.turns_too_often)[places]]
         disturbed = disturbed[places]
@@ -119,8 +134,7 @@ def group_of(study: Study, number: int) -> Group | None:
 def _group(study: Study, number: int) -> Group | None:
     content, parameters = study.content, study.parameters(number)
     own = {key: value for key, value in parameters.items() if not fits_ensembles(key)}
-    if "robot.scale_mass" in parameters:
-        own["robot.scale_mass"] = 1.0
+    own |= nominal_values(parameters, study.base)
     document = with_values(study.base, own)
     scenario = scenario_from(document, study.base_source.absolute())
     problem, timing, margin = scenario.problem(), scenario.content.timing, scenario.content.margin
@@ -129,6 +143,9 @@ def _group(study: Study, number: int) -> Group | None:
         return None
     if "margin.value" in parameters and margin.fraction is not None:
         return None
+    several = vary_robots(study.content.vary, study.variation.listed)
+    if several and (margin.fraction is not None or problem.path.frame is not None):
+        return None  # which are others for other robots
     ranges, limited = _limits(scenario)
     if content.branch == "best" and (ranges or limited):
         return None
@@ -149,12 +166,28 @@ def _group(study: Study, number: int) -> Group | None:
                 None, study.base, problem, attitude, study.base_source.absolute()
             )
             branch, joints = choice.get("branch"), choice.get("joints")
+            if several and problem.redundant:  # where Newton's method of each robot begins
+                source = study.base_source.absolute()
+                joints = undisturbed_joints(json.dumps(study.base), source, tuple(attitude))
     elif content.branch is None and unvaried is None:
         return None
     return Group(
         study, problem, margin.fraction is not None, attitude, branch, joints, unvaried, ranges,
-        limited,
+        limited, _varied_robot(study, document, scenario),
     )  # fmt: skip
+
+
+def _varied_robot(study: Study, document: dict[str, Any], scenario: Scenario) -> VariedRobot:
+    """The robot of a group, and how that of a run is built, without a factor on all links."""
+
+    def model_of(number: int) -> FreeFloatingModel:
+        values = study.parameters(number).items()
+        own = {key: value for key, value in values if key.split(".")[0] == "robot"}
+        if not isinstance(own.get(SCALE_MASS, {}), dict):
+            own[SCALE_MASS] = 1.0
+        return scenario_from(with_values(document, own), study.base_source.absolute()).model()
+
+    return VariedRobot(scenario.model(), scenario.content.robot, model_of)
 
 
 def _limits(scenario: Scenario) -> tuple[bool, bool]:

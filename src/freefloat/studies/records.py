@@ -82,7 +82,7 @@ def branch_choice(
     branches = problem.branches(attitude)
     if not branches:
         return {}  # which is an error of simulate
-    joints = _undisturbed_joints(json.dumps(base), source, tuple(attitude))
+    joints = undisturbed_joints(json.dumps(base), source, tuple(attitude))
     if len(joints) != problem.model.dof:
         raise InputError(
             "branch", f"the arm of the base scenario has {len(joints)} joints, this one "
@@ -97,7 +97,7 @@ def branch_choice(
 
 
 @lru_cache(maxsize=8)
-def _undisturbed_joints(base: str, source: Path, attitude: tuple[float, ...]) -> Array:
+def undisturbed_joints(base: str, source: Path, attitude: tuple[float, ...]) -> Array:
     """Return the initial joints of the motion that simulate chooses for the base scenario."""
     scenario = scenario_from(json.loads(base), source)
     problem = scenario.problem()

@@ -6,19 +6,16 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array, IntArray, heading_quaternion
+from freefloat.so3 import Array, BoolArray, IntArray, heading_quaternion
+from freefloat.studies.robot_values import MASS_FACTORS, SCALE_MASS, is_robot_key, uniform_factors
 from freefloat.studies.study import START_KEYS, Command, Study
+from freefloat.studies.value_columns import as_numbers
 
 VECTORS = {"momentum": "momenta", "wheels.momentum": "wheels", "drift": "drifts"}
 """Scenario keys of vectors, and what they are in ensembles; entries vary, too, as momentum.2."""
-NUMBERS = {
-    "timing.duration": "durations",
-    "robot.scale_mass": "scale_mass",
-    "margin.value": "thresholds",
-}
+NUMBERS = {"timing.duration": "durations", "margin.value": "thresholds"}
 """Scenario keys of numbers, and what they are in ensembles."""
 _HARMLESS = {
     "momenta": np.zeros(3),
@@ -33,21 +30,18 @@ _FEWEST = 16
 """Fewer runs are not worth an ensemble."""
 _LARGEST = 1e9
 """Of scenario files."""
-_MASS_FACTORS = 1e-2, 1e2
-"""Factors beyond which a robot is built and checked."""
 _UNIT = 1e-2
 """Deviation of a quaternion's norm from one that scenarios accept."""
 _LEVEL = 1e-9
 """Components x, y of the quaternions of planar attitudes."""
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 def fits_ensembles(key: str) -> bool:
     """Whether runs that differ in a key are motions of one ensemble."""
     vector, _, entry = key.rpartition(".")
     component = vector in VECTORS and entry in ("0", "1", "2")
-    return key in VECTORS or key in NUMBERS or key in START_KEYS or component
+    named = (*VECTORS, *NUMBERS, *START_KEYS, SCALE_MASS)
+    return key in named or component or is_robot_key(key)
 
 
 def group_numbers(study: Study) -> IntArray:
@@ -94,14 +88,16 @@ def arrays_of(
         vector, _, entry = key.rpartition(".")
         if key in START_KEYS:
             arrays["attitudes"] = _attitudes(key, column)
+        elif key == SCALE_MASS:
+            arrays["scale_mass"] = as_numbers(uniform_factors(column), ())
         elif key in NUMBERS:
-            arrays[NUMBERS[key]] = _numbers(column, ())
+            arrays[NUMBERS[key]] = as_numbers(column, ())
         elif key in VECTORS:
-            arrays[VECTORS[key]] = _numbers(column, (3,))
+            arrays[VECTORS[key]] = as_numbers(column, (3,))
         elif vector in VECTORS:
             name = VECTORS[vector]
             arrays.setdefault(name, np.tile(nominal[name], (count, 1)))
-            arrays[name][:, int(entry)] = _numbers(column, ())
+            arrays[name][:, int(entry)] = as_numbers(column, ())
     fits = np.ones(count, dtype=bool)
     for name, array in arrays.items():
         fits &= _accepted(name, array, problem.task.planar)
@@ -110,26 +106,11 @@ def arrays_of(
     return arrays, fits
 
 
-def _numbers(column: Array | Sequence[Any], shape: tuple[int, ...]) -> Array:
-    """Values as an array, NaN where one is not a number or list of numbers of the shape."""
-    if isinstance(column, np.ndarray):
-        return column if column.shape[1:] == shape else np.full((len(column), *shape), np.nan)
-    return np.array([_row(value, shape) for value in column]).reshape(-1, *shape)
-
-
-def _row(value: Any, shape: tuple[int, ...]) -> Any:
-    entries = value if shape else [value]
-    numbers = isinstance(entries, list) and len(entries) == int(np.prod(shape))
-    if numbers and all(isinstance(v, int | float) and not isinstance(v, bool) for v in entries):
-        return value
-    return np.full(shape, np.nan)
-
-
 def _attitudes(key: str, column: Array | Sequence[Any]) -> Array:
     """Unit quaternions of attitudes or headings in degrees."""
     if key == "heading_deg":
-        return heading_quaternion(np.radians(_numbers(column, ())))
-    quaternions = _numbers(column, (4,))
+        return heading_quaternion(np.radians(as_numbers(column, ())))
+    quaternions = as_numbers(column, (4,))
     norms = np.linalg.norm(quaternions, axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.where(np.abs(norms - 1.0) <= _UNIT, quaternions / norms, np.nan))
@@ -143,7 +124,7 @@ def _accepted(name: str, array: Array, planar: bool) -> BoolArray:
         if name == "durations":
             accepted &= rows[:, 0] > 0.0
         elif name == "scale_mass":
-            accepted &= (rows[:, 0] >= _MASS_FACTORS[0]) & (rows[:, 0] <= _MASS_FACTORS[1])
+            accepted &= (rows[:, 0] >= MASS_FACTORS[0]) & (rows[:, 0] <= MASS_FACTORS[1])
         elif name == "thresholds":
             accepted &= rows[:, 0] >= 0.0
         elif planar:

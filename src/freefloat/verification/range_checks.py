@@ -183,7 +183,9 @@ def _tolerance_check(
     def values(deviations: Array) -> Array:
         K = len(deviations)
         states = np.tile(start.attitude, (K, 1)), np.tile(start.joints, (K, 1))
-        motions = evaluator.integrator.integrate(*states, Systems.of(problem, problem.momentum + deviations))
+        motions = evaluator.integrator.integrate(
+            *states, Systems.of(problem, problem.momentum + deviations)
+        )
         return regularity(motions, problem.margin.threshold)
 
     outside = violations(values, tolerated, _MOMENTUM_EFFORT, _SEED)

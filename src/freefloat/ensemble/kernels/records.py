@@ -14,8 +14,8 @@ from freefloat.so3 import Array
 FRAME_COLUMNS, BODY_COLUMNS, JOINT_COLUMNS, CONE_COLUMNS = 6, 10, 15, 13
 """Numbers of columns of ``Robot.joints``, of bodies, ``Workspace.momenta`` and ``Cones.table``."""
 BASE, TOTAL_MASS, REACH, BODIES = 0, 12, 13, 14
-"""First places of what ``Robot.properties`` has: link frame 0 in the spacecraft frame, x, y and z axes
-and origin; total mass; reach; rows of the bodies; coefficients of the measure ``arm``."""
+"""First places of what ``Robot.properties`` has: link frame 0 in the spacecraft frame, x, y and z
+axes and origin; total mass; reach; rows of the bodies; coefficients of the measure ``arm``."""
 (
     SEGMENT, LEG, FORWARD, STEP, BY_TIME, FRESH, TOLERANCE, LAST_ERROR, POSITIVE, SIGN, VALUE,
     LOWEST, LOWEST_AT, HIGHEST, SMALLEST, LARGEST, SPEED, STATUS_ROWS,

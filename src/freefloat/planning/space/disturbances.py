@@ -52,9 +52,7 @@ def tolerance(integrator: EnsembleIntegrator, attitude: Array, joints: Array) ->
     def motions(momenta: Array, wheels: Array = wheels, drifts: Array = drift) -> EnsembleResult:
         K = len(momenta)
         states = np.broadcast_to(attitude, (K, 4)), np.broadcast_to(joints, (K, len(joints)))
-        return integrator.integrate(
-            *states, Systems(momenta, wheels, drifts), stop_below=threshold
-        )
+        return integrator.integrate(*states, Systems(momenta, wheels, drifts), stop_below=threshold)
 
     def scaled(powers: Array, _: IntArray) -> tuple[Array, Flags]:
         factors = np.exp(powers)[:, None]

@@ -1,0 +1,240 @@
+"""Robots of many runs: factors on links, spacecraft, payload and mount as they vary in studies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from freefloat.dynamics.link_frames import inertial_row
+from freefloat.ensemble.robots import Robots
+from freefloat.io.scenario.robot_section import RobotSection
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, BoolArray, IntArray, Pose
+from freefloat.studies.value_columns import as_numbers
+
+SCALE_MASS = "robot.scale_mass"
+MASS_FACTORS = 1e-2, 1e2
+"""Factors beyond which a robot is built and checked."""
+_FIELDS = {
+    "robot.spacecraft": ("mass", "inertia", "com", "mount.xyz", "mount.rpy"),
+    "robot.payload": ("mass", "inertia", "com"),
+}
+"""Keys of parts whose values may differ between the robots of an ensemble."""
+_VECTORS = ("com", "mount.xyz", "mount.rpy")
+"""Fields whose entries may vary, as com.2."""
+_LARGEST = 1e9
+_TRIANGLE = 1e-9
+Column = Array | Sequence[Any]
+
+
+def is_robot_key(key: str) -> bool:
+    """Whether runs that differ in a key have robots with the same joints."""
+    link = key.removeprefix(f"{SCALE_MASS}.")
+    return (link != key and "." not in link) or _field_of(key) is not None
+
+
+def vary_robots(keys: Iterable[str], listed: Mapping[str, Sequence[Any]]) -> bool:
+    """Whether runs have robots that no factor on all links makes equal."""
+    maps = any(isinstance(value, dict) for value in listed.get(SCALE_MASS, ()))
+    return maps or any(is_robot_key(key) for key in keys)
+
+
+def _field_of(key: str) -> tuple[str, str, int | None] | None:
+    """Part, field and index of the entry, None for all, that a key names."""
+    whole, _, entry = key.rpartition(".")
+    for part, fields in _FIELDS.items():
+        for field in fields:
+            if key == f"{part}.{field}":
+                return part, field, None
+            if whole == f"{part}.{field}" and entry in ("0", "1", "2") and field in _VECTORS:
+                return part, field, int(entry)
+    return None
+
+
+def uniform_factors(column: Column) -> Column:
+    """Values of the factor on all links; 1 where a map has one for each."""
+    if isinstance(column, np.ndarray):
+        return column
+    return [1.0 if isinstance(value, dict) else value for value in column]
+
+
+def nominal_values(parameters: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of the varied keys for the robot of which those of the runs are variations.
+
+    Factors are 1. A part has the values of the base scenario, one that it does not have those of
+    the parameters of a run.
+    """
+    values: dict[str, Any] = {}
+    for key, value in parameters.items():
+        field = _field_of(key)
+        if key == SCALE_MASS or (is_robot_key(key) and field is None):
+            values[key] = 1.0
+        elif field is not None and field[0].removeprefix("robot.") not in base.get("robot", {}):
+            values[key] = value
+    return values
+
+
+@dataclass(frozen=True, eq=False)
+class VariedRobot:
+    """The robot of runs that differ in masses, inertias and mounts.
+
+    Attributes:
+        model: The robot with nominal values.
+        section: Its section in the scenario.
+        model_of: Builds the model of a run.
+    """
+
+    model: FreeFloatingModel
+    section: RobotSection
+    model_of: Callable[[int], FreeFloatingModel]
+
+    def robots(
+        self, values: Mapping[str, Column], numbers: IntArray
+    ) -> tuple[Robots | None, BoolArray]:
+        """The robots of runs, and which runs' values are accepted; others have nominal ones.
+
+        Args:
+            values: Values of the runs by key.
+            numbers: Numbers of the runs, shape (K,).
+
+        Returns:
+            None for the robots where all are the nominal one.
+        """
+        count, places = len(numbers), self.model.link_places
+        factors, fields = _link_factors(values, count), self._fields(values, count)
+        if not factors and not fields:
+            return None, np.ones(count, dtype=bool)
+        accepted = [_is_accepted(key, array) for key, array in fields.items()]
+        accepted += [
+            _within(factor, *MASS_FACTORS) & (link in places) for link, factor in factors.items()
+        ]
+        if self.section.attached and any(".mount." in key for key in fields):
+            accepted.append(np.zeros(count, dtype=bool))
+        fits = np.asarray(np.logical_and.reduce(accepted))
+        factors = {link: np.where(fits, factor, 1.0) for link, factor in factors.items()
+                   if link in places}  # fmt: skip
+        fields = {
+            key: np.where(fits.reshape(-1, *(1,) * (array.ndim - 1)), array, self._nominal(key))
+            for key, array in fields.items()
+        }
+        rows = {
+            link: self._row(part, fields, count) * self._nominal_factor(link)
+            for part, link in self._links.items()
+            if any(f"{part}.{name}" in fields for name in ("mass", "inertia", "com"))
+        }
+        robots = Robots.of(
+            self.model, numbers, self.model_of, factors=factors, rows=rows,
+            mounts=self._mounts(fields, count),
+        )  # fmt: skip
+        return robots, fits
+
+    @property
+    def _links(self) -> dict[str, str]:
+        """Links of the parts: a spacecraft is the root, a payload is added last."""
+        description = self.model.description
+        return {"robot.spacecraft": description.roots[0],
+                "robot.payload": description.links[-1].name}  # fmt: skip
+
+    def _fields(self, values: Mapping[str, Column], count: int) -> dict[str, Array]:
+        """Values of the varied fields of parts, (K, ...), NaN where they are no such numbers."""
+        fields: dict[str, Array] = {}
+        for key, column in values.items():
+            found = _field_of(key)
+            if found is None:
+                continue
+            part, name, index = found
+            field = f"{part}.{name}"
+            nominal = self._nominal(field)
+            if name == "inertia":
+                fields[field] = _matrices(as_numbers(column, _moments_shape(column[0])))
+            elif index is None:
+                fields[field] = as_numbers(column, nominal.shape)
+            else:
+                fields.setdefault(field, np.tile(nominal, (count, 1)))
+                fields[field][:, index] = as_numbers(column, ())
+        return fields
+
+    def _nominal(self, key: str) -> Array:
+        """The value of a field in the section, an inertia as a matrix."""
+        node: Any = self.section
+        for name in key.removeprefix("robot.").split("."):
+            node = getattr(node, name)
+        value = np.array(node, dtype=float)
+        return _matrices(value) if key.endswith("inertia") else value
+
+    def _row(self, part: str, fields: Mapping[str, Array], count: int) -> Array:
+        """Mass, first moment and inertia of a part in its link's frame, shape (K, 10)."""
+        mass, com, inertia = (
+            fields.get(f"{part}.{name}", self._nominal(f"{part}.{name}"))
+            for name in ("mass", "com", "inertia")
+        )
+        return inertial_row(np.broadcast_to(mass, count), np.broadcast_to(com, (count, 3)), inertia)
+
+    def _nominal_factor(self, link: str) -> float:
+        """The factor on mass and inertia of a link that the section has."""
+        scale = self.section.scale_mass
+        return scale.get(link, 1.0) if isinstance(scale, dict) else scale
+
+    def _mounts(self, fields: Mapping[str, Array], count: int) -> tuple[Pose, Array, Array] | None:
+        """The mount of the section, and positions and rotations of those of the runs."""
+        keys = [f"robot.spacecraft.mount.{name}" for name in ("xyz", "rpy")]
+        craft = self.section.spacecraft
+        if craft is None or not any(key in fields for key in keys):
+            return None
+        xyz, rpy = (np.broadcast_to(fields.get(key, self._nominal(key)), (count, 3))
+                    for key in keys)  # fmt: skip
+        return craft.mount.to_mount().pose, xyz, Rotation.from_euler("xyz", rpy).as_matrix()
+
+
+def _link_factors(values: Mapping[str, Column], count: int) -> dict[str, Array]:
+    """Factors on links by name, shape (K,), NaN where one is not a number."""
+    factors: dict[str, Array] = {}
+    for key, column in values.items():
+        if key.startswith(f"{SCALE_MASS}."):
+            factors[key.removeprefix(f"{SCALE_MASS}.")] = as_numbers(column, ())
+        elif key == SCALE_MASS and not isinstance(column, np.ndarray):
+            maps = [value if isinstance(value, dict) else {} for value in column]
+            for link in {name: None for entry in maps for name in entry}:
+                factors[link] = as_numbers([entry.get(link, 1.0) for entry in maps], ())
+    return factors
+
+
+def _moments_shape(value: Any) -> tuple[int]:
+    """The shape of an inertia that is written as three or six moments."""
+    return (6,) if np.shape(value) == (6,) else (3,)
+
+
+def _matrices(inertia: Array) -> Array:
+    """Inertias as matrices (..., 3, 3), from three or six moments or matrices."""
+    if inertia.shape[-2:] == (3, 3):
+        return inertia
+    if inertia.shape[-1] == 6:
+        return inertia[..., [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+    return np.asarray(inertia[..., None] * np.eye(3))
+
+
+def _within(array: Array, low: float, high: float) -> BoolArray:
+    """Whether all numbers of each row are within bounds."""
+    rows = array.reshape(len(array), -1)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(((rows >= low) & (rows <= high)).all(axis=1))
+
+
+def _is_accepted(key: str, array: Array) -> BoolArray:
+    """Which values of a field scenarios accept, shape (K,)."""
+    name = key.rpartition(".")[2]
+    if name == "mass":
+        return _within(array, float(np.finfo(float).tiny), _LARGEST)
+    if name == "rpy":
+        return _within(array, -2.0 * np.pi, 2.0 * np.pi)
+    accepted = _within(array, -_LARGEST, _LARGEST)
+    if name == "inertia":
+        matrices = np.where(accepted[:, None, None], array, np.eye(3))
+        least, middle, largest = np.linalg.eigvalsh(matrices).T
+        symmetric = (matrices == matrices.swapaxes(1, 2)).all(axis=(1, 2))
+        accepted &= symmetric & (least > 0.0) & (least + middle >= largest * (1.0 - _TRIANGLE))
+    return accepted
