@@ -388,7 +388,7 @@ def test_rates_at_the_start_count(spatial: ff.Problem, when: float) -> None:
     solver = replace(spatial, momentum=momentum).resolved_rate_solver()
     first = solver.rates(state.attitude, state.joints, spatial.path.twist(when))[1]
     start = state.attitude[None], state.joints[None]
-    options = {"momenta": momentum, "starts": np.array([when])}
+    options = {"systems": Systems.of(spatial, momentum), "starts": np.array([when])}
     integrator = EnsembleIntegrator(spatial, 1)
     result = integrator.integrate(*start, ends=np.array([when + 1e-3]), **options)
     np.testing.assert_allclose(result.rates[0], np.abs(first), rtol=1e-2)

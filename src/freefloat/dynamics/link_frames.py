@@ -152,6 +152,8 @@ def in_frame(rows: Array, rotation: Array, position: Array) -> Array:
         rotation: From that frame into the other, shape (..., 3, 3).
         position: Of that frame's origin in the other [m], shape (..., 3).
     """
+    shape = np.broadcast_shapes(rows.shape[:-1], rotation.shape[:-2])
+    rows = np.broadcast_to(rows, (*shape, 10))
     m, (xx, yy, zz, yz, zx, xy) = rows[..., :1], np.moveaxis(rows[..., 4:], -1, 0)
     matrix = np.stack([xx, xy, zx, xy, yy, yz, zx, yz, zz], axis=-1).reshape(*xx.shape, 3, 3)
     moment = (rotation @ rows[..., 1:4, None])[..., 0]

@@ -42,6 +42,8 @@ _NEAR, _STILL_NEAR = 1e-4, 1e-5
 at the strict tolerance do not decide; their errors are a tenth of these at most."""
 _SINGULAR_RATIO = 1e-3
 """Smallest over largest det S* below which relative errors of the minimum are large."""
+_EQUAL = 1e-5
+"""Relative difference of margins that errors of the ensemble may cause."""
 _FIRST_PASS = 0.8
 """Fraction of the progress at which the first ensemble is done."""
 _CODES = {Ending.COMPLETED: COMPLETED, Ending.SINGULAR: SINGULAR}
@@ -268,17 +270,19 @@ def _decide_precisely(
 def _best(owners: IntArray, motions: EnsembleResult, count: int) -> IntArray:
     """Of the motions of each of ``count`` owners the one that simulate prefers; -1 without any.
 
-    Completion first, then the minimum margin, to six digits; of equals the first.
+    Completion first, then the minimum margin; of nearly equal ones, such as those of mirrored arm
+    branches, the first.
     """
     completed = motions.endings == COMPLETED
-    merits = np.where(completed, motions.minimum, motions.ended_at)
-    with np.errstate(divide="ignore"):
-        digits = np.floor(np.log10(np.where(merits > 0.0, merits, 1.0)))
-    merits = np.round(merits * 10.0 ** (5.0 - digits)) * 10.0 ** (digits - 5.0)
-    order = np.lexsort([-merits, ~completed, owners])
+    anywhere, largest = np.zeros(count, dtype=bool), np.full(count, -np.inf)
+    np.logical_or.at(anywhere, owners, completed)
+    candidates = np.flatnonzero(completed == anywhere[owners])
+    merits = np.where(completed, motions.minimum, motions.ended_at)[candidates]
+    np.maximum.at(largest, owners[candidates], merits)
+    candidates = candidates[merits >= (1.0 - _EQUAL) * largest[owners[candidates]]]
     best = np.full(count, -1)
-    distinct, places = np.unique(owners[order], return_index=True)
-    best[distinct] = order[places]
+    distinct, places = np.unique(owners[candidates], return_index=True)
+    best[distinct] = candidates[places]
     return best
 
 

@@ -1,0 +1,169 @@
+"""Compare runs that ensembles decide with runs on their own: ``python scripts/verify_studies.py``.
+
+Momentum, duration, attitude, margin and the robot (masses of links, payload, spacecraft, mount)
+vary in studies of four robots. Verdicts must be equal and minimum margins agree to 1e-4; so must
+the minimum margins of motions that SciPy integrates with Pinocchio's matrices. ``--runs`` is the
+number for each robot, ``--scipy`` that of motions by SciPy, ``--seed`` selects others.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from benchmarks.plain import PlainMotion
+from rich.console import Console
+from rich.table import Table
+from scipy.integrate import solve_ivp
+from scipy.optimize import minimize_scalar
+
+import freefloat as ff
+from freefloat.robot.names import find_scenario
+from freefloat.studies.row import Row
+from freefloat.studies.run import Run, execute
+from freefloat.studies.study import Study
+
+NEAR = 1e-4
+"""Permitted relative difference of minimum margins."""
+PAYLOAD = {
+    "robot.payload.mass": {"uniform": [1, 20]},
+    "robot.payload.com": {"uniform": [[-0.1, -0.1, -0.1], [0.1, 0.1, 0.2]]},
+    "robot.payload.inertia": {"uniform": [[0.4, 0.4, 0.4], [0.7, 0.7, 0.7]]},
+}
+CASES: dict[str, tuple[str, dict[str, Any], dict[str, Any], tuple[str, ...]]] = {
+    "Example 2": ("spatial_6dof/line", {}, {
+        "attitude": {"so3": {}}, "timing.duration": {"uniform": [50, 200]},
+        "momentum": {"ball": {"center": [0.5, 0.3, 0.1], "radius": 1.0}},
+        "margin.value": {"uniform": [0.5, 12]}, **PAYLOAD,
+    }, ("spacecraft", "link_2", "link_3", "link_6")),
+    "a UR5": ("ur5_servicer/arc", {"margin": {"measure": "gjm", "value": 0.02}, "limits": {}}, {
+        "attitude": {"so3": {"center": [0, 0, 0, 1], "angle_deg": 40.0}},
+        "timing.duration": {"uniform": [20, 80]}, "margin.value": {"uniform": [0.005, 0.1]},
+        "momentum": {"ball": {"center": [0, 0, 0], "radius": 0.5}},
+        "robot.spacecraft.mass": {"uniform": [100, 300]},
+        "robot.spacecraft.inertia": {"uniform": [[20, 25, 30], [40, 40, 45]]},
+        "robot.spacecraft.com": {"uniform": [[-0.1, -0.1, -0.1], [0.1, 0.1, 0.1]]},
+        "robot.spacecraft.mount.xyz": {"uniform": [[-0.05, -0.05, 0.45], [0.05, 0.05, 0.55]]},
+        "robot.spacecraft.mount.rpy": {"uniform": [[-0.1, -0.1, -0.1], [0.1, 0.1, 0.1]]},
+        **PAYLOAD,
+    }, ("upper_arm_link", "forearm_link", "wrist_1_link")),
+    "seven joints": ("panda_servicer/line", {"margin": {"measure": "gjm", "value": 0.02},
+                                             "limits": {}}, {
+        "momentum": {"ball": {"center": [0, 0, 0], "radius": 1.0}},
+        "timing.duration": {"uniform": [15, 60]}, "robot.payload.mass": {"uniform": [1, 20]},
+        "robot.payload.inertia": {"list": [[0.5, 0.5, 0.5]]},
+        "robot.spacecraft.mount.xyz.2": {"uniform": [0.35, 0.45]},
+    }, ("spacecraft", "panda_link2", "panda_link5")),
+    "Example 1": ("planar_3dof/parabola_nonstop", {}, {
+        "heading_deg": {"uniform": [0, 360]}, "timing.duration": {"uniform": [50, 200]},
+        "momentum.2": {"uniform": [-1, 1.5]}, "margin.value": {"uniform": [1, 20]},
+        "robot.payload.mass": {"uniform": [1, 30]},
+        "robot.payload.inertia": {"list": [[0.5, 0.5, 0.5]]},
+    }, ("spacecraft", "link_1", "link_2", "link_3")),
+}  # fmt: skip
+"""Base scenario, changes to it, varied keys, and links with factors of their own."""
+STARTS: dict[str, dict[str, Any]] = {"a UR5": {"branch": 2},
+                                     "seven joints": {"attitude": [0, 0, 0, 1]}}  # fmt: skip
+
+
+def write_study(name: str, runs: int, seed: int, folder: Path) -> Study:
+    """Write a study and its base scenario."""
+    scenario, changes, vary, links = CASES[name]
+    source = find_scenario(scenario)
+    base = yaml.safe_load(source.read_text("utf-8")) | changes
+    if not base["robot"]["urdf"].startswith("example-robot-data"):
+        base["robot"]["urdf"] = str(source.parent / base["robot"]["urdf"])
+    if "search" in base:
+        del base["search"]
+    (folder / "base.yaml").write_text(yaml.safe_dump(base), "utf-8")
+    factors = {f"robot.scale_mass.{link}": {"uniform": [0.8, 1.25]} for link in links}
+    document = {"base": "base.yaml", "command": "simulate", "cases": runs, "seed": seed,
+                "files": "none", **STARTS.get(name, {}), "vary": vary | factors}  # fmt: skip
+    (folder / "study.yaml").write_text(yaml.safe_dump(document), "utf-8")
+    return ff.load_study(folder / "study.yaml")
+
+
+def by_scipy(study: Study, number: int, row: Row) -> float:
+    """The minimum margin of the motion of a row, by an integration without freefloat."""
+    problem = study.scenario(number).problem()
+    plain, measure = PlainMotion(problem), problem.margin.measure
+    solution = solve_ivp(
+        plain.rates, (0.0, problem.path.duration), [*row.attitude, *row.joints], method="DOP853",
+        rtol=1e-9, atol=1e-9, dense_output=True,
+    )  # fmt: skip
+
+    def value(t: float) -> float:
+        return abs(measure(solution.sol(t)[4:]))
+
+    times = np.linspace(0.0, problem.path.duration, 1001)
+    k = int(np.argmin([value(t) for t in times]))
+    bounds = times[max(k - 1, 0)], times[min(k + 1, 1000)]
+    return float(minimize_scalar(value, bounds=bounds, method="bounded").fun)
+
+
+def compare(name: str, options: argparse.Namespace, pool: ProcessPoolExecutor) -> dict[str, Any]:
+    """What differs between the rows of a study and those of its runs on their own."""
+    with tempfile.TemporaryDirectory() as place:
+        study = write_study(name, options.runs, options.seed, Path(place))
+        rows = dict(ff.run_study(study, Path(place) / "out", report=False, workers=1).rows)
+        decided = [k for k, row in rows.items() if (row.decided_by or "").startswith("ensemble")]
+        decided += [k for k, row in rows.items() if row.decided_by == "motion"]
+        alone = pool.map(execute, [Run.of(study, k) for k in decided], chunksize=8)
+        wrong, differences, singular = [], [0.0], 0
+        for number, result in zip(decided, alone, strict=True):
+            row, single = rows[number], result.row
+            singular += not row.completed
+            difference = abs((row.margin or 0.0) - (single.margin or 0.0))
+            differences.append(difference / max(single.margin or 0.0, 1e-12))
+            same = (row.verdict, row.completed, row.branch) == (
+                single.verdict, single.completed, single.branch,
+            )  # fmt: skip
+            if not same or differences[-1] > NEAR:
+                wrong.append(f"{name} run {number}: {row.verdict} {row.margin} branch {row.branch}"
+                             f" ({row.decided_by}); alone {single.verdict} {single.margin} branch "
+                             f"{single.branch} {single.error or ''}")  # fmt: skip
+        complete = [k for k in decided if rows[k].completed][: options.scipy]
+        minima = [by_scipy(study, k, rows[k]) for k in complete]
+    scipy = [abs(minimum / rows[k].margin - 1.0) for k, minimum in zip(complete, minima, strict=True)]
+    wrong += [f"{name} run {k}: {rows[k].margin}, SciPy {minimum}"
+              for k, minimum, error in zip(complete, minima, scipy, strict=True)
+              if error > NEAR]  # fmt: skip
+    counts = [sum(row.decided_by == who for row in rows.values())
+              for who in ("ensemble", "ensemble at 1e-10", "motion")]  # fmt: skip
+    return {"robot": name, "runs": len(rows), "ensemble": counts[0], "at 1e-10": counts[1],
+            "motion": counts[2], "singular": singular, "largest difference": max(differences),
+            "from SciPy": max(scipy, default=0.0), "wrong": wrong}  # fmt: skip
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", default=list(CASES), help="all robots when left out")
+    parser.add_argument("--runs", type=int, default=300)
+    parser.add_argument("--scipy", type=int, default=8)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    with ProcessPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        results = [compare(name, options, pool) for name in options.names]
+    table = Table(title="runs that ensembles decide against runs on their own")
+    for column in results[0]:
+        table.add_column(column)
+    for result in results:
+        *cells, wrong = result.values()
+        words = (f"{cell:.1e}" if isinstance(cell, float) else str(cell) for cell in cells)
+        table.add_row(*words, str(len(wrong)))
+    Console(width=120).print(table)
+    for result in results:
+        for line in result["wrong"]:
+            print(line)
+    return 1 if any(result["wrong"] for result in results) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
