@@ -9,81 +9,144 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from shutil import rmtree
+from typing import Any, NamedTuple
 
 import numpy as np
+import yaml
 
 import freefloat as ff
 from benchmarks.costs import PROGRAM, run
-from benchmarks.motions import ATTITUDE
 from benchmarks.plain import PlainMotion
 from benchmarks.result import Result, race
-from freefloat.robot.names import find_study
+from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.ensemble.robots import Robots
+from freefloat.ensemble.systems import Systems
+from freefloat.robot.names import find_scenario, find_study
+from freefloat.studies.database import DATABASE
+from freefloat.studies.stored_rows import StoredRows
 
 STUDY = "spatial_6dof/montecarlo"
 AGAINST = "the plain loop at 1e-6, time of {} of the motions, multiplied"
+SLOWER = 1.0 / 1.08
+"""Ratio of a motion with the problem's robot and one with a robot of its own."""
 
 
-def studies(quick: bool) -> list[Result]:
-    """The bundled Monte Carlo with more runs; the plain loop integrates some of its motions."""
-    picks = 2 if quick else 24
-    problem = ff.load_scenario("spatial_6dof/line").problem()
-    joints = ff.simulate(problem, ATTITUDE).chosen.branch.joints
-    momenta = [run["momentum"] for run in map(ff.load_study(STUDY).parameters, range(picks))]
+class Case(NamedTuple):
+    """A study."""
 
-    def loop() -> None:
-        for momentum in momenta:
-            disturbed = replace(problem, momentum=np.array(momentum))
-            PlainMotion(disturbed).minimum(ATTITUDE, joints)
+    name: str
+    document: dict[str, Any]
+    links: tuple[str, ...]  # with mass factors of their own
+    base: dict[str, Any]  # changes to the base scenario
+    runs: int
+    limit: float | None = None  # of the duration [s]
+    wanted: float | None = None  # ratio of the plain loop's processor time
 
-    cases = ((10_000, 3.0, 3), (100_000, 9.0, 3), (1_000_000, 90.0, 1))
+
+def cases() -> list[Case]:
+    """The bundled Monte Carlo, without and with a robot for each run, and studies of other arms."""
+    bundled = yaml.safe_load(find_study(STUDY).read_text("utf-8"))
+    by_link = bundled | {"vary": {key: values for key, values in bundled["vary"].items()
+                                  if key != "robot.scale_mass"}}  # fmt: skip
+    links = ("spacecraft", *(f"link_{k}" for k in range(1, 7)))
+    momentum = {"momentum": {"ball": {"center": [0, 0, 0], "radius": 0.2}}}
+    ur5 = {"base": "ur5_servicer/arc", "command": "simulate", "attitude": [0, 0, 0, 1], "seed": 7,
+           "vary": momentum}  # fmt: skip
+    panda = ur5 | {"base": "panda_servicer/line", "attitude": [0, 0, 0.2, 0.98]}
+    margin = {"margin": {"measure": "gjm", "value": 0.01}, "limits": {}}
+    arm = ("upper_arm_link", "forearm_link", "wrist_1_link", "wrist_2_link", "wrist_3_link")
+    panda_links = tuple(f"panda_link{k}" for k in range(1, 8))
+    factors = " and a mass factor for each link"
     return [
-        result
-        for runs, limit, rounds in (((200, 3.0, 1),) if quick else cases)
-        for result in _study(runs, limit, rounds, loop, picks)
-    ]
-
-
-def _study(
-    runs: int, limit: float, rounds: int, loop: Callable[[], None], picks: int
-) -> list[Result]:
-    """Duration of a study and its processor time, alternating with the plain loop."""
-    times = []
-    with tempfile.TemporaryDirectory() as place:
-        file, out = Path(place) / "study.yaml", Path(place) / "out"
-        text = find_study(STUDY).read_text("utf-8").replace("cases: 200", f"cases: {runs}")
-        file.write_text(text, "utf-8")
-        command = run(PROGRAM, "batch", str(file), "-o", str(out), "--quiet")
-        command()
-        for _ in range(rounds):
-            rmtree(out)
-            begin, before, alone = time.perf_counter(), _children(), time.process_time()
-            command()
-            wall, after = time.perf_counter() - begin, _children()
-            loop()
-            times.append((wall, after - before, time.process_time() - alone))
-    wall, processor, plain = np.min(times, axis=0).tolist()
-    name = f"`freefloat batch {STUDY}` with {runs:,} runs"
-    wanted = 200.0 if runs >= 100_000 else None
-    return [
-        Result(name, wall, limit=limit, remark="from start to exit"),
-        Result(name, processor, AGAINST.format(picks), plain / picks * runs, wanted,
-               remark="processor time"),
+        Case(STUDY, bundled, (), {}, 10_000, 3.0),
+        Case(STUDY, bundled, (), {}, 100_000, 9.0, 200.0),
+        Case(STUDY + factors, by_link, links, {}, 10_000, 4.0),
+        Case(STUDY + factors, by_link, links, {}, 100_000, 15.0, 200.0),
+        Case("a study of a UR5" + factors, ur5, arm, margin, 20_000, None, 100.0),
+        Case("a study of seven joints" + factors, panda, panda_links, margin, 20_000, None, 100.0),
     ]  # fmt: skip
 
 
-def _children() -> float:
-    """Processor time of the processes that ended [s]."""
-    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return usage.ru_utime + usage.ru_stime
+def write_study(case: Case, runs: int, folder: Path) -> Path:
+    """Write a study, and its base scenario if that is changed."""
+    document = case.document | {"cases": runs, "files": "none"}
+    document["vary"] = document["vary"] | {
+        f"robot.scale_mass.{link}": {"uniform": [0.95, 1.05]} for link in case.links
+    }
+    if case.base:
+        base = yaml.safe_load(find_scenario(document["base"]).read_text("utf-8")) | case.base
+        (folder / "base.yaml").write_text(yaml.safe_dump(base), "utf-8")
+        document["base"] = "base.yaml"
+    file = folder / "study.yaml"
+    file.write_text(yaml.safe_dump(document), "utf-8")
+    return file
 
 
-def many_motions(quick: bool) -> list[Result]:
+def processor_time(work: Callable[[], object]) -> tuple[float, float]:
+    """Duration and processor time of a function and the processes that it starts [s]."""
+
+    def used() -> float:
+        processes = resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN
+        usages = [resource.getrusage(process) for process in processes]
+        return sum(usage.ru_utime + usage.ru_stime for usage in usages)
+
+    start, before = time.perf_counter(), used()
+    work()
+    return time.perf_counter() - start, used() - before
+
+
+def study(case: Case, quick: bool) -> list[Result]:
+    """A study and the plain loop on some of its runs, alternately."""
+    picks, runs = (2, 100) if quick else (24, case.runs)
+    with tempfile.TemporaryDirectory() as place:
+        file, out = write_study(case, runs, Path(place)), Path(place) / "out"
+        command = run(PROGRAM, "batch", str(file), "-o", str(out), "--quiet")
+        command()
+        rows, loaded = StoredRows(out / DATABASE), ff.load_study(file)
+        starts = [(rows[k].attitude, rows[k].joints) for k in range(picks)]
+        motions = [PlainMotion(loaded.scenario(k).problem()) for k in range(picks)]
+
+        def loop() -> None:
+            for motion, start in zip(motions, starts, strict=True):
+                motion.minimum(*map(np.array, start))
+
+        best = np.full(3, np.inf)
+        for _ in range(1 if quick else 3):
+            rmtree(out)
+            best = np.minimum(best, [*processor_time(command), processor_time(loop)[1]])
+    seconds, ours, sample = best.tolist()
+    words = f"`freefloat batch` of {case.name}, {runs:,} runs"
+    return [
+        Result(words, seconds, limit=case.limit),
+        Result(f"processor time of {words}", ours, AGAINST.format(picks), sample / picks * runs,
+               case.wanted),
+    ]  # fmt: skip
+
+
+def own_robots(scenario: str, name: str, quick: bool) -> Result:
+    """A motion with a robot of its own against one with the robot of the problem."""
+    count, rng = 64 if quick else 4096, np.random.default_rng(2)
+    problem = ff.load_scenario(scenario).problem()
+    attitudes = rng.normal(size=(count, 4))
+    attitudes /= np.linalg.norm(attitudes, axis=1, keepdims=True)
+    branches = problem.many_branches(attitudes)
+    attitudes = attitudes[np.nonzero(branches.exist)[0]][:count]
+    joints, integrator = branches.joints[branches.exist][:count], EnsembleIntegrator(problem, 1)
+    numbers = np.arange(len(joints))
+    robots = Robots.of(problem.model, numbers, lambda number: problem.model, factors={})
+    systems = replace(Systems.of(problem), robots=robots)
+    alike, own = (lambda: integrator.integrate(attitudes, joints),
+                  lambda: integrator.integrate(attitudes, joints, systems))  # fmt: skip
+    alike(), own()
+    seconds, baseline = race(own, alike, rounds=1 if quick else 8)
+    return Result(
+        f"one motion of an ensemble with a robot of its own, {name}", seconds / len(joints),
+        "with the problem's robot", baseline / len(joints), SLOWER,
+    )  # fmt: skip
+
+
+def many_motions(scenario: str, name: str, wanted: float, quick: bool) -> Result:
     """Attitude, momentum, duration and masses disturbed."""
-    scenarios = (("spatial_6dof/line", "Example 2", 400.0), ("ur5_servicer/arc", "a UR5", 100.0))
-    return [_many_motions(*entry, quick) for entry in scenarios]
-
-
-def _many_motions(scenario: str, name: str, wanted: float, quick: bool) -> Result:
     count, picks = (200, 2) if quick else (20_000, 24)
     problem, rng = ff.load_scenario(scenario).problem(), np.random.default_rng(1)
     attitudes = rng.normal(size=(200, 4))
@@ -112,4 +175,10 @@ def _many_motions(scenario: str, name: str, wanted: float, quick: bool) -> Resul
 
 
 def batch_results(quick: bool) -> list[Result]:
-    return [*studies(quick), *many_motions(quick)]
+    results = [result for case in cases() for result in study(case, quick)]
+    for scenario, name, wanted in (
+        ("spatial_6dof/line", "Example 2", 400.0), ("ur5_servicer/arc", "a UR5", 100.0),
+    ):  # fmt: skip
+        results.append(own_robots(scenario, name, quick))
+        results.append(many_motions(scenario, name, wanted, quick))
+    return results

@@ -115,19 +115,21 @@ class ArmPlane:
         Args:
             bodies: As for :meth:`coefficients`, shape (K, 7, 10).
         """
-        unit = np.eye(70).reshape(70, 7, 10)
-        at_base = in_frame(unit, self.axes, self.origins)
-        at_wrist = in_frame(unit, self.axes, self.origins - self.wrist)
-        length = float(np.abs(self.wrist).max())
-        root, links, wrist = at_base[:, 0], at_base[:, :4], at_wrist[:, 4:6]
-        parts = [
-            length * links[..., 1], links[..., 8], links[..., 9],
-            np.stack([length * root[:, 2], root[:, 7], root[:, 4] - root[:, 5]], axis=1),
-            length * wrist[..., 1:4].reshape(70, 6), wrist[..., 4:].reshape(70, 12),
-        ]  # fmt: skip
-        flat, size = bodies.reshape(-1, 70), at_base[:, :, 4:7].sum(axis=(1, 2))
-        defects = np.abs(flat @ np.concatenate(parts, axis=1)).max(axis=1)
-        return np.asarray(defects <= _SYMMETRY * (flat @ size))
+        unit, length = np.eye(10), float(np.abs(self.wrist).max())
+        largest, size = np.zeros((2, len(bodies)))
+        for k in range(len(self.axes)):
+            row = in_frame(unit, self.axes[k], self.origins[k])
+            size += bodies[:, k] @ row[:, 4:7].sum(axis=1)
+            tested = [length * row[:, 1], row[:, 8], row[:, 9]]
+            if k == 0:
+                tested += [length * row[:, 2], row[:, 7], row[:, 4] - row[:, 5]]
+            elif k > 3:
+                row = in_frame(unit, self.axes[k], self.origins[k] - self.wrist)
+                tested = [*(length * row[:, 1:4].T), *row[:, 4:].T]
+            if k < 6:  # the last body does not rotate
+                defects = np.abs(bodies[:, k] @ np.array(tested).T).max(axis=1)
+                largest = np.maximum(largest, defects)
+        return np.asarray(largest <= _SYMMETRY * size)
 
     def _terms(
         self, D: tuple[Array, ...], coupling: tuple[Array, ...], area: tuple[Array, ...]
