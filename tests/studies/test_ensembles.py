@@ -27,6 +27,14 @@ DISTURBED: dict[str, Any] = {
     "timing.duration": {"uniform": [50, 200]},
     "robot.scale_mass": {"normal": {"mean": 1, "sd": 0.1}},
 }
+ROBOTS: dict[str, Any] = {
+    "robot.scale_mass.spacecraft": {"uniform": [0.8, 1.2]},
+    "robot.scale_mass.link_2": {"uniform": [0.5, 2.0]},
+    "robot.payload.mass": {"uniform": [1.0, 30.0]},
+    "robot.payload.inertia": {"uniform": [[1, 1, 1], [1.5, 1.5, 1.5]]},
+    "robot.payload.com.0": {"uniform": [-0.2, 0.2]},
+    "momentum.2": {"uniform": [-1.0, 1.5]},
+}
 MARGINS: dict[str, Any] = {"margin.value": {"uniform": [2.0, 30.0]}}
 
 
@@ -61,6 +69,7 @@ def rows_of(study: Study, folder: Path) -> list[Row]:
     ("vary", "keys"),
     [
         (DISTURBED | MARGINS, {}),
+        (ROBOTS | MARGINS | {"heading_deg": {"uniform": [130.0, 230.0]}}, {}),
         (DISTURBED | {"heading_deg": {"uniform": [130.0, 230.0]}}, {}),
         (DISTURBED | {"heading_deg": {"normal": {"mean": 150.0, "sd": 60.0}}}, {"branch": 1}),
         (DISTURBED, {"base": BASE | {"margin": {"measure": "gjm", "fraction": 0.3}}}),
@@ -106,6 +115,29 @@ def test_few_and_other_runs_are_executed_alone(
     assert (group_numbers(a_study(tmp_path, vary, **keys)) == -1).all()
 
 
+@pytest.mark.slow
+def test_mounts_and_spacecraft_vary(tmp_path: Path) -> None:
+    spacecraft = {"mass": 200, "inertia": [35, 35, 35], "mount": {"xyz": [0, 0, 0.5]}}
+    robot = {"urdf": "example-robot-data:ur5", "end_effector": "tool0", "spacecraft": spacecraft}
+    line = {"line": {"from": [0.6, 0, 0.75], "to": [0.5, 0.2, 0.75]},
+            "attitude": {"fixed": {"rpy": [0, 1.5707963268, 0]}}}  # fmt: skip
+    base = {"robot": robot, "task": "pose", "path": line, "timing": {"duration": 20},
+            "margin": {"measure": "gjm", "value": 0.03}}  # fmt: skip
+    vary = {
+        "robot.spacecraft.mass": {"uniform": [150, 250]},
+        "robot.spacecraft.com": {"uniform": [[-0.1, -0.1, -0.1], [0.1, 0.1, 0.1]]},
+        "robot.spacecraft.mount.xyz.2": {"uniform": [0.45, 0.55]},
+        "robot.spacecraft.mount.rpy": {"uniform": [[-0.1, -0.1, -0.1], [0.1, 0.1, 0.1]]},
+        "robot.scale_mass": {"list": [{"forearm_link": 1.3}, {"spacecraft": 0.9}]},
+    }
+    study = a_study(tmp_path, vary, base=base, cases=16, heading_deg=None,
+                    attitude=[0, 0, 0, 1], files="none")  # fmt: skip
+    rows = rows_of(study, tmp_path / "out")
+    assert all(str(row.decided_by).startswith("ensemble") for row in rows.values())
+    for number in (0, 9, 20, 31):
+        assert_same(rows[number], execute(Run.of(study, number)).row)
+
+
 def test_values_that_are_refused_are_left_to_single_runs(tmp_path: Path) -> None:
     values = [0.5, "much", float("nan"), 1e5, True, *[k / 40 for k in range(20)]]
     vary = {"momentum.2": {"list": values}, "margin.value": {"list": [5, -1]}}
@@ -116,9 +148,19 @@ def test_values_that_are_refused_are_left_to_single_runs(tmp_path: Path) -> None
     assert decided == [0, *range(10, 50, 2)]
 
 
+def test_robots_that_are_refused_are_left_to_single_runs(tmp_path: Path) -> None:
+    masses = [5, "heavy", -1.0, float("nan"), *[k + 1.0 for k in range(12)]]
+    vary = {"robot.payload.mass": {"list": masses},
+            "robot.payload.inertia": {"list": [[1, 1, 1], [1, 1, 3], [1, 1]]}}  # fmt: skip
+    study = a_study(tmp_path, vary, files="none")
+    columns = decided_rows(study, group_numbers(study), np.arange(48), 1)
+    decided = [number for chunk in columns for number in chunk["number"]]
+    assert decided == [0, *range(12, 48, 3)]
+
+
 @pytest.mark.slow
 def test_rows_are_the_same_for_any_chunks_threads_and_interruptions(tmp_path: Path) -> None:
-    study = a_study(tmp_path, DISTURBED, cases=300, files="none")
+    study = a_study(tmp_path, ROBOTS, cases=300, files="none")
     every = rows_of(study, tmp_path / "out")
     connection = sqlite3.connect(tmp_path / "out" / "study.sqlite")
     times = {"seconds": None, "began": None}

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
 from freefloat.errors import InputError
+from freefloat.ik.chain import Chain
 from freefloat.ik.neighbours import neighbouring_configurations
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, BoolArray, IntArray
@@ -86,6 +87,8 @@ def _starts_of_robots(
         if problem.redundant:
             lower, upper = problem.model.joint_ranges
             certain &= ((q >= lower) & (q <= upper)).all(axis=1)
+        else:
+            q = Chain.of(problem.model).into_range(q.T).T
         found = Starts(q[:, None], np.where(certain[:, None], found.branches, -1))
     exact = {
         k: starts_at(
