@@ -29,8 +29,8 @@ DISTURBED: dict[str, Any] = {
 }
 ROBOTS: dict[str, Any] = {
     "robot.scale_mass.spacecraft": {"uniform": [0.8, 1.2]},
-    "robot.scale_mass.link_2": {"uniform": [0.5, 2.0]},
-    "robot.payload.mass": {"uniform": [1.0, 30.0]},
+    "robot.scale_mass.link_2": {"uniform": [0.8, 1.25]},
+    "robot.payload.mass": {"uniform": [1.0, 15.0]},
     "robot.payload.inertia": {"uniform": [[1, 1, 1], [1.5, 1.5, 1.5]]},
     "robot.payload.com.0": {"uniform": [-0.2, 0.2]},
     "momentum.2": {"uniform": [-1.0, 1.5]},
