@@ -106,8 +106,7 @@ class Robots:
         coefficients = np.zeros((len(self), 0, 2))
         if measure == "arm":
             coefficients = ArmPlane.of(self.frames).coefficients(self.bodies)
-        reaches = self.reaches if measure == "sigma" else np.zeros(len(self))
-        return robot_properties(self.base, self.bodies, reaches, coefficients)
+        return robot_properties(self.base, self.bodies, self.reaches, coefficients)
 
     def suit(self, problem: Problem) -> BoolArray:
         """Which robots suit the task and the measure of the model's problem, shape (K,)."""
