@@ -122,8 +122,9 @@ def compare(name: str, options: argparse.Namespace, pool: ProcessPoolExecutor) -
             singular += not row.completed
             difference = abs((row.margin or 0.0) - (single.margin or 0.0))
             differences.append(difference / max(single.margin or 0.0, 1e-12))
-            same = (row.verdict, row.completed) == (single.verdict, single.completed)
-            same &= row.branch == single.branch or name == "seven joints"  # given configurations
+            same = (row.verdict, row.completed, row.branch) == (
+                single.verdict, single.completed, single.branch,
+            )  # fmt: skip
             if not same or differences[-1] > NEAR:
                 wrong.append(f"{name} run {number}: {row.verdict} {row.margin} branch {row.branch}"
                              f" ({row.decided_by}); alone {single.verdict} {single.margin} branch "

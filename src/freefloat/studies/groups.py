@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -19,7 +18,7 @@ from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, BoolArray, IntArray
 from freefloat.studies.document import scenario_from, with_values
-from freefloat.studies.records import branch_choice, undisturbed_joints
+from freefloat.studies.records import branch_choice
 from freefloat.studies.robot_values import (
     SCALE_MASS,
     VariedRobot,
@@ -166,9 +165,6 @@ def _group(study: Study, number: int) -> Group | None:
                 None, study.base, problem, attitude, study.base_source.absolute()
             )
             branch, joints = choice.get("branch"), choice.get("joints")
-            if several and problem.redundant:  # where Newton's method of each robot begins
-                source = study.base_source.absolute()
-                joints = undisturbed_joints(json.dumps(study.base), source, tuple(attitude))
     elif content.branch is None and unvaried is None:
         return None
     return Group(

@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from freefloat.errors import InputError, UnreachableError, finite_number
-from freefloat.ik.nearest import newton_configuration
 from freefloat.motion.problem import Problem
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation, simulate
-from freefloat.so3 import Array, rotation_matrix
+from freefloat.so3 import Array
 from freefloat.studies.document import scenario_from
 from freefloat.studies.study import Command
 
@@ -56,6 +55,8 @@ def computed_record(
         heading = math.radians(finite_number("heading_deg", heading, "a finite number of degrees"))
     attitude = problem.attitude(start.get("attitude"), heading=heading)
     choice = branch_choice(start.get("branch"), base, problem, attitude, source)
+    if "joints" in choice:  # of a redundant arm, whose arm branches are others with another robot
+        problem = problem.replace(start_joints=choice.pop("joints"))
     return simulate(problem, attitude, limits=scenario.limits(), **choice)
 
 
@@ -82,22 +83,20 @@ def branch_choice(
     branches = problem.branches(attitude)
     if not branches:
         return {}  # which is an error of simulate
-    joints = undisturbed_joints(json.dumps(base), source, tuple(attitude))
+    joints = _undisturbed_joints(json.dumps(base), source, tuple(attitude))
     if len(joints) != problem.model.dof:
         raise InputError(
             "branch", f"the arm of the base scenario has {len(joints)} joints, this one "
             f"{problem.model.dof}", "branch: best, or the number of an arm branch"
         )  # fmt: skip
     if problem.redundant:
-        target = problem.path.pose(0.0).seen_from(rotation_matrix(attitude))
-        nearby = newton_configuration(problem.model, target, problem.task, joints)
-        return {"joints": joints if nearby is None else nearby.joints}
+        return {"joints": joints}
     distance = problem.model.joint_distance
     return {"branch": min(branches, key=lambda start: distance(start.joints, joints)).index}
 
 
 @lru_cache(maxsize=8)
-def undisturbed_joints(base: str, source: Path, attitude: tuple[float, ...]) -> Array:
+def _undisturbed_joints(base: str, source: Path, attitude: tuple[float, ...]) -> Array:
     """Return the initial joints of the motion that simulate chooses for the base scenario."""
     scenario = scenario_from(json.loads(base), source)
     problem = scenario.problem()
