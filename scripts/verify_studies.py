@@ -26,8 +26,8 @@ from scipy.optimize import minimize_scalar
 
 import freefloat as ff
 from freefloat.robot.names import find_scenario
-from freefloat.studies.row import Row
-from freefloat.studies.run import Run, execute
+from freefloat.studies.portable import PortableStudy
+from freefloat.studies.run import execute
 from freefloat.studies.study import Study
 
 NEAR = 1e-4
@@ -90,13 +90,21 @@ def write_study(name: str, runs: int, seed: int, folder: Path) -> Study:
     return ff.load_study(folder / "study.yaml")
 
 
-def by_scipy(study: Study, number: int, row: Row) -> float:
+def vector(row: dict[str, Any], name: str) -> list[float]:
+    """A vector of a row, whose entries are columns, and ``found`` ones where a key has its name."""
+    entries = (key for key in row if key.removeprefix("found.").startswith(f"{name}."))
+    chosen = [key for key in entries if key.startswith("found.") or f"found.{key}" not in row]
+    return [row[key] for key in chosen]
+
+
+def by_scipy(study: Study, number: int, row: dict[str, Any]) -> float:
     """The minimum margin of the motion of a row, by an integration without freefloat."""
     problem = study.scenario(number).problem()
     plain, measure = PlainMotion(problem), problem.margin.measure
+    start = [*vector(row, "attitude"), *vector(row, "joints")]
     solution = solve_ivp(
-        plain.rates, (0.0, problem.path.duration), [*row.attitude, *row.joints], method="DOP853",
-        rtol=1e-9, atol=1e-9, dense_output=True,
+        plain.rates, (0.0, problem.path.duration), start, method="DOP853", rtol=1e-9, atol=1e-9,
+        dense_output=True,
     )  # fmt: skip
 
     def value(t: float) -> float:
@@ -112,28 +120,26 @@ def compare(name: str, options: argparse.Namespace, pool: ProcessPoolExecutor) -
     """What differs between the rows of a study and those of its runs on their own."""
     with tempfile.TemporaryDirectory() as place:
         study = write_study(name, options.runs, options.seed, Path(place))
-        rows = dict(ff.run_study(study, Path(place) / "out", report=False, workers=1).rows)
-        decided = [k for k, row in rows.items() if (row.decided_by or "").startswith("ensemble")]
-        decided += [k for k, row in rows.items() if row.decided_by == "motion"]
-        alone = pool.map(execute, [Run.of(study, k) for k in decided], chunksize=8)
+        rows = list(ff.run_study(study, Path(place) / "out", report=False, workers=1).rows)
+        decided = [k for k, row in enumerate(rows) if row["decided_by"]]
+        alone = pool.map(execute, [PortableStudy(study)] * len(decided), decided, chunksize=8)
         wrong, differences, singular = [], [0.0], 0
         for number, result in zip(decided, alone, strict=True):
-            row, single = rows[number], result.row
-            singular += not row.completed
-            difference = abs((row.margin or 0.0) - (single.margin or 0.0))
-            differences.append(difference / max(single.margin or 0.0, 1e-12))
-            same = (row.verdict, row.completed, row.branch) == (
-                single.verdict, single.completed, single.branch,
-            )  # fmt: skip
+            row, single = rows[number], result.values
+            singular += not row["completed"]
+            margin, own = row["margin"] or 0.0, single.get("margin") or 0.0
+            differences.append(abs(margin - own) / max(own, 1e-12))
+            keys = ("verdict", "completed", "branch")
+            same = all(row[key] == single.get(key) for key in keys)
             if not same or differences[-1] > NEAR:
-                wrong.append(f"{name} run {number}: {row.verdict} {row.margin} branch {row.branch}"
-                             f" ({row.decided_by}); alone {single.verdict} {single.margin} branch "
-                             f"{single.branch} {single.error or ''}")  # fmt: skip
-        complete = [k for k in decided if rows[k].completed][: options.scipy]
-        scipy = {k: by_scipy(study, k, rows[k]) / rows[k].margin - 1.0 for k in complete}
-    wrong += [f"{name} run {k}: {rows[k].margin}, by SciPy {error:+.1e} of it"
+                shown = [{key: values.get(key) for key in (*keys, "margin", "error", "decided_by")}
+                         for values in (row, single)]  # fmt: skip
+                wrong.append(f"{name} run {number}: {shown[0]}; alone {shown[1]}")
+        complete = [k for k in decided if rows[k]["completed"]][: options.scipy]
+        scipy = {k: by_scipy(study, k, rows[k]) / rows[k]["margin"] - 1.0 for k in complete}
+    wrong += [f"{name} run {k}: by SciPy the margin differs by {error:+.1e} of it"
               for k, error in scipy.items() if abs(error) > NEAR]  # fmt: skip
-    counts = [sum(row.decided_by == who for row in rows.values())
+    counts = [sum(row["decided_by"] == who for row in rows)
               for who in ("ensemble", "ensemble at 1e-10", "motion")]  # fmt: skip
     return {"robot": name, "runs": len(rows), "ensemble": counts[0], "at 1e-10": counts[1],
             "motion": counts[2], "singular": singular, "largest difference": max(differences),
