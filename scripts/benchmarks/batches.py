@@ -112,7 +112,7 @@ def study(case: Case, quick: bool) -> list[Result]:
         command = run(PROGRAM, "batch", str(file), "-o", str(out), "--quiet")
         command()
         loaded = ff.load_study(file)
-        rows = StudyRows(out / DATABASE, list(loaded.content.vary))
+        rows = StudyRows(out / DATABASE, list(loaded.variation.columns(0, 1)))
         starts = [(vector(rows[k], "attitude"), vector(rows[k], "joints")) for k in range(picks)]
         motions = [PlainMotion(loaded.scenario(k).problem()) for k in range(picks)]
 
