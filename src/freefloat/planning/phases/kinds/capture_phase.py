@@ -131,8 +131,8 @@ class CapturePhase(Phase):
         payload = next(link.name for link in links if link.name not in before)
         held = replace(
             body, position=grapple.inverse().position, orientation=grapple.inverse().rotation,
-            motion="target", touch_links=(*body.touch_links, problem.model.end_effector),
-            payload=payload,
+            motion="target", payload=payload,
+            touch_links=(*body.touch_links, problem.model.end_effector_link),
         )  # fmt: skip
         others = (b for b in problem.scene.bodies if b.name != self.body)
         corridor = problem.scene.corridor
