@@ -26,8 +26,9 @@ class Trajectory:
     """A motion sampled at given times.
 
     Rates and accelerations are those of the motion's law, see :mod:`freefloat.motion.law`: along a
-    path they solve equation (4) at each state and its time derivative; neither is a finite
-    difference. At an end in a dynamic singularity they are nan.
+    path the rates solve equation (4), and the accelerations its time derivative; joint
+    accelerations of redundant arms and of the task ``pointing`` are central differences of the
+    rates. At an end in a dynamic singularity both are NaN.
 
     Attributes:
         motion: The motion.
