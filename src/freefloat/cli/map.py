@@ -78,6 +78,7 @@ def map_(
     Example: freefloat map spatial_6dof/line --samples 4096 --nearest 0 0 0 1 -o map.h5
     """
     from freefloat.io.scenario.scenario import load_scenario
+    from freefloat.io.scenario.yaml import file_keys
     from freefloat.planning.space.mapping import attitude_map
 
     console = Console(as_json, quiet)
@@ -86,7 +87,11 @@ def map_(
     search = loaded.search()
     delivery = Delivery(console, output, plots=plots, threads=threads)
     delivery.prepare(loaded.source)
-    with loaded.error_context(), console.progress("integrating motions") as progress:
+    with (
+        loaded.error_context(),
+        file_keys(tangency="touch"),
+        console.progress("integrating motions") as progress,
+    ):
         result = attitude_map(
             problem, samples, search=search if seed is None else replace(search, seed=seed),
             limits=loaded.limits(), nearest=nearest, boundary=boundary or 0,

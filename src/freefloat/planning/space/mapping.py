@@ -105,14 +105,14 @@ def attitude_map(
     problem = search.applied_to(problem)
     samples = search.samples if samples is None else samples
     if problem.task.planar:
-        _require_none(nearest=nearest is not None, boundary=boundary, touch=tangency)
+        _require_none(nearest=nearest is not None, boundary=boundary, tangency=tangency)
         count = HEADINGS if samples is None else samples
         headings = sample_headings(evaluator_for(problem, threads, limits), count, search, progress)
         return replace(headings, seconds=time.perf_counter() - start)
     target = None if nearest is None else problem.attitude(nearest, key="nearest")
     if tangency:
         require_tangency_points(problem)
-        require_memory("touch", tangency, _POINT_SIZE)
+        require_memory("tangency", tangency, _POINT_SIZE)
     evaluator = evaluator_for(problem, threads, limits)
     sampled = sample_attitudes(
         evaluator, _ATTITUDES if samples is None else samples, search,

@@ -161,7 +161,7 @@ def require_tangency_points(problem: Problem) -> None:
     require_tangency_arm(problem)
     if problem.margin.threshold == 0.0:
         raise InputError(
-            "touch", "the margin is zero, no motion is tangent to it", "a margin other than zero"
+            "tangency", "the margin is zero, no motion is tangent to it", "a margin other than zero"
         )
 
 
