@@ -65,8 +65,8 @@ def singularity_measure(
             which is det D times ``gjm`` and the paper's planar S (21a). ``arm``: the factor of
             det A that belongs to the plane of an elbow arm under a spherical wrist; S0 of the
             paper's Example 2 is a value of it. ``sigma``: smallest singular value of S*, lengths in
-            units of the reach.
-            (The null-space objective ``sigma`` is the product of all singular values.)
+            units of the reach. (The null-space objective ``sigma`` is the product of all singular
+            values.)
 
     Raises:
         InputError: If there is no such task or measure, or the arm has no factor ``arm``.

@@ -11,10 +11,10 @@ change the momentum. Among them the rates ``u`` are taken that minimize
 
     u^T W u / 2 - c ds/dt (u . g),  c = gain / sqrt(1 + (|a| / bound)^2)
 
-where W is the metric, divided by its mean diagonal element, g the gradient of the objective, and a
-the unsaturated attraction per unit of s, which the objective would add with c = gain: the rates of
-minimum norm, and with an objective a null-space motion, projected in the same metric, along which
-the objective does not decrease.
+where W is the metric divided by its mean diagonal element, g the gradient of the objective, and a
+the null-space motion per unit of s that c = gain would give, the unsaturated attraction. Without an
+objective these are the rates of minimum norm. With one, a null-space motion along which the
+objective does not decrease is added, projected in the same metric.
 
 The metric ``base`` has priority instead: among the rates that minimize the magnitude of the
 spacecraft's angular velocity, those of minimum norm are taken. Only a null-space motion that does

@@ -108,9 +108,13 @@ class Motion:
         if not all((np.abs(values) <= _LARGEST).all() for values in (times, attitudes, joints)):
             accepted_numbers = "finite numbers up to 1e12"
             raise InputError("motion", "it has numbers that are not finite", accepted_numbers)
-        error = np.abs(np.linalg.norm(attitudes, axis=1) - 1.0)
-        if error.max() > _ROUNDING or ((attitudes[1:] * attitudes[:-1]).sum(axis=1) < 0.0).any():
-            problem = f"node {error.argmax()} has the norm 1 + {error.max():.3g}, or signs change"
+        norms = np.linalg.norm(attitudes, axis=1)
+        k = int(np.abs(norms - 1.0).argmax())
+        if abs(norms[k] - 1.0) > _ROUNDING:
+            problem = f"node {k} has the norm {norms[k]:.12g}"
+            raise InputError("motion.attitudes", problem, "unit quaternions")
+        if ((attitudes[1:] * attitudes[:-1]).sum(axis=1) < 0.0).any():
+            problem = "neighbours have opposite signs"
             raise InputError("motion.attitudes", problem, "unit quaternions, neighbours near")
         steps, slack = np.diff(times), _BACKWARD * float(np.ptp(times))
         if not ((steps >= -slack).all() or (steps <= slack).all()):

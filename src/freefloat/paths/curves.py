@@ -49,9 +49,9 @@ class Curve(Segmented, ABC):
         """Position, or its derivative of order 1 or 2 by s, shape (3,), inertial frame."""
 
     def moved(self, pose: Pose) -> Curve:
-        """The curve in the frame in which its own frame has a pose; of its class where it can be.
+        """The curve in another frame, in which ``pose`` is the pose of its own.
 
-        A class of the user's need not define this.
+        By default a :class:`MovedCurve`; subclasses may return a curve of their own class.
         """
         return MovedCurve(self, pose)
 

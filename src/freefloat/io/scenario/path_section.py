@@ -99,7 +99,7 @@ def path_of(
     else:
         curve = section.to_curve()
     if frame is not None:
-        curve, sampled = curve.moved(frame), sampled and sampled.turned(frame.rotation)
+        curve, sampled = curve.moved(frame), sampled and sampled.rotated(frame.rotation)
     frame = frame or _INERTIAL
     law: OrientationLaw = sampled or FreeOrientation()
     if section.attitude is not None:

@@ -70,7 +70,7 @@ def moved_to_begin_at(path: TimedPath, pose: Pose, task: Task) -> TimedPath:
     curve, orientation = path.path.curve, path.path.orientation
     moved = curve.moved(Pose(offset[:3], np.eye(3)))
     if task.prescribes_orientation:
-        orientation = orientation.turned(Rotation.from_rotvec(offset[3:]).as_matrix())
+        orientation = orientation.rotated(Rotation.from_rotvec(offset[3:]).as_matrix())
     return replace(path, path=EndEffectorPath(moved, orientation))
 
 
