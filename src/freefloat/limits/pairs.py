@@ -133,7 +133,7 @@ class CollisionPairs:
         Args:
             joints: Joint values [rad or m], shape (n,).
             pairs: Indices into :attr:`pairs`, shape (K,).
-            attitude: Of the spacecraft, x, y, z, w; used for a scene with bodies only.
+            attitude: Attitude of the spacecraft, x, y, z, w; used for a scene with bodies only.
             poses: Frames of the bodies of the scene in the inertial frame.
 
         Returns:

@@ -46,10 +46,10 @@ class State:
     """The system at an instant.
 
     Attributes:
-        time: [s].
-        attitude: Of the spacecraft, unit quaternion x, y, z, w, shape (4,).
+        time: Time [s].
+        attitude: Attitude of the spacecraft, unit quaternion x, y, z, w, shape (4,).
         joints: Joint values [rad or m], shape (n,).
-        base_position: Of the spacecraft's root link from the centre of mass [m], shape (3,).
+        base_position: Position of the root link from the centre of mass [m], shape (3,).
     """
 
     time: float
@@ -76,8 +76,8 @@ class Motion:
     Attributes:
         problem: Robot, path and momentum.
         ending: How it ended.
-        times: At the nodes [s], shape (N,); falling for a motion integrated backward.
-        attitudes: Of the spacecraft, unit quaternions x, y, z, w, shape (N, 4).
+        times: Times of the nodes [s], shape (N,); falling for a motion integrated backward.
+        attitudes: Attitudes of the spacecraft, unit quaternions x, y, z, w, shape (N, 4).
         joints: Joint values [rad or m], shape (N, n).
         curve: The joints by s where they are prescribed; None where the path of the problem is
             followed.

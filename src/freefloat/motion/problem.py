@@ -203,7 +203,7 @@ class Problem:
         """All arm configurations with the end-effector on the path; see also ``start_joints``.
 
         Args:
-            attitude: Of the spacecraft at that time, unit quaternion x, y, z, w.
+            attitude: Attitude of the spacecraft at that time, unit quaternion x, y, z, w.
             t: Time [s].
 
         Returns:
@@ -242,7 +242,7 @@ class Problem:
         """The arm branch near joint values.
 
         Args:
-            attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
+            attitude: Attitude of the spacecraft at the start, unit quaternion x, y, z, w.
             joints: Joint values within 0.05 rad each, modulo 2 pi, of a branch; for a redundant
                 arm, of any configuration on the path.
             branches: The result of :meth:`branches`.

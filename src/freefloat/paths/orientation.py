@@ -93,8 +93,9 @@ class SlerpOrientation(OrientationLaw):
     """The shortest rotation between two orientations, at a constant rate.
 
     Attributes:
-        start: At s = 0: axes as columns, shape (3, 3), or a quaternion x, y, z, w; kept as axes.
-        end: At s = 1, likewise.
+        start: Orientation at s = 0: axes as columns, shape (3, 3), or a quaternion x, y, z, w; kept
+            as axes.
+        end: Orientation at s = 1, likewise.
     """
 
     start: Array = field(repr=False)

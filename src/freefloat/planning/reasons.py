@@ -146,7 +146,7 @@ def unreached_start_message(problem: Problem, origin: str) -> str:
 
     Args:
         problem: The problem.
-        origin: From where it does not, such as ``"no heading"``.
+        origin: Attitudes from which it does not, such as ``"no heading"``.
     """
     start, reach = problem.path.pose(0.0).position, VirtualManipulator.of(problem.model).reach
     return (
@@ -196,7 +196,7 @@ def none_completes(
 
     Args:
         tried: Those tried, such as ``"of 24 headings"``.
-        endings: Of their arm branches, shape (K, B).
+        endings: Endings of their arm branches, shape (K, B).
         last: The singularity that ends the longest motion, where it is known.
     """
     within = " within its limits" if (endings == LIMITED).any() else ""

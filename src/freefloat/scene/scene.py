@@ -30,7 +30,7 @@ class Corridor:
             (3,).
         half_angle: Largest angle between the axis and the line from the apex [rad]; what is less
             than 1 mm from the apex is inside.
-        radius: Instead of that the radius of the cylinder [m], which has no ends.
+        radius: Radius of the cylinder, which has no ends [m]; given instead of ``half_angle``.
         body: Name of the body of the scene that it moves with.
 
     Raises:

@@ -36,7 +36,7 @@ class EngineRuns:
 
     Attributes:
         inverse: Inverse dynamics.
-        forward: Its own integration.
+        forward: Integration by the engine.
         gravity: Effect of gravity gradient.
     """
 

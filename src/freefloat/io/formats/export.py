@@ -250,7 +250,7 @@ def export(
         file: Its suffix is the format: ``.csv``, ``.mat``, ``.json``, ``.yaml`` (a ROS 2
             JointTrajectory), ``.mcap``, ``.aem``, ``.xml`` (MJCF), ``.py`` (Basilisk).
         times: Number of evenly spaced times, of each phase; default is 501.
-        rate: In its place, times per second [Hz].
+        rate: Samples per second [Hz], given in place of times.
         epoch: Instant of t = 0 in formats with dates, AEM and MCAP; UTC.
 
     Raises:

@@ -32,18 +32,24 @@ class Trajectory:
 
     Attributes:
         motion: The motion.
-        times: Rising [s], shape (K,).
-        attitudes: Of the spacecraft, quaternions x, y, z, w of continuous sign, shape (K, 4).
-        base_positions: Of the root link from the centre of mass, inertial axes [m], shape (K, 3).
-        base_velocities: Of the same point, inertial axes [m/s], shape (K, 3).
-        angular_velocities: Of the spacecraft, inertial axes [rad/s], shape (K, 3).
-        joints: [rad or m], shape (K, n).
-        joint_rates: [rad/s or m/s], shape (K, n).
-        joint_accelerations: [rad/s² or m/s²], shape (K, n).
-        joint_torques: Of inverse dynamics [N m or N], shape (K, n).
-        end_effector_positions: From the centre of mass, inertial axes [m], shape (K, 3).
-        end_effector_orientations: Quaternions x, y, z, w of continuous sign, shape (K, 4).
-        centre_of_mass_positions: In the path's frame [m], shape (K, 3).
+        times: Times, rising [s], shape (K,).
+        attitudes: Attitudes of the spacecraft, quaternions x, y, z, w of continuous sign,
+            shape (K, 4).
+        base_positions: Positions of the root link from the centre of mass, inertial axes [m],
+            shape (K, 3).
+        base_velocities: Velocities of the same point, inertial axes [m/s], shape (K, 3).
+        angular_velocities: Angular velocities of the spacecraft, inertial axes [rad/s],
+            shape (K, 3).
+        joints: Joint values [rad or m], shape (K, n).
+        joint_rates: Joint rates [rad/s or m/s], shape (K, n).
+        joint_accelerations: Joint accelerations [rad/s² or m/s²], shape (K, n).
+        joint_torques: Joint torques of inverse dynamics [N m or N], shape (K, n).
+        end_effector_positions: Positions of the end-effector from the centre of mass, inertial axes
+            [m], shape (K, 3).
+        end_effector_orientations: Orientations of the end-effector, quaternions x, y, z, w of
+            continuous sign, shape (K, 4).
+        centre_of_mass_positions: Positions of the centre of mass in the path's frame [m],
+            shape (K, 3).
         measure: Signed singularity measure of the margin, shape (K,).
         epoch: Instant of t = 0.
     """
@@ -83,7 +89,7 @@ class Trajectory:
         Args:
             motion: The motion.
             count: Number of times; default is 501.
-            rate: In its place, times per second [Hz].
+            rate: Samples per second [Hz], given in place of times.
             epoch: Instant of t = 0; UTC where it has no time zone.
 
         Raises:
@@ -107,7 +113,7 @@ class Trajectory:
 
         Args:
             motion: The motion.
-            times: Rising [s], shape (K,).
+            times: Times, rising [s], shape (K,).
             epoch: Instant of t = 0.
 
         Raises:

@@ -87,7 +87,8 @@ def path_of(
         task: Part of the pose that it prescribes.
         samples: Text of its CSV file.
         folder: Folder of that file.
-        frame: Of the section's coordinates, relative to the inertial frame; None for that frame.
+        frame: Frame of the section's coordinates, relative to the inertial frame; None for that
+            frame.
 
     Raises:
         InputError: If the path is invalid, or lacks an orientation that the task needs.

@@ -101,8 +101,8 @@ class PhaseSection(Section):
         """The phase.
 
         Args:
-            task: Of the scenario.
-            scene: Of the scenario.
+            task: Task of the scenario.
+            scene: Scene of the scenario.
             folder: Folder of the files that it names.
 
         Raises:
@@ -148,8 +148,8 @@ def phases_of(
     """The phases of a file, checked against the problem of its path.
 
     Args:
-        sections: Of the phases.
-        problem: Of the first path.
+        sections: Sections of the phases.
+        problem: Problem of the first path.
         folder: Folder of the files that they name.
 
     Raises:

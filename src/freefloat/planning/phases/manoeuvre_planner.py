@@ -43,7 +43,7 @@ def plan_manoeuvre(
     at which the one before ends.
 
     Args:
-        problem: That of the first path. Its frame, whose origin is the centre of mass where the
+        problem: Problem of the first path. Its frame, whose origin is the centre of mass where the
             path begins, and its time are those of the manoeuvre; reorientation and settling have
             negative times.
         phases: What follows.

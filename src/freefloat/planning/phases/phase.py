@@ -76,9 +76,9 @@ def checked_phases(
     """The phases with distinct names, which can follow one another as far as is known beforehand.
 
     Args:
-        problem: That of the first path.
+        problem: Problem of the first path.
         phases: The phases.
-        keys: Of the phases, for errors; by default ``phases.0`` and so on.
+        keys: Keys of the phases, for errors; by default ``phases.0`` and so on.
 
     Raises:
         InputError: If one is no phase, or cannot follow the path and the phases before.

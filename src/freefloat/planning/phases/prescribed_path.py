@@ -30,7 +30,7 @@ def prescribed_path(
     Args:
         given: The path.
         bodies: Bodies of the scene now, from the present centre of mass.
-        centre: That centre in the frame of the manoeuvre [m], shape (3,).
+        centre: Centre of mass in the frame of the manoeuvre [m], shape (3,).
         drift: Its velocity [m/s], shape (3,).
     """
     if isinstance(given, RelativePath):
@@ -45,8 +45,8 @@ def require_continuous(path: TimedPath, pose: Pose, twist: Array | None, task: T
 
     Args:
         path: The path.
-        pose: Of the end-effector, in the frame of the path.
-        twist: In that frame [m/s; rad/s], shape (6,); None where it is not known.
+        pose: Pose of the end-effector, in the frame of the path.
+        twist: Twist in that frame [m/s; rad/s], shape (6,); None where it is not known.
         task: Part of both that counts.
     """
     jump = float(np.abs(_offset(path, pose, task)).max())

@@ -59,7 +59,7 @@ class BranchRanges:
     Attributes:
         branch: Number of the arm branch at that time.
         label: Its name.
-        ranges: In order of their first heading.
+        ranges: Ranges in order of their first heading.
         limits: Headings at which feasibility changes [rad]; even in number (Appendix C).
     """
 

@@ -75,8 +75,8 @@ def attitude_map(
         samples: Number of attitudes; when left out that of the search, else 360 headings or
             36,864 attitudes.
         search: Its seed rotates the grid of attitudes, its joints and domain restrict the map.
-        limits: Of these, motions are compared with those of pointing and of the spacecraft's turn:
-            an attitude is feasible where a motion keeps them and the margin.
+        limits: Limits, of which motions are compared with those of pointing and of the spacecraft's
+            turn: an attitude is feasible where a motion keeps them and the margin.
         nearest: Attitude to find the nearest feasible one to, quaternion x, y, z, w.
         boundary: Points on the boundary of the feasible set to find for each arm branch.
         tangency: Points on the boundary to find from tangency points (Section VI).

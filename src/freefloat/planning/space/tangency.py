@@ -45,7 +45,7 @@ class TangencyPoint:
     """A state at which a motion has S = S0 as a minimum of the magnitude.
 
     Attributes:
-        time: [s].
+        time: Time [s].
         tau: Dimensionless time (19).
         attitude: Attitude of the spacecraft, unit quaternion x, y, z, w, shape (4,).
         joints: Joint values, shape (6,).

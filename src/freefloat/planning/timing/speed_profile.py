@@ -78,8 +78,8 @@ def fastest_speeds(
     """Pairs of times [s] and speeds ds/dt of the fastest timing.
 
     Args:
-        motion: From rest to rest along the whole path.
-        limits: That pass :func:`require_considered`.
+        motion: Motion from rest to rest along the whole path.
+        limits: Limits that pass :func:`require_considered`.
         scale: Factor on the limits.
         intervals: Number of intervals of s with constant u.
     """

@@ -54,7 +54,7 @@ def run_reader(module: str, file: Path, **arguments: Any) -> UrdfText:
         arguments: Arguments that JSON can represent.
 
     Raises:
-        ModelError: That of the reader, or if it takes too much time or memory.
+        ModelError: As raised by the reader, or if it takes too much time or memory.
     """
     path = os.path.abspath(file)
     request = {"module": module, "parent": os.getpid(), "arguments": {"file": path, **arguments}}

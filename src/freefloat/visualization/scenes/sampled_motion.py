@@ -51,7 +51,7 @@ class SampledMotion:
         motion: The motion.
         visuals: Shapes of its robot.
         times: Key times [s], shape (K,).
-        positions: Of the bodies and the end-effector [m], shape (K, bodies, 3).
+        positions: Positions of the bodies and the end-effector [m], shape (K, bodies, 3).
         rotations: Their axes, shape (K, bodies, 3, 3).
         values: Magnitudes of the measure, shape (K,).
         fractions: Values of s, shape (K,).

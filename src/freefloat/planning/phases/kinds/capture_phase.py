@@ -43,8 +43,8 @@ class CapturePhase(Phase):
 
     Attributes:
         body: Name of the body.
-        mass: [kg].
-        inertia: About its centre of mass, axes of its frame [kg m²], in the forms of
+        mass: Mass of the body [kg].
+        inertia: Inertia about its centre of mass, axes of its frame [kg m²], in the forms of
             :class:`~freefloat.robot.parts.Spacecraft`; by default that of its tumbling.
         com: Centre of mass in its frame [m], shape (3,); by default that of its tumbling, or zero.
         name: Name of the phase; by default ``"capture"``, with a number where another has that.
