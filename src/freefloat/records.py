@@ -227,8 +227,9 @@ class _Decoder:
 
     def _record(self, kind: type, tree: Tree, place: str) -> Any:
         hints, properties = _fields(kind), _derived(kind)
-        for name in tree.keys() - {"class", *hints, *properties}:
-            raise ValueError(f"its part {place} has an unknown part {name}")
+        unknown = tree.keys() - {"class", *hints, *properties}
+        if unknown:
+            raise ValueError(f"its part {place} has an unknown part {min(unknown)}")
         record = kind(**{name: self._value(hint, tree.get(name), f"{place}/{name}")
                          for name, hint in hints.items()})  # fmt: skip
         for name in properties:

@@ -116,9 +116,10 @@ def verdict_on(
         return Verdict(
             Cause.MARGIN, approach.measure, "", approach.time, approach.value, margin.threshold
         )
-    for result in violated(results):
+    first = next(iter(violated(results)), None)
+    if first is not None:
         return Verdict(
-            Cause.LIMIT, str(result.limit), result.where, result.time, result.worst, result.allowed
+            Cause.LIMIT, str(first.limit), first.where, first.time, first.worst, first.allowed
         )
     return Verdict()
 
