@@ -220,10 +220,9 @@ class Problem:
         pose, R0 = self.path.pose(t), Rotation.from_quat(attitudes).as_matrix()
         positions = np.einsum("kji,j->ki", R0, pose.position)
         rotations = np.einsum("kji,jl->kil", R0, pose.rotation)
-        target = self.model, positions, rotations, self.task
         if self.start_joints is None or t != 0.0:
-            return many_arm_branches(*target)
-        return closest_branches(*target, self.start_joints)
+            return many_arm_branches(self.model, positions, rotations, self.task)
+        return closest_branches(self.model, positions, rotations, self.task, self.start_joints)
 
     def closest_start(self, attitude: npt.ArrayLike) -> Array | None:
         """Joints (n,) at the start closest to ``start_joints``; None without, or out of reach."""
