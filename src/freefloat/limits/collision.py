@@ -144,8 +144,8 @@ def _solids(shape: LinkShape, source: str, most: int) -> tuple[_Solid, ...]:
 
 
 @lru_cache(maxsize=256)
-def _mesh_solids(file: Path, _: int, most: int, *scale: float) -> tuple[_Solid, ...]:
-    """At most so many convex parts of a mesh file, cached until it changes."""
+def _mesh_solids(file: Path, modified_ns: int, most: int, *scale: float) -> tuple[_Solid, ...]:
+    """At most so many convex parts of a mesh file; the time of its change is a key of the cache."""
     from freefloat.robot.meshes import read_mesh  # trimesh imports slowly
 
     meshes = [part.mesh for part in read_mesh(file, scale)]
