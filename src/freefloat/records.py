@@ -159,7 +159,8 @@ class Codec:
 
 class _Encoder:
     def __init__(self, codec: Codec) -> None:
-        self._codec, self._known = codec, dict[int, Tree]()
+        self._codec = codec
+        self._known: dict[int, Tree] = {}
 
     def tree(self, record: Any) -> Tree:
         if id(record) not in self._known:
@@ -214,7 +215,7 @@ def _column(hint: _Hint, entries: list[Any]) -> Quantity:
 class _Decoder:
     def __init__(self, codec: Codec, context: Mapping[type, Any]) -> None:
         self._codec, self._context = codec, context
-        self._known = dict[tuple[int, type], Any]()
+        self._known: dict[tuple[int, type], Any] = {}
 
     def record(self, classes: tuple[type, ...], tree: Any, place: str) -> Any:
         name = _checked(tree, dict, place).get("class")

@@ -68,7 +68,8 @@ def collision_shapes(
     Raises:
         ModelError: If a shape cannot be read, or there are too many.
     """
-    source, shapes = model.description.source, list[CollisionShape]()
+    source = model.description.source
+    shapes: list[CollisionShape] = []
     count = sum(len(link.collisions or link.visuals) for link in model.description.links)
     _require_few(count, source)
     for link in model.description.links:
@@ -94,7 +95,7 @@ def scene_shapes(
     Raises:
         ModelError: If a shape cannot be read.
     """
-    shapes = list[CollisionShape]()
+    shapes: list[CollisionShape] = []
     for number, body in enumerate(scene.bodies, start=first):
         most = 1 if body.name in hulls else _MOST
         parts = body.shapes("collision")

@@ -213,7 +213,7 @@ def simulate(
     candidates = _ranked(simulated)
     if requested is not None:
         candidates = [simulated[branches.index(requested)]]
-    checked = [(candidates[0], tuple[LimitResult, ...]())]
+    checked: list[tuple[SimulatedBranch, tuple[LimitResult, ...]]] = [(candidates[0], ())]
     if checker is not None:
         checked = _within_limits(candidates, checker)
     chosen, results = checked[0]

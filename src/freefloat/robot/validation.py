@@ -109,7 +109,7 @@ def _ends(robot: RobotDescription) -> Faults:
 def _tree(robot: RobotDescription) -> Faults:
     parents = {link: joint.parent for link, joint in robot.parent_joints.items()}
     sizes = dict.fromkeys(robot.roots, 0)
-    reported = set[str]()
+    reported: set[str] = set()
     for link in robot.links_by_name:
         path = [link]
         while (above := parents.get(path[-1])) is not None and above not in path:

@@ -141,7 +141,7 @@ class SceneBody:
         """
         if not isinstance(self.shape, RobotDescription):
             return (LinkShape(kind, IDENTITY, self.shape, None, 1),)
-        shapes = list[LinkShape]()
+        shapes: list[LinkShape] = []
         for link, pose in _link_poses(self.shape):
             chosen = [shape for shape in link.shapes if shape.kind == kind] or link.shapes
             shapes += (replace(shape, origin=pose @ shape.origin) for shape in chosen)

@@ -100,7 +100,8 @@ def _groups(trajectory: Trajectory) -> list[_Group]:
         kinds = (body.prismatic for body in model.bodies[1:])
         return _Group(key, values, names, tuple(prismatic if k else revolute for k in kinds))
 
-    centre, fixed = trajectory.centre_of_mass_positions, list[_Group]()
+    centre = trajectory.centre_of_mass_positions
+    fixed: list[_Group] = []
     if trajectory.displaced:
         fixed = [
             space("centre_of_mass_position", centre, "m"),

@@ -73,8 +73,10 @@ class Trajectory:
     def __post_init__(self) -> None:
         if self.epoch.tzinfo is None:
             object.__setattr__(self, "epoch", self.epoch.replace(tzinfo=UTC))
-        for entry in fields(self)[1:-1]:
-            object.__setattr__(self, entry.name, frozen(getattr(self, entry.name)))
+        for entry in fields(self):
+            value = getattr(self, entry.name)
+            if isinstance(value, np.ndarray):
+                object.__setattr__(self, entry.name, frozen(value))
 
     @classmethod
     def sampled(

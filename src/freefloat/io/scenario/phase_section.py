@@ -155,7 +155,8 @@ def phases_of(
     Raises:
         InputError: If a value is invalid, or a phase cannot follow those before.
     """
-    keys, phases = list[str](), list[Phase]()
+    keys: list[str] = []
+    phases: list[Phase] = []
     for number, section in enumerate(sections):
         keys.append(f"phases.{number}.capture" if section.capture else f"phases.{number}")
         with keys_within(keys[-1]):

@@ -49,7 +49,7 @@ class _PlainLoader(_SafeLoader):  # type: ignore[misc]
     """Safe YAML with numbers such as ``1e-3``, and with unique words as keys."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        keys = set[str]()
+        keys: set[str] = set()
         for key, _ in node.value:
             if key.tag != f"{_PREFIX}str":
                 raise yaml.MarkedYAMLError(None, None, "a key is not a word", key.start_mark)

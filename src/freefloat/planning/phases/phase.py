@@ -95,8 +95,9 @@ def checked_phases(
         if phase.name in taken:
             twice = f"another phase is named {phase.name!r}"
             raise InputError(f"phases.{number}.name", twice, "another name")
-        taken |= {phase.name} - {""}
-    named = list[Phase]()
+        if phase.name:
+            taken.add(phase.name)
+    named: list[Phase] = []
     for phase in given:
         kind = phase.default_name
         numbered = (kind, *(f"{kind} {number}" for number in range(2, 3 + len(given))))

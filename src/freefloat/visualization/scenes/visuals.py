@@ -126,7 +126,7 @@ def robot_visuals(model: FreeFloatingModel) -> RobotVisuals:
     )
     shapes: list[Visual] = []
     problems = []
-    drawn = set[int]()
+    drawn: set[int] = set()
     for link in model.description.links:
         body, place = model.link_places[link.name]
         parts: list[tuple[Pose, Shape, Colour]] = []
