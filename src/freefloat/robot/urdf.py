@@ -149,9 +149,9 @@ class _Decoder:
         }
         return Joint(
             name=element.get("name", ""),
-            type=element.get("type", "None"),
-            parent=str(element.xpath("string(parent/@link)")) or "None",
-            child=str(element.xpath("string(child/@link)")) or "None",
+            type=element.get("type", ""),
+            parent=str(element.xpath("string(parent/@link)")),
+            child=str(element.xpath("string(child/@link)")),
             origin=self._origin(element),
             axis=self.numbers(element.find("axis"), "xyz", "1 0 0"),
             lower=-math.inf if endless or lower <= -UNLIMITED else lower,

@@ -97,7 +97,8 @@ def _ends(robot: RobotDescription) -> Faults:
     for joint in robot.joints:
         for tag, name in (("parent", joint.parent), ("child", joint.child)):
             if name not in robot.links_by_name:
-                problem = f"its {tag} link is {name}, and there is no such link"
+                given = f"its {tag} link is {name}, and there is no such link"
+                problem = given if name else f"it has no {tag} link"
                 known = ", ".join(robot.links_by_name)
                 yield Fault(joint, tag, problem, f'<{tag} link=".."/> with one of {known}')
         first = robot.parent_joints[joint.child]
@@ -131,8 +132,8 @@ def _joints(robot: RobotDescription) -> Faults:
     for joint in robot.joints:
         if not joint.moving:
             if joint.type != "fixed":
-                remedy = f"{', '.join(MOVING)} or fixed"
-                yield Fault(joint, "joint", f"its type is {joint.type}", remedy)
+                problem = f"its type is {joint.type}" if joint.type else "it has no type"
+                yield Fault(joint, "joint", problem, f"{', '.join(MOVING)} or fixed")
             continue
         rated = {"effort": joint.effort, "velocity": joint.velocity}
         for key, value in rated.items():
