@@ -58,7 +58,7 @@ class RotatedOrientation(OrientationLaw):
 
     def within(self, low: float, high: float) -> Self:
         """See :class:`~freefloat.paths.curves.Segmented`."""
-        return type(self)(self._law.within(low, high), self._turn)
+        return type(self)(self._law.within(low, high), self._rotation)
 
 
 @dataclass(frozen=True, eq=False)
