@@ -32,7 +32,8 @@ from freefloat.paths.orientation import (
     OrientationSpline,
     SlerpOrientation,
 )
-from freefloat.paths.path import EndEffectorPath, parse_samples
+from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.samples import parse_samples
 from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.scene.scene import Scene
