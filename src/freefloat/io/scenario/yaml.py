@@ -178,8 +178,7 @@ def file_keys(**names: str) -> Iterator[None]:
         argument, dot, rest = error.key.partition(".")
         if argument not in names:
             raise
-        key = names[argument] + dot + rest
-        raise type(error)(key, error.problem, error.accepted, error.source, error.line) from None
+        raise error.with_key(names[argument] + dot + rest) from None
 
 
 _ORDER = {"extra_forbidden": 0, "missing": 1}

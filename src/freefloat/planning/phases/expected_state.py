@@ -98,5 +98,4 @@ def keys_within(key: str) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        inner = f"{key}.{error.key}"
-        raise type(error)(inner, error.problem, error.accepted, error.source, error.line) from None
+        raise error.with_key(f"{key}.{error.key}") from None
