@@ -183,7 +183,9 @@ class Problem:
             InputError: If it is no unit quaternion or, for planar tasks, not a rotation about z;
                 if both or neither are given, or a heading for another task.
         """
-        accepted = "an attitude x, y, z, w" + " or a heading [rad]" * self.task.planar
+        accepted = "an attitude x, y, z, w"
+        if self.task.planar:
+            accepted += " or a heading [rad]"
         if heading is not None:
             if values is not None or not self.task.planar:
                 also = "" if values is None else " and attitude"

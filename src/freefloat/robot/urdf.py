@@ -176,7 +176,7 @@ class _Decoder:
             self.report(Severity.WARNING, limit, problem, f"{_LIMIT}; its {ends[0]} end is 0")
         if not missing and not endless:
             return
-        names = ["lower", "upper"] * endless + missing
+        names = ["lower", "upper", *missing] if endless else missing
         problem = f"a {kind} joint without {', '.join(names)} in its <limit>"
         error = endless and kind == "prismatic"
         remedy = _LIMIT if error else f"{_LIMIT}; it has no limit of this kind"

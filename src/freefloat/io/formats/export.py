@@ -183,7 +183,7 @@ def _head(trajectory: Trajectory) -> dict[str, Any]:
         "measure_name": problem.margin.measure.name,
         "completed": motion.completed,
         "ending": motion.ending.value,
-        "frames": _FRAMES + _FIXED_FRAME * trajectory.displaced,
+        "frames": _FRAMES + (_FIXED_FRAME if trajectory.displaced else ""),
     }
 
 
