@@ -34,7 +34,8 @@ def read_urdf(urdf: str | Path | RobotSource, mounted: bool = False) -> RobotDes
     if errors:
         first, more = errors[0].exception(), len(errors) - 1
         if more:
-            remedy = f"{first.accepted} ({more} more error{'s' if more > 1 else ''}: freefloat info)"
+            others = f"{more} more error{'s' if more > 1 else ''}"
+            remedy = f"{first.accepted} ({others}: freefloat info)"
             raise ModelError(first.key, first.problem, remedy, first.source, first.line)
         raise first
     return replace(with_flat_links(robot), diagnostics=diagnostics)

@@ -26,8 +26,8 @@ from freefloat.io.scenario.path_schema import PathFrame, PathSection
 from freefloat.io.scenario.path_section import path_of
 from freefloat.io.scenario.timing_section import TimingSection
 from freefloat.motion.problem import Problem
-from freefloat.paths.samples import samples_text
 from freefloat.paths.relative_path import RelativePath
+from freefloat.paths.samples import samples_text
 from freefloat.paths.timing import TimedPath
 from freefloat.planning.phases.expected_state import keys_within
 from freefloat.planning.phases.kinds.capture_phase import CapturePhase
