@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import RenderableType
 
-from freefloat.cli.console import ANY, DONE, NO, Console, decimals, search_lines, short_label, table
+from freefloat.cli.console import (
+    ANY,
+    DONE,
+    NEGATIVE,
+    Console,
+    decimals,
+    search_lines,
+    short_label,
+    table,
+)
 from freefloat.cli.delivery import Delivery
 from freefloat.cli.options import Json, Plots, Quaternion, Quiet, ResultFile, ScenarioName, Threads
 
@@ -99,7 +108,7 @@ def map_(
         )  # fmt: skip
     tables: Any = _heading_tables if problem.task.planar else _attitude_tables
     delivery.deliver(result, tables(scenario, result), scenario, loaded)
-    raise typer.Exit(DONE if result.feasible_found else NO)
+    raise typer.Exit(DONE if result.feasible_found else NEGATIVE)
 
 
 def _heading_tables(name: str, result: HeadingMap) -> Iterator[RenderableType]:

@@ -213,7 +213,7 @@ class Motion:
         """The time at a panel coordinate, within the motion [s]."""
         return float(np.clip(self.evaluate(u)[0][0], self.times.min(), self.times.max()))
 
-    def coordinate_at(self, times: npt.ArrayLike) -> Array:
+    def coordinates_at(self, times: npt.ArrayLike) -> Array:
         """Panel coordinates at which the motion is at given times [s], by bisection, shape (K,).
 
         Raises:
@@ -244,7 +244,7 @@ class Motion:
             InputError: If a time lies outside the motion.
         """
         times = np.atleast_1d(np.asarray(times, dtype=float))
-        _, attitudes, joints = self.evaluate(self.coordinate_at(times))
+        _, attitudes, joints = self.evaluate(self.coordinates_at(times))
         model = self.problem.model
         return tuple(
             State(float(t), frozen(a), frozen(q), frozen(model.base_position(a, q)))

@@ -52,7 +52,7 @@ class EndEffectorPath:
         return np.array([self.curve(float(s)) for s in _SAMPLES])
 
     @property
-    def has_length(self) -> bool:
+    def moves(self) -> bool:
         """Whether the end-effector moves or rotates."""
         rates = [self.orientation.rate(float(s)) for s in _SAMPLES[::10]]
         return bool(np.ptp(self._positions, axis=0).any() or np.any(rates))

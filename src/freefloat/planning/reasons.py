@@ -203,10 +203,10 @@ def none_completes(
     within = " within its limits" if (endings == LIMITED).any() else ""
     kind = f", at the latest at t = {last.time:.4g} s; its kind: " if last is not None else ""
     kind += last.kind.description if last is not None else ""
-    return f"{tried} none completes the path{within}: {shares(endings)}{kind}"
+    return f"{tried} none completes the path{within}: {ending_fractions(endings)}{kind}"
 
 
-def shares(endings: npt.NDArray[np.int8]) -> str:
+def ending_fractions(endings: npt.NDArray[np.int8]) -> str:
     """How attitudes fail: by the arm branch that gets farthest; endings have the shape (K, B)."""
     words = {
         UNREACHED: "have no arm configuration at the start",
@@ -241,14 +241,14 @@ def none_within_limits(
         stretch: A factor on the duration that would be enough, where one is known.
         longer_tried: Whether longer durations were tried.
     """
-    broken = violated(results)
-    for result in broken:
+    violating = violated(results)
+    for result in violating:
         if result.limit == CorridorLimit.name:  # which the path alone decides
             reached = f"{_reached(result)} at t = {result.time:.4g} s"
             return f"the path itself leaves the corridor, {reached}: no attitude helps"
     counts = ", ".join(f"{name} {number}" for name, number in violations.items())
     reason = f"attitudes keep the margin, but every candidate violates a limit: {counts}"
-    worst = max(broken, key=lambda result: result.ratio, default=None)
+    worst = max(violating, key=lambda result: result.ratio, default=None)
     if worst is not None:
         reason += f"; the best of {count} integrated precisely reaches {worst.limit} "
         reason += f"{_reached(worst)}, at {worst.where}"

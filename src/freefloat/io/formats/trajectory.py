@@ -122,7 +122,7 @@ class Trajectory:
             InputError: If a time lies outside the motion.
         """
         times = np.atleast_1d(np.asarray(times, dtype=float))
-        _, attitudes, joints = motion.evaluate(motion.coordinate_at(times))
+        _, attitudes, joints = motion.evaluate(motion.coordinates_at(times))
         problem = motion.problem
         law = motion.law
         n = problem.model.dof

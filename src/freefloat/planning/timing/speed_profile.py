@@ -175,7 +175,7 @@ class _Place:
         """The limits at values of s, shape (K,)."""
         new = [s for s in dict.fromkeys(values.tolist()) if s not in self._known]
         times = [self._timing.time_at(s) for s in new]
-        states = self._motion.evaluate(self._motion.coordinate_at(times))
+        states = self._motion.evaluate(self._motion.coordinates_at(times))
         for s, t, attitude, joints in zip(new, times, *states[1:], strict=True):
             self._go_to(s, t, attitude, joints)
             a, b, c = _NONE, _NONE, _NONE
