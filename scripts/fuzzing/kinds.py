@@ -28,7 +28,7 @@ from freefloat.io.scenario.scenario import load_scenario
 from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.io.scenario.yaml import validated
 from freefloat.limits.collision import collision_shapes
-from freefloat.paths.path import parse_samples, samples_text
+from freefloat.paths.samples import parse_samples, samples_text
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.meshes import read_mesh
 from freefloat.robot.model import FreeFloatingModel

@@ -46,7 +46,8 @@ def require_memory(key: str, count: int, size: int, limit: float = 4e9) -> None:
     usable = min(psutil.virtual_memory().available / 2.0, limit)
     most = int(usable // size)
     if count > most:
-        needed, free = (f"{size / 1e9:,.1f} GB" for size in (min(count, 10**30) * size, usable))
+        amounts = min(count, 10**30) * size, usable
+        needed, free = (f"{amount / 1e9:,.1f} GB" for amount in amounts)
         problem = f"{count:,} would take {needed} of memory, {free} may be used"
         raise InputError(key, problem, f"at most {most:,}")
 

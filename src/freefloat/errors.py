@@ -104,6 +104,10 @@ class InputError(FreeFloatError):
         file = self.source or source
         return type(self)(prefix + self.key, self.problem, self.accepted, file, self.line)
 
+    def with_key(self, key: str) -> InputError:
+        """The same error with another key."""
+        return type(self)(key, self.problem, self.accepted, self.source, self.line)
+
 
 class ModelError(InputError):
     """The robot described by a URDF cannot float freely with an arm."""

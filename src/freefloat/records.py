@@ -159,7 +159,8 @@ class Codec:
 
 class _Encoder:
     def __init__(self, codec: Codec) -> None:
-        self._codec, self._known = codec, dict[int, Tree]()
+        self._codec = codec
+        self._known: dict[int, Tree] = {}
 
     def tree(self, record: Any) -> Tree:
         if id(record) not in self._known:
@@ -214,7 +215,7 @@ def _column(hint: _Hint, entries: list[Any]) -> Quantity:
 class _Decoder:
     def __init__(self, codec: Codec, context: Mapping[type, Any]) -> None:
         self._codec, self._context = codec, context
-        self._known = dict[tuple[int, type], Any]()
+        self._known: dict[tuple[int, type], Any] = {}
 
     def record(self, classes: tuple[type, ...], tree: Any, place: str) -> Any:
         name = _checked(tree, dict, place).get("class")
@@ -227,8 +228,9 @@ class _Decoder:
 
     def _record(self, kind: type, tree: Tree, place: str) -> Any:
         hints, properties = _fields(kind), _derived(kind)
-        for name in tree.keys() - {"class", *hints, *properties}:
-            raise ValueError(f"its part {place} has an unknown part {name}")
+        unknown = tree.keys() - {"class", *hints, *properties}
+        if unknown:
+            raise ValueError(f"its part {place} has an unknown part {min(unknown)}")
         record = kind(**{name: self._value(hint, tree.get(name), f"{place}/{name}")
                          for name, hint in hints.items()})  # fmt: skip
         for name in properties:

@@ -1,4 +1,4 @@
-r"""Frame and sign conventions, attitudes, and sampling of SO(3).
+r"""Frame and sign conventions; attitudes, rotations and poses.
 
 * The inertial origin is the system's centre of mass. It never moves.
 * A quaternion is Hamilton's, ordered ``x, y, z, w``. It rotates spacecraft-frame vectors into the

@@ -75,7 +75,7 @@ def test_mujoco_with_wheels_as_bodies_ends_there(problem, motion, urdf: str) -> 
     places = [int(model.joint(name).qposadr[0]) for name in names]
     rates = [int(model.joint(name).dofadr[0]) for name in names]
     times = np.linspace(0.0, problem.path.duration, 4001)
-    arm = CubicSpline(times, motion.evaluate(motion.coordinate_at(times))[2])
+    arm = CubicSpline(times, motion.evaluate(motion.coordinates_at(times))[2])
 
     def wanted(t: float, order: int) -> np.ndarray:
         wheels = (WHEELS / AXIAL * t, WHEELS / AXIAL, np.zeros(3))[order]

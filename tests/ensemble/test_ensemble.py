@@ -374,7 +374,7 @@ def test_motions_between_any_two_times(name: str, attitude: object, branch: int)
     final = np.array([state.attitude for state in last])
     assert angle_between(result.attitudes, final).max() < 1e-5
     for k, (low, high) in enumerate(spans):
-        _, _, between = motion.evaluate(motion.coordinate_at(np.linspace(low, high, 400)))
+        _, _, between = motion.evaluate(motion.coordinates_at(np.linspace(low, high, 400)))
         values = np.abs([motion.problem.margin.measure(q) for q in between])
         assert result.minimum[k] == pytest.approx(values.min(), rel=1e-3)
         assert min(low, high) <= result.minimum_at[k] <= max(low, high)

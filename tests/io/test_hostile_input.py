@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.paths.path import samples_text
+from freefloat.paths.samples import samples_text
 from freefloat.robot.meshes import read_mesh
 from freefloat.robot.names import MeshFileError, find_mesh
 from freefloat.robot.validation import examine

@@ -58,7 +58,7 @@ def test_the_drawn_path_is_that_of_the_end_effector(problem: ff.Problem) -> None
     transfer = JointTransfer.between(START, RATES, END, np.zeros(6), 20.0)
     motion = with_drawn_path(integrate_transfer(problem, transfer, ATTITUDE, 20.0))
     times = np.linspace(0.0, 20.0, 9)
-    _, attitudes, joints = motion.evaluate(motion.coordinate_at(times))
+    _, attitudes, joints = motion.evaluate(motion.coordinates_at(times))
     for t, attitude, q in zip(times, attitudes, joints, strict=True):
         pose = problem.model.end_effector_pose(attitude, q)
         there = motion.problem.path.pose(t)

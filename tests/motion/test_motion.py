@@ -101,11 +101,11 @@ def test_a_cut_motion_is_the_motion_up_to_there(motion, place):
 
 
 def test_places_and_times_belong_together(motion, backwards):
-    """coordinate_at is the inverse of evaluate, and nodes are where node_coordinates says."""
+    """coordinates_at is the inverse of evaluate, and nodes are where node_coordinates says."""
     for record in (motion, backwards):
         places = np.linspace(0.0, record.panels, 57)
         times = np.clip(record.evaluate(places)[0], 0.0, 100.0)
-        assert_close(record.coordinate_at(times), places, atol=1e-7)
+        assert_close(record.coordinates_at(times), places, atol=1e-7)
         t, attitudes, joints = record.evaluate(record.node_coordinates)
         assert_close(t, record.times, atol=1e-11)
         assert_close(attitudes, record.attitudes, atol=1e-12)

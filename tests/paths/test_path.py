@@ -12,7 +12,7 @@ from freefloat.paths import (
     DirectedOrientation,
     SplineCurve,
 )
-from freefloat.paths.path import parse_samples, samples_text
+from freefloat.paths.samples import parse_samples, samples_text
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 

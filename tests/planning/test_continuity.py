@@ -35,7 +35,7 @@ def rates(phase: Any, end: int) -> Array:
     """Joint rates at the first or last node, by differences of the motion itself."""
     motion, step = phase.motion, 1e-4
     nearby = motion.times[end] + (step if end == 0 else -step) * np.arange(4)
-    _, _, q = motion.evaluate(motion.coordinate_at(nearby))
+    _, _, q = motion.evaluate(motion.coordinates_at(nearby))
     slope = (-11.0 * q[0] + 18.0 * q[1] - 9.0 * q[2] + 2.0 * q[3]) / (6.0 * step)
     return slope if end == 0 else -slope
 

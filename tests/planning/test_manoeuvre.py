@@ -89,7 +89,7 @@ def test_joint_rates_are_handed_on_after_an_impulse(manoeuvre) -> None:
     assert np.linalg.norm(capture.impulse) > 1e-5
     assert np.abs(capture.joint_rates).max() > 1e-4
     step = 1e-3
-    _, _, joints = berth.evaluate(berth.coordinate_at(np.array([0.0, step])))
+    _, _, joints = berth.evaluate(berth.coordinates_at(np.array([0.0, step])))
     rates = np.diff(joints, axis=0)[0] / step
     np.testing.assert_allclose(rates, capture.joint_rates, atol=1e-6)
 

@@ -41,8 +41,10 @@ def goal(x: float, y: float, z: float, duration: float = 20.0) -> ff.PathPhase:
 
 @pytest.fixture(scope="module")
 def problem() -> ff.Problem:
+    """Its end-effector is named by the joint that moves it."""
     problem = ff.load_scenario("planar_2dof/line").problem()
-    return replace(problem, scene=ff.Scene(BODIES))
+    system = ff.System(ff.FreeFloatingModel.from_urdf("planar_2dof", "tool"))
+    return replace(problem.with_system(system), scene=ff.Scene(BODIES))
 
 
 @pytest.fixture
@@ -148,3 +150,4 @@ def test_a_corridor_remains_after_a_capture_unless_it_is_that_of_the_captured_bo
         before = SystemState.at_start(motion).after(motion)
         state = CAPTURE.end(before, CAPTURE.run(before, ff.Limits()))
         assert (state.problem.scene.corridor is not None) is remains
+        state.problem.scene.require_applicable(state.problem.model, 1.0)

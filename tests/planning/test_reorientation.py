@@ -66,7 +66,7 @@ def test_a_spatial_arm_reaches_the_goal_within_its_limits() -> None:
     np.testing.assert_allclose(motion.initial.attitude, start)
     np.testing.assert_array_equal(motion.final.joints, BENT)
     times = np.linspace(0.0, result.duration, 2000)
-    _, _, joints = motion.evaluate(motion.coordinate_at(times))
+    _, _, joints = motion.evaluate(motion.coordinates_at(times))
     rates = np.abs(np.gradient(joints, times, axis=0)).max(axis=0)
     assert (rates <= limits.joint_rate * (1.0 + 1e-4)).all()
     pairs = CollisionPairs(model, limits.clearance)

@@ -64,7 +64,7 @@ def test_the_published_case() -> None:
     assert result.plan.chosen.minimum_margin == pytest.approx(plan.chosen.minimum_margin, rel=1e-8)
     assert all(entry.ratio <= 1.0 + 1e-9 for entry in result.plan.limit_results)
     times = np.linspace(0.0, result.duration, 20_001)
-    motion = after.evaluate(after.coordinate_at(times))[2]
+    motion = after.evaluate(after.coordinates_at(times))[2]
     rates = np.abs(np.diff(motion, axis=0) / np.diff(times)[:, None])
     assert (rates <= slack.joint_rate * (1.0 + 1e-5)).all()
 
@@ -95,7 +95,7 @@ def toppra_duration(motion, limits: ff.Limits) -> float:
     times = np.linspace(0.0, path.duration, 3001)
     s = np.array([path.timing.s(t) for t in times])
     s, kept = np.unique(s, return_index=True)
-    joints = motion.evaluate(motion.coordinate_at(times[kept]))[2]
+    joints = motion.evaluate(motion.coordinates_at(times[kept]))[2]
     dense = np.linspace(0.0, 1.0, 401)
     spline = toppra.SplineInterpolator(dense, CubicSpline(s, joints)(dense))
     bounds = [

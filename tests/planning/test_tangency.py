@@ -323,5 +323,5 @@ def test_problems_without_tangency_points_are_refused(problem, tmp_path):
     assert error_key(tangency_points, other, 0.1, 2.0) == "robot"
     bare = changed(problem, measure="arm", value=0.0)
     assert error_key(tangency_points, bare, 0.1, 2.0) == "margin.value"
-    assert error_key(ff.attitude_map, bare, 64, tangency=4) == "touch"
+    assert error_key(ff.attitude_map, bare, 64, tangency=4) == "tangency"
     assert error_key(tangency_points, problem, 0.1, 2.0, 0.0) == "level"

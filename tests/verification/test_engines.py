@@ -21,13 +21,13 @@ from tests.errors import error_key
 
 LEO = CircularOrbit(6.778e6)
 STILL = {
-    "robot": {"urdf": "planar_2dof", "end_effector": "end_effector"},
+    "robot": {"urdf": "planar_2dof", "end_effector": "tool"},
     "task": "planar-position",
     "path": {"line": {"from": [1.5, 0, 0], "to": [1.5000001, 0, 0]}},
     "timing": {"duration": 100},
     "margin": {"fraction": 0.01},
 }
-"""A system that practically rests."""
+"""A system that practically rests; its end-effector is named by the joint that moves it."""
 SPATIAL = {
     "robot": {"urdf": "ets_vii", "end_effector": "end_effector"},
     "task": "position",

@@ -53,7 +53,7 @@ def test_tracks_are_the_poses_of_the_bodies(scene: Scene, motion: Motion) -> Non
     for body, name in enumerate(names):
         times, positions = values[f"/meshcat/good/Robot/{name}.position"]
         _, quaternions = values[f"/meshcat/good/Robot/{name}.quaternion"]
-        poses = body_poses(motion, motion.coordinate_at(np.clip(times, 0.0, 100.0)))
+        poses = body_poses(motion, motion.coordinates_at(np.clip(times, 0.0, 100.0)))
         assert positions.reshape(-1, 3) == pytest.approx(poses[0][:, body], abs=1e-6)
         shown = Rotation.from_quat(quaternions.reshape(-1, 4))
         off = shown * Rotation.from_matrix(poses[1][:, body]).inv()

@@ -163,7 +163,7 @@ class _Neighbourhood:
     """Square matrices Â = A0 (I + X) about the middles of intervals, X being small.
 
     Attributes:
-        inverse: Of A0, shape (..., r, r) as the trend; other arrays have the shape (...).
+        inverse: Inverse of A0, shape (..., r, r) as the trend; other arrays have the shape (...).
         trend: A0^-1 times the slope of Â.
         half: Half the length of the intervals.
         second_derivative: Bound on that of Â.

@@ -123,9 +123,7 @@ class Certificate:
         """The certificate as a JSON document."""
         keys = {"minima": "least", "end_effector_orientation": "end_effector_attitude"}
         document = {keys.get(name, name): value for name, value in asdict(self).items()}
-        # positions are computed from the centre of mass
-        zero = asdict(Worst(0.0, 0.0))
-        return {**document, "least": list(document["least"]), "centre_of_mass": zero}
+        return {**document, "least": list(document["least"])}
 
 
 def certify(motion: Motion) -> Certificate:

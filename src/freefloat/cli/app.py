@@ -98,10 +98,11 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _command in (
-    *(models, info, workspace, singularities, simulate, plan, retime, reorient, map_, view, plot),
-    *(studio, check, export, assemble, batch, schema),
-):
+_COMMANDS = (
+    models, info, workspace, singularities, simulate, plan, retime, reorient, map_, view, plot,
+    studio, check, export, assemble, batch, schema,
+)  # fmt: skip
+for _command in _COMMANDS:
     app.command(_command.__name__.rstrip("_"))(_command)
 
 

@@ -10,7 +10,7 @@ import typer
 from rich.console import RenderableType
 from rich.text import Text
 
-from freefloat.cli.console import DONE, NO, Console, say, table
+from freefloat.cli.console import DONE, NEGATIVE, Console, say, table
 from freefloat.cli.options import Json, Quiet, study_names
 from freefloat.errors import InputError, MissingExtraError
 from freefloat.io.files import make_folder, require_writable, written_beside
@@ -121,7 +121,7 @@ def batch(
         number, error = next(iter(result.errors.items()))
         count = result.verdicts["error"]
         say(f"{count:,} of {loaded.count:,} runs ended in an error; run {number}: {error}")
-    raise typer.Exit(NO if result.errors else DONE)
+    raise typer.Exit(NEGATIVE if result.errors else DONE)
 
 
 def _write_run(study: Study, number: int, file: Path, console: Console) -> None:
@@ -146,7 +146,7 @@ def _write_run(study: Study, number: int, file: Path, console: Console) -> None:
     console.tables([f"run {number}: {values['verdict']}", f"written: {written or 'nothing'}"])
     if "error" in values:
         say(f"run {number} ended in an error: {values['error']}")
-        raise typer.Exit(NO)
+        raise typer.Exit(NEGATIVE)
 
 
 def _fraction(percent: str | None) -> float | None:

@@ -11,7 +11,7 @@ import typer
 from rich.console import RenderableType
 from rich.text import Text
 
-from freefloat.cli.console import DONE, NO, Console, table
+from freefloat.cli.console import DONE, NEGATIVE, Console, table
 from freefloat.cli.options import Json, MotionFile, Quiet
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def check(
             report = CheckReport("file", (Check(error.key, False, error.problem),))
     console.json({"file": str(file), **report.to_dict()})
     console.tables(_tables(report, file))
-    raise typer.Exit(DONE if report.passed else NO)
+    raise typer.Exit(DONE if report.passed else NEGATIVE)
 
 
 def _tables(report: CheckReport, file: Path) -> Iterator[RenderableType]:

@@ -27,7 +27,12 @@ if TYPE_CHECKING:  # the command line shows its help without NumPy
     from freefloat.planning.settings import Search
     from freefloat.planning.simulation import SimulatedBranch, Simulation
 
-DONE, NO, BAD_INPUT, INTERNAL_ERROR, INTERRUPTED = 0, 1, 2, 3, 130
+DONE = 0
+NEGATIVE = 1
+"""Infeasible, singular, limits violated, discrepancies, or runs with errors."""
+BAD_INPUT = 2
+INTERNAL_ERROR = 3
+INTERRUPTED = 130
 _PIPE_WIDTH = 120
 """Columns of tables that go to a file or another program."""
 _PATIENCE = 3.0

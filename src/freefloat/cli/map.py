@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import RenderableType
 
-from freefloat.cli.console import ANY, DONE, NO, Console, decimals, search_lines, short_label, table
+from freefloat.cli.console import (
+    ANY,
+    DONE,
+    NEGATIVE,
+    Console,
+    decimals,
+    search_lines,
+    short_label,
+    table,
+)
 from freefloat.cli.delivery import Delivery
 from freefloat.cli.options import Json, Plots, Quaternion, Quiet, ResultFile, ScenarioName, Threads
 
@@ -78,6 +87,7 @@ def map_(
     Example: freefloat map spatial_6dof/line --samples 4096 --nearest 0 0 0 1 -o map.h5
     """
     from freefloat.io.scenario.scenario import load_scenario
+    from freefloat.io.scenario.yaml import file_keys
     from freefloat.planning.space.mapping import attitude_map
 
     console = Console(as_json, quiet)
@@ -86,7 +96,11 @@ def map_(
     search = loaded.search()
     delivery = Delivery(console, output, plots=plots, threads=threads)
     delivery.prepare(loaded.source)
-    with loaded.error_context(), console.progress("integrating motions") as progress:
+    with (
+        loaded.error_context(),
+        file_keys(tangency="touch"),
+        console.progress("integrating motions") as progress,
+    ):
         result = attitude_map(
             problem, samples, search=search if seed is None else replace(search, seed=seed),
             limits=loaded.limits(), nearest=nearest, boundary=boundary or 0,
@@ -94,7 +108,7 @@ def map_(
         )  # fmt: skip
     tables: Any = _heading_tables if problem.task.planar else _attitude_tables
     delivery.deliver(result, tables(scenario, result), scenario, loaded)
-    raise typer.Exit(DONE if result.feasible_found else NO)
+    raise typer.Exit(DONE if result.feasible_found else NEGATIVE)
 
 
 def _heading_tables(name: str, result: HeadingMap) -> Iterator[RenderableType]:

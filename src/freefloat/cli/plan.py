@@ -13,7 +13,7 @@ from rich.text import Text
 from freefloat.cli.console import (
     ANY,
     DONE,
-    NO,
+    NEGATIVE,
     Console,
     contact_lines,
     limit_tables,
@@ -76,7 +76,7 @@ def plan(
         found = _plan_path(delivery, loaded, stretch)
         feasible = found.feasible
         delivery.deliver(found, _tables(scenario, found), scenario, loaded)
-    raise typer.Exit(DONE if feasible else NO)
+    raise typer.Exit(DONE if feasible else NEGATIVE)
 
 
 def _plan_path(delivery: Delivery, loaded: Scenario, stretch: bool) -> Plan:

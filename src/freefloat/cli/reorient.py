@@ -9,7 +9,7 @@ import typer
 from rich.console import RenderableType
 from rich.text import Text
 
-from freefloat.cli.console import DONE, NO, Console, decimals, limit_tables
+from freefloat.cli.console import DONE, NEGATIVE, Console, decimals, limit_tables
 from freefloat.cli.delivery import Delivery
 from freefloat.cli.options import (
     Json,
@@ -84,7 +84,7 @@ def reorient(
             seed=seed, progress=progress,
         )  # fmt: skip
     delivery.deliver(result, _tables(scenario, result), scenario, loaded)
-    raise typer.Exit(DONE if result.reached else NO)
+    raise typer.Exit(DONE if result.reached else NEGATIVE)
 
 
 def _tables(name: str, result: Reorientation) -> Iterator[RenderableType]:

@@ -11,7 +11,7 @@ import typer
 from rich.console import RenderableType
 from rich.text import Text
 
-from freefloat.cli.console import DONE, NO, Console, limit_tables, motion_lines, table
+from freefloat.cli.console import DONE, NEGATIVE, Console, limit_tables, motion_lines, table
 from freefloat.cli.delivery import Delivery
 from freefloat.cli.options import Json, Plots, Quiet, ResultFile, Threads
 from freefloat.errors import require_type
@@ -55,7 +55,7 @@ def retime(
         result = find_timing(loaded, threads=threads, progress=progress)
     tables = _tables(str(plan), loaded, result)
     delivery.deliver(result.plan, tables, str(plan), document=result.to_dict())
-    raise typer.Exit(DONE if result.plan.feasible and result.agrees else NO)
+    raise typer.Exit(DONE if result.plan.feasible and result.agrees else NEGATIVE)
 
 
 def _tables(name: str, before: Plan, result: Retiming) -> Iterator[RenderableType]:

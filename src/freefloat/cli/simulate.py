@@ -12,7 +12,7 @@ from rich.text import Text
 
 from freefloat.cli.console import (
     DONE,
-    NO,
+    NEGATIVE,
     Console,
     contact_lines,
     decimals,
@@ -103,7 +103,7 @@ def simulate(
         )  # fmt: skip
     delivery.deliver(simulation, _tables(scenario, simulation, mark), scenario, loaded)
     kept = not violated(simulation.limit_results)
-    raise typer.Exit(DONE if kept and simulation.chosen.motion.completed else NO)
+    raise typer.Exit(DONE if kept and simulation.chosen.motion.completed else NEGATIVE)
 
 
 def _tables(name: str, simulation: Simulation, mark: str) -> Iterator[RenderableType]:

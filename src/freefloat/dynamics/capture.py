@@ -27,12 +27,12 @@ class Client:
     """A rigid spacecraft that is captured.
 
     Attributes:
-        mass: [kg].
-        inertia: About its centre of mass, axes of its frame [kg m²]; in the forms of
+        mass: Mass of the body [kg].
+        inertia: Inertia about its centre of mass, axes of its frame [kg m²]; in the forms of
             :class:`~freefloat.robot.parts.Spacecraft`.
         grapple: Pose of the end-effector's frame in the client's frame at contact.
         angular_velocity: Before contact, axes of its frame [rad/s], shape (3,).
-        velocity: Of its centre of mass before contact, inertial axes [m/s], shape (3,).
+        velocity: Velocity of its centre of mass before contact, inertial axes [m/s], shape (3,).
         com: Centre of mass in its frame [m], shape (3,).
 
     Example:
@@ -71,18 +71,18 @@ class Capture:
     Attributes:
         model: The robot with the client as payload.
         mismatch: End-effector twist minus that of the grapple before contact [m/s; rad/s], (6,).
-        impulse: On the end-effector, at the origin of its frame, with joints that move freely
-            [N s; N m s], shape (6,); zero where the velocities match.
+        impulse: Impulse on the end-effector, at the origin of its frame, with joints that move
+            freely [N s; N m s], shape (6,); zero where the velocities match.
         joint_rates: Just after contact, joints moving freely [rad/s or m/s], shape (n,).
         base_rate: The spacecraft's angular velocity then [rad/s], shape (3,).
         momentum: Angular momentum about the common centre of mass, with that of wheels [N m s],
             shape (3,).
-        velocity: Of the common centre of mass [m/s], shape (3,).
+        velocity: Velocity of the common centre of mass [m/s], shape (3,).
         centre_of_mass: The common one, from that of the robot before [m], shape (3,).
         locked_rate: Angular velocity of the whole system once its joints are locked [rad/s], (3,).
-        smallest_rate: Of the locked system's rotation about its axis of largest inertia [rad/s]: no
-            rotation in these joints with this momentum is slower.
-        largest_rate: About its axis of smallest inertia: none is faster.
+        smallest_rate: Smallest rate of the locked system's rotation about its axis of largest
+            inertia [rad/s]: no rotation in these joints with this momentum is slower.
+        largest_rate: Largest rate about its axis of smallest inertia: none is faster.
         wheel_momentum: Stored in wheels, spacecraft frame [N m s], shape (3,).
     """
 
@@ -123,7 +123,7 @@ def capture(
     Args:
         system: Robot with its momenta and drift before contact.
         client: Client, its grapple at the end-effector.
-        attitude: Of the spacecraft, unit quaternion x, y, z, w.
+        attitude: Attitude of the spacecraft, unit quaternion x, y, z, w.
         joints: Joint values, shape (n,).
         joint_rates: Before contact, shape (n,).
 
@@ -185,9 +185,9 @@ def _mobility(mass: float, inertia: Array, arm: Array) -> Array:
     """Change of a rigid body's twist at a point per impulse there, shape (6, 6).
 
     Args:
-        mass: [kg].
-        inertia: About the centre of mass [kg m²], shape (3, 3).
-        arm: From the point to the centre of mass [m], shape (3,).
+        mass: Mass of the body [kg].
+        inertia: Inertia about the centre of mass [kg m²], shape (3, 3).
+        arm: Vector from the point to the centre of mass [m], shape (3,).
     """
     to_centre = np.eye(6)  # twist at the centre of mass from that at the point
     to_centre[:3, 3:] = -np.cross(np.eye(3), arm)

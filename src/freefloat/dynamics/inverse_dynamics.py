@@ -23,7 +23,7 @@ class Effort:
         accelerations: Their time derivatives, shape (6 + n,).
         base_wrench: Force [N] and moment [N m] on the spacecraft, shape (6,); zero but for
             numerical errors.
-        joint_torques: [N m or N], shape (n,).
+        joint_torques: Joint torques [N m or N], shape (n,).
     """
 
     rates: Array

@@ -82,9 +82,10 @@ def joint_box(
     lower[revolute], upper[revolute] = -np.pi, np.pi
     for joint, value in (fixed or {}).items():
         lower[joint], upper[joint] = value - 1.0, value + 1.0
-    for index in np.flatnonzero(~np.isfinite(upper - lower)):
+    unbounded = np.flatnonzero(~np.isfinite(upper - lower))
+    if len(unbounded):
         problem = "it is prismatic and has no limits"
-        raise InputError(f"joint {model.joint_names[index]}", problem, "a finite range")
+        raise InputError(f"joint {model.joint_names[unbounded[0]]}", problem, "a finite range")
     return lower, upper
 
 

@@ -67,8 +67,8 @@ def singularity_measure(
             which is det D times ``gjm`` and the paper's planar S (21a). ``arm``: the factor of
             det A that belongs to the plane of an elbow arm under a spherical wrist; S0 of the
             paper's Example 2 is a value of it. ``sigma``: smallest singular value of S*, lengths in
-            units of the reach.
-            (The null-space objective ``sigma`` is the product of all singular values.)
+            units of the reach. (The null-space objective ``sigma`` is the product of all singular
+            values.)
 
     Raises:
         InputError: If there is no such task or measure, or the arm has no factor ``arm``.
@@ -84,24 +84,24 @@ def singularity_measure(
     m, n = len(task.rows), model.dof
     require_enough_joints(model, task)
     lengths = sum(row < 3 for row in task.rows) - int(model.prismatic.sum())
-    virtual = VirtualManipulator.of(model)
     volume = "det S* (6)" if m == n else "sqrt(det(S* S*^T)) of S* (7)"
     if name == "gjm":
         return SingularityMeasure(name, volume, _unit(lengths), partial(_gjm, model, task))
     if name == "system":
         k = 1 if task.planar else 3
-        words = "det A (5)" if m == n else f"det D times {volume}"
+        definition = "det A (5)" if m == n else f"det D times {volume}"
         unit = f"{_unit(lengths + 2 * k)} kg" + ("^3" if k == 3 else "")
-        return SingularityMeasure(name, words, unit, partial(_system, model, task))
+        return SingularityMeasure(name, definition, unit, partial(_system, model, task))
     if name == "sigma":
-        words = f"smallest singular value of S* (7), in units of the reach {virtual.reach:.4g} m"
+        reach = VirtualManipulator.of(model).reach
+        definition = f"smallest singular value of S* (7), in units of the reach {reach:.4g} m"
         factors = unit_factors(model, task)
-        return SingularityMeasure(name, words, "1", partial(_sigma, model, task, factors))
+        return SingularityMeasure(name, definition, "1", partial(_sigma, model, task, factors))
     if name == "arm":
         plane_axes(model, task)
         function = partial(_sum_of_terms, trigonometric_terms(model))
-        words = "determinant of the in-plane block of (39): h, v normal and in the arm's plane"
-        return SingularityMeasure(name, words, "m^4 kg", function)
+        definition = "determinant of the in-plane block of (39): h, v normal and in the arm's plane"
+        return SingularityMeasure(name, definition, "m^4 kg", function)
     raise InputError("measure", f"{name!r} was given", ", ".join(NAMES))
 
 

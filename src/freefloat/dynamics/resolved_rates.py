@@ -11,10 +11,10 @@ change the momentum. Among them the rates ``u`` are taken that minimize
 
     u^T W u / 2 - c ds/dt (u . g),  c = gain / sqrt(1 + (|a| / bound)^2)
 
-where W is the metric, divided by its mean diagonal element, g the gradient of the objective, and a
-the unsaturated attraction per unit of s, which the objective would add with c = gain: the rates of
-minimum norm, and with an objective a null-space motion, projected in the same metric, along which
-the objective does not decrease.
+where W is the metric divided by its mean diagonal element, g the gradient of the objective, and a
+the null-space motion per unit of s that c = gain would give, the unsaturated attraction. Without an
+objective these are the rates of minimum norm. With one, a null-space motion along which the
+objective does not decrease is added, projected in the same metric.
 
 The metric ``base`` has priority instead: among the rates that minimize the magnitude of the
 spacecraft's angular velocity, those of minimum norm are taken. Only a null-space motion that does
@@ -133,18 +133,18 @@ class ResolvedRateSolver:
         A_G, J = self._M[:6], self._M[6:]
         B = np.linalg.solve(A_G[:, :6], np.column_stack([A_G[:, 6:], self._b[:6]]))
         base = np.asarray(B[:, :-1], dtype=float)
-        drift = B[:, -1]
+        momentum_twist = B[:, -1]
         S: Array = J[:, 6:] - J[:, :6] @ base
         m = len(S)
         Q, R = np.linalg.qr(S.T, mode="complete")
-        coordinates, singular = dtrtrs(R[:m], self._b[6:] - J[:, :6] @ drift, trans=1)
+        coordinates, singular = dtrtrs(R[:m], self._b[6:] - J[:, :6] @ momentum_twist, trans=1)
         if singular:
             return self._infinite()
         u = Q[:, :m] @ coordinates
         if not self._redundancy.minimum_norm:
             N = Q[:, m:]
             if self._redundancy.metric is Metric.BASE:
-                z, P = self._least_base_rate(base, (drift - base @ u)[3:], N)
+                z, P = self._least_base_rate(base, (momentum_twist - base @ u)[3:], N)
             else:
                 W = self._metric(base)
                 P = np.linalg.solve(N.T @ W @ N, N.T)
@@ -152,7 +152,7 @@ class ResolvedRateSolver:
             if self._redundancy.toward is not Toward.NONE and speed != 0.0:
                 z += speed * self._attraction(base, S, P)
             u = u + N @ z
-        return (drift - base @ u)[3:], u
+        return (momentum_twist - base @ u)[3:], u
 
     def _least_base_rate(self, base: Array, omega: Array, N: Array) -> tuple[Array, Array]:
         """Components of the null-space rates that offset the spacecraft's angular velocity.

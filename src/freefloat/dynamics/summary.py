@@ -26,9 +26,9 @@ class Configuration:
     """A robot at given joints.
 
     Attributes:
-        joints: [rad or m], shape (n,).
-        attitude: Of the spacecraft, unit quaternion x, y, z, w.
-        poses: Of the end-effector, by the frame that they are relative to.
+        joints: Joint values [rad or m], shape (n,).
+        attitude: Attitude of the spacecraft, unit quaternion x, y, z, w.
+        poses: Poses of the end-effector, by the frame that they are relative to.
         measures: Values of singularity measures by name.
     """
 

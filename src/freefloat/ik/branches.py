@@ -163,14 +163,14 @@ def many_arm_branches(
     form = closed_form(model, task)
     if form is None:
         return search_arm_branches(model, positions, rotations, task)
-    arm = Chain.of(model), task
+    chain = Chain.of(model)
     p, R = _poses(positions, rotations)
     if form is ClosedForm.PARALLEL_AXES:
-        solved = _in_slices(partial(solve_parallel_axes, *arm), p, R)
+        solved = _in_slices(partial(solve_parallel_axes, chain, task), p, R)
         q, well_conditioned = (
             np.concatenate(parts, axis=-1) for parts in zip(*solved, strict=True)
         )
-        joints, names = numbered_branches(*arm, q)
+        joints, names = numbered_branches(chain, task, q)
         (others,) = np.nonzero(~well_conditioned)
         if len(others):
             searched = search_arm_branches(model, p[others], R[others], task)
@@ -178,9 +178,9 @@ def many_arm_branches(
         return BranchSets(joints, names, _SIGNS)
     if form is ClosedForm.ELBOW_AND_WRIST:
         labels, centre = _SIGNS, np.array(VirtualManipulator.of(model).wrist_centre)
-        solve = partial(solve_elbow_and_wrist, *arm, centre)
+        solve = partial(solve_elbow_and_wrist, chain, task, centre)
     else:
-        labels, solve = _ELBOWS, partial(solve_planar_elbow, *arm)
+        labels, solve = _ELBOWS, partial(solve_planar_elbow, chain, task)
     joints = np.concatenate(_in_slices(solve, p, R), axis=2).transpose(2, 1, 0)
     names = np.where(np.isfinite(joints).all(axis=2), np.arange(len(labels)), -1)
     return BranchSets(np.ascontiguousarray(joints), names, labels)

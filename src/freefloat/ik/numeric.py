@@ -92,7 +92,8 @@ def newton(
     q = q.reshape(len(q), -1).astype(effort.precision)
     waiting = np.flatnonzero(np.isfinite(q).all(axis=0))
     residual = np.full(q.shape[1], np.inf, dtype=q.dtype)
-    lowest, steps, stalled = residual.copy(), *np.zeros((2, len(residual)), dtype=int)
+    lowest = residual.copy()
+    steps, stalled = np.zeros((2, len(residual)), dtype=int)
     active, waiting = np.split(waiting, [_BATCH])
     while len(active):
         at, pose = chain.kinematics(q.take(active, axis=1)), active % shape[2]
@@ -113,7 +114,7 @@ def newton(
                 error[:, far],
                 target[..., far],
             )
-            far = far[far]
+            far = np.ones(len(active), dtype=bool)
         if len(active):
             J = task_rows(task, chain.jacobian(at), target[:, :, None])
             q[:, active] += damped_step(J, error)[:, far]

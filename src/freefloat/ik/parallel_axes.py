@@ -70,7 +70,7 @@ def first_and_fifth(chain: Chain, u: Array, last: Array) -> tuple[Array, Array, 
 
     Args:
         chain: Arm.
-        u: From the first joint to the required position of the sixth, shape (3, K).
+        u: Vector from the first joint to the required position of the sixth, shape (3, K).
         last: Required direction of the last axis, shape (3, K).
 
     Returns:

@@ -38,7 +38,7 @@ class Clearance:
     """The smallest distance between two bodies.
 
     Attributes:
-        distance: [m]; negative where they overlap.
+        distance: Distance of the shapes [m]; negative where they overlap.
         pair: Index of the pair.
         time: Time of the smallest distance [s].
     """

@@ -68,7 +68,8 @@ def collision_shapes(
     Raises:
         ModelError: If a shape cannot be read, or there are too many.
     """
-    source, shapes = model.description.source, list[CollisionShape]()
+    source = model.description.source
+    shapes: list[CollisionShape] = []
     count = sum(len(link.collisions or link.visuals) for link in model.description.links)
     _require_few(count, source)
     for link in model.description.links:
@@ -94,7 +95,7 @@ def scene_shapes(
     Raises:
         ModelError: If a shape cannot be read.
     """
-    shapes = list[CollisionShape]()
+    shapes: list[CollisionShape] = []
     for number, body in enumerate(scene.bodies, start=first):
         most = 1 if body.name in hulls else _MOST
         parts = body.shapes("collision")
@@ -144,8 +145,8 @@ def _solids(shape: LinkShape, source: str, most: int) -> tuple[_Solid, ...]:
 
 
 @lru_cache(maxsize=256)
-def _mesh_solids(file: Path, _: int, most: int, *scale: float) -> tuple[_Solid, ...]:
-    """At most so many convex parts of a mesh file, cached until it changes."""
+def _mesh_solids(file: Path, modified_ns: int, most: int, *scale: float) -> tuple[_Solid, ...]:
+    """At most so many convex parts of a mesh file; the time of its change is a key of the cache."""
     from freefloat.robot.meshes import read_mesh  # trimesh imports slowly
 
     meshes = [part.mesh for part in read_mesh(file, scale)]

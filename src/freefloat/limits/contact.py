@@ -55,16 +55,16 @@ def self_contact(motion: Motion, results: Iterable[LimitResult] = ()) -> Contact
     """
     known = next((entry for entry in results if entry.limit == ClearanceLimit.name), None)
     if known is not None:
-        depth, time, names = -known.worst, known.time, known.where
+        first, _, second = known.where.partition(" - ")
+        depth, time, bodies = -known.worst, known.time, (first, second)
     else:
         try:
-            depth, time, names = _deepest(motion)
+            depth, time, bodies = _deepest(motion)
         except ModelError:
             return None
-    first, _, second = names.partition(" - ")
     if depth < TOLERANCE:
         return None
-    return Contact((first, second), depth, time, motion.problem.path.timing.s(time))
+    return Contact(bodies, depth, time, motion.problem.path.timing.s(time))
 
 
 def why_unchecked(model: FreeFloatingModel) -> str | None:
@@ -84,8 +84,8 @@ def _has_mesh(shapes: Iterable[LinkShape]) -> bool:
     return any(isinstance(shape.geometry, MeshFile) for shape in shapes)
 
 
-def _deepest(motion: Motion) -> tuple[float, float, str]:
-    """Depth [m], time [s] and pair of the deepest contact; a depth below zero without contact.
+def _deepest(motion: Motion) -> tuple[float, float, tuple[str, str]]:
+    """Depth [m], time [s] and links of the deepest contact; a depth below zero without contact.
 
     Meshes count as their convex hulls, which are quick to compute, until they are in contact; only
     then are they divided into convex parts.
@@ -97,9 +97,9 @@ def _deepest(motion: Motion) -> tuple[float, float, str]:
     while True:
         pairs = CollisionPairs(model, hulls=hulls, scene=scene)
         nearest = clearance(motion, pairs, -TOLERANCE)
-        name = pairs.name(nearest.pair)
+        links = pairs.links(nearest.pair)
         touching = nearest.distance <= -TOLERANCE
-        close = {*name.partition(" - ")} if touching else set[str]()
+        close = set(links) if touching else set()
         if hulls.isdisjoint(close | pairs.links_left_out):
-            return -nearest.distance, nearest.time, name
+            return -nearest.distance, nearest.time, links
         hulls -= close | pairs.links_left_out

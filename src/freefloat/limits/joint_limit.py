@@ -18,7 +18,7 @@ class JointLimit(Limit[Bound]):
     """A limit of every joint; ``unit`` is that of revolute joints.
 
     Attributes:
-        prismatic_unit: That of prismatic joints.
+        prismatic_unit: Unit of prismatic joints.
     """
 
     prismatic_unit: ClassVar[str]

@@ -19,11 +19,11 @@ class Limit(ABC, Generic[Bound]):
 
     Attributes:
         name: Attribute of :class:`~freefloat.limits.limits.Limits`, and key of scenario files.
-        unit: Of the quantity.
+        unit: Unit of the quantity.
         exponent: How its ratio falls with the duration, see
             :class:`~freefloat.limits.result.LimitResult`.
         value: What its bound is, of limits that are attributes of ``Limits``.
-        description: Of the key of scenario files, likewise.
+        description: Description of the key of scenario files, likewise.
         of_attitude: Whether it depends on the attitudes of bodies alone: ensembles of motions
             consider it, and the feasible set has only attitudes that keep it.
         decides_sooner: Whether ``decide`` ends before the extreme value is found.

@@ -86,12 +86,12 @@ class CollisionPairs:
         near = self._always_near(len(own), len(candidates), clearance)
         self.pairs: IntArray = candidates[~near]
         self._numbers = np.flatnonzero(~near)
-        names = set(map(self._links, self.pairs))
+        names = set(map(self._name, self.pairs))
         self.links_left_out = {self._shapes[index].link for index in candidates[near].ravel()}
         shaped = {shape.link for shape in robot} | {body.payload for body in scene.bodies}
         self.left_out = tuple(sorted({
             f"{name}: {'parts are ' if name in names else ''}always too near"
-            for name in map(self._links, candidates[near])
+            for name in map(self._name, candidates[near])
         })) + tuple(
             f"{link.name}: without shape"
             for link in model.description.links if link.mass > 0.0 and link.name not in shaped
@@ -111,9 +111,14 @@ class CollisionPairs:
 
     def name(self, pair: int) -> str:
         """Links of a pair, ``"a - b"``."""
-        return self._links(self.pairs[pair])
+        return self._name(self.pairs[pair])
 
-    def _links(self, pair: Sequence[int] | IntArray) -> str:
+    def links(self, pair: int) -> tuple[str, str]:
+        """The two links of a pair, or a link and a body of the scene."""
+        first, second = (self._shapes[index].link for index in self.pairs[pair])
+        return first, second
+
+    def _name(self, pair: Sequence[int] | IntArray) -> str:
         return " - ".join(self._shapes[index].link for index in pair)
 
     def distances(
@@ -128,7 +133,7 @@ class CollisionPairs:
         Args:
             joints: Joint values [rad or m], shape (n,).
             pairs: Indices into :attr:`pairs`, shape (K,).
-            attitude: Of the spacecraft, x, y, z, w; used for a scene with bodies only.
+            attitude: Attitude of the spacecraft, x, y, z, w; used for a scene with bodies only.
             poses: Frames of the bodies of the scene in the inertial frame.
 
         Returns:

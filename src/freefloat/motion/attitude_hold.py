@@ -37,10 +37,10 @@ class HeldAttitude:
     Vectors are in the spacecraft frame.
 
     Attributes:
-        attitude: That is held, quaternion x, y, z, w.
+        attitude: Attitude that is held, quaternion x, y, z, w.
         branch: The arm at the start.
         completed: Whether the arm follows the whole path; else it becomes singular.
-        times: [s], shape (K,).
+        times: Times [s], shape (K,).
         joints: Joint values [rad or m], shape (K, n).
         momenta: Angular momenta stored in the wheels [N m s], shape (K, 3).
         torques: Their rates, the torques on the wheels [N m], shape (K, 3).
@@ -92,7 +92,7 @@ def hold_attitude(problem: Problem, attitude: npt.ArrayLike) -> HeldAttitude:
 
     Args:
         problem: Robot, path and momentum; momentum that its wheels store already counts as theirs.
-        attitude: Of the spacecraft, quaternion x, y, z, w.
+        attitude: Attitude of the spacecraft, quaternion x, y, z, w.
 
     Raises:
         InputError: If the attitude is not one of the problem.

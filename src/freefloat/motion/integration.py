@@ -60,7 +60,7 @@ def integrate_motion(
 
     Args:
         problem: Robot, path and momentum.
-        attitude: Of the spacecraft at ``start``, quaternion x, y, z, w.
+        attitude: Attitude of the spacecraft at ``start``, quaternion x, y, z, w.
         joints: Joint values at ``start``, shape (n,); the end-effector must be on the path.
         start: Time at which to begin [s].
         end: Time at which to stop [s], by default the duration. One before ``start`` retraces the

@@ -23,7 +23,7 @@ def integrate_joints(problem: Problem, curve: JointCurve, attitude: Array, panel
         problem: Robot and momentum; the joint curve has the timing of its path, which itself is not
             followed.
         curve: The joints.
-        attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
+        attitude: Attitude of the spacecraft at the start, unit quaternion x, y, z, w.
         panels: Number of panels of the motion, a multiple of four: breaks of the laws are edges.
     """
     timing, system = problem.path.timing, problem.system

@@ -61,8 +61,8 @@ def integrate_transfer(
     Args:
         problem: Robot, momentum and drift.
         transfer: The joints.
-        attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
-        duration: [s].
+        attitude: Attitude of the spacecraft at the start, unit quaternion x, y, z, w.
+        duration: Duration [s].
 
     Returns:
         The motion; the path of its problem, with its timing, is not followed.

@@ -116,8 +116,8 @@ class PathLaw:
             return Effort.unknown(len(joints))
         problem, rates = self._problem, np.concatenate([omega, joint_rates])
         if not problem.redundant and problem.task is not Task.POINTING:
-            state = attitude, joints, rates
-            return self._dynamics.of_end_effector(*state, change[0], problem.task.rows)
+            rows = problem.task.rows
+            return self._dynamics.of_end_effector(attitude, joints, rates, change[0], rows)
         accelerations = self._differentiated(
             attitude, joints, rates, np.append(*prescribed), np.append(*change)
         )

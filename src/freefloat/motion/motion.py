@@ -46,10 +46,10 @@ class State:
     """The system at an instant.
 
     Attributes:
-        time: [s].
-        attitude: Of the spacecraft, unit quaternion x, y, z, w, shape (4,).
+        time: Time [s].
+        attitude: Attitude of the spacecraft, unit quaternion x, y, z, w, shape (4,).
         joints: Joint values [rad or m], shape (n,).
-        base_position: Of the spacecraft's root link from the centre of mass [m], shape (3,).
+        base_position: Position of the root link from the centre of mass [m], shape (3,).
     """
 
     time: float
@@ -76,8 +76,8 @@ class Motion:
     Attributes:
         problem: Robot, path and momentum.
         ending: How it ended.
-        times: At the nodes [s], shape (N,); falling for a motion integrated backward.
-        attitudes: Of the spacecraft, unit quaternions x, y, z, w, shape (N, 4).
+        times: Times of the nodes [s], shape (N,); falling for a motion integrated backward.
+        attitudes: Attitudes of the spacecraft, unit quaternions x, y, z, w, shape (N, 4).
         joints: Joint values [rad or m], shape (N, n).
         curve: The joints by s where they are prescribed; None where the path of the problem is
             followed.
@@ -108,9 +108,13 @@ class Motion:
         if not all((np.abs(values) <= _LARGEST).all() for values in (times, attitudes, joints)):
             accepted_numbers = "finite numbers up to 1e12"
             raise InputError("motion", "it has numbers that are not finite", accepted_numbers)
-        error = np.abs(np.linalg.norm(attitudes, axis=1) - 1.0)
-        if error.max() > _ROUNDING or ((attitudes[1:] * attitudes[:-1]).sum(axis=1) < 0.0).any():
-            problem = f"node {error.argmax()} has the norm 1 + {error.max():.3g}, or signs change"
+        norms = np.linalg.norm(attitudes, axis=1)
+        k = int(np.abs(norms - 1.0).argmax())
+        if abs(norms[k] - 1.0) > _ROUNDING:
+            problem = f"node {k} has the norm {norms[k]:.12g}"
+            raise InputError("motion.attitudes", problem, "unit quaternions")
+        if ((attitudes[1:] * attitudes[:-1]).sum(axis=1) < 0.0).any():
+            problem = "neighbours have opposite signs"
             raise InputError("motion.attitudes", problem, "unit quaternions, neighbours near")
         steps, slack = np.diff(times), _BACKWARD * float(np.ptp(times))
         if not ((steps >= -slack).all() or (steps <= slack).all()):
@@ -209,7 +213,7 @@ class Motion:
         """The time at a panel coordinate, within the motion [s]."""
         return float(np.clip(self.evaluate(u)[0][0], self.times.min(), self.times.max()))
 
-    def coordinate_at(self, times: npt.ArrayLike) -> Array:
+    def coordinates_at(self, times: npt.ArrayLike) -> Array:
         """Panel coordinates at which the motion is at given times [s], by bisection, shape (K,).
 
         Raises:
@@ -240,7 +244,7 @@ class Motion:
             InputError: If a time lies outside the motion.
         """
         times = np.atleast_1d(np.asarray(times, dtype=float))
-        _, attitudes, joints = self.evaluate(self.coordinate_at(times))
+        _, attitudes, joints = self.evaluate(self.coordinates_at(times))
         model = self.problem.model
         return tuple(
             State(float(t), frozen(a), frozen(q), frozen(model.base_position(a, q)))

@@ -30,12 +30,12 @@ class PointingLimit:
 
     Attributes:
         body: Name of a link, which may be the spacecraft's root link.
-        axis: In the link's frame, normalized, shape (3,).
+        axis: Axis in the link's frame, normalized, shape (3,).
         angle: Half the opening angle of the cone [rad], above 0 and below pi.
         keep: The side of the cone.
         direction: Direction of a target far away, inertial axes, normalized, shape (3,).
-        point: In its place a point [m] in the path's frame, shape (3,); the line of sight begins at
-            the origin of the link's frame.
+        point: Point [m] in the path's frame in place of a direction, shape (3,); the line of sight
+            begins at the origin of the link's frame.
 
     Raises:
         InputError: If an attribute is not of this kind, or not exactly one of direction and point

@@ -184,7 +184,9 @@ class Problem:
             InputError: If it is no unit quaternion or, for planar tasks, not a rotation about z;
                 if both or neither are given, or a heading for another task.
         """
-        accepted = "an attitude x, y, z, w" + " or a heading [rad]" * self.task.planar
+        accepted = "an attitude x, y, z, w"
+        if self.task.planar:
+            accepted += " or a heading [rad]"
         if heading is not None:
             if values is not None or not self.task.planar:
                 also = "" if values is None else " and attitude"
@@ -204,7 +206,7 @@ class Problem:
         """All arm configurations with the end-effector on the path; see also ``start_joints``.
 
         Args:
-            attitude: Of the spacecraft at that time, unit quaternion x, y, z, w.
+            attitude: Attitude of the spacecraft at that time, unit quaternion x, y, z, w.
             t: Time [s].
 
         Returns:
@@ -221,10 +223,9 @@ class Problem:
         pose, R0 = self.path.pose(t), Rotation.from_quat(attitudes).as_matrix()
         positions = np.einsum("kji,j->ki", R0, pose.position)
         rotations = np.einsum("kji,jl->kil", R0, pose.rotation)
-        target = self.model, positions, rotations, self.task
         if self.start_joints is None or t != 0.0:
-            return many_arm_branches(*target)
-        return closest_branches(*target, self.start_joints)
+            return many_arm_branches(self.model, positions, rotations, self.task)
+        return closest_branches(self.model, positions, rotations, self.task, self.start_joints)
 
     def closest_start(self, attitude: npt.ArrayLike) -> Array | None:
         """Joints (n,) at the start closest to ``start_joints``; None without, or out of reach."""
@@ -243,7 +244,7 @@ class Problem:
         """The arm branch near joint values.
 
         Args:
-            attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
+            attitude: Attitude of the spacecraft at the start, unit quaternion x, y, z, w.
             joints: Joint values within 0.05 rad each, modulo 2 pi, of a branch; for a redundant
                 arm, of any configuration on the path.
             branches: The result of :meth:`branches`.

@@ -48,8 +48,8 @@ def path_errors(problem: Problem, times: Array, attitudes: Array, joints: Array)
 
     Args:
         problem: Robot, path and task.
-        times: [s], shape (K,).
-        attitudes: Of the spacecraft, unit quaternions x, y, z, w, shape (K, 4).
+        times: Times [s], shape (K,).
+        attitudes: Attitudes of the spacecraft, unit quaternions x, y, z, w, shape (K, 4).
         joints: Joint values, shape (K, n).
     """
     rows = problem.task.rows

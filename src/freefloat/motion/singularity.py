@@ -50,7 +50,7 @@ class SingularEvent:
     """The singularity at the end of a motion.
 
     Attributes:
-        time: [s].
+        time: Time [s].
         s: Path parameter.
         end_effector: Position of the end-effector, inertial axes [m], shape (3,).
         joints: Joint values [rad or m], shape (n,).

@@ -49,9 +49,9 @@ class Curve(Segmented, ABC):
         """Position, or its derivative of order 1 or 2 by s, shape (3,), inertial frame."""
 
     def moved(self, pose: Pose) -> Curve:
-        """The curve in the frame in which its own frame has a pose; of its class where it can be.
+        """The curve in another frame, in which ``pose`` is the pose of its own.
 
-        A class of the user's need not define this.
+        By default a :class:`MovedCurve`; subclasses may return a curve of their own class.
         """
         return MovedCurve(self, pose)
 
@@ -120,7 +120,7 @@ class ArcCurve(Curve):
     """A circular arc, its angle proportional to s.
 
     Attributes:
-        centre: [m], shape (3,).
+        centre: Centre of the circle [m], shape (3,).
         start: First point [m], shape (3,).
         normal: Unit vector of the axis of rotation, shape (3,).
         angle: Angle of the arc [rad].
@@ -160,7 +160,7 @@ class SplineCurve(Curve):
     """A twice continuously differentiable cubic spline through points.
 
     Attributes:
-        points: [m], shape (N, 3).
+        points: Points on the curve [m], shape (N, 3).
         knots: Values of s at the points, shape (N,).
         breaks: Values of s of significant jumps of the third derivative.
     """
@@ -169,7 +169,7 @@ class SplineCurve(Curve):
         """Interpolate.
 
         Args:
-            points: [m], shape (N, 3), N at least 2.
+            points: Points on the curve [m], shape (N, 3), N at least 2.
             s: Values of s at the points, rising from 0 to 1; by chord length when left out.
 
         Raises:

@@ -37,28 +37,28 @@ class OrientationLaw(Segmented, ABC):
         """Angular velocity per unit of s [rad], inertial frame, shape (3,); zero by default."""
         return np.zeros(3)
 
-    def turned(self, rotation: Array) -> OrientationLaw:
-        """The orientation turned by a rotation (3, 3): given in axes which these are, in others."""
-        return TurnedOrientation(self, rotation)
+    def rotated(self, rotation: Array) -> OrientationLaw:
+        """The orientation in other axes; ``rotation`` (3, 3) rotates present vectors into them."""
+        return RotatedOrientation(self, rotation)
 
 
-class TurnedOrientation(OrientationLaw):
-    """An orientation turned by a rotation, shape (3, 3)."""
+class RotatedOrientation(OrientationLaw):
+    """An orientation in other axes, see :meth:`OrientationLaw.rotated`."""
 
-    def __init__(self, law: OrientationLaw, turn: Array) -> None:
-        self._law, self._turn, self.breaks = law, turn, law.breaks
+    def __init__(self, law: OrientationLaw, rotation: Array) -> None:
+        self._law, self._rotation, self.breaks = law, rotation, law.breaks
 
     def rotation(self, s: float) -> Array:
         """See :class:`OrientationLaw`."""
-        return np.asarray(self._turn @ self._law.rotation(s))
+        return np.asarray(self._rotation @ self._law.rotation(s))
 
     def rate(self, s: float) -> Array:
         """See :class:`OrientationLaw`."""
-        return np.asarray(self._turn @ self._law.rate(s))
+        return np.asarray(self._rotation @ self._law.rate(s))
 
     def within(self, low: float, high: float) -> Self:
         """See :class:`~freefloat.paths.curves.Segmented`."""
-        return type(self)(self._law.within(low, high), self._turn)
+        return type(self)(self._law.within(low, high), self._rotation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +93,9 @@ class SlerpOrientation(OrientationLaw):
     """The shortest rotation between two orientations, at a constant rate.
 
     Attributes:
-        start: At s = 0: axes as columns, shape (3, 3), or a quaternion x, y, z, w; kept as axes.
-        end: At s = 1, likewise.
+        start: Orientation at s = 0: axes as columns, shape (3, 3), or a quaternion x, y, z, w; kept
+            as axes.
+        end: Orientation at s = 1, likewise.
     """
 
     start: Array = field(repr=False)
@@ -139,7 +140,7 @@ class OrientationSpline(OrientationLaw):
         seconds /= (np.diff(self._knots)[:, None] / 2.0) ** 2
         self.breaks = significant_breaks(self._knots, seconds, _NEGLIGIBLE)
 
-    def turned(self, rotation: Array) -> OrientationSpline:
+    def rotated(self, rotation: Array) -> OrientationSpline:
         """See :class:`OrientationLaw`."""
         rotations = Rotation.from_matrix(rotation) * self._rotations
         return OrientationSpline(rotations.as_quat(), self._knots)

@@ -71,7 +71,7 @@ class RelativePath:
     @cached_property
     def breaks(self) -> Array:
         """Fractions of the duration, rising, inside (0, 1), at which high derivatives jump."""
-        if not self.path.has_length:
+        if not self.path.moves:
             return frozen([])
         return frozen(TimedPath(self.path, self.timing).breaks / self.timing.duration)
 

@@ -175,7 +175,7 @@ class TimedPath:
         require_type("path", self.path, EndEffectorPath, "EndEffectorPath(curve, orientation)")
         require_type("timing", self.timing, Timing, "Timing(duration), in seconds")
         object.__setattr__(self, "drift", frozen(finite_vector("drift", self.drift, 3)))
-        if not (self.drifts or self.path.has_length):
+        if not (self.drifts or self.path.moves):
             raise InputError("path", "its length is zero", "a path that moves or rotates")
 
     @property

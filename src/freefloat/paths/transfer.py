@@ -22,9 +22,9 @@ def quintic(start: Array, start_rate: Array, end: Array, end_rate: Array) -> Arr
     """Polynomial of degree five on [0, 1] with values, rates and accelerations zero at both ends.
 
     Args:
-        start: At 0, shape (m,).
+        start: Value at 0, shape (m,).
         start_rate: Derivative there.
-        end: At 1.
+        end: Value at 1.
         end_rate: Derivative there.
 
     Returns:
@@ -46,8 +46,8 @@ class PolynomialOrientation(OrientationLaw):
     Attributes:
         start: Orientation that is multiplied: axes as columns, shape (3, 3), or a quaternion
             x, y, z, w; kept as axes.
-        coefficients: Of the rotation vector in the axes of ``start``, lowest power first [rad],
-            shape (degree + 1, 3).
+        coefficients: Coefficients of the rotation vector in the axes of ``start``, lowest power
+            first [rad], shape (degree + 1, 3).
     """
 
     start: Array = field(repr=False)
@@ -80,9 +80,9 @@ def transfer(
 
     Args:
         start: First pose in the frame of the path.
-        twist: There [m/s; rad/s], inertial axes, shape (6,).
+        twist: Twist there [m/s; rad/s], inertial axes, shape (6,).
         end: Last pose.
-        duration: [s].
+        duration: Duration [s].
         drift: As for :class:`~freefloat.paths.timing.TimedPath`.
 
     Example:

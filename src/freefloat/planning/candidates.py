@@ -114,10 +114,10 @@ class Region:
 
     Attributes:
         branch: Number of the branch; None for the best of a redundant arm.
-        fraction: Of all attitudes searched.
-        error: Its standard error.
+        fraction: Fraction of all attitudes searched.
+        error: Standard error of the fraction.
         centre: The sample farthest from infeasible ones, x, y, z, w.
-        depth: Its distance from them [rad].
+        depth: Distance of the centre from infeasible samples [rad].
         searched: Fraction of all attitudes that were searched.
     """
 

@@ -11,12 +11,12 @@ from freefloat.motion.problem import Problem
 from freefloat.motion.singularity import SingularEvent, singular_event
 from freefloat.planning.candidates import Candidate
 from freefloat.planning.reasons import (
+    ending_fractions,
     light_spacecraft_hint,
     none_completes,
     not_confirmed,
     point_text,
     reach_message,
-    shares,
     unreached_start_message,
 )
 from freefloat.planning.settings import Search
@@ -59,7 +59,7 @@ def no_feasible_attitude_message(evaluator: FeasibilityEvaluator, samples: Attit
         f"{tried} and those near the best of them none keeps {name} "
         f"{problem.margin.threshold:.6g}; the largest minimum {name} is {best.minimum_margin:.6g}, "
         f"from {np.round(best.attitude, 6).tolist()} with {_arm(evaluator, best)}; "
-        f"{shares(motions.endings)}"
+        f"{ending_fractions(motions.endings)}"
     )
 
 
@@ -94,7 +94,7 @@ def no_feasible_heading_message(evaluator: FeasibilityEvaluator, search: Search)
     return (
         f"every heading violates the margin; of {_TRIED} tried, along the best one "
         f"{best.verdict()}, at s = {round(problem.path.timing.s(t), 4):g}, "
-        f"{point_text(complex(*position[:2]))}; {shares(motions.endings)}"
+        f"{point_text(complex(*position[:2]))}; {ending_fractions(motions.endings)}"
     )
 
 

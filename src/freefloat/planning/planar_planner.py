@@ -52,7 +52,7 @@ def plan_in_plane(
             return Plan(problem, search, False, reason)
         margin_ranges, segments = _exact_ranges(problem, search.domain)
         ranges = limited_ranges(evaluator, margin_ranges)
-        if any(entry.ranges for entry in margin_ranges) > any(entry.ranges for entry in ranges):
+        if any(e.ranges for e in margin_ranges) and not any(e.ranges for e in ranges):
             return Plan(problem, search, False, NO_HEADING_WITHIN_LIMITS, ranges, segments)
     else:
         samples = search.samples or HEADINGS

@@ -13,6 +13,7 @@ from freefloat.paths.time_laws import TimeLaw
 from freefloat.planning.path_planner import plan_within
 from freefloat.planning.plan import Plan
 from freefloat.planning.settings import Search
+from freefloat.planning.timing.retiming import retime
 from freefloat.planning.timing.speed_profile import require_considered
 from freefloat.planning.timing.stretching import stretched_plan
 
@@ -72,6 +73,4 @@ def plan(
     result = stretched_plan(plan_problem, problem) if stretch else plan_problem(problem)
     if not to_retime or not result.feasible:
         return result
-    from freefloat.planning.timing.retiming import retime  # which plans again, with momentum
-
     return retime(replace(result, limits=limits), threads=threads).plan

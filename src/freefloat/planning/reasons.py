@@ -116,9 +116,10 @@ def verdict_on(
         return Verdict(
             Cause.MARGIN, approach.measure, "", approach.time, approach.value, margin.threshold
         )
-    for result in violated(results):
+    first = next(iter(violated(results)), None)
+    if first is not None:
         return Verdict(
-            Cause.LIMIT, str(result.limit), result.where, result.time, result.worst, result.allowed
+            Cause.LIMIT, str(first.limit), first.where, first.time, first.worst, first.allowed
         )
     return Verdict()
 
@@ -146,7 +147,7 @@ def unreached_start_message(problem: Problem, origin: str) -> str:
 
     Args:
         problem: The problem.
-        origin: From where it does not, such as ``"no heading"``.
+        origin: Attitudes from which it does not, such as ``"no heading"``.
     """
     start, reach = problem.path.pose(0.0).position, VirtualManipulator.of(problem.model).reach
     return (
@@ -196,16 +197,16 @@ def none_completes(
 
     Args:
         tried: Those tried, such as ``"of 24 headings"``.
-        endings: Of their arm branches, shape (K, B).
+        endings: Endings of their arm branches, shape (K, B).
         last: The singularity that ends the longest motion, where it is known.
     """
     within = " within its limits" if (endings == LIMITED).any() else ""
     kind = f", at the latest at t = {last.time:.4g} s; its kind: " if last is not None else ""
     kind += last.kind.description if last is not None else ""
-    return f"{tried} none completes the path{within}: {shares(endings)}{kind}"
+    return f"{tried} none completes the path{within}: {ending_fractions(endings)}{kind}"
 
 
-def shares(endings: npt.NDArray[np.int8]) -> str:
+def ending_fractions(endings: npt.NDArray[np.int8]) -> str:
     """How attitudes fail: by the arm branch that gets farthest; endings have the shape (K, B)."""
     words = {
         UNREACHED: "have no arm configuration at the start",
@@ -240,14 +241,14 @@ def none_within_limits(
         stretch: A factor on the duration that would be enough, where one is known.
         longer_tried: Whether longer durations were tried.
     """
-    broken = violated(results)
-    for result in broken:
+    violating = violated(results)
+    for result in violating:
         if result.limit == CorridorLimit.name:  # which the path alone decides
             reached = f"{_reached(result)} at t = {result.time:.4g} s"
             return f"the path itself leaves the corridor, {reached}: no attitude helps"
     counts = ", ".join(f"{name} {number}" for name, number in violations.items())
     reason = f"attitudes keep the margin, but every candidate violates a limit: {counts}"
-    worst = max(broken, key=lambda result: result.ratio, default=None)
+    worst = max(violating, key=lambda result: result.ratio, default=None)
     if worst is not None:
         reason += f"; the best of {count} integrated precisely reaches {worst.limit} "
         reason += f"{_reached(worst)}, at {worst.where}"

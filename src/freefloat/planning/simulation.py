@@ -32,7 +32,7 @@ class SimulatedBranch:
     Attributes:
         branch: The arm at the start.
         motion: Its motion along the path.
-        closest_approach: To a dynamic singularity, by the problem's measure.
+        closest_approach: Closest approach to a dynamic singularity, by the problem's measure.
     """
 
     branch: ArmBranch
@@ -177,7 +177,7 @@ def simulate(
 
     Args:
         problem: Robot, path and momentum.
-        attitude: Of the spacecraft at the start, quaternion x, y, z, w.
+        attitude: Attitude of the spacecraft at the start, quaternion x, y, z, w.
         heading: For planar tasks, in place of the attitude: angle from the inertial x axis [rad].
         branch: Integrate the branch with this number; by default all are integrated, and one is
             chosen, see :class:`Simulation`.
@@ -213,7 +213,7 @@ def simulate(
     candidates = _ranked(simulated)
     if requested is not None:
         candidates = [simulated[branches.index(requested)]]
-    checked = [(candidates[0], tuple[LimitResult, ...]())]
+    checked: list[tuple[SimulatedBranch, tuple[LimitResult, ...]]] = [(candidates[0], ())]
     if checker is not None:
         checked = _within_limits(candidates, checker)
     chosen, results = checked[0]

@@ -77,8 +77,7 @@ def assemble(
         except InputError as error:
             if error.source is not None:
                 raise
-            key = f"attached.{index}.{error.key}"
-            raise type(error)(key, error.problem, error.accepted) from None
+            raise error.with_key(f"attached.{index}.{error.key}") from None
     if payload is not None:
         holder = end_effector_link(decode(robot, arm.source), end_effector)
         link = _add_body(robot, "payload", payload, payload.com)

@@ -67,7 +67,7 @@ class LinkShape:
         kind: Which of the two.
         origin: Frame of the geometry in the link's frame.
         geometry: None where the URDF describes no known geometry of positive size.
-        colour: Of a visual, where the URDF has one.
+        colour: Colour of a visual, where the URDF has one.
         line: Line of its geometry.
     """
 
@@ -83,9 +83,9 @@ class Inertial:
     """Mass properties of a link.
 
     Attributes:
-        mass: [kg].
+        mass: Mass of the link [kg].
         origin: Frame of the inertia in the link's frame; its origin is the centre of mass.
-        inertia: About the centre of mass, axes of ``origin`` [kg m²], shape (3, 3).
+        inertia: Inertia about the centre of mass, axes of ``origin`` [kg m²], shape (3, 3).
     """
 
     mass: float
@@ -178,8 +178,8 @@ class RobotDescription:
 
     Attributes:
         name: Name of the robot.
-        links: In the order of the URDF.
-        joints: In the order of the URDF.
+        links: Links in the order of the URDF.
+        joints: Joints in the order of the URDF.
         text: The URDF as XML.
         source: The file that it came from, or ``"URDF text"``; mesh files are relative to it.
         diagnostics: Errors, then warnings by line.

@@ -35,7 +35,7 @@ class Mesh:
     """Triangles, anticlockwise when seen from outside.
 
     Attributes:
-        vertices: [m], shape (V, 3).
+        vertices: Vertices [m], shape (V, 3).
         faces: Indices of three vertices each, shape (F, 3).
         normals: Outward unit vectors at the vertices, shape (V, 3). A vertex on a sharp edge
             appears once for each side.

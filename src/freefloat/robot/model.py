@@ -61,7 +61,7 @@ class FreeFloatingModel:
     moving_joints: tuple[Joint, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        joints = moving_joints(self.description, self._end_effector_link, self.fixed_joints)
+        joints = moving_joints(self.description, self.end_effector_link, self.fixed_joints)
         object.__setattr__(self, "moving_joints", joints)
         self._require_inertia()
 
@@ -134,7 +134,8 @@ class FreeFloatingModel:
         return {entry.name: getattr(self, entry.name) for entry in fields(self)}
 
     @cached_property
-    def _end_effector_link(self) -> str:
+    def end_effector_link(self) -> str:
+        """The link that follows the path, also where :attr:`end_effector` names a joint."""
         return end_effector_link(self.description, self.end_effector)
 
     @cached_property
@@ -162,7 +163,7 @@ class FreeFloatingModel:
     @cached_property
     def frame_id(self) -> int:
         """Pinocchio's index of the end-effector frame."""
-        return int(self.pin_model.getFrameId(self._end_effector_link, pin.BODY))
+        return int(self.pin_model.getFrameId(self.end_effector_link, pin.BODY))
 
     @property
     def warnings(self) -> tuple[UrdfDiagnostic, ...]:
@@ -206,7 +207,7 @@ class FreeFloatingModel:
     @cached_property
     def tool(self) -> Pose:
         """The end-effector's frame in the frame of the last joint."""
-        return self.link_places[self._end_effector_link][1]
+        return self.link_places[self.end_effector_link][1]
 
     @cached_property
     def body_names(self) -> tuple[str, ...]:

@@ -53,8 +53,9 @@ class Spacecraft:
 
     Attributes:
         mass: Without the arm [kg].
-        inertia: About its centre of mass, axes of its frame [kg m²]: principal moments, shape (3,),
-            the six moments ixx, ixy, ixz, iyy, iyz, izz, or a matrix; kept as a matrix, (3, 3).
+        inertia: Inertia about its centre of mass, axes of its frame [kg m²]: principal moments,
+            shape (3,), the six moments ixx, ixy, ixz, iyy, iyz, izz, or a matrix; kept as a matrix,
+            (3, 3).
         mount: Pose of the arm's root link.
         size: Edges of a box centred on its frame's origin [m], shape (3,).
         mesh: A mesh file in metres, in its frame. With neither size nor mesh it has no shape.
@@ -88,9 +89,9 @@ class Payload:
     """A rigid body fixed to the end-effector.
 
     Attributes:
-        mass: [kg].
-        inertia: About its centre of mass, axes of the end-effector's frame [kg m²]; in the forms
-            of :class:`Spacecraft`.
+        mass: Mass [kg].
+        inertia: Inertia about its centre of mass, axes of the end-effector's frame [kg m²]; in the
+            forms of :class:`Spacecraft`.
         com: Centre of mass in the end-effector's frame [m], shape (3,).
         size: Edges of a box centred on its centre of mass [m], shape (3,).
         mesh: A mesh file in metres, in the end-effector's frame.

@@ -37,9 +37,9 @@ class Body:
         upper: Upper end of the joint's range [rad or m]; infinity where there is none.
         rated_speed: Rated speed in the URDF [rad/s or m/s]; infinite where there is none.
         rated_effort: Rated torque or force in the URDF [N m or N]; infinite where there is none.
-        mass: [kg].
+        mass: Mass [kg].
         centre: Centre of mass in the joint's frame [m], shape (3,).
-        inertia: About the centre of mass, axes of the joint's frame [kg m²], shape (3, 3).
+        inertia: Inertia about the centre of mass, axes of the joint's frame [kg m²], shape (3, 3).
     """
 
     joint: str

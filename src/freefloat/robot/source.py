@@ -24,7 +24,7 @@ class RobotSource:
     Attributes:
         urdf: A URDF, xacro or MJCF file, XML text of a URDF, or a name: of a bundled robot, as
             ``"spatial_6dof"``, ``"example-robot-data:ur10"``, ``"robot_descriptions:panda"``.
-        root: Of a model of MuJoCo, the body that is the spacecraft; default: the only body in the
+        root: Body of a model of MuJoCo that is the spacecraft; default: the only body in the
             world, else the only one with a free joint and bodies that move on it.
         packages: Folders of packages of ROS, by name; others are looked for above the file.
 

@@ -149,9 +149,9 @@ class _Decoder:
         }
         return Joint(
             name=element.get("name", ""),
-            type=element.get("type", "None"),
-            parent=str(element.xpath("string(parent/@link)")) or "None",
-            child=str(element.xpath("string(child/@link)")) or "None",
+            type=element.get("type", ""),
+            parent=str(element.xpath("string(parent/@link)")),
+            child=str(element.xpath("string(child/@link)")),
             origin=self._origin(element),
             axis=self.numbers(element.find("axis"), "xyz", "1 0 0"),
             lower=-math.inf if endless or lower <= -UNLIMITED else lower,
@@ -176,7 +176,7 @@ class _Decoder:
             self.report(Severity.WARNING, limit, problem, f"{_LIMIT}; its {ends[0]} end is 0")
         if not missing and not endless:
             return
-        names = ["lower", "upper"] * endless + missing
+        names = ["lower", "upper", *missing] if endless else missing
         problem = f"a {kind} joint without {', '.join(names)} in its <limit>"
         error = endless and kind == "prismatic"
         remedy = _LIMIT if error else f"{_LIMIT}; it has no limit of this kind"

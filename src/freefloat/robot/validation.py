@@ -34,7 +34,8 @@ def read_urdf(urdf: str | Path | RobotSource, mounted: bool = False) -> RobotDes
     if errors:
         first, more = errors[0].exception(), len(errors) - 1
         if more:
-            remedy = f"{first.accepted} ({more} more error{'s' * (more > 1)}: freefloat info)"
+            others = f"{more} more error{'s' if more > 1 else ''}"
+            remedy = f"{first.accepted} ({others}: freefloat info)"
             raise ModelError(first.key, first.problem, remedy, first.source, first.line)
         raise first
     return replace(with_flat_links(robot), diagnostics=diagnostics)
@@ -97,7 +98,8 @@ def _ends(robot: RobotDescription) -> Faults:
     for joint in robot.joints:
         for tag, name in (("parent", joint.parent), ("child", joint.child)):
             if name not in robot.links_by_name:
-                problem = f"its {tag} link is {name}, and there is no such link"
+                given = f"its {tag} link is {name}, and there is no such link"
+                problem = given if name else f"it has no {tag} link"
                 known = ", ".join(robot.links_by_name)
                 yield Fault(joint, tag, problem, f'<{tag} link=".."/> with one of {known}')
         first = robot.parent_joints[joint.child]
@@ -109,7 +111,7 @@ def _ends(robot: RobotDescription) -> Faults:
 def _tree(robot: RobotDescription) -> Faults:
     parents = {link: joint.parent for link, joint in robot.parent_joints.items()}
     sizes = dict.fromkeys(robot.roots, 0)
-    reported = set[str]()
+    reported: set[str] = set()
     for link in robot.links_by_name:
         path = [link]
         while (above := parents.get(path[-1])) is not None and above not in path:
@@ -131,8 +133,8 @@ def _joints(robot: RobotDescription) -> Faults:
     for joint in robot.joints:
         if not joint.moving:
             if joint.type != "fixed":
-                remedy = f"{', '.join(MOVING)} or fixed"
-                yield Fault(joint, "joint", f"its type is {joint.type}", remedy)
+                problem = f"its type is {joint.type}" if joint.type else "it has no type"
+                yield Fault(joint, "joint", problem, f"{', '.join(MOVING)} or fixed")
             continue
         rated = {"effort": joint.effort, "velocity": joint.velocity}
         for key, value in rated.items():

@@ -30,7 +30,7 @@ class Corridor:
             (3,).
         half_angle: Largest angle between the axis and the line from the apex [rad]; what is less
             than 1 mm from the apex is inside.
-        radius: Instead of that the radius of the cylinder [m], which has no ends.
+        radius: Radius of the cylinder, which has no ends [m]; given instead of ``half_angle``.
         body: Name of the body of the scene that it moves with.
 
     Raises:
@@ -127,9 +127,10 @@ class Scene:
         return tuple(body.name for body in self.bodies)
 
     def require_applicable(self, model: FreeFloatingModel, duration: float) -> None:
-        """Raise an InputError if the scene is not one for a robot and a duration [s].
+        """Raise an InputError if the scene does not suit a robot or a duration [s].
 
-        If a body has the name of a link, may touch an unknown link, or tumbles too often.
+        It does not where a body has the name of a link, may touch an unknown link, or tumbles too
+        often in that time.
         """
         links = model.description.links_by_name
         for body in self.bodies:

@@ -45,11 +45,11 @@ class SceneBody:
         name: Its name, not that of another body or of a link of the robot.
         shape: A box, sphere, cylinder or mesh; or the name of a file, of a mesh in metres or of a
             URDF, whose joints are all fixed at zero.
-        position: Of its frame at time zero [m], shape (3,): in the path's frame, whose origin is
-            the system's centre of mass at time zero; of a body that moves with the target in the
-            end-effector's prescribed frame.
-        orientation: Of its frame at time zero in the same axes: axes as columns, shape (3, 3), or a
-            quaternion x, y, z, w; kept as a matrix.
+        position: Position of its frame at time zero [m], shape (3,): in the path's frame, whose
+            origin is the system's centre of mass at time zero; of a body that moves with the target
+            in the end-effector's prescribed frame.
+        orientation: Orientation of its frame at time zero in the same axes: axes as columns,
+            shape (3, 3), or a quaternion x, y, z, w; kept as a matrix.
         motion: ``"fixed"`` in the path's frame; with the ``"target"``, the pose that the path
             prescribes for the end-effector (of tasks without orientation: its position); or a
             torque-free rotation.
@@ -141,7 +141,7 @@ class SceneBody:
         """
         if not isinstance(self.shape, RobotDescription):
             return (LinkShape(kind, IDENTITY, self.shape, None, 1),)
-        shapes = list[LinkShape]()
+        shapes: list[LinkShape] = []
         for link, pose in _link_poses(self.shape):
             chosen = [shape for shape in link.shapes if shape.kind == kind] or link.shapes
             shapes += (replace(shape, origin=pose @ shape.origin) for shape in chosen)

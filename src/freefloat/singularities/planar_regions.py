@@ -118,8 +118,9 @@ class PlanarArm:
         Args:
             angles: Absolute angles, shape (..., n + 1).
             momentum: Angular momentum about z [N m s].
-            velocity: Of point 3 [m/s], shape (...).
-            last_rate: Of the third link [rad/s], shape (...), for arms that have one.
+            velocity: Velocity of point 3 [m/s], shape (...).
+            last_rate: Angular velocity of the third link [rad/s], shape (...), for arms that have
+                one.
 
         Returns:
             Shape (..., n + 1).

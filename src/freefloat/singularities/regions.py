@@ -35,7 +35,7 @@ class Workspace:
 
     Attributes:
         point: ``"end-effector"``, ``"last joint"`` or ``"wrist centre"``.
-        offset: That point in the end-effector's frame [m], shape (3,).
+        offset: Position of that point in the end-effector's frame [m], shape (3,).
         measure: Name of the measure S: ``system``, ``arm`` or ``gjm``.
         reach: Smallest and largest distance.
         path_dependent: Intervals where S can vanish, inner to outer; None if unknown.

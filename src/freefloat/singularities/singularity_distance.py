@@ -82,7 +82,8 @@ def distance_to_singularity(
         model: Robot, whose arm is not redundant.
         joints: Joint values, shape (n,).
         task: Task or its value, such as ``"position"``.
-        attitude: Of the spacecraft, unit quaternion x, y, z, w, for ``inertial_direction``.
+        attitude: Attitude of the spacecraft, unit quaternion x, y, z, w, for
+            ``inertial_direction``.
         polynomial: Det A of this robot and task, where it is known:
             :meth:`SingularityPolynomial.of` takes a quarter of a second for six joints.
 

@@ -13,7 +13,7 @@ from freefloat.errors import InputError
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.io.scenario.yaml import section_at, validated
-from freefloat.paths.path import samples_text
+from freefloat.paths.samples import samples_text
 
 
 def scenario_from(document: dict[str, Any], source: Path) -> Scenario:

@@ -68,7 +68,8 @@ def dial(
     result: HeadingMap, ranges: Sequence[BranchRanges] | None
 ) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Headings of every arm branch with their colours, and exact ranges where they are known."""
-    branches, reasons = [], list[str]()
+    branches = []
+    reasons: list[str] = []
     labels = result.branch_labels()
     known = {entry.branch: entry.degrees for entry in ranges or ()}
     shared = known.get(0, []) if result.problem.redundant else []

@@ -30,7 +30,7 @@ def edited(content: Content, edit: Edit, outline: Mapping[str, Any] | None) -> d
     """The content after an edit.
 
     Args:
-        content: Of a scenario file.
+        content: Content of a scenario file.
         edit: The edit.
         outline: What the worker answered about this scenario: handles, frame of the path, start
             orientation. None while there is no answer.

@@ -168,8 +168,8 @@ class Answer:
         kind: ``outline``, ``attitudes``, ``motion``, ``limits``, ``problem``, ``saved``, ``page``
             or ``idle``.
         content: What browsers are sent, JSON.
-        reasons: Of ``attitudes``: a sentence on each sample, which the server keeps.
-        reading: That of the newest state.
+        reasons: Sentences on each sample of ``attitudes``, which the server keeps.
+        reading: Reading of the newest state.
     """
 
     kind: str

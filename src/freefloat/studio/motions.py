@@ -47,7 +47,7 @@ def motion_within_limits(
     """The motion of the largest margin, of those from samples, that keeps the limits.
 
     Args:
-        evaluator: Of the problem.
+        evaluator: Evaluator of the problem.
         samples: A map of it.
         limits: The limits.
         progress: Called between candidates; may raise an exception to abandon the search.

@@ -63,7 +63,7 @@ class Session:
         self._choice, self._reading = 0, 1
         self._outline: dict[str, Any] | None = None
         self._reasons: tuple[str, ...] = ()
-        self._sets, self._lost_twice = 0, False
+        self._sets, self._lost_before = 0, False
         self._pages: list[asyncio.Future[str | None]] = []
         self.newest: dict[str, dict[str, Any]] = {}
         self.worker = WorkerProcess(self._answered, self._lost)
@@ -152,7 +152,7 @@ class Session:
             self.newest.pop("outline", None)
             self._reading += 1
         document = self._document
-        self._lost_twice = False
+        self._lost_before = False
         self.worker.send(State(
             document.text, document.source, self._attitude, self._choice, self._dragging,
             self._reading,
@@ -177,7 +177,7 @@ class Session:
             return
         match answer.kind:
             case "idle":
-                self._lost_twice = False
+                self._lost_before = False
                 self._tell({"type": "status", "busy": False})
                 return
             case "page":
@@ -205,11 +205,11 @@ class Session:
         self._deliver(None)
         text = "the planning process ended and was started again"
         self._tell({"type": "error", "text": text})
-        if self._lost_twice:
+        if self._lost_before:
             self._tell({"type": "status", "busy": False})
         else:
             self._changed()
-        self._lost_twice = True
+        self._lost_before = True
 
     def _tell(self, message: dict[str, Any]) -> None:
         if message["type"] not in _MOMENTARY:

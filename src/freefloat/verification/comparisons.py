@@ -52,9 +52,10 @@ class Check:
         stated: Value in the record.
         recomputed: Value that was found.
         allowed: Largest or smallest value, or largest deviation from the stated one.
-        unit: Of these values.
+        unit: Unit of these values.
         time: Where on the motion [s].
-        relation: Of the recomputed value to what is allowed: ≤, ≥, or ± about the stated value.
+        relation: Relation of the recomputed value to what is allowed: ≤, ≥, or ± about the stated
+            value.
     """
 
     name: str

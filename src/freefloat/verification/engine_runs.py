@@ -36,7 +36,7 @@ class EngineRuns:
 
     Attributes:
         inverse: Inverse dynamics.
-        forward: Its own integration.
+        forward: Integration by the engine.
         gravity: Effect of gravity gradient.
     """
 
@@ -84,7 +84,8 @@ def engine_runs(engine: str, motion: Motion, orbit: CircularOrbit | None = None)
 
 def engine_checks(engine: str, motion: Motion, runs: EngineRuns) -> list[Check]:
     """The checks of what an engine computed."""
-    problem, checks = motion.problem, list[Check]()
+    problem = motion.problem
+    checks: list[Check] = []
     if runs.inverse is not None:
         inverse, duration = runs.inverse, problem.path.duration
         inertia = float(np.trace(inertia_matrices(problem.model, motion.initial.joints)[0]))

@@ -30,7 +30,7 @@ class CircularOrbit:
     """Orbit of the centre of mass in the inertial x-y plane; at time 0 the Earth is toward -x.
 
     Attributes:
-        radius: [m].
+        radius: Radius of the orbit [m].
     """
 
     radius: float
@@ -63,7 +63,7 @@ class CircularOrbit:
 
         Args:
             t: Time [s].
-            masses: [kg], shape (K,).
+            masses: Masses of the bodies [kg], shape (K,).
             centres: Centres of mass, inertial axes [m], shape (K, 3).
 
         Returns:
@@ -79,7 +79,7 @@ class GravityRun:
     """Effect of gravity gradient over a motion.
 
     Attributes:
-        radius: Of the orbit [m].
+        radius: Radius of the orbit [m].
         attitude: Change of the final attitude, the joints moving as recorded [rad].
         position: Change of the final position of the end-effector, the same [m].
         momentum: Change of the angular momentum, the end-effector being kept on the path [N m s].

@@ -96,14 +96,14 @@ def _report(
     certificate = certify(motion)
     checker = LimitChecker(motion.problem, result.limits or Limits())
     limits = checker.results(motion)
-    claims = keeps_limits, result.limits is not None
     checks = (
         *completed("certificate", certificate_checks, certificate, motion, keeps_margin),
-        *completed("limits", limit_checks, result.limit_results, checker, limits, *claims),
+        *completed("limits", limit_checks, result.limit_results, checker, limits,
+                   keeps_limits, result.limits is not None),
         *completed("closest approach", _branch_checks, chosen),
         *stated(certificate),
         *engine_checks(engine, motion, runs),
-    )
+    )  # fmt: skip
     return CheckReport(
         result.kind, checks, certificate, limits, runs.inverse, runs.forward, runs.gravity, engine
     )

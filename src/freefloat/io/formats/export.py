@@ -100,7 +100,8 @@ def _groups(trajectory: Trajectory) -> list[_Group]:
         kinds = (body.prismatic for body in model.bodies[1:])
         return _Group(key, values, names, tuple(prismatic if k else revolute for k in kinds))
 
-    centre, fixed = trajectory.centre_of_mass_positions, list[_Group]()
+    centre = trajectory.centre_of_mass_positions
+    fixed: list[_Group] = []
     if trajectory.displaced:
         fixed = [
             space("centre_of_mass_position", centre, "m"),
@@ -182,7 +183,7 @@ def _head(trajectory: Trajectory) -> dict[str, Any]:
         "measure_name": problem.margin.measure.name,
         "completed": motion.completed,
         "ending": motion.ending.value,
-        "frames": _FRAMES + _FIXED_FRAME * trajectory.displaced,
+        "frames": _FRAMES + (_FIXED_FRAME if trajectory.displaced else ""),
     }
 
 
@@ -250,7 +251,7 @@ def export(
         file: Its suffix is the format: ``.csv``, ``.mat``, ``.json``, ``.yaml`` (a ROS 2
             JointTrajectory), ``.mcap``, ``.aem``, ``.xml`` (MJCF), ``.py`` (Basilisk).
         times: Number of evenly spaced times, of each phase; default is 501.
-        rate: In its place, times per second [Hz].
+        rate: Samples per second [Hz], given in place of times.
         epoch: Instant of t = 0 in formats with dates, AEM and MCAP; UTC.
 
     Raises:

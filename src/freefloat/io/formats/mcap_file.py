@@ -12,7 +12,6 @@ from freefloat.so3 import Array
 
 _INERTIAL = "inertial"
 """Name of the frame of all transforms: inertial axes, origin at the centre of mass."""
-_TIME = "builtin_interfaces/Time stamp"
 _PARTS = {
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
     "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",

@@ -26,23 +26,30 @@ class Trajectory:
     """A motion sampled at given times.
 
     Rates and accelerations are those of the motion's law, see :mod:`freefloat.motion.law`: along a
-    path they solve equation (4) at each state and its time derivative; neither is a finite
-    difference. At an end in a dynamic singularity they are nan.
+    path the rates solve equation (4), and the accelerations its time derivative; joint
+    accelerations of redundant arms and of the task ``pointing`` are central differences of the
+    rates. At an end in a dynamic singularity both are NaN.
 
     Attributes:
         motion: The motion.
-        times: Rising [s], shape (K,).
-        attitudes: Of the spacecraft, quaternions x, y, z, w of continuous sign, shape (K, 4).
-        base_positions: Of the root link from the centre of mass, inertial axes [m], shape (K, 3).
-        base_velocities: Of the same point, inertial axes [m/s], shape (K, 3).
-        angular_velocities: Of the spacecraft, inertial axes [rad/s], shape (K, 3).
-        joints: [rad or m], shape (K, n).
-        joint_rates: [rad/s or m/s], shape (K, n).
-        joint_accelerations: [rad/s² or m/s²], shape (K, n).
-        joint_torques: Of inverse dynamics [N m or N], shape (K, n).
-        end_effector_positions: From the centre of mass, inertial axes [m], shape (K, 3).
-        end_effector_orientations: Quaternions x, y, z, w of continuous sign, shape (K, 4).
-        centre_of_mass_positions: In the path's frame [m], shape (K, 3).
+        times: Times, rising [s], shape (K,).
+        attitudes: Attitudes of the spacecraft, quaternions x, y, z, w of continuous sign,
+            shape (K, 4).
+        base_positions: Positions of the root link from the centre of mass, inertial axes [m],
+            shape (K, 3).
+        base_velocities: Velocities of the same point, inertial axes [m/s], shape (K, 3).
+        angular_velocities: Angular velocities of the spacecraft, inertial axes [rad/s],
+            shape (K, 3).
+        joints: Joint values [rad or m], shape (K, n).
+        joint_rates: Joint rates [rad/s or m/s], shape (K, n).
+        joint_accelerations: Joint accelerations [rad/s² or m/s²], shape (K, n).
+        joint_torques: Joint torques of inverse dynamics [N m or N], shape (K, n).
+        end_effector_positions: Positions of the end-effector from the centre of mass, inertial axes
+            [m], shape (K, 3).
+        end_effector_orientations: Orientations of the end-effector, quaternions x, y, z, w of
+            continuous sign, shape (K, 4).
+        centre_of_mass_positions: Positions of the centre of mass in the path's frame [m],
+            shape (K, 3).
         measure: Signed singularity measure of the margin, shape (K,).
         epoch: Instant of t = 0.
     """
@@ -66,8 +73,10 @@ class Trajectory:
     def __post_init__(self) -> None:
         if self.epoch.tzinfo is None:
             object.__setattr__(self, "epoch", self.epoch.replace(tzinfo=UTC))
-        for entry in fields(self)[1:-1]:
-            object.__setattr__(self, entry.name, frozen(getattr(self, entry.name)))
+        for entry in fields(self):
+            value = getattr(self, entry.name)
+            if isinstance(value, np.ndarray):
+                object.__setattr__(self, entry.name, frozen(value))
 
     @classmethod
     def sampled(
@@ -82,7 +91,7 @@ class Trajectory:
         Args:
             motion: The motion.
             count: Number of times; default is 501.
-            rate: In its place, times per second [Hz].
+            rate: Samples per second [Hz], given in place of times.
             epoch: Instant of t = 0; UTC where it has no time zone.
 
         Raises:
@@ -106,14 +115,14 @@ class Trajectory:
 
         Args:
             motion: The motion.
-            times: Rising [s], shape (K,).
+            times: Times, rising [s], shape (K,).
             epoch: Instant of t = 0.
 
         Raises:
             InputError: If a time lies outside the motion.
         """
         times = np.atleast_1d(np.asarray(times, dtype=float))
-        _, attitudes, joints = motion.evaluate(motion.coordinate_at(times))
+        _, attitudes, joints = motion.evaluate(motion.coordinates_at(times))
         problem = motion.problem
         law = motion.law
         n = problem.model.dof

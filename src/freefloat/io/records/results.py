@@ -172,7 +172,10 @@ def _load_record(tree: Tree, kind: type[Result]) -> Result:
     else:
         result = _decode(kind, tree["result"], _read_scenario(tree, model))
     document = json.loads(_text(tree, "document"))
-    for key, stated, recomputed in differences(document, json.loads(json.dumps(result.to_dict()))):
+    recomputed_document = json.loads(json.dumps(result.to_dict()))
+    difference = next(differences(document, recomputed_document), None)
+    if difference is not None:
+        key, stated, recomputed = difference
         problem = f"its document states {stated}, but it is {recomputed}"
         raise InputError(key, problem, _ACCEPTED)
     return result

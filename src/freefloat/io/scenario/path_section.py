@@ -32,7 +32,8 @@ from freefloat.paths.orientation import (
     OrientationSpline,
     SlerpOrientation,
 )
-from freefloat.paths.path import EndEffectorPath, parse_samples
+from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.samples import parse_samples
 from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.scene.scene import Scene
@@ -87,7 +88,8 @@ def path_of(
         task: Part of the pose that it prescribes.
         samples: Text of its CSV file.
         folder: Folder of that file.
-        frame: Of the section's coordinates, relative to the inertial frame; None for that frame.
+        frame: Frame of the section's coordinates, relative to the inertial frame; None for that
+            frame.
 
     Raises:
         InputError: If the path is invalid, or lacks an orientation that the task needs.
@@ -99,7 +101,7 @@ def path_of(
     else:
         curve = section.to_curve()
     if frame is not None:
-        curve, sampled = curve.moved(frame), sampled and sampled.turned(frame.rotation)
+        curve, sampled = curve.moved(frame), sampled and sampled.rotated(frame.rotation)
     frame = frame or _INERTIAL
     law: OrientationLaw = sampled or FreeOrientation()
     if section.attitude is not None:

@@ -26,8 +26,8 @@ from freefloat.io.scenario.path_schema import PathFrame, PathSection
 from freefloat.io.scenario.path_section import path_of
 from freefloat.io.scenario.timing_section import TimingSection
 from freefloat.motion.problem import Problem
-from freefloat.paths.path import samples_text
 from freefloat.paths.relative_path import RelativePath
+from freefloat.paths.samples import samples_text
 from freefloat.paths.timing import TimedPath
 from freefloat.planning.phases.expected_state import keys_within
 from freefloat.planning.phases.kinds.capture_phase import CapturePhase
@@ -101,8 +101,8 @@ class PhaseSection(Section):
         """The phase.
 
         Args:
-            task: Of the scenario.
-            scene: Of the scenario.
+            task: Task of the scenario.
+            scene: Scene of the scenario.
             folder: Folder of the files that it names.
 
         Raises:
@@ -148,14 +148,15 @@ def phases_of(
     """The phases of a file, checked against the problem of its path.
 
     Args:
-        sections: Of the phases.
-        problem: Of the first path.
+        sections: Sections of the phases.
+        problem: Problem of the first path.
         folder: Folder of the files that they name.
 
     Raises:
         InputError: If a value is invalid, or a phase cannot follow those before.
     """
-    keys, phases = list[str](), list[Phase]()
+    keys: list[str] = []
+    phases: list[Phase] = []
     for number, section in enumerate(sections):
         keys.append(f"phases.{number}.capture" if section.capture else f"phases.{number}")
         with keys_within(keys[-1]):

@@ -25,8 +25,8 @@ from freefloat.io.scenario.yaml import error_context, file_keys, parse_yaml, rea
 from freefloat.limits.limits import Limits
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
-from freefloat.paths.path import samples_text
 from freefloat.paths.relative_path import RelativePath
+from freefloat.paths.samples import samples_text
 from freefloat.paths.timing import TimedPath
 from freefloat.planning.objectives.objective import Objective
 from freefloat.planning.objectives.objectives import Weights, objective_of

@@ -49,7 +49,7 @@ class _PlainLoader(_SafeLoader):  # type: ignore[misc]
     """Safe YAML with numbers such as ``1e-3``, and with unique words as keys."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        keys = set[str]()
+        keys: set[str] = set()
         for key, _ in node.value:
             if key.tag != f"{_PREFIX}str":
                 raise yaml.MarkedYAMLError(None, None, "a key is not a word", key.start_mark)
@@ -178,8 +178,7 @@ def file_keys(**names: str) -> Iterator[None]:
         argument, dot, rest = error.key.partition(".")
         if argument not in names:
             raise
-        key = names[argument] + dot + rest
-        raise type(error)(key, error.problem, error.accepted, error.source, error.line) from None
+        raise error.with_key(names[argument] + dot + rest) from None
 
 
 _ORDER = {"extra_forbidden": 0, "missing": 1}

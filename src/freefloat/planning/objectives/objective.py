@@ -23,7 +23,7 @@ class HeadingChoice(NamedTuple):
     """A heading that an objective chooses in ranges of feasible ones.
 
     Attributes:
-        heading: [rad].
+        heading: Heading [rad].
         branch: Number of the arm branch.
         reason: Why it was chosen.
         states_margin: Whether the reason ends with the minimum margin.
@@ -107,7 +107,7 @@ class Objective(ABC):
 
         Args:
             compared: What the motions are compared by.
-            attitudes: From which they begin, quaternions x, y, z, w, shape (K, 4).
+            attitudes: Attitudes from which they begin, quaternions x, y, z, w, shape (K, 4).
             motions: Their results, of leading shape (K, B).
         """
 

@@ -147,10 +147,10 @@ class Weights(Objective):
     """Weights of the terms of an objective; the sum of the terms is as large as possible.
 
     Attributes:
-        margin: Of the minimum margin, as a fraction of the largest one among the samples.
-        turn: Of minus the turn of the spacecraft, as a fraction of 180 degrees: the angle from
-            ``from_attitude``, where that is given, plus the largest turn along the motion.
-        time: Of minus the duration that joint rates require, as a fraction of the path's.
+        margin: Weight of the minimum margin, as a fraction of the largest one among the samples.
+        turn: Weight of minus the turn of the spacecraft, as a fraction of 180 degrees: the angle
+            from ``from_attitude``, where that is given, plus the largest turn along the motion.
+        time: Weight of minus the duration that joint rates require, as a fraction of the path's.
 
     Raises:
         InputError: If a weight is negative, or all are zero.

@@ -25,11 +25,12 @@ class ExpectedState:
     """What is known of the state between two phases.
 
     Attributes:
-        problem: That of the first path; after a capture without momentum, which is not known then.
+        problem: Problem of the first path; after a capture without momentum, which is not known
+            then.
         bodies: Bodies of the scene that are free, at time zero.
-        time: From the beginning of the first path [s].
-        pose: Of the end-effector in the frame of the manoeuvre; None where it is not known.
-        twist: In that frame [m/s; rad/s], shape (6,); None where it is not known.
+        time: Time from the beginning of the first path [s].
+        pose: Pose of the end-effector in the frame of the manoeuvre; None where it is not known.
+        twist: Twist in that frame [m/s; rad/s], shape (6,); None where it is not known.
     """
 
     problem: Problem = field(repr=False)
@@ -97,5 +98,4 @@ def keys_within(key: str) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        inner = f"{key}.{error.key}"
-        raise type(error)(inner, error.problem, error.accepted, error.source, error.line) from None
+        raise error.with_key(f"{key}.{error.key}") from None

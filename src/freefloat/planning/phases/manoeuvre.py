@@ -17,7 +17,7 @@ class Manoeuvre(Answer):
 
     Attributes:
         path: The plan of the first path.
-        phases: In order, up to the first that fails.
+        phases: Phases in order, up to the first that fails.
         reason: Why it succeeds, or which phase fails and why.
     """
 

@@ -43,7 +43,7 @@ def plan_manoeuvre(
     at which the one before ends.
 
     Args:
-        problem: That of the first path. Its frame, whose origin is the centre of mass where the
+        problem: Problem of the first path. Its frame, whose origin is the centre of mass where the
             path begins, and its time are those of the manoeuvre; reorientation and settling have
             negative times.
         phases: What follows.
@@ -121,8 +121,8 @@ def _to_start(
     state: SystemState, search: Search, joints: Array, limits: Limits, progress: Progress | None
 ) -> list[PhaseResult]:
     """Reorientation and settling that end with a state; none that are not needed."""
-    problem, done = state.problem, list[PhaseResult]()
-    attitude, begin = state.attitude, 0.0
+    problem, attitude, begin = state.problem, state.attitude, 0.0
+    done: list[PhaseResult] = []
     if max(np.abs(joints - state.joints).max(), np.abs(state.joint_rates).max()) > _SAME:
         settled = settling(problem, joints, attitude, state.joints, state.joint_rates, limits)
         begin = -settled.duration

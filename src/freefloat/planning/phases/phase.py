@@ -76,9 +76,9 @@ def checked_phases(
     """The phases with distinct names, which can follow one another as far as is known beforehand.
 
     Args:
-        problem: That of the first path.
+        problem: Problem of the first path.
         phases: The phases.
-        keys: Of the phases, for errors; by default ``phases.0`` and so on.
+        keys: Keys of the phases, for errors; by default ``phases.0`` and so on.
 
     Raises:
         InputError: If one is no phase, or cannot follow the path and the phases before.
@@ -95,8 +95,9 @@ def checked_phases(
         if phase.name in taken:
             twice = f"another phase is named {phase.name!r}"
             raise InputError(f"phases.{number}.name", twice, "another name")
-        taken |= {phase.name} - {""}
-    named = list[Phase]()
+        if phase.name:
+            taken.add(phase.name)
+    named: list[Phase] = []
     for phase in given:
         kind = phase.default_name
         numbered = (kind, *(f"{kind} {number}" for number in range(2, 3 + len(given))))

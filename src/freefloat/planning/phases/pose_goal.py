@@ -20,7 +20,7 @@ class PoseGoal:
 
     Attributes:
         pose: The pose.
-        duration: [s].
+        duration: Duration of the path [s].
         frame: ``"inertial"``, that of the manoeuvre; or, where the phase begins, ``"spacecraft"``,
             the root link, ``"base"``, the link that carries the first joint, or
             ``"end_effector"``.

@@ -30,7 +30,7 @@ def prescribed_path(
     Args:
         given: The path.
         bodies: Bodies of the scene now, from the present centre of mass.
-        centre: That centre in the frame of the manoeuvre [m], shape (3,).
+        centre: Centre of mass in the frame of the manoeuvre [m], shape (3,).
         drift: Its velocity [m/s], shape (3,).
     """
     if isinstance(given, RelativePath):
@@ -45,8 +45,8 @@ def require_continuous(path: TimedPath, pose: Pose, twist: Array | None, task: T
 
     Args:
         path: The path.
-        pose: Of the end-effector, in the frame of the path.
-        twist: In that frame [m/s; rad/s], shape (6,); None where it is not known.
+        pose: Pose of the end-effector, in the frame of the path.
+        twist: Twist in that frame [m/s; rad/s], shape (6,); None where it is not known.
         task: Part of both that counts.
     """
     jump = float(np.abs(_offset(path, pose, task)).max())
@@ -70,7 +70,7 @@ def moved_to_begin_at(path: TimedPath, pose: Pose, task: Task) -> TimedPath:
     curve, orientation = path.path.curve, path.path.orientation
     moved = curve.moved(Pose(offset[:3], np.eye(3)))
     if task.prescribes_orientation:
-        orientation = orientation.turned(Rotation.from_rotvec(offset[3:]).as_matrix())
+        orientation = orientation.rotated(Rotation.from_rotvec(offset[3:]).as_matrix())
     return replace(path, path=EndEffectorPath(moved, orientation))
 
 

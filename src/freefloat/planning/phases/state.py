@@ -20,14 +20,14 @@ class SystemState:
     """The system at the end of a phase.
 
     Attributes:
-        problem: That of the first path, with the robot, momentum and scene that there are now; the
-            scene is the one at the beginning of the manoeuvre's first path, in its frame.
-        time: From the beginning of the first path [s].
-        attitude: Of the spacecraft, unit quaternion x, y, z, w.
-        joints: Shape (n,).
-        joint_rates: [rad/s or m/s], shape (n,).
+        problem: Problem of the first path, with the robot, momentum and scene that there are now;
+            the scene is the one at the beginning of the manoeuvre's first path, in its frame.
+        time: Time from the beginning of the first path [s].
+        attitude: Attitude of the spacecraft, unit quaternion x, y, z, w.
+        joints: Joint values [rad or m], shape (n,).
+        joint_rates: Joint rates [rad/s or m/s], shape (n,).
         base_rate: Angular velocity of the spacecraft, its axes [rad/s], shape (3,).
-        centre: Of mass in the frame of the manoeuvre [m], shape (3,).
+        centre: Centre of mass in the frame of the manoeuvre [m], shape (3,).
     """
 
     problem: Problem = field(repr=False)
@@ -79,7 +79,7 @@ class SystemState:
         """The problem of a motion that begins now, from the present centre of mass.
 
         Args:
-            path: In the frame of the motion, whose origin is the present centre of mass.
+            path: Path in the frame of the motion, whose origin is the present centre of mass.
             **changes: Other attributes of the problem.
         """
         return self.problem.replace(path=path, scene=self.scene, **changes)

@@ -59,7 +59,7 @@ class BranchRanges:
     Attributes:
         branch: Number of the arm branch at that time.
         label: Its name.
-        ranges: In order of their first heading.
+        ranges: Ranges in order of their first heading.
         limits: Headings at which feasibility changes [rad]; even in number (Appendix C).
     """
 
@@ -73,13 +73,20 @@ class BranchRanges:
         return max((part.depth(heading) for part in self.ranges), default=-np.pi)
 
     @property
+    def spans(self) -> list[tuple[float, float]]:
+        """The ranges [rad] from 0 to 2 pi, those across zero split in two."""
+        spans = []
+        for part in self.ranges:
+            if part.high <= tau:
+                spans.append((part.low, part.high))
+            else:
+                spans += [(0.0, part.high - tau), (part.low, tau)]
+        return sorted(spans)
+
+    @property
     def degrees(self) -> list[list[float]]:
-        """The ranges in degrees from 0 to 360, those across zero split in two."""
-        parts = []
-        for entry in self.ranges:
-            low, high = np.degrees([entry.low, entry.high]).tolist()
-            parts += [[low, high]] if high <= 360.0 else [[0.0, high - 360.0], [low, 360.0]]
-        return sorted(parts)
+        """The same in degrees, from 0 to 360."""
+        return [np.degrees(span).tolist() for span in self.spans]
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document, angles in degrees."""
@@ -94,10 +101,10 @@ class BranchRanges:
 def covered_angle(ranges: Iterable[BranchRanges]) -> float:
     """Angle of all headings in a range of any arm branch [rad]."""
     angle, covered = 0.0, 0.0
-    for low, high in sorted(span for entry in ranges for span in entry.degrees):
+    for low, high in sorted(span for entry in ranges for span in entry.spans):
         angle += max(0.0, high - max(low, covered))
         covered = max(covered, high)
-    return float(np.radians(angle))
+    return angle
 
 
 def arcs_between(ends: Sequence[tuple[float, str]]) -> Iterator[HeadingRange]:

@@ -29,8 +29,8 @@ class PathState(NamedTuple):
     """Point 3 and the last link at instants of the path, in complex numbers.
 
     Attributes:
-        position: Of point 3 [m], shape (...).
-        velocity: Of point 3 [m/s], shape (...).
+        position: Position of point 3 [m], shape (...).
+        velocity: Velocity of point 3 [m/s], shape (...).
         last: Angle of the end-effector [rad], shape (...).
         last_rate: Its rate [rad/s], shape (...).
     """
@@ -47,8 +47,8 @@ class PlanarCandidates:
     Attributes:
         arm: The arm.
         curves: Its margin curves.
-        duration: Of the path [s].
-        timing: Of the path.
+        duration: Duration of the path [s].
+        timing: Timing of the path.
         times: Instants at which candidates are looked at [s], dense near rests, shape (T,).
         path: The path at those instants.
     """

@@ -24,7 +24,7 @@ class RangeChoices:
     """See :class:`~freefloat.planning.objectives.objective.HeadingChoices`.
 
     Attributes:
-        evaluator: Of the problem.
+        evaluator: Evaluator of the problem.
         ranges: Numbers of arm branches, each with one of its ranges.
         search: The search.
         limits: Limits in addition to the margin.

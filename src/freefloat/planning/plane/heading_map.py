@@ -20,7 +20,7 @@ class HeadingCandidate:
 
     Attributes:
         branch: Number of the arm branch.
-        heading: [rad].
+        heading: Heading [rad].
         minimum_margin: Minimum margin of its motion.
     """
 

@@ -60,10 +60,10 @@ def best_headings(
     All ranges are searched at once, on ever finer grids around the peaks of their merits.
 
     Args:
-        evaluator: Of the problem.
+        evaluator: Evaluator of the problem.
         ranges: First and last headings [rad].
         branches: Number of the arm branch of each range; a redundant arm's best branch counts.
-        merit: Of motions; the minimum margin when left out.
+        merit: Merit of motions; the minimum margin when left out.
     """
     grids = [np.linspace(low, high, _TRIED) for low, high in ranges]
     spacing, steps = np.ptp(ranges, axis=1) / (_TRIED - 1), np.linspace(-1.0, 1.0, _PARTS + 1)

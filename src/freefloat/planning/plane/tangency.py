@@ -47,12 +47,12 @@ class PlanarTangencyPoint:
     """A state at which a motion may have S = S0 as its smallest magnitude.
 
     Attributes:
-        kind: At an instant of the path, or at an end.
-        time: [s].
+        kind: Whether at an instant of the path, or at an end.
+        time: Time [s].
         s: Place on the path.
         level: Signed value of S.
-        heading: Of the spacecraft [rad], in [0, 2 pi).
-        joints: Shape (n,).
+        heading: Heading of the spacecraft [rad], in [0, 2 pi).
+        joints: Joint values [rad or m], shape (n,).
     """
 
     kind: TangencyKind

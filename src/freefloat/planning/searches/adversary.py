@@ -49,9 +49,9 @@ def confirmed_radius(
     """The largest radius, up to a given one, whose ball no adversarial search breaks.
 
     Args:
-        regularity: Of deviations.
-        radius: To begin with.
-        effort: Of each search.
+        regularity: Regularity of deviations.
+        radius: Radius to begin with.
+        effort: Effort of each search.
         smallest: Radius below which zero is returned.
         most: No deviation is larger.
     """

@@ -32,7 +32,7 @@ class Samples:
     """Samples along a line.
 
     Attributes:
-        points: In increasing order, shape (K,).
+        points: Points in increasing order, shape (K,).
         slacks: What motions have beyond what is required, zero or less where it is violated, for
             each requirement, shape (K, R).
         kept: Which motions keep all requirements, shape (K,).

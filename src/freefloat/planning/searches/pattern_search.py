@@ -192,7 +192,7 @@ def shortest(
     """Vectors (K, 3) of sets, moved to the shortest ones in directions nearby.
 
     Args:
-        member: Of the set of each search.
+        member: Test of membership in the set of each search.
         vectors: One of its vectors for each search.
         angle: Angle of the first cone around it [rad].
         groups: Searches of the same set have the same number, shape (K,); all when left out.

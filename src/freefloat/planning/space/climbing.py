@@ -103,7 +103,7 @@ def feasible_peaks(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> lis
 
 
 def most_robust_first(samples: AttitudeMap, peaks: list[Peak]) -> list[Peak]:
-    """Peaks, best first; of those that equal the best the farthest from samples outside leads."""
+    """Peaks, those of the largest margin first, led by the farthest from samples outside."""
     enough = (1.0 - _EQUAL) * max((peak.minimum_margin for peak in peaks), default=0.0)
 
     def depth(peak: Peak) -> float:
@@ -116,7 +116,7 @@ def most_robust_first(samples: AttitudeMap, peaks: list[Peak]) -> list[Peak]:
 
 
 def is_unique(evaluator: FeasibilityEvaluator, best: Peak) -> bool:
-    """Whether no attitude near the best, but farther than half a degree, has its margin."""
+    """Whether no attitude between half a degree and one degree from the best has its margin."""
     cloud = attitudes_within(best.attitude, 2.0 * _APART, _AROUND // evaluator.sample_reduction)
     others = cloud[angle_between(cloud, best.attitude) > _APART]
     margins = evaluator.margins(others, best.branch)

@@ -75,8 +75,8 @@ def attitude_map(
         samples: Number of attitudes; when left out that of the search, else 360 headings or
             36,864 attitudes.
         search: Its seed rotates the grid of attitudes, its joints and domain restrict the map.
-        limits: Of these, motions are compared with those of pointing and of the spacecraft's turn:
-            an attitude is feasible where a motion keeps them and the margin.
+        limits: Limits, of which motions are compared with those of pointing and of the spacecraft's
+            turn: an attitude is feasible where a motion keeps them and the margin.
         nearest: Attitude to find the nearest feasible one to, quaternion x, y, z, w.
         boundary: Points on the boundary of the feasible set to find for each arm branch.
         tangency: Points on the boundary to find from tangency points (Section VI).
@@ -105,14 +105,14 @@ def attitude_map(
     problem = search.applied_to(problem)
     samples = search.samples if samples is None else samples
     if problem.task.planar:
-        _require_none(nearest=nearest is not None, boundary=boundary, touch=tangency)
+        _require_none(nearest=nearest is not None, boundary=boundary, tangency=tangency)
         count = HEADINGS if samples is None else samples
         headings = sample_headings(evaluator_for(problem, threads, limits), count, search, progress)
         return replace(headings, seconds=time.perf_counter() - start)
     target = None if nearest is None else problem.attitude(nearest, key="nearest")
     if tangency:
         require_tangency_points(problem)
-        require_memory("touch", tangency, _POINT_SIZE)
+        require_memory("tangency", tangency, _POINT_SIZE)
     evaluator = evaluator_for(problem, threads, limits)
     sampled = sample_attitudes(
         evaluator, _ATTITUDES if samples is None else samples, search,

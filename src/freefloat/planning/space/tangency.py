@@ -45,7 +45,7 @@ class TangencyPoint:
     """A state at which a motion has S = S0 as a minimum of the magnitude.
 
     Attributes:
-        time: [s].
+        time: Time [s].
         tau: Dimensionless time (19).
         attitude: Attitude of the spacecraft, unit quaternion x, y, z, w, shape (4,).
         joints: Joint values, shape (6,).
@@ -161,7 +161,7 @@ def require_tangency_points(problem: Problem) -> None:
     require_tangency_arm(problem)
     if problem.margin.threshold == 0.0:
         raise InputError(
-            "touch", "the margin is zero, no motion is tangent to it", "a margin other than zero"
+            "tangency", "the margin is zero, no motion is tangent to it", "a margin other than zero"
         )
 
 

@@ -78,8 +78,8 @@ def fastest_speeds(
     """Pairs of times [s] and speeds ds/dt of the fastest timing.
 
     Args:
-        motion: From rest to rest along the whole path.
-        limits: That pass :func:`require_considered`.
+        motion: Motion from rest to rest along the whole path.
+        limits: Limits that pass :func:`require_considered`.
         scale: Factor on the limits.
         intervals: Number of intervals of s with constant u.
     """
@@ -175,7 +175,7 @@ class _Place:
         """The limits at values of s, shape (K,)."""
         new = [s for s in dict.fromkeys(values.tolist()) if s not in self._known]
         times = [self._timing.time_at(s) for s in new]
-        states = self._motion.evaluate(self._motion.coordinate_at(times))
+        states = self._motion.evaluate(self._motion.coordinates_at(times))
         for s, t, attitude, joints in zip(new, times, *states[1:], strict=True):
             self._go_to(s, t, attitude, joints)
             a, b, c = _NONE, _NONE, _NONE

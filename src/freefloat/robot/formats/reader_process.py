@@ -1,7 +1,8 @@
 """A process of its own for readers of files that are programs: xacro, and models of MuJoCo.
 
 The process ends after a time. On Linux it cannot use more than an amount of memory, and ends with
-its parent. It imports nothing of freefloat but errors, this module and the reader.
+its parent. Of freefloat it imports only errors, this module, the reader and what the reader
+imports.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ def run_reader(module: str, file: Path, **arguments: Any) -> UrdfText:
         arguments: Arguments that JSON can represent.
 
     Raises:
-        ModelError: That of the reader, or if it takes too much time or memory.
+        ModelError: As raised by the reader, or if it takes too much time or memory.
     """
     path = os.path.abspath(file)
     request = {"module": module, "parent": os.getpid(), "arguments": {"file": path, **arguments}}

@@ -83,7 +83,7 @@ class Reference:
         )
         steps = steps or int(np.clip(required_steps, _STEPS, _MAX_STEPS))
         nodes = np.linspace(first, last, round(_SPLINE * steps) + 1)
-        _, _, rows = motion.evaluate(motion.coordinate_at(nodes))
+        _, _, rows = motion.evaluate(motion.coordinates_at(nodes))
         return cls(first, last, steps, CubicSpline(nodes, rows))
 
     @property

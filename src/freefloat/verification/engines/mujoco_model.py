@@ -67,7 +67,7 @@ class Engine:
         self.data = mujoco.MjData(self.model)
         self.root = self.model.body(root.name).id
         self._set_inertias(model)
-        self.tool = self.model.body(model.end_effector).id
+        self.tool = self.model.body(model.end_effector_link).id
 
     def _set_inertias(self, model: FreeFloatingModel) -> None:
         """Set the inertias of the moving bodies, and zero for all others."""

@@ -104,7 +104,9 @@ def _add_title(figure: Figure, title: str) -> None:
     figure.suptitle(title)
 
 
-def _motion_figures(motion: Motion, _: int | None, __: Progress | None) -> dict[str, Figure]:
+def _motion_figures(
+    motion: Motion, threads: int | None, progress: Progress | None
+) -> dict[str, Figure]:
     drawn = with_drawn_path(motion)
     areas = workspace_regions(drawn.problem)
     closest = closest_approach(drawn, drawn.problem.margin.measure)
@@ -143,13 +145,13 @@ def _attitude_map_figures(
 
 
 def _heading_map_figures(
-    result: HeadingMap, _: int | None, __: Progress | None
+    result: HeadingMap, threads: int | None, progress: Progress | None
 ) -> dict[str, Figure]:
     return {"headings": headings_figure(result)} if result.branches else {}
 
 
 def _singularity_map_figures(
-    result: SingularityMap, _: int | None, __: Progress | None
+    result: SingularityMap, threads: int | None, progress: Progress | None
 ) -> dict[str, Figure]:
     return singularity_figures(result)
 

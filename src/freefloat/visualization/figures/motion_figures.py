@@ -245,7 +245,7 @@ def angles_figure(motion: Motion, limits: AttitudeLimits) -> Figure:
 def _curves(motion: Motion, limits: AttitudeLimits) -> Iterator[tuple[str, str, float, Array]]:
     """Yield name, allowed side, allowed angle and angles at the shown times [rad] of each limit."""
     problem = motion.problem
-    states = motion.evaluate(motion.coordinate_at(shown_times(motion)))
+    states = motion.evaluate(motion.coordinates_at(shown_times(motion)))
     for number, limit in enumerate(limits.pointing):
         angles = [
             angle_of(*limit.vectors(problem.model, attitude, joints, problem.path.origin(t)))

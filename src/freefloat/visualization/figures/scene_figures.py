@@ -78,7 +78,7 @@ def outlines(motion: Motion, times: npt.ArrayLike) -> list[Outline]:
     edges = box[[4, 2, 1]] - box[0]
     fractions = edges @ (model.bodies[1].placement.position - box[0]) / (edges**2).sum(axis=1)
     mount = box[0] + np.clip(fractions, 0.0, 1.0) @ edges  # point nearest to the first joint
-    positions, rotations = body_poses(motion, motion.coordinate_at(times))
+    positions, rotations = body_poses(motion, motion.coordinates_at(times))
     return [
         Outline(base + box @ R.T, np.vstack([base + R @ mount, arm]))
         for (base, *arm), R in zip(positions, rotations[:, 0], strict=True)

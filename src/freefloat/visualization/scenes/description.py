@@ -114,7 +114,7 @@ class View:
         centre: Centre of a ball that contains the scene [m].
         radius: Its radius [m].
         points: Points that the picture must contain [m].
-        direction: From the centre to the eye.
+        direction: Direction from the centre to the eye.
         flat: Whether the scene lies in the x-y plane.
     """
 
@@ -192,7 +192,7 @@ class SceneDescription:
         scale: Colours of the margin, or of parts of the scene.
         view: First view.
         remarks: Messages on visuals of the robot that cannot be drawn.
-        samples: Of a map.
+        samples: Samples of a map.
         sequence: Whether the motions follow one another.
     """
 

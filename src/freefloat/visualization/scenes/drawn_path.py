@@ -28,6 +28,6 @@ def with_drawn_path(motion: Motion) -> Motion:
     rotations = Rotation.from_matrix([pose.rotation for pose in poses])
     s = np.array([timing.s(float(t)) for t in motion.times])
     path = EndEffectorPath(SplineCurve(points, s), OrientationSpline(rotations.as_quat(), s))
-    if not path.has_length:
+    if not path.moves:
         return motion
     return replace(motion, problem=replace(problem, path=TimedPath(path, timing, drift)))

@@ -39,7 +39,7 @@ class PointingCone:
         origins: Origins of the link's frame from the centre of mass, inertial axes [m], (K, 3).
         axes: Rotations of the link's frame, shape (K, 3, 3).
         targets: Unit vectors toward the target, inertial axes, shape (K, 3).
-        length: Of the arrow, and from the apex of the cone to its rim [m].
+        length: Length of the arrow, and from the apex of the cone to its rim [m].
     """
 
     limit: PointingLimit

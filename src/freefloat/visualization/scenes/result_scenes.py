@@ -72,7 +72,8 @@ def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> Scene:
     Raises:
         InputError: If no phase has a motion.
     """
-    motions, places = dict[str, Motion](), list[Place]()
+    motions: dict[str, Motion] = {}
+    places: list[Place] = []
     begin = manoeuvre.phases[0].start
     for number, phase in enumerate(manoeuvre.phases, 1):
         motion = _with_scene(phase, manoeuvre)

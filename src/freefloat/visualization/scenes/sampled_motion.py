@@ -51,7 +51,7 @@ class SampledMotion:
         motion: The motion.
         visuals: Shapes of its robot.
         times: Key times [s], shape (K,).
-        positions: Of the bodies and the end-effector [m], shape (K, bodies, 3).
+        positions: Positions of the bodies and the end-effector [m], shape (K, bodies, 3).
         rotations: Their axes, shape (K, bodies, 3, 3).
         values: Magnitudes of the measure, shape (K,).
         fractions: Values of s, shape (K,).
@@ -82,9 +82,9 @@ def sampled_motion(
     """Return a motion at no more key times than a limit."""
     problem = motion.problem
     times = key_times(motion, limit)
-    parameters = motion.coordinate_at(times)
+    parameters = motion.coordinates_at(times)
     # Exact end points: a singular motion has no state after its end.
-    parameters[[0, -1]] = motion.coordinate_at([motion.times.min(), motion.times.max()])
+    parameters[[0, -1]] = motion.coordinates_at([motion.times.min(), motion.times.max()])
     measure = problem.margin.measure
     poses = body_poses(motion, parameters)
     return SampledMotion(

@@ -41,7 +41,8 @@ class BodyVisuals:
 
 def body_visuals(number: int, body: SceneBody) -> BodyVisuals:
     """Return the translucent shapes of a body of the scene with its number."""
-    shapes, problems = list[Visual](), list[str]()
+    shapes: list[Visual] = []
+    problems: list[str] = []
     for shape in body.shapes("visual"):
         try:
             parts = _parts(shape.geometry, body.source)

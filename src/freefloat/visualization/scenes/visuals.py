@@ -43,7 +43,7 @@ class Visual:
         body: The rigid body that it is part of: 0 is the spacecraft, k is moved by joint k.
         placement: Its frame in the body's joint frame.
         shape: Its geometry.
-        colour: Of the whole shape.
+        colour: Colour of the whole shape.
     """
 
     name: str
@@ -74,7 +74,7 @@ def view_direction(motions: Sequence[Array], others: Sequence[Array] = ()) -> Ar
     Bodies of the scene are beside the robots, neither before nor behind them.
 
     Args:
-        motions: Of each motion positions as of :func:`body_poses` [m], shape (K, n + 2, 3).
+        motions: Positions of each motion, as of :func:`body_poses` [m], shape (K, n + 2, 3).
         others: Places of bodies of the scene [m], shape (3,) each.
     """
     arms = np.vstack([(bodies[:, 1:-1] - bodies[:, :1]).mean(axis=1) for bodies in motions])
@@ -126,7 +126,7 @@ def robot_visuals(model: FreeFloatingModel) -> RobotVisuals:
     )
     shapes: list[Visual] = []
     problems = []
-    drawn = set[int]()
+    drawn: set[int] = set()
     for link in model.description.links:
         body, place = model.link_places[link.name]
         parts: list[tuple[Pose, Shape, Colour]] = []

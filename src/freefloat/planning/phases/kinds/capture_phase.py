@@ -43,8 +43,8 @@ class CapturePhase(Phase):
 
     Attributes:
         body: Name of the body.
-        mass: [kg].
-        inertia: About its centre of mass, axes of its frame [kg m²], in the forms of
+        mass: Mass of the body [kg].
+        inertia: Inertia about its centre of mass, axes of its frame [kg m²], in the forms of
             :class:`~freefloat.robot.parts.Spacecraft`; by default that of its tumbling.
         com: Centre of mass in its frame [m], shape (3,); by default that of its tumbling, or zero.
         name: Name of the phase; by default ``"capture"``, with a number where another has that.
@@ -131,8 +131,8 @@ class CapturePhase(Phase):
         payload = next(link.name for link in links if link.name not in before)
         held = replace(
             body, position=grapple.inverse().position, orientation=grapple.inverse().rotation,
-            motion="target", touch_links=(*body.touch_links, problem.model.end_effector),
-            payload=payload,
+            motion="target", payload=payload,
+            touch_links=(*body.touch_links, problem.model.end_effector_link),
         )  # fmt: skip
         others = (b for b in problem.scene.bodies if b.name != self.body)
         corridor = problem.scene.corridor

@@ -29,7 +29,7 @@ class JointPhase(Phase):
 
     Attributes:
         joints: Values at the end, by name or shape (n,) [rad or m].
-        duration: [s].
+        duration: Duration of the motion [s].
         name: Its name; by default ``"joints"``, with a number where another phase has that name.
 
     Example:

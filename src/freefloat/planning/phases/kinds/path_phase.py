@@ -48,8 +48,8 @@ class PathPhase(Phase):
     """A further path of the end-effector, from the state at which the phase before ends.
 
     Attributes:
-        path: In the frame of the manoeuvre, in that of a body of the scene, or to a pose. It begins
-            with the pose and the twist of the end-effector at the end of the phase before.
+        path: Path in the frame of the manoeuvre, in that of a body of the scene, or to a pose. It
+            begins with the pose and the twist of the end-effector at the end of the phase before.
         name: Its name; by default ``"to"`` for a pose, else ``"path"``, with a number where another
             phase has that name.
         margin: Required magnitude of the first path's measure.
