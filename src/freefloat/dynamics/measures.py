@@ -84,12 +84,12 @@ def singularity_measure(
     m, n = len(task.rows), model.dof
     require_enough_joints(model, task)
     lengths = sum(row < 3 for row in task.rows) - int(model.prismatic.sum())
-    volume = "det S* (6)" if m == n else "sqrt(det(S* S*^T)) of S* (7)"
+    gjm_definition = "det S* (6)" if m == n else "sqrt(det(S* S*^T)) of S* (7)"
     if name == "gjm":
-        return SingularityMeasure(name, volume, _unit(lengths), partial(_gjm, model, task))
+        return SingularityMeasure(name, gjm_definition, _unit(lengths), partial(_gjm, model, task))
     if name == "system":
         k = 1 if task.planar else 3
-        definition = "det A (5)" if m == n else f"det D times {volume}"
+        definition = "det A (5)" if m == n else f"det D times {gjm_definition}"
         unit = f"{_unit(lengths + 2 * k)} kg" + ("^3" if k == 3 else "")
         return SingularityMeasure(name, definition, unit, partial(_system, model, task))
     if name == "sigma":
