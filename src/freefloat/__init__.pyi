@@ -63,6 +63,7 @@ from .io.records.results import save as save
 from .io.formats.export import export as export
 from .verification.check import check as check
 from .verification.tracking import track as track
+from .verification.tracking import track_many as track_many
 from .visualization.figures.figures import figures as figures
 from .visualization.page.playback import playback as playback
 from .visualization.page.playback import show as show

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from freefloat.studies.portable import PortableStudy
 from freefloat.studies.results import Combination, StudyResult
 from freefloat.studies.run import execute
 from freefloat.studies.study import Study
+from freefloat.studies.track_runs import tracked_rows
 from tests.errors import error_key
 from tests.example_studies import SHORT, a_study, finished, write_study
 
@@ -58,6 +60,11 @@ def test_a_run_has_the_results_of_track(tmp_path: Path) -> None:
     assert result.values["branch"] == 0
     assert result.values["verdict"] == ("feasible" if tracking.survived else "infeasible")
     assert result.content is None
+    rows = [row for chunk in tracked_rows(study, range(8), 2) for row in chunk]
+    assert [row.number for row in rows] == list(range(8))
+    assert replace(rows[7], began=None, seconds=None) == replace(
+        result.row, began=None, seconds=None
+    )
 
 
 @pytest.mark.usefixtures("kernels")

@@ -71,19 +71,35 @@ def test_the_seed_decides_and_masses_deviate_as_stated(short) -> None:
     for body, true in zip(nominal.bodies, first.model.bodies, strict=True):
         assert abs(true.mass / body.mass - 1.0) > 1e-4
         np.testing.assert_allclose(true.inertia * body.mass, body.inertia * true.mass, atol=1e-12)
+    runs = ff.track_many(short, mass_error=0.1, seed=range(40), period=10, gain=0)
     factors = [
         body.mass / nominal.bodies[k].mass
-        for seed in range(40)
-        for k, body in enumerate(
-            ff.track(short, mass_error=0.1, seed=seed, period=10, gain=0).model.bodies
-        )
+        for run in runs
+        for k, body in enumerate(run.model.bodies)
     ]
     assert np.std(np.log(factors)) == pytest.approx(0.1, rel=0.3)
 
 
 @pytest.mark.slow
+def test_many_runs_have_the_results_of_single_ones(short) -> None:
+    deviations = {
+        "mass_error": [0.0, 0.2, 0.1], "noise": [1e-3, 0.0, 2e-3], "friction": [0.0, 0.1, 0.2],
+        "seed": [3, 4, 5], "gain": [1.0, 0.5, 2.0], "tolerance": [0.1, 0.2, 0.3],
+    }  # fmt: skip
+    runs = ff.track_many(short, **deviations, period=0.2, threads=2)
+    for k, run in enumerate(runs):
+        single = ff.track(short, **{key: v[k] for key, v in deviations.items()}, period=0.2)
+        for name in ("attitudes", "joints", "margins", "position_errors", "orientation_errors"):
+            np.testing.assert_array_equal(getattr(run, name), getattr(single, name))
+        assert run.to_dict() == single.to_dict()
+    assert error_key(ff.track_many, short, noise=[0.1, 0.2], seed=[1, 2, 3]) == "noise"
+    assert error_key(ff.track_many, short, noise=[0.1, -0.2]) == "noise"
+    assert error_key(ff.track_many, short, threads=0) == "threads"
+
+
+@pytest.mark.slow
 def test_noise_and_friction_lead_off_the_path(short) -> None:
-    errors = [ff.track(short, noise=noise).peak_position_error for noise in (0.0, 0.01, 0.02)]
+    errors = [run.peak_position_error for run in ff.track_many(short, noise=[0.0, 0.01, 0.02])]
     assert errors[0] < errors[1]
     assert errors[2] == pytest.approx(2.0 * errors[1], rel=0.2)
     assert not ff.track(short, noise=0.02, tolerance=0.5 * errors[2]).survived

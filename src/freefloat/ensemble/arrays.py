@@ -49,9 +49,21 @@ _THROUGH_NODES = np.linalg.inv(np.vander(_NODES[:4], increasing=True))
 
 def kernel_problem(problem: Problem, limits: AttitudeLimits | None = None) -> KernelProblem:
     """The arrays that the kernels read of a problem and of limits of attitude."""
-    model, task = problem.model, problem.task
-    frames, pointing = link_frames(model), task is Task.POINTING
-    reach, name = VirtualManipulator.of(model).reach, problem.margin.measure.name
+    model = problem.model
+    frames = link_frames(model)
+    robot, measure = kernel_robot(model, problem.task, problem.margin.measure.name, frames)
+    cones = None
+    if limits is not None and limits.number:
+        cones = _cones(model, frames, limits, problem.path.duration)
+    null_space = _null_space(problem)
+    return KernelProblem(robot, _course(problem), measure, null_space, TABLEAU, cones)
+
+
+def kernel_robot(
+    model: FreeFloatingModel, task: Task, name: str, frames: LinkFrames
+) -> tuple[Robot, Measure]:
+    """The arrays of a robot, whose frames are given, of its task and of a measure by its name."""
+    pointing, reach = task is Task.POINTING, VirtualManipulator.of(model).reach
     multiples, coefficients = np.zeros((2, 0, 2))
     if name == "arm":
         plane = ArmPlane.of(frames)
@@ -61,12 +73,7 @@ def kernel_problem(problem: Problem, limits: AttitudeLimits | None = None) -> Ke
         frames.tool, np.array(task.rows, dtype=float), model.dof, len(task.rows), task.planar,
         SPINNING_SPEED if pointing else SINGULAR_SPEED, frames.across if pointing else None,
     )  # fmt: skip
-    measure = Measure(NAMES.index(name), len(multiples), multiples)
-    cones = None
-    if limits is not None and limits.number:
-        cones = _cones(model, frames, limits, problem.path.duration)
-    null_space = _null_space(problem)
-    return KernelProblem(robot, _course(problem), measure, null_space, TABLEAU, cones)
+    return robot, Measure(NAMES.index(name), len(multiples), multiples)
 
 
 def _cones(

@@ -21,7 +21,8 @@ from freefloat.studies.values import MARGIN_REASON
 
 _CHUNK = 4096
 """Runs that are integrated and stored together."""
-_NO_ROWS: Columns = {NUMBER: ()}
+NO_ROWS: Columns = {NUMBER: ()}
+"""Results of no run."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,7 @@ def integrated(study: PortableStudy, chunk: Chunk, threads: int | None = None) -
     """
     group = group_of(study.here, chunk.first)
     if group is None:
-        return _NO_ROWS
+        return NO_ROWS
     began, begin = datetime.now(UTC).isoformat(timespec="milliseconds"), time.perf_counter()
     threads = threads or available_cores()
     numbers, motions = group.integrate(chunk.numbers, threads)

@@ -7,9 +7,10 @@ from typing import Any, TypeVar
 
 from distributed import KilledWorker, as_completed, get_worker
 
+from freefloat.studies.chunks import computed
 from freefloat.studies.columns import Columns
 from freefloat.studies.dask_clients import local_client, remote_client
-from freefloat.studies.ensembles import Chunk, integrated
+from freefloat.studies.ensembles import Chunk
 from freefloat.studies.portable import PortableStudy
 
 Task = TypeVar("Task")
@@ -47,7 +48,7 @@ def completed_tasks(
 
         def submit() -> None:
             threads = client.nthreads().values()
-            places = len(threads) + 1 if work is integrated_by_worker else sum(threads)
+            places = len(threads) + 1 if work is computed_by_worker else sum(threads)
             while len(submitted) < max(1, places):
                 try:
                     task = next(waiting)
@@ -73,6 +74,6 @@ def _same(study: PortableStudy) -> PortableStudy:
     return study
 
 
-def integrated_by_worker(study: PortableStudy, chunk: Chunk) -> Columns:
-    """Integrate the runs of a chunk on the threads of this worker."""
-    return integrated(study, chunk, get_worker().state.nthreads)
+def computed_by_worker(study: PortableStudy, chunk: Chunk) -> Columns:
+    """Compute the runs of a chunk on the threads of this worker."""
+    return computed(study, chunk, get_worker().state.nthreads)

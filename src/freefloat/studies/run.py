@@ -78,7 +78,8 @@ def _computed(study: Study, number: int) -> tuple[dict[str, Any], Any]:
     }  # fmt: skip
     if study.content.command is Command.TRACK:
         followed = followed_motion(json.dumps(inputs), source)
-        return finite(tracking_values(followed, study.tracking(number))), None
+        (values,) = tracking_values(followed, [study.tracking(number)])
+        return finite(values), None
     record = computed_record(study.content.command, source, **inputs)
     return finite(record_values(record)), record
 

@@ -41,7 +41,8 @@ def run_study(
     """Execute the runs of a study that are not finished yet.
 
     Simulations that differ in momentum, duration, masses and other disturbances are integrated in
-    chunks of 4,096; other runs are executed one by one, side by side. Scripts that call this need
+    chunks of 4,096, and closed loops that follow the same motion are simulated in chunks of 256;
+    other runs are executed one by one, side by side. Scripts that call this need
     ``if __name__ == "__main__":``, because every worker process imports them.
 
     Args:
@@ -86,7 +87,7 @@ def run_study(
         sent = PortableStudy(study, () if scheduler is None else files)
         execution = _Execution(sent, database, tally, workers or available_cores(), scheduler)
         try:
-            execution.integrate()
+            execution.compute_chunks()
             execution.execute()
             execution.write_files()
         except KeyboardInterrupt:
@@ -117,21 +118,21 @@ class _Execution:
     workers: int
     scheduler: str | None
 
-    def integrate(self) -> None:
-        """Integrate the missing runs of ensembles and store those that are decided."""
-        groups, missing = group_numbers(self.sent.study), self.tally.missing
-        if not (groups[missing] >= 0).any():
+    def compute_chunks(self) -> None:
+        """Compute the missing runs that differ in little, side by side."""
+        study, missing = self.sent.study, self.tally.missing
+        groups = group_numbers(study)
+        if study.content.command is not Command.TRACK and not (groups[missing] >= 0).any():
             return
-        from freefloat.studies.ensembles import chunks, integrated  # compiled kernels
+        from freefloat.studies.chunks import chunks, computed  # compiled kernels import slowly
 
-        todo = chunks(groups, missing)
+        todo = chunks(study, groups, missing)
         if self.scheduler is None:
-            rows = (integrated(self.sent, chunk, self.workers) for chunk in todo)
-            self._store(rows)
+            self._store(computed(self.sent, chunk, self.workers) for chunk in todo)
             return
-        from freefloat.studies.execution import completed_tasks, integrated_by_worker
+        from freefloat.studies.execution import completed_tasks, computed_by_worker
 
-        tasks = completed_tasks(integrated_by_worker, self.sent, todo, None, self.scheduler)
+        tasks = completed_tasks(computed_by_worker, self.sent, todo, None, self.scheduler)
         with closing(tasks):
             self._store(columns for _, columns in tasks if columns is not None)
 

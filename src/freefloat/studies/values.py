@@ -16,7 +16,7 @@ from freefloat.planning.simulation import SimulatedBranch, Simulation
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import degrees, heading_of, heading_quaternion
 from freefloat.studies.columns import FEASIBLE, INFEASIBLE
-from freefloat.verification.tracking import track
+from freefloat.verification.tracking import Tracking, track_many
 
 MARGIN_REASON = "The margin is not kept."
 """Why a motion that completes is infeasible."""
@@ -27,33 +27,42 @@ def record_values(record: Any) -> dict[str, Any]:
     return _VALUES[type(record)](record)
 
 
-def tracking_values(followed: Plan | Simulation, tracking: dict[str, Any]) -> dict[str, Any]:
-    """Return the values of a motion that a controller follows; residuals are errors of tracking.
+def tracking_values(
+    followed: Plan | Simulation, arguments: Sequence[dict[str, Any]], threads: int = 1
+) -> list[dict[str, Any]]:
+    """Return the values of runs in which controllers follow a motion; residuals are their errors.
 
     Those of the record itself if it has no motion along the whole path.
 
     Args:
         followed: What to follow.
-        tracking: Arguments of :func:`~freefloat.verification.tracking.track`.
+        arguments: Of :func:`~freefloat.verification.tracking.track`, with the same period.
+        threads: Number of threads.
     """
     chosen = followed.chosen
     if chosen is None or not chosen.motion.completed:
-        return record_values(followed)
-    result = track(followed, **tracking)
+        return [record_values(followed)] * len(arguments)
+    columns: dict[str, Any] = {key: [run[key] for run in arguments] for key in arguments[0]}
+    period, *_ = columns.pop("period")
+    trackings = track_many(followed, **columns, period=period, threads=threads)
+    motion = _motion_values(chosen)
+    return [motion | _tracking_values(tracking) for tracking in trackings]
+
+
+def _tracking_values(tracking: Tracking) -> dict[str, Any]:
     reason = ""
-    if not result.margin_kept:
+    if not tracking.margin_kept:
         reason = MARGIN_REASON
-    elif not result.on_path:
+    elif not tracking.on_path:
         reason = "The end-effector leaves the path."
     return {
-        **_motion_values(chosen),
         "verdict": INFEASIBLE if reason else FEASIBLE,
         "reason": reason,
-        "margin": result.minimum_margin,
-        "margin_time": result.margin_time,
-        "residuals.end_effector_position": result.peak_position_error,
-        "residuals.end_effector_attitude": result.peak_orientation_error,
-        "residuals.final_position": result.final_position_error,
+        "margin": tracking.minimum_margin,
+        "margin_time": tracking.margin_time,
+        "residuals.end_effector_position": tracking.peak_position_error,
+        "residuals.end_effector_attitude": tracking.peak_orientation_error,
+        "residuals.final_position": tracking.final_position_error,
     }
 
 

@@ -9,35 +9,39 @@ friction.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
-from itertools import pairwise
+from dataclasses import dataclass, field, fields
 from math import ceil
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import numpy.typing as npt
 
+from freefloat.concurrency import available_cores, run_chunks
 from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.momentum import Task
-from freefloat.errors import InputError, finite_number, require_extra, require_type, seed_number
+from freefloat.ensemble.measure_values import MeasureValues
+from freefloat.errors import (
+    InputError,
+    finite_number,
+    require_extra,
+    require_type,
+    seed_number,
+    whole_number,
+)
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.assembly import scaled
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, Pose, cross, frozen, rotation_vector_between
-from freefloat.verification.engines.mujoco import start
-from freefloat.verification.engines.mujoco_model import Engine
-from freefloat.verification.engines.plant import Plant
+from freefloat.so3 import Array, frozen
+from freefloat.verification.closed_loops import Loops, follow
 
 _LARGEST_STEP = 0.5
 """Largest product of gain and period; the loop becomes unstable at 2."""
-_FASTEST = 10.0
-"""Largest commanded joint rate, in units of the largest planned one."""
 _MAX_PERIODS = 1_000_000
 """Largest number of periods."""
+_TOGETHER, _SAMPLES = 256, 2_000_000
+"""Largest number of runs, and of their periods, that are simulated together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,32 +167,77 @@ def track(
         >>> tracking.survived
         True
     """
+    (tracking,) = track_many(
+        result, mass_error=mass_error, noise=noise, friction=friction, seed=seed, gain=gain,
+        period=period, tolerance=tolerance, threads=1,
+    )  # fmt: skip
+    return tracking
+
+
+def track_many(
+    result: Plan | Simulation,
+    *,
+    mass_error: npt.ArrayLike = 0.0,
+    noise: npt.ArrayLike = 0.0,
+    friction: npt.ArrayLike = 0.0,
+    seed: npt.ArrayLike = 0,
+    gain: npt.ArrayLike = 1.0,
+    period: float = 0.1,
+    tolerance: npt.ArrayLike = 0.02,
+    threads: int | None = None,
+) -> tuple[Tracking, ...]:
+    """Follow a motion many times, on other robots or with other measurements, side by side.
+
+    Every argument but the period is one value for all K runs, or one for each, shape (K,). A run
+    has the results of :func:`track`; they do not depend on the others.
+
+    Args:
+        result: Plan or simulation, whose chosen motion completes.
+        mass_error: As of :func:`track`, like the other arguments.
+        noise: Of measurements.
+        friction: Of the joints.
+        seed: Of the random numbers.
+        gain: Of the controller.
+        period: Of the controller.
+        tolerance: Of the path.
+        threads: Number of threads; one for each core when left out.
+
+    Raises:
+        InputError: If the motion does not complete, an argument is not accepted, or MuJoCo is not
+            installed.
+
+    Example:
+        >>> problem = ff.load_scenario("planar_2dof/line").problem()
+        >>> simulation = ff.simulate(problem, heading=0.0)
+        >>> runs = ff.track_many(simulation, mass_error=0.02, noise=1e-4, seed=range(8))
+        >>> sum(run.survived for run in runs)
+        8
+    """
     require_extra("mujoco", "mujoco")
     motion = _whole_motion(result)
-    deviations = {"mass_error": mass_error, "noise": noise, "friction": friction}
-    for name, value in {**deviations, "tolerance": tolerance}.items():
-        finite_number(name, value, "a number, 0 or more", 0.0)
-    problem = motion.problem
-    times = _instants(problem.path.duration, gain, period)
-    rng = np.random.default_rng(seed_number("seed", seed))
-    model = _deviating(
-        problem.model, np.exp(mass_error * rng.standard_normal(1 + problem.model.dof))
-    )
-    controller = _Controller(motion, noise, gain, rng)
-    engine = Engine(replace(problem.system, model=model))
-    start(motion, engine, 0.0, controller.planned_rates)
-    plant = Plant(engine, problem.model, times[1], friction)
-    rows = [_row(problem, plant, 0.0)]
-    for t, following in pairwise(times.tolist()):
-        plant.advance(controller.rates(plant, t, following))
-        rows.append(_row(problem, plant, following))
-    values = np.array(rows)
-    measure = singularity_measure(model, problem.task, problem.margin.measure.name)
-    margins = np.array([measure(joints) for joints in values[:, 6:]])
-    return Tracking(
-        model, problem.margin.threshold, tolerance, times, values[:, 2:6], values[:, 6:],
-        margins * np.sign(margins[0]), values[:, 0], values[:, 1],
-    )  # fmt: skip
+    threads = whole_number("threads", available_cores() if threads is None else threads, 1)
+    times = _instants(motion.problem.path.duration, period)
+    given = {"mass_error": mass_error, "noise": noise, "friction": friction, "seed": seed,
+             "gain": gain, "tolerance": tolerance}  # fmt: skip
+    columns = _columns(given)
+    for key in ("mass_error", "noise", "friction", "tolerance"):
+        for value in columns[key]:
+            finite_number(key, value, "a number, 0 or more", 0.0)
+    highest = _LARGEST_STEP / period
+    for value in columns["gain"]:
+        finite_number("gain", value, f"a number from 0 to {highest:.6g} 1/s", 0.0, highest)
+    columns["seed"] = [seed_number("seed", value) for value in columns["seed"]]
+    count = len(columns["seed"])
+    size = max(1, min(_TOGETHER, _SAMPLES // len(times), ceil(count / threads)))
+    trackings: dict[int, list[Tracking]] = {}
+
+    def simulate(first: int) -> None:
+        some = {key: column[first : first + size] for key, column in columns.items()}
+        trackings[first] = _tracked(motion, times, some)
+
+    firsts = range(0, count, size)
+    run_chunks(simulate, firsts, threads)
+    return tuple(tracking for first in firsts for tracking in trackings[first])
 
 
 def _whole_motion(result: Plan | Simulation) -> Motion:
@@ -198,81 +247,66 @@ def _whole_motion(result: Plan | Simulation) -> Motion:
     return result.chosen.motion
 
 
-def _instants(duration: float, gain: float, period: float) -> Array:
+def _instants(duration: float, period: float) -> Array:
     """Equidistant instants of control, and the end [s]."""
     accepted = f"a time from {duration / _MAX_PERIODS:.3g} to {duration:.6g} s"
     finite_number("period", period, accepted, duration / _MAX_PERIODS, duration)
-    highest = _LARGEST_STEP / period
-    finite_number("gain", gain, f"a number from 0 to {highest:.6g} 1/s", 0.0, highest)
     return np.linspace(0.0, duration, 1 + ceil(duration / period))
 
 
-def _deviating(model: FreeFloatingModel, factors: Array) -> FreeFloatingModel:
-    """The robot with mass and inertia of every body multiplied by factors (1 + n,)."""
-    places = model.link_places.items()
-    by_link = {link: float(factors[number]) for link, (number, _) in places}
-    description = scaled(model.description, by_link)
-    return FreeFloatingModel(description, model.end_effector, model.fixed_joints)
+def _columns(given: dict[str, Any]) -> dict[str, list[Any]]:
+    """Values of each run, of arguments that are one value for all or one for each."""
+    columns = {k: list(v) if np.ndim(v) else [v] for k, v in given.items()}
+    count = max(len(column) for column in columns.values())
+    for key, column in columns.items():
+        if len(column) not in (1, count) or np.ndim(given[key]) > 1:
+            problem = f"shape {np.shape(given[key])} was given"
+            raise InputError(key, problem, f"one value for all runs, or {count}")
+    return {k: v * count if len(v) == 1 else v for k, v in columns.items()}
 
 
-class _Controller:
-    """Resolved-rate control with the nominal robot and noisy measurements."""
-
-    def __init__(self, motion: Motion, noise: float, gain: float, rng: np.random.Generator) -> None:
-        self._problem = problem = motion.problem
-        self._solver = problem.resolved_rate_solver()
-        self._noise, self._gain, self._rng = noise, gain, rng
-        twist, speed = problem.path.twist_and_speed(0.0)
-        initial = motion.initial
-        _, self.planned_rates = self._solver.rates(initial.attitude, initial.joints, twist, speed)
-        moved = np.abs(np.diff(motion.joints, axis=0)).max(axis=1)
-        self._fastest = _FASTEST * float((moved / np.diff(motion.times)).max())
-        self._rates = self.planned_rates
-
-    def rates(self, plant: Plant, t: float, following: float) -> Array:
-        """The joint rates to command from one instant to the following one [s], shape (n,)."""
-        path = self._problem.path
-        pose = plant.end_effector
-        measured = Pose(pose.position + self._random(3), self._turned() @ pose.rotation)
-        attitude = Rotation.from_matrix(self._turned()) * Rotation.from_quat(plant.attitude)
-        error = _pose_error(self._problem, measured, t)
-        twist, speed = path.twist_and_speed((t + following) / 2.0)
-        joints = plant.joints + self._random(self._problem.model.dof)
-        _, rates = self._solver.rates(attitude.as_quat(), joints, twist + self._gain * error, speed)
-        largest = np.abs(rates).max()
-        if np.isfinite(largest):  # at a singularity the last command holds
-            self._rates = rates * min(1.0, self._fastest / max(largest, self._fastest))
-        return self._rates
-
-    def _random(self, count: int) -> Array:
-        return self._noise * self._rng.standard_normal(count)
-
-    def _turned(self) -> Array:
-        return np.asarray(Rotation.from_rotvec(self._random(3)).as_matrix())
+def _tracked(motion: Motion, times: Array, columns: dict[str, list[Any]]) -> list[Tracking]:
+    """Simulate runs side by side."""
+    problem, generators = motion.problem, [np.random.default_rng(k) for k in columns["seed"]]
+    dof, periods = problem.model.dof, len(times) - 1
+    pairs = list(zip(columns["mass_error"], generators, strict=True))
+    factors = np.array([np.exp(error * rng.standard_normal(1 + dof)) for error, rng in pairs])
+    pairs = list(zip(columns["noise"], generators, strict=True))
+    noise = np.stack([size * rng.standard_normal((periods, 9 + dof)) for size, rng in pairs], 1)
+    unique, places = np.unique(factors, axis=0, return_inverse=True)
+    robots = [_Robot.of(motion, row) for row in unique]
+    chosen = [robots[place] for place in places.tolist()]
+    loops = Loops(factors, noise, np.array(columns["friction"]), np.array(columns["gain"]))
+    courses = follow(motion, times, loops)
+    return [
+        Tracking(
+            robot.model, problem.margin.threshold, columns["tolerance"][k], times,
+            courses.attitudes[:, k], courses.joints[:, k], robot.margins(courses.joints[:, k]),
+            *courses.errors[:, k].T,
+        )
+        for k, robot in enumerate(chosen)
+    ]  # fmt: skip
 
 
-def _pose_error(problem: Problem, pose: Pose, t: float) -> Array:
-    """Displacement and rotation vector from a pose to the path, inertial axes, shape (6,).
+@dataclass(frozen=True, eq=False)
+class _Robot:
+    """A simulated robot."""
 
-    Components that the task leaves free are zero; the rotation of ``pointing`` is that of the z
-    axis.
-    """
-    target = problem.path.path.pose(problem.path.timing.s(t))
-    rows = problem.task.rows
-    if problem.task is Task.POINTING:
-        axes = pose.rotation[:, 2], target.rotation[:, 2]
-        sine = cross(*axes)
-        angle = np.arctan2(np.linalg.norm(sine), axes[0] @ axes[1])
-        turn, rows = sine / np.sinc(angle / np.pi), list(range(6))
-    else:
-        turn = rotation_vector_between(pose.rotation, target.rotation)
-    error = np.zeros(6)
-    error[rows] = np.concatenate([target.position - pose.position, turn])[rows]
-    return error
+    model: FreeFloatingModel
+    values: MeasureValues
 
+    @classmethod
+    def of(cls, motion: Motion, factors: Array) -> _Robot:
+        """The robot with mass and inertia of every body multiplied by factors (1 + n,)."""
+        nominal, problem = motion.problem.model, motion.problem
+        places = nominal.link_places.items()
+        by_link = {link: float(factors[number]) for link, (number, _) in places}
+        description = scaled(nominal.description, by_link)
+        model = FreeFloatingModel(description, nominal.end_effector, nominal.fixed_joints)
+        measure = singularity_measure(model, problem.task, problem.margin.measure.name)
+        return cls(model, MeasureValues(model, problem.task, measure))
 
-def _row(problem: Problem, plant: Plant, t: float) -> Array:
-    """Distance from the path, angle from its orientation, attitude and joints."""
-    error = _pose_error(problem, plant.end_effector, t)
-    sizes = np.linalg.norm(error[:3]), np.linalg.norm(error[3:])
-    return np.concatenate([sizes, plant.attitude, plant.joints])
+    def margins(self, joints: Array) -> Array:
+        """The measure, positive while it has the sign of the start, at joint values (K, n)."""
+        values = self.values(joints)
+        return np.asarray(values * np.sign(values[0]))

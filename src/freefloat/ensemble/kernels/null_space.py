@@ -245,15 +245,30 @@ def _solve(r: int, A: Table, b: Table) -> None:
 
 @inner
 def _kinetic_energy(robot: Robot, work: Workspace) -> None:
-    """Write the generalized inertia of the joint rates, divided by its mean diagonal element.
+    """Write the generalized inertia, divided by its mean diagonal element, into ``work.metric``."""
+    scale = robot.n / form_inertia(robot, work)
+    for i in range(robot.n * robot.n):
+        work.metric[i] = work.metric[i] * scale
+
+
+@inner
+def form_inertia(robot: Robot, work: Workspace) -> Float:
+    """Write the generalized inertia of the joint rates into ``work.metric``, row by row.
 
     Its quadratic form is twice the kinetic energy of the system without momentum. Element (i, j), i
     beyond j, is the product of the spacecraft's motion due to joint i and the momentum -P, -L that
     joint j gives to the bodies before it.
+
+    Args:
+        robot: Data of the robot.
+        work: Workspace, in which :func:`.equation.form_jacobian` has written the momenta.
+
+    Returns:
+        Its trace.
     """
     n, w, W = robot.n, work.momenta, work.metric
     centre, share = get_vector(work.centre, 0, 0), 1.0 / robot.properties[TOTAL_MASS]
-    trace = 0.0 * work.rates[0]
+    trace = 0.0 * work.scales[0]
     for i in range(n):
         a, P = get_vector(w, i, AXIS), get_vector(w, i, LINEAR)
         if robot.joints[i, PRISMATIC] != 0.0:
@@ -267,6 +282,4 @@ def _kinetic_energy(robot: Robot, work: Workspace) -> None:
             W[i * n + j] = -(dot(velocity, P) + dot(turn, L))
             W[j * n + i] = W[i * n + j]
         trace += W[i * n + i]
-    scale = n / trace
-    for i in range(n * n):
-        W[i] = W[i] * scale
+    return trace

@@ -173,21 +173,33 @@ def workspace_in_tables(work: Workspace) -> Workspace:
 
 
 @inner
+def robot_in_tables(robot: Robot, robots: Array | None, work: Workspace) -> Robot:
+    """A robot's arrays as tables; the properties of robots that differ are those in the lanes."""
+    return Robot(
+        floats(robot.joints, FRAME_COLUMNS),
+        first_if_none(robots, floats(robot.properties, 1), work.properties),
+        floats(robot.tool, 1), floats(robot.rows, 1), robot.n, robot.m, robot.planar,
+        robot.singular_speed, _axes_in_table(robot.across),
+    )  # fmt: skip
+
+
+@inner
+def measure_in_tables(measure: Measure) -> Measure:
+    """A measure's array as a table."""
+    return Measure(measure.code, measure.terms, floats(measure.multiples, 2))
+
+
+@inner
 def problem_in_tables(problem: Problem, robots: Array | None, work: Workspace) -> Problem:
     """A problem's arrays as tables; the properties of robots that differ are those in the lanes."""
-    robot, course, measure = problem.robot, problem.course, problem.measure
+    course = problem.course
     return Problem(
-        Robot(
-            floats(robot.joints, FRAME_COLUMNS),
-            first_if_none(robots, floats(robot.properties, 1), work.properties),
-            floats(robot.tool, 1), floats(robot.rows, 1), robot.n, robot.m, robot.planar,
-            robot.singular_speed, _axes_in_table(robot.across),
-        ),
+        robot_in_tables(problem.robot, robots, work),
         Course(
             course.duration, floats(course.segments, 1), course.number, course.degree,
             floats(course.cells, 1), course.single_cell,
         ),
-        Measure(measure.code, measure.terms, floats(measure.multiples, 2)),
+        measure_in_tables(problem.measure),
         _settings_in_tables(problem.null_space), floats(problem.tableau, 7),
         _cones_in_tables(problem.cones),
     )  # fmt: skip

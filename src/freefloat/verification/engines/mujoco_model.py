@@ -66,13 +66,14 @@ class Engine:
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         self.data = mujoco.MjData(self.model)
         self.root = self.model.body(root.name).id
+        joints = (self.model.joint(name) for name in model.joint_names)
+        self._moving = [self.root, *(int(joint.bodyid[0]) for joint in joints)]
         self._set_inertias(model)
         self.tool = self.model.body(model.end_effector_link).id
 
     def _set_inertias(self, model: FreeFloatingModel) -> None:
         """Set the inertias of the moving bodies, and zero for all others."""
-        target = self.model
-        moving = [self.root, *(int(target.joint(name).bodyid[0]) for name in model.joint_names)]
+        target, moving = self.model, self._moving
         target.body_sameframe[:], target.body_simple[:] = 0, 0  # frames are shifted below
         target.body_mass[:], target.body_inertia[:] = 0.0, 0.0
         for index, body in zip(moving, model.bodies, strict=True):
@@ -136,6 +137,48 @@ class Engine:
         if friction:  # MuJoCo's constraints of friction, but not those of contacts and ranges
             self.model.opt.disableflags &= ~int(bits.mjDSBL_CONSTRAINT)
             self.model.opt.disableflags |= int(bits.mjDSBL_CONTACT) | int(bits.mjDSBL_LIMIT)
+
+    @property
+    def velocity_stage(self) -> int:
+        """MuJoCo's stage that computes poses, the mass matrix and bias forces."""
+        return int(self._mujoco.mjtStage.mjSTAGE_VEL)
+
+    def mass_matrix_rows(self) -> tuple[Array, Array]:
+        """Columns of the elements of MuJoCo's mass matrix, and where its rows start and end."""
+        starts = np.append(self.model.M_rowadr, self.model.nC)
+        return self.model.M_colind.copy(), starts
+
+    def batch(self, factors: Array) -> Any:
+        """Robots with other masses, simulated side by side, without torques of wheels.
+
+        Args:
+            factors: Factors on mass and inertia of every moving body, shape (K, 1 + n).
+        """
+        require_extra("mujoco", "mujoco.batch")  # which earlier versions lack
+        from mujoco.batch import Batch
+
+        batch = Batch(self.model, len(factors), 1)
+        batch.expand("body_mass")[:, self._moving] *= factors
+        batch.expand("body_inertia")[:, self._moving] *= factors[..., None]
+        batch.set_const()
+        return batch
+
+    def friction_law(self, batch: Any) -> tuple[Array, float]:
+        """MuJoCo's regularization of dry friction.
+
+        Below its limit, the friction of a joint is minus an inertia times the sum of the
+        acceleration and a constant times the rate.
+
+        Args:
+            batch: Robots, see :meth:`batch`.
+
+        Returns:
+            These inertias, shape (K, n), and the constant [1/s].
+        """
+        impedance, width = self.model.dof_solimp[6, :2]
+        time, _ = self.model.dof_solref[6]
+        inertia = impedance / (1.0 - impedance) / batch.expanded("dof_invweight0")[:, 6:]
+        return inertia, 2.0 / (width * time)
 
     def apply_gravity_gradient(self, orbit: CircularOrbit, t: float) -> None:
         """Set the forces and torques on all bodies at the present state and a time [s]."""

@@ -1,68 +1,133 @@
-"""A simulated robot with joint servos, as a controller meets it."""
+"""Simulated robots with joint servos, as controllers meet them."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.momentum import mass_matrix
-from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, Pose
+from freefloat.so3 import Array
 from freefloat.verification.engines.mujoco_model import Engine
+from freefloat.verification.engines.servo_steps import (
+    Dynamics,
+    Friction,
+    Servos,
+    States,
+    advance,
+    reduce_dynamics,
+)
 
 _STEPS = 10
-"""Steps of the simulation in a period."""
-_STIFFNESS = 0.1
-"""Natural frequency of the servos times a step."""
+"""Steps of the equation of motion in a period."""
+_PREDICTION_STEPS = 4
+"""Steps that predict where MuJoCo evaluates the dynamics."""
 
 
-class Plant:
-    """MuJoCo's robot with dry friction and joint servos that follow commanded rates.
+class Plants:
+    """MuJoCo's robots with dry friction and joint servos that follow commanded rates.
 
-    The servos are computed-torque controllers with the inertias of the nominal robot. They follow
-    the integral of the commanded rates.
+    The servos are computed-torque controllers with the inertias of the nominal robot; their natural
+    frequency is one over the period. They follow the integral of the commanded rates.
+
+    No external force acts. Momentum gives the motion of the spacecraft, and an equation of motion
+    of the joints remains. MuJoCo evaluates its mass matrices and bias forces at the start of a
+    period, and where constant ones would lead in the middle and at the end; polynomials of time
+    connect them.
     """
 
-    def __init__(
-        self, engine: Engine, nominal: FreeFloatingModel, period: float, friction: float
-    ) -> None:
+    def __init__(self, engine: Engine, factors: Array, friction: Array, period: float) -> None:
         """Take over an engine in its initial state.
 
         Args:
-            engine: MuJoCo's robot.
-            nominal: The robot that the servos know.
+            engine: MuJoCo's nominal robot. The others have its momentum, poses and joint rates.
+            factors: Factors on mass and inertia of every body, shape (K, 1 + n).
+            friction: Dry friction in every joint [N m or N], shape (K,).
             period: Time between two commands [s].
-            friction: Dry friction in every joint [N m or N].
         """
-        self._engine, self._nominal = engine, nominal
-        self._step = period / _STEPS
-        self._reference = self.joints.copy()
-        engine.rest(self._step)
-        engine.set_friction(friction)
+        self._system, self._tool, self._period = engine.system, engine.tool, period
+        self._batch = engine.batch(factors)
+        self._friction = Friction(friction, *engine.friction_law(self._batch))
+        self._rows = engine.mass_matrix_rows()
+        bind = self._batch.bind
+        self._at, self._velocities = bind("qpos"), bind("qvel")
+        self._mass, self._bias, self._centres = bind("M"), bind("qfrc_bias"), bind("subtree_com")
+        self._positions, self._rotations = bind("xpos"), bind("xquat")
+        self._stage = engine.velocity_stage
+        count, n = len(factors), factors.shape[1] - 1
+        self._states, self._middle, self._end = (_empty_states(count, n) for _ in range(3))
+        self._dynamics = tuple(_empty_dynamics(count, n) for _ in range(3))
+        position, *initial = np.split(engine.data.qpos, [3, 7])
+        self._at[:, :3] = position
+        for entry, value in zip(self._states, [*initial, engine.data.qvel[6:]], strict=True):
+            entry[:] = value
+        self._references = self._states.joints.copy()
+        for _ in range(2):  # first without the angular velocity of the spacecraft
+            self._evaluate(self._states, self._dynamics[0], self._dynamics[0])
+        self._centres_at_start = self._centres[:, 0].copy()
+
+    def _evaluate(self, states: States, similar: Dynamics, out: Dynamics) -> None:
+        """Evaluate the dynamics with MuJoCo.
+
+        Args:
+            states: The states.
+            similar: Dynamics that give the angular velocity of the spacecraft.
+            out: Receives the dynamics.
+        """
+        self._at[:, 3:7], self._at[:, 7:] = states.attitudes, states.joints
+        spins = similar.spins + (similar.turns @ states.rates[..., None])[..., 0]
+        self._velocities[:, 3:6], self._velocities[:, 6:] = spins, states.rates
+        self._batch.forward(stage=self._stage)
+        momenta = self._momenta(states.attitudes)
+        torques = -np.cross(spins, self._system.wheels)
+        reduce_dynamics(self._mass, self._bias, *self._rows, momenta, torques, out)
+
+    def _momenta(self, attitudes: Array) -> Array:
+        """Angular momenta without those of wheels, spacecraft frame, shape (K, 3)."""
+        if not self._system.rotates:
+            return np.zeros((len(attitudes), 3))
+        turned = Rotation.from_quat(np.roll(attitudes, -1, axis=1)).inv()
+        return np.asarray(turned.apply(self._system.momentum.copy()) - self._system.wheels)
 
     @property
-    def attitude(self) -> Array:
-        """Of the spacecraft, unit quaternion x, y, z, w."""
-        return np.roll(self._engine.data.qpos[3:7], -1)
+    def attitudes(self) -> Array:
+        """Of the spacecraft, unit quaternions x, y, z, w, shape (K, 4)."""
+        return np.roll(self._states.attitudes, -1, axis=1)
 
     @property
     def joints(self) -> Array:
-        """Joint values [rad or m], shape (n,)."""
-        return np.array(self._engine.data.qpos[7:])
+        """Joint values [rad or m], shape (K, n)."""
+        return self._states.joints.copy()
 
-    @property
-    def end_effector(self) -> Pose:
-        """Its pose in the frame of the path."""
-        return Pose(*self._engine.end_effector())
+    def end_effectors(self, t: float) -> tuple[Array, Rotation]:
+        """Their positions (K, 3) and rotations in the frame of the path, at the present time."""
+        quaternions = np.roll(self._rotations[:, self._tool], -1, axis=1)
+        moved = self._centres_at_start + t * self._system.drift - self._centres[:, 0]
+        return self._positions[:, self._tool] + moved, Rotation.from_quat(quaternions)
 
-    def advance(self, rates: Array) -> None:
-        """Simulate a period in which the servos follow joint rates (n,)."""
-        M = mass_matrix(self._nominal, self.joints)
-        H = M[6:, 6:] - M[6:, :6] @ np.linalg.solve(M[:6, :6], M[:6, 6:])
-        h, data = self._step, self._engine.data
-        stiff, damp = (_STIFFNESS / h) ** 2, 2.0 * _STIFFNESS / h
-        for _ in range(_STEPS):
-            middle = self._reference + h / 2.0 * rates
-            ahead = data.qpos[7:] + h / 2.0 * data.qvel[6:]
-            error = stiff * (middle - ahead) + damp * (rates - data.qvel[6:])
-            self._engine.step(H @ error)
-            self._reference += h * rates
+    def advance(self, rates: Array, inertias: Array) -> None:
+        """Simulate a period in which the servos follow joint rates.
+
+        Args:
+            rates: Joint rates, shape (K, n).
+            inertias: Of the joint rates of the nominal robot, shape (K, n, n).
+        """
+        period, (first, second, third) = self._period, self._dynamics
+        servos = Servos(self._references, rates, inertias, 1.0 / period**2, 2.0 / period)
+        advance(self._states, servos, self._friction, (first, first, first), period,
+                _PREDICTION_STEPS, self._middle, self._end)  # fmt: skip
+        self._evaluate(self._middle, first, second)
+        self._evaluate(self._end, second, third)
+        advance(self._states, servos, self._friction, self._dynamics, period, _STEPS, self._middle,
+                self._end)  # fmt: skip
+        self._references += period * rates
+        self._states, self._end = self._end, self._states
+        self._evaluate(self._states, third, first)
+
+
+def _empty_states(count: int, n: int) -> States:
+    return States(np.empty((count, 4)), np.empty((count, n)), np.empty((count, n)))
+
+
+def _empty_dynamics(count: int, n: int) -> Dynamics:
+    return Dynamics(
+        np.empty((count, n, n)), np.empty((count, n)), np.zeros((count, 3, n)), np.zeros((count, 3))
+    )

@@ -1,0 +1,48 @@
+"""Equation (4) of one robot in many states at once, by compiled code."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from freefloat.ensemble.arrays import kernel_problem
+from freefloat.ensemble.kernels.commands import Measured, command, weigh
+from freefloat.ensemble.kernels.records import make_workspace
+from freefloat.motion.problem import Problem
+from freefloat.so3 import Array
+
+
+class RateCommands:
+    """Solver of equation (4) for the joint rates in many states of a problem's robot.
+
+    Results for a state do not depend on the others.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        """Convert a problem to the arrays that the kernels read."""
+        n = problem.model.dof
+        self._arrays = kernel_problem(problem)
+        self._momentum = np.concatenate([problem.momentum, problem.wheel_momentum])
+        self._workspace = make_workspace(n, len(problem.task.rows))
+
+    def rates(self, attitudes: Array, joints: Array, twists: Array, speed: float) -> Array:
+        """Joint rates, with the null-space motion of a redundant arm, shape (K, n).
+
+        Not finite where the arm is exactly singular.
+
+        Args:
+            attitudes: Unit quaternions x, y, z, w, shape (K, 4).
+            joints: Joint values, shape (K, n).
+            twists: Of the end-effector, inertial frame, shape (K, 6).
+            speed: Path speed ds/dt [1/s], which scales the attraction of a redundant arm.
+        """
+        rates = np.empty(joints.shape)
+        measured = Measured(attitudes, joints, twists, self._momentum, speed)
+        command(self._arrays, measured, self._workspace, rates)
+        return rates
+
+    def inertias(self, joints: Array) -> Array:
+        """Generalized inertias of the joint rates of a free robot, shape (K, n, n)."""
+        count, n = joints.shape
+        inertias = np.empty((count, n, n))
+        weigh(self._arrays, joints, self._workspace, inertias)
+        return inertias

@@ -1,0 +1,38 @@
+"""Chunks of runs that are computed side by side, by the command of the study."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from freefloat.so3 import IntArray
+from freefloat.studies import ensembles
+from freefloat.studies.columns import Columns
+from freefloat.studies.ensembles import Chunk, integrated
+from freefloat.studies.portable import PortableStudy
+from freefloat.studies.study import Command, Study
+from freefloat.studies.track_runs import track_chunks, tracked
+
+
+def chunks(study: Study, groups: IntArray, missing: IntArray) -> Iterator[Chunk]:
+    """Yield the missing runs that are computed side by side, some at a time.
+
+    Args:
+        study: The study.
+        groups: Number of the group of each run, see :func:`.run_values.group_numbers`.
+        missing: Numbers of runs, ascending.
+    """
+    if study.content.command is Command.TRACK:
+        return track_chunks(study, missing)
+    return ensembles.chunks(groups, missing)
+
+
+def computed(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> Columns:
+    """Compute the runs of a chunk; return the rows of those that are decided.
+
+    Args:
+        study: The study.
+        chunk: The runs.
+        threads: Number of threads; default is one per core.
+    """
+    work = tracked if study.study.content.command is Command.TRACK else integrated
+    return work(study, chunk, threads)

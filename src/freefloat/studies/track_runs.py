@@ -1,0 +1,78 @@
+"""Rows of runs of the command track, those that follow the same motion side by side."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from freefloat.concurrency import available_cores
+from freefloat.errors import FreeFloatError
+from freefloat.so3 import IntArray
+from freefloat.studies.columns import NUMBER, Columns
+from freefloat.studies.ensembles import NO_ROWS, Chunk
+from freefloat.studies.portable import PortableStudy
+from freefloat.studies.records import followed_motion
+from freefloat.studies.run import finite
+from freefloat.studies.study import Study
+from freefloat.studies.values import tracking_values
+
+_FEWEST, _CHUNK = 8, 256
+"""Smallest and largest number of runs that are simulated together."""
+
+
+def track_chunks(study: Study, missing: IntArray) -> Iterator[Chunk]:
+    """Yield missing runs that follow the same motion with the same period, some at a time.
+
+    Runs of small groups are left out.
+
+    Args:
+        study: A study with the command track.
+        missing: Numbers of the runs, ascending.
+    """
+    groups: dict[tuple[str, float], list[int]] = {}
+    for number in missing.tolist():
+        key = json.dumps(_inputs(study, number)), study.tracking(number)["period"]
+        groups.setdefault(key, []).append(number)
+        if len(groups[key]) == _CHUNK:
+            yield _chunk(groups.pop(key))
+    for numbers in groups.values():
+        if len(numbers) >= _FEWEST:
+            yield _chunk(numbers)
+
+
+def _chunk(numbers: list[int]) -> Chunk:
+    return Chunk(numbers[0], np.array(numbers))
+
+
+def _inputs(study: Study, number: int) -> dict[str, Any]:
+    return {
+        "document": study.document(number), "base": study.base, "start": study.start(number),
+    }  # fmt: skip
+
+
+def tracked(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> Columns:
+    """Simulate the runs of a chunk; return their rows, none if one of them is an error.
+
+    Args:
+        study: The study.
+        chunk: The runs.
+        threads: Number of threads; default is one per core.
+    """
+    here, threads = study.here, threads or available_cores()
+    began, begin = datetime.now(UTC).isoformat(timespec="milliseconds"), time.perf_counter()
+    arguments = [here.tracking(number) for number in chunk.numbers.tolist()]
+    try:
+        inputs = json.dumps(_inputs(here, chunk.first))
+        followed = followed_motion(inputs, here.base_source.absolute())
+        rows = [finite(values) for values in tracking_values(followed, arguments, threads)]
+    except FreeFloatError:  # which is found again where the runs are executed one by one
+        return NO_ROWS
+    each = (time.perf_counter() - begin) * threads / len(rows)  # of a core
+    for row in rows:
+        row |= {"seconds": each, "began": began}
+    return {NUMBER: chunk.numbers, **{name: [row[name] for row in rows] for name in rows[0]}}
