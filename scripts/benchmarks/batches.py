@@ -1,4 +1,4 @@
-"""Studies from process start to exit, and many disturbed motions, against the plain loop."""
+"""Studies from process start to exit, many disturbed motions, many closed loops."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ import yaml
 
 import freefloat as ff
 from benchmarks.costs import PROGRAM, run
+from benchmarks.motions import ATTITUDE
 from benchmarks.plain import PlainMotion
 from benchmarks.result import Result, race
 from freefloat.ensemble.ensemble import EnsembleIntegrator
@@ -24,6 +25,8 @@ from freefloat.ensemble.systems import Systems
 from freefloat.robot.names import find_scenario, find_study
 from freefloat.studies.database import DATABASE
 from freefloat.studies.rows import StudyRows
+from freefloat.verification.engines.mujoco import start
+from freefloat.verification.engines.mujoco_model import Engine
 
 STUDY = "spatial_6dof/montecarlo"
 AGAINST = "the plain loop at 1e-6, time of {} of the motions, multiplied"
@@ -184,6 +187,32 @@ def many_motions(scenario: str, name: str, wanted: float, quick: bool) -> Result
     )  # fmt: skip
 
 
+def closed_loops(quick: bool) -> Result:
+    """Plans followed with feedback; MuJoCo's own integrator, without controllers."""
+    problem, count = ff.load_scenario("spatial_6dof/line").problem(), 16 if quick else 160
+    simulation = ff.simulate(problem, ATTITUDE)
+    motion, engine = simulation.chosen.motion, Engine(problem.system)
+    start(motion, engine, 0.0, np.zeros(problem.model.dof))
+    engine.rest(0.01)
+    engine.set_friction(0.1)
+    steps, torques = round(problem.path.duration / 0.01), np.zeros(problem.model.dof)
+
+    def loop() -> None:
+        for _ in range(steps):
+            engine.step(torques)
+
+    seconds, sample = race(
+        lambda: ff.track_many(
+            simulation, mass_error=0.2, noise=0.01, friction=0.1, seed=range(count)
+        ),
+        loop, rounds=1 if quick else 3,
+    )  # fmt: skip
+    return Result(
+        f"{count} closed loops of Example 2, `track_many`", seconds,
+        "MuJoCo's Runge-Kutta steps of 0.01 s for one of them, multiplied", sample * count, 2.0,
+    )  # fmt: skip
+
+
 def batch_results(quick: bool) -> list[Result]:
     results = [result for case in cases() for result in study(case, quick)]
     for scenario, name, wanted in (
@@ -191,4 +220,4 @@ def batch_results(quick: bool) -> list[Result]:
     ):  # fmt: skip
         results.append(own_robots(scenario, name, quick))
         results.append(many_motions(scenario, name, wanted, quick))
-    return results
+    return [*results, closed_loops(quick)]

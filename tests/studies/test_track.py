@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import freefloat as ff
@@ -14,7 +14,7 @@ from freefloat.studies.portable import PortableStudy
 from freefloat.studies.results import Combination, StudyResult
 from freefloat.studies.run import execute
 from freefloat.studies.study import Study
-from freefloat.studies.track_runs import tracked_rows
+from freefloat.studies.track_runs import track_chunks, tracked
 from tests.errors import error_key
 from tests.example_studies import SHORT, a_study, finished, write_study
 
@@ -60,11 +60,11 @@ def test_a_run_has_the_results_of_track(tmp_path: Path) -> None:
     assert result.values["branch"] == 0
     assert result.values["verdict"] == ("feasible" if tracking.survived else "infeasible")
     assert result.content is None
-    rows = [row for chunk in tracked_rows(study, range(8), 2) for row in chunk]
-    assert [row.number for row in rows] == list(range(8))
-    assert replace(rows[7], began=None, seconds=None) == replace(
-        result.row, began=None, seconds=None
-    )
+    (chunk,) = track_chunks(study, np.arange(8))
+    columns = tracked(PortableStudy(study), chunk, 2)
+    assert columns["number"].tolist() == list(range(8))
+    for name in result.values.keys() - {"began", "seconds"}:
+        assert columns[name][7] == result.values[name]
 
 
 @pytest.mark.usefixtures("kernels")

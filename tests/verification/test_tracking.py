@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.dynamics.momentum import mass_matrix
+from freefloat.robot.assembly import scaled
 from freefloat.so3 import angle_between
+from freefloat.verification.engines.mujoco import start
+from freefloat.verification.engines.mujoco_model import Engine
+from freefloat.verification.engines.plant import Plants
 from tests.errors import error_key
 
 LINE = np.array([1.0, 0.0, 0.0]), np.array([-0.5, 0.8, 0.33])
@@ -95,6 +101,44 @@ def test_many_runs_have_the_results_of_single_ones(short) -> None:
     assert error_key(ff.track_many, short, noise=[0.1, 0.2], seed=[1, 2, 3]) == "noise"
     assert error_key(ff.track_many, short, noise=[0.1, -0.2]) == "noise"
     assert error_key(ff.track_many, short, threads=0) == "threads"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["planar_2dof/line", "spatial_6dof/line"])
+def test_a_period_is_that_of_mujocos_runge_kutta_integrator(name: str) -> None:
+    """With fine steps, other masses, jumping commands, momentum and friction near rest."""
+    problem = ff.load_scenario(name).problem().replace(momentum=[0.0, 0.0, 0.2])
+    motion = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0]).chosen.motion
+    n, rng, period, fine = problem.model.dof, np.random.default_rng(2), 0.1, 500
+    factors, first = np.exp(0.2 * rng.standard_normal(1 + n)), 0.01 * rng.standard_normal(n)
+    nominal = Engine(problem.system)
+    start(motion, nominal, 0.0, first)
+    plants = Plants(nominal, factors[None], np.array([0.1]), period)
+    links = problem.model.link_places.items()
+    scales = {link: float(factors[number]) for link, (number, _) in links}
+    model = ff.FreeFloatingModel(
+        scaled(problem.model.description, scales), problem.model.end_effector, {}
+    )
+    engine = Engine(replace(problem.system, model=model))
+    start(motion, engine, 0.0, first)
+    engine.rest(period / fine)
+    engine.set_friction(0.1)
+    reference = plants.joints[0]
+    for k in range(3):
+        rates = first + 0.02 * rng.standard_normal(n) * (k < 2) - first * (k == 2)
+        inertias = mass_matrix(problem.model, plants.joints[0])
+        H = inertias[6:, 6:] - inertias[6:, :6] @ np.linalg.solve(
+            inertias[:6, :6], inertias[:6, 6:]
+        )
+        plants.advance(rates[None], H[None])
+        for _ in range(fine):
+            reference = reference + period / fine * rates
+            lag = (reference - engine.data.qpos[7:]) / period**2
+            engine.step(H @ (lag + 2.0 / period * (rates - engine.data.qvel[6:])))
+        np.testing.assert_allclose(plants.joints[0], engine.data.qpos[7:], atol=2e-5)
+        assert angle_between(plants.attitudes[0], np.roll(engine.data.qpos[3:7], -1)) < 5e-6
+        positions, _ = plants.end_effectors(0.0)
+        np.testing.assert_allclose(positions[0], engine.end_effector()[0], atol=1e-5)
 
 
 @pytest.mark.slow

@@ -177,7 +177,7 @@ class Engine:
         """
         impedance, width = self.model.dof_solimp[6, :2]
         time, _ = self.model.dof_solref[6]
-        inertia = impedance / (1.0 - impedance) / batch.expanded("dof_invweight0")[:, 6:]
+        inertia = impedance / (1.0 - impedance) / batch.expand("dof_invweight0")[:, 6:]
         return inertia, 2.0 / (width * time)
 
     def apply_gravity_gradient(self, orbit: CircularOrbit, t: float) -> None:

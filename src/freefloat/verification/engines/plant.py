@@ -16,7 +16,7 @@ from freefloat.verification.engines.servo_steps import (
     reduce_dynamics,
 )
 
-_STEPS = 10
+_STEPS = 16
 """Steps of the equation of motion in a period."""
 _PREDICTION_STEPS = 4
 """Steps that predict where MuJoCo evaluates the dynamics."""
