@@ -52,7 +52,7 @@ class Limits(AttitudeLimits):
                 object.__setattr__(self, kind.name, checked)
 
     @property
-    def untimed(self) -> Limits:
+    def without_timed(self) -> Limits:
         """Those that do not depend on the speed along the path."""
         timed: dict[str, Any] = {kind.name: None for kind in GIVEN if kind.exponent}
         return replace(self, **timed)

@@ -218,11 +218,11 @@ class _Stepper:
         def tangent(_: float, y: Array) -> Array:
             return self._flow(y, leg, self._reference)
 
-        e = self._tolerance
+        tolerance = self._tolerance
         if self._breaks:  # rates are differences of states by the leg's length, and as precise
-            e = max(e * min(abs(goal - y[0]), 1.0), _FINEST)
+            tolerance = max(tolerance * min(abs(goal - y[0]), 1.0), _FINEST)
         solver = DOP853(
-            tangent, 0.0, y, np.inf, max_step=_LONGEST_STEP, rtol=e, atol=e,
+            tangent, 0.0, y, np.inf, max_step=_LONGEST_STEP, rtol=tolerance, atol=tolerance,
             first_step=self._proposed,
         )  # fmt: skip
         self._reference = solver.f
@@ -235,9 +235,9 @@ class _Stepper:
             stop = solver.t
             pace = sign * solver.f[0]
             if pace < 0.0:
-                stop = brentq(lambda r, d=dense: tangent(r, d(r))[0], solver.t_old, stop)
+                stop = brentq(lambda r, y: tangent(r, y(r))[0], solver.t_old, stop, (dense,))
             if sign * dense(stop)[0] >= sign * goal:
-                stop = brentq(lambda r, d=dense: d(r)[0] - goal, solver.t_old, stop)
+                stop = brentq(lambda r, y: y(r)[0] - goal, solver.t_old, stop, (dense,))
                 yield _nodes(unit, dense, solver.t_old, stop), False
                 self._proposed = solver.h_abs if self._breaks else None
                 return

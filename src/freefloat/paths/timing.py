@@ -237,7 +237,10 @@ class TimedPath:
         for k, (low, high) in enumerate(pairwise((0.0, *law.ends))):
             first, last = law.s(low, 0, k), law.s(high, 0, k)
             for s in self.path.breaks[(self.path.breaks > first) & (self.path.breaks < last)]:
-                t = brentq(lambda t, s=s, k=k: law.s(t, 0, k) - s, low, high, xtol=1e-300)
+                t = brentq(
+                    lambda t, s, k: law.s(t, 0, k) - s, low, high, (s, k),
+                    xtol=1e-300,  # rtol alone decides
+                )  # fmt: skip
                 if t - times[-1] > apart and high - t > apart:
                     times.append(t)
             times.append(high)

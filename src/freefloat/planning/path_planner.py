@@ -20,7 +20,7 @@ from freefloat.planning.space.robust_radius import EFFORT, robust_radius
 from freefloat.planning.spatial_planner import plan_in_space
 
 
-def plan_within(
+def plan_path(
     problem: Problem,
     known: ScreenedCandidate | None = None,
     *,
@@ -41,7 +41,7 @@ def plan_within(
     result = planner(evaluator, search, limits, progress)
     if limits is not None:
         moved = to_retime and not problem.depends_on_timing
-        kept = limits.untimed if moved else limits
+        kept = limits.without_timed if moved else limits
         result = keep_limits(evaluator, result, kept, progress, known, known_first)
     chosen, radius = result.chosen, result.robust_radius
     if chosen is None or (to_retime and problem.depends_on_timing and result.feasible):

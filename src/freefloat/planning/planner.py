@@ -10,7 +10,7 @@ from freefloat.errors import require_type
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.paths.time_laws import TimeLaw
-from freefloat.planning.path_planner import plan_within
+from freefloat.planning.path_planner import plan_path
 from freefloat.planning.plan import Plan
 from freefloat.planning.settings import Search
 from freefloat.planning.timing.retiming import retime
@@ -66,7 +66,7 @@ def plan(
     if to_retime:
         require_considered(limits or Limits())
     plan_problem = partial(
-        plan_within, search=search, limits=limits, threads=threads, progress=progress,
+        plan_path, search=search, limits=limits, threads=threads, progress=progress,
         to_retime=to_retime,
     )  # fmt: skip
     stretch = stretch or to_retime  # the duration is a first guess

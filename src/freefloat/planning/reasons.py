@@ -201,8 +201,9 @@ def none_completes(
         last: The singularity that ends the longest motion, where it is known.
     """
     within = " within its limits" if (endings == LIMITED).any() else ""
-    kind = f", at the latest at t = {last.time:.4g} s; its kind: " if last is not None else ""
-    kind += last.kind.description if last is not None else ""
+    kind = ""
+    if last is not None:
+        kind = f", at the latest at t = {last.time:.4g} s; its kind: {last.kind.description}"
     return f"{tried} none completes the path{within}: {ending_fractions(endings)}{kind}"
 
 

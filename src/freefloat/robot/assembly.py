@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from numbers import Real
@@ -18,7 +18,7 @@ from freefloat.robot.description import RobotDescription, rpy_rotation
 from freefloat.robot.names import MeshFileError, find_mesh
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
 from freefloat.robot.source import RobotSource
-from freefloat.robot.urdf import MAGNITUDE, MOMENTS, Element, decode
+from freefloat.robot.urdf import MAGNITUDE, MOMENTS, Element, decode, rename_meshes
 from freefloat.robot.validation import read_urdf
 from freefloat.so3 import Array, Pose
 
@@ -132,12 +132,6 @@ def end_effector_link(robot: RobotDescription, end_effector: str | None) -> str:
     return robot.leaves[0]
 
 
-def rename_meshes(robot: Element, rename: Callable[[str], str]) -> None:
-    """Rename every mesh file of a ``<robot>`` element."""
-    for mesh in robot.iter("mesh"):
-        mesh.set("filename", rename(mesh.get("filename", "")))
-
-
 def _attach(robot: Element, attachment: Attachment, root: str, source: str) -> None:
     """Add the links and joints of another URDF and fix its root to a link."""
     link, prefix = attachment.link, attachment.prefix
@@ -212,14 +206,14 @@ def _add_body(robot: Element, name: str, body: Spacecraft | Payload, centre: Arr
     etree.SubElement(inertial, "mass", value=repr(body.mass))
     moments = map(repr, body.inertia[np.triu_indices(3)].tolist())
     etree.SubElement(inertial, "inertia", dict(zip(MOMENTS, moments, strict=True)))
-    for tag in ("visual", "collision") if body.size is not None or body.mesh is not None else ():
-        shape = etree.SubElement(link, tag)
+    for tag in ("visual", "collision"):
         if body.size is not None:
+            shape = etree.SubElement(link, tag)
             _set_origin(etree.SubElement(shape, "origin"), Mount(centre))
-        geometry = etree.SubElement(shape, "geometry")
-        if body.size is not None:
+            geometry = etree.SubElement(shape, "geometry")
             etree.SubElement(geometry, "box", size=_text(body.size))
-        else:
+        elif body.mesh is not None:
+            geometry = etree.SubElement(etree.SubElement(link, tag), "geometry")
             etree.SubElement(geometry, "mesh", filename=str(body.mesh))
     return str(link.get("name"))
 

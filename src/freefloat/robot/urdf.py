@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -54,13 +55,18 @@ def parse_urdf(urdf: str | Path | RobotSource) -> RobotDescription:
     except ValueError as error:
         raise ModelError("urdf", f"{source}: {error}", "a readable URDF file") from None
     robot = _element(read.text, source)
-    for mesh in robot.iter("mesh"):
-        mesh.set("filename", robot_source.mesh_name(mesh.get("filename", "")))
+    rename_meshes(robot, robot_source.mesh_name)
     description = decode(robot, source)
     element = f"robot {description.name}".strip()
     warnings = (UrdfDiagnostic(Severity.WARNING, source, 1, element, problem, remedy)
                 for problem, remedy in read.warnings)  # fmt: skip
     return replace(description, diagnostics=(*description.diagnostics, *warnings))
+
+
+def rename_meshes(robot: Element, rename: Callable[[str], str]) -> None:
+    """Rename every mesh file of a ``<robot>`` element."""
+    for mesh in robot.iter("mesh"):
+        mesh.set("filename", rename(mesh.get("filename", "")))
 
 
 def _element(text: str, source: str) -> Element:

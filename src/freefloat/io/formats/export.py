@@ -218,13 +218,13 @@ def trajectories(
         return {"": Trajectory.sampled(result, times, rate, epoch)}
     if all(phase.motion is None for phase in phases):
         raise InputError("result", f"it has no motion: {result.reason}", _ACCEPTED)
-    return {
-        "" if len(phases) == 1 else _suffix(number, phase): Trajectory.sampled(
-            phase.motion, times, rate, epoch
-        ).later(phase.start, phase.centre)
-        for number, phase in enumerate(phases, 1)
-        if phase.motion is not None
-    }
+    sampled: dict[str, Trajectory] = {}
+    for number, phase in enumerate(phases, 1):
+        if phase.motion is not None:
+            name = "" if len(phases) == 1 else _suffix(number, phase)
+            trajectory = Trajectory.sampled(phase.motion, times, rate, epoch)
+            sampled[name] = trajectory.later(phase.start, phase.centre)
+    return sampled
 
 
 def _suffix(number: int, phase: PhaseResult) -> str:

@@ -16,11 +16,10 @@ from lxml import etree
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.errors import InputError, ModelError
 from freefloat.io.files import written_beside
-from freefloat.robot.assembly import rename_meshes
 from freefloat.robot.description import Joint
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import MeshFileError, find_mesh
-from freefloat.robot.urdf import Element
+from freefloat.robot.urdf import Element, rename_meshes
 from freefloat.so3 import Array
 
 

@@ -23,7 +23,7 @@ from freefloat.paths.timing import Timing
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.limits.trials import OVER
-from freefloat.planning.path_planner import plan_within
+from freefloat.planning.path_planner import plan_path
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import FASTEST
 from freefloat.planning.simulation import SimulatedBranch, simulate
@@ -117,34 +117,34 @@ def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None 
         raise InputError("timing.stops", "the path has stops", "a path without stops")
     require_considered(limits)
     if plan.problem.depends_on_timing:
-        return _iterated(plan, chosen, limits, threads, progress)
-    problem = _retimed(plan.problem, fastest_speeds(chosen.motion, limits))
-    result = _moved(plan, chosen, problem, limits)
+        return _iterate(plan, chosen, limits, threads, progress)
+    problem = _with_speeds(plan.problem, fastest_speeds(chosen.motion, limits))
+    result = _with_timing(plan, chosen, problem, limits)
     stretch = needed_stretch(result.limit_results)
     if stretch > 1.0:
-        result = _moved(plan, chosen, problem.stretched(stretch * OVER), limits)
+        result = _with_timing(plan, chosen, problem.stretched(stretch * OVER), limits)
     if not result.feasible and problem.scene.tumbles:
-        result = _slowed(plan, chosen, result, limits)
-    return _retiming(_completed(result, limits, threads), plan, agrees=True)
+        result = _with_slower_timing(plan, chosen, result, limits)
+    return _retiming(_with_tolerances(result, limits, threads), plan, agrees=True)
 
 
-def _slowed(plan: Plan, before: SimulatedBranch, fastest: Plan, limits: Limits) -> Plan:
+def _with_slower_timing(plan: Plan, before: SimulatedBranch, fastest: Plan, limits: Limits) -> Plan:
     """The plan with the first of some slower timings that keeps its limits, or the fastest one."""
     problem = fastest.problem
     slowest = max(_SLOWER, plan.problem.path.duration / problem.path.duration)
     for factor in np.geomspace(1.0, slowest, _SLOWDOWNS + 1)[1:]:
-        result = _moved(plan, before, problem.stretched(float(factor)), limits)
+        result = _with_timing(plan, before, problem.stretched(float(factor)), limits)
         if result.feasible:
             return result
     return fastest
 
 
-def _retimed(problem: Problem, speeds: Speeds) -> Problem:
+def _with_speeds(problem: Problem, speeds: Speeds) -> Problem:
     timing = Timing(speeds[-1][0], TimeLaw.OPTIMAL, speeds=speeds)
     return replace(problem, path=replace(problem.path, timing=timing))
 
 
-def _moved(plan: Plan, before: SimulatedBranch, problem: Problem, limits: Limits) -> Plan:
+def _with_timing(plan: Plan, before: SimulatedBranch, problem: Problem, limits: Limits) -> Plan:
     """The plan with the motion from the same state at another timing; its states are the same."""
     start = before.motion.initial
     chosen = simulate(problem, start.attitude, joints=start.joints).chosen
@@ -159,7 +159,7 @@ def _moved(plan: Plan, before: SimulatedBranch, problem: Problem, limits: Limits
     )  # fmt: skip
 
 
-def _completed(plan: Plan, limits: Limits, threads: int | None) -> Plan:
+def _with_tolerances(plan: Plan, limits: Limits, threads: int | None) -> Plan:
     """The plan with the certificate, contact and tolerances of its motion."""
     if plan.chosen is None:
         return plan
@@ -171,9 +171,9 @@ def _completed(plan: Plan, limits: Limits, threads: int | None) -> Plan:
     return replace(plan, certificate=certify(motion), contact=contact, tolerance=tolerances)
 
 
-def _iterated(
+def _iterate(
     plan: Plan,
-    held: SimulatedBranch,
+    chosen: SimulatedBranch,
     limits: Limits,
     threads: int | None,
     progress: Progress | None,
@@ -182,31 +182,31 @@ def _iterated(
 
     The state whose motion has the timing is held where it keeps margin and limits.
     """
-    problem = _held(held.motion, limits)
+    problem = _with_fastest_timing(chosen.motion, limits)
     for number in range(_MOST):
         step = step_of(progress, number / _MOST, (number + 1) / _MOST)
-        known = ScreenedCandidate(held.motion.initial.attitude, held.branch.index)
-        current = plan_within(
+        known = ScreenedCandidate(chosen.motion.initial.attitude, chosen.branch.index)
+        current = plan_path(
             problem, known, search=plan.search, limits=limits, threads=threads, progress=step,
             known_first=True,
         )  # fmt: skip
         if current.chosen is None or not current.chosen.motion.completed:
             break
-        held = current.chosen
-        following = _held(held.motion, limits)
+        chosen = current.chosen
+        following = _with_fastest_timing(chosen.motion, limits)
         if current.feasible and _agree(problem, following):
             return _retiming(current, plan, agrees=True)
         problem = following
     return _retiming(replace(current, feasible=False), plan, agrees=False)
 
 
-def _held(motion: Motion, limits: Limits) -> Problem:
+def _with_fastest_timing(motion: Motion, limits: Limits) -> Problem:
     """The problem with the fastest timing of the motion from the same state, where one is found."""
     start = motion.initial
     intervals = INTERVALS if limits.joint_torque is None else _FEWER
     for _ in range(_MOST):
         before = motion.problem
-        problem = _retimed(before, fastest_speeds(motion, limits, _INSIDE, intervals))
+        problem = _with_speeds(before, fastest_speeds(motion, limits, _INSIDE, intervals))
         motion = integrate_motion(problem, start.attitude, start.joints)
         if _agree(before, problem) or not motion.completed:
             break

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linprog
@@ -83,9 +84,9 @@ def fastest_speeds(
         scale: Factor on the limits.
         intervals: Number of intervals of s with constant u.
     """
-    place = _Place(motion, limits, scale)
+    path_limits = _PathLimits(motion, limits, scale)
     passes = 0 if limits.joint_torque is None else _PASSES
-    knots, x = _fastest_squares(np.linspace(0.0, 1.0, intervals + 1), place.rows, passes)
+    knots, x = _fastest_squares(np.linspace(0.0, 1.0, intervals + 1), path_limits.rows, passes)
     speeds = np.sqrt(x)
     times = np.append(0.0, np.cumsum(2.0 * np.diff(knots) / (speeds[1:] + speeds[:-1])))
     return tuple(zip(times.tolist(), speeds.tolist(), strict=True))
@@ -138,13 +139,13 @@ def _largest_squares(knots: Array, rows: Callable[[Array], list[_Rows]], weights
     before, after, right, columns = [], [], [], []
     widths, count = np.diff(knots), len(_FRACTIONS)
     places = knots[:-1, None] + np.array(_FRACTIONS) * widths[:, None]
-    for number, found in enumerate(rows(np.minimum(places.ravel(), 1.0))):
+    for number, limits_here in enumerate(rows(np.minimum(places.ravel(), 1.0))):
         interval, fraction = number // count, _FRACTIONS[number % count]
-        rise = found.a / (2.0 * widths[interval])  # u = (x after - x before) / (2 width)
-        before += [*(found.b * (1.0 - fraction) - rise), 1.0 - fraction]
-        after += [*(found.b * fraction + rise), fraction]
-        right += [*found.c, found.most]
-        columns += [interval] * (len(found.c) + 1)
+        rise = limits_here.a / (2.0 * widths[interval])  # u = (x after - x before) / (2 width)
+        before += [*(limits_here.b * (1.0 - fraction) - rise), 1.0 - fraction]
+        after += [*(limits_here.b * fraction + rise), fraction]
+        right += [*limits_here.c, limits_here.most]
+        columns += [interval] * (len(limits_here.c) + 1)
     scale = min(limit for limit in right if limit > 0.0)  # the unit of x
     limits, column = np.array(right), np.array(columns)
     row = np.arange(len(limits))
@@ -156,8 +157,18 @@ def _largest_squares(knots: Array, rows: Callable[[Array], list[_Rows]], weights
     return np.asarray(np.maximum(result.x, 0.0) * scale)
 
 
-class _Place:
-    """A place on the path of a motion."""
+class _Place(NamedTuple):
+    """The state of a motion at a value of s, the path's derivatives by s, and a speed ds/dt > 0."""
+
+    attitude: Array
+    joints: Array
+    tangent: Array
+    curvature: Array
+    speed: float
+
+
+class _PathLimits:
+    """Limits of rates and torques at places of the path of a motion."""
 
     def __init__(self, motion: Motion, limits: Limits, scale: float) -> None:
         problem = motion.problem
@@ -177,31 +188,29 @@ class _Place:
         times = [self._timing.time_at(s) for s in new]
         states = self._motion.evaluate(self._motion.coordinates_at(times))
         for s, t, attitude, joints in zip(new, times, *states[1:], strict=True):
-            self._go_to(s, t, attitude, joints)
+            place = _Place(
+                attitude, joints, self._path.tangent(s), self._path.second_derivative(s),
+                speed=max(self._timing.s(t, 1), self._slowest),
+            )  # fmt: skip
             a, b, c = _NONE, _NONE, _NONE
             if self._limits.joint_torque is not None:
-                a, b, c = self._torque_rows()
-            self._known[s] = _Rows(a, b, c, self._largest_speed() ** 2)
+                a, b, c = self._torque_rows(place)
+            self._known[s] = _Rows(a, b, c, self._largest_speed(place) ** 2)
         return [self._known[s] for s in values.tolist()]
 
-    def _go_to(self, s: float, t: float, attitude: Array, joints: Array) -> None:
-        """Go to the state of the motion at a value of s and its time [s]."""
-        timing = self._timing
-        self._attitude, self._joints = attitude, joints
-        self._tangent = self._path.tangent(s)
-        self._curvature = self._path.second_derivative(s)
-        self._speed = max(timing.s(t, 1), self._slowest)
+    def _rates(self, place: _Place, speed: float) -> tuple[Array, Array]:
+        twist = self._twist(place, speed)
+        return self._solver.rates(place.attitude, place.joints, twist, speed)
 
-    def _rates(self, speed: float) -> tuple[Array, Array]:
-        return self._solver.rates(self._attitude, self._joints, self._twist(speed), speed)
+    def _twist(self, place: _Place, speed: float) -> Array:
+        return np.asarray(place.tangent * speed - self._drift)
 
-    def _twist(self, speed: float) -> Array:
-        return np.asarray(self._tangent * speed - self._drift)
-
-    def _largest_speed(self) -> float:
+    def _largest_speed(self, place: _Place) -> float:
         """The largest ds/dt that rates allow [1/s]."""
-        omega, q_rates = self._rates(1.0)
-        drift, q_drift = self._rates(0.0) if self._by_time else (0.0 * omega, 0.0 * q_rates)
+        omega, q_rates = self._rates(place, 1.0)
+        drift, q_drift = 0.0 * omega, 0.0 * q_rates
+        if self._by_time:
+            drift, q_drift = self._rates(place, 0.0)
         omega, q_rates = omega - drift, q_rates - q_drift
         speed = _FASTEST / self._motion.problem.path.duration
         if self._limits.joint_rate is not None:
@@ -217,21 +226,21 @@ class _Place:
                 speed = min(speed, max(root, 0.0))
         return speed
 
-    def _torques(self, speed: float, acceleration: float) -> Array:
-        twist_rate = self._curvature * speed**2 + self._tangent * acceleration
-        return self._law.effort_of(
-            self._attitude, self._joints, (self._twist(speed), speed), (twist_rate, acceleration)
-        ).joint_torques
+    def _torques(self, place: _Place, speed: float, acceleration: float) -> Array:
+        prescribed = self._twist(place, speed), speed
+        change = place.curvature * speed**2 + place.tangent * acceleration, acceleration
+        effort = self._law.effort_of(place.attitude, place.joints, prescribed, change)
+        return effort.joint_torques
 
-    def _torque_rows(self) -> tuple[Array, Array, Array]:
+    def _torque_rows(self, place: _Place) -> tuple[Array, Array, Array]:
         """Rows a, b, c of a u + b x <= c, both signs of every joint, shape (2 n,) each."""
-        v = self._speed
-        rest = self._torques(0.0, 0.0) if self._by_time else 0.0 * self._joints
-        per_acceleration = self._torques(0.0, 1.0) - rest
-        once = self._torques(v, 0.0) - rest
+        v = place.speed
+        rest = self._torques(place, 0.0, 0.0) if self._by_time else 0.0 * place.joints
+        per_acceleration = self._torques(place, 0.0, 1.0) - rest
+        once = self._torques(place, v, 0.0) - rest
         linear = 0.0 * once
         if self._by_time:
-            twice = self._torques(2.0 * v, 0.0) - rest
+            twice = self._torques(place, 2.0 * v, 0.0) - rest
             linear = (4.0 * once - twice) / (2.0 * v)
         squared = (once - linear * v) / v**2
         squared = squared + linear / (2.0 * v)  # v is linearized in x = v²

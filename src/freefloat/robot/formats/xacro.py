@@ -158,15 +158,22 @@ def _confine(xacro: Any, file: Path, packages: Mapping[str, str]) -> None:
         read_text(Path(xacro.abs_filename_spec(name)))  # refuses devices and large files
         return xacro.load_yaml(name)
 
-    def refuse(text: str, context: object = None) -> None:
-        problem = f"$({'env' if context is None else 'eval'} {text}) is not evaluated"
-        raise ModelError("urdf", problem, "$(optenv NAME DEFAULT) or ${...}", xacro.filestack[-1])
+    def refused(substitution: str) -> ModelError:
+        problem = f"$({substitution}) is not evaluated"
+        return ModelError("urdf", problem, "$(optenv NAME DEFAULT) or ${...}", xacro.filestack[-1])
+
+    def refuse_env(name: str) -> None:
+        raise refused(f"env {name}")
+
+    def refuse_eval(text: str, context: object) -> None:
+        raise refused(f"eval {text}")
 
     xacro.safe_eval = evaluate
     xacro.parse = parse
     substitution_args._eval_find = find
     substitution_args._eval_dirname = lambda _: str(Path(xacro.filestack[-1]).parent)
-    substitution_args._eval_env = substitution_args._eval = refuse
+    substitution_args._eval_env = refuse_env
+    substitution_args._eval = refuse_eval
     substitution_args._eval_optenv = lambda name, default="": default
     symbols = xacro._global_symbols
     for name in _REFUSED:
