@@ -1,0 +1,234 @@
+"""Elastic Gauss-Newton method: violations of limits are penalized, the end is reached exactly.
+
+Every iteration solves the quadratic problem of the penalties, whose residuals are linearized,
+subject to the linearized end, with a damping that grows where the step does not help (J. Nocedal
+and S. J. Wright, Numerical Optimization, 2006, sections 10.3 and 17.1, 18.4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from freefloat.planning.goals.joint_paths import Course, JointPaths
+from freefloat.planning.goals.kernel import Arm
+from freefloat.planning.goals.target import Target
+from freefloat.planning.goals.violations import ShapeLimits
+from freefloat.so3 import Array
+
+_LONGEST = 0.5
+"""Largest change of a joint in an iteration [rad, m]."""
+_LEAST_DAMPING, _MOST_DAMPING = 1e-6, 1e4
+_WEIGHT_OF_END = 10.0
+"""Weight of the residuals of the end in the merit [1/rad, 1/m]."""
+_CLOSED = 1e-13
+_RANGE_MARGIN = 1e-3
+"""Margin of joint ranges, and violation that counts as one [rad, m]."""
+_RANGE_SCALE = 0.05
+
+
+class Weights(NamedTuple):
+    """Weights of what is minimized.
+
+    Attributes:
+        effort: Of the mean square of rates over their limits.
+        violations: Of the squared violations of limits.
+    """
+
+    effort: float
+    violations: float
+
+
+@dataclass(frozen=True, eq=False)
+class Quadratic:
+    """The problem at a path, linearized: value, gradient and matrix, and the end's residuals."""
+
+    course: Course
+    value: float
+    gradient: Array
+    matrix: Array
+    error: Array
+    jacobian: Array
+    count: int
+
+    def merit(self, weight: float) -> float:
+        """What steps decrease, with a weight of the end's residuals [1/rad, 1/m]."""
+        return self.value + weight * float(np.abs(self.error).sum())
+
+    def step(self, damping: float, scale: Array, *, reduce: bool = True) -> tuple[Array, float]:
+        """The step to the minimum subject to the linearized end, or merely to that end."""
+        H = self.matrix + np.diag(damping * scale)
+        gradient = self.gradient if reduce else np.zeros_like(self.gradient)
+        solved = np.linalg.solve(H, np.column_stack([gradient, self.jacobian.T]))
+        step, largest = -solved[:, 0], 0.0
+        if len(self.error):
+            multipliers = np.linalg.lstsq(
+                self.jacobian @ solved[:, 1:], self.error + self.jacobian @ step, rcond=1e-10
+            )[0]
+            step, largest = step - solved[:, 1:] @ multipliers, float(np.abs(multipliers).max())
+        return step, largest
+
+
+@dataclass(frozen=True, eq=False)
+class Relaxation:
+    """A family of paths, what they must reach, and what they must keep.
+
+    Attributes:
+        arm: The robot.
+        paths: The family.
+        target: What the paths reach.
+        attitude: Of the spacecraft at the start, shape (3, 3).
+        momenta: Of the system and of wheels [N m s], shape (2, 3).
+        joint_rate: Limits of joint rates [rad/s or m/s], shape (n,); infinite without limit.
+        base_rate: Limit of the spacecraft's rate [rad/s]; infinite without limit.
+        ranges: Of the joints, shape (2, n).
+        shapes: Limits that do not depend on rates.
+        timed: Whether the duration is an unknown.
+        reference: Duration unless it is an unknown, else a guess [s].
+    """
+
+    arm: Arm
+    paths: JointPaths
+    target: Target
+    attitude: Array
+    momenta: Array
+    joint_rate: Array
+    base_rate: float
+    ranges: Array
+    shapes: Sequence[ShapeLimits] = ()
+    timed: bool = True
+    reference: float = 1.0
+
+    def course(self, unknowns: Array, order: int = 1) -> Course:
+        """The path of some unknowns, with derivatives if the order is 1."""
+        return self.paths.course(self.arm, unknowns, self.attitude, self.momenta, order)
+
+    def usage(self, course: Course) -> float:
+        """Largest ratio of joint rates and of the spacecraft's rate to their limits."""
+        joints = np.abs(course.rates / self.joint_rate).max()
+        base = np.linalg.norm(course.omega, axis=1).max() / self.base_rate
+        return float(max(joints, base)) / course.duration
+
+    def relaxed(self, unknowns: Array, weights: Weights, iterations: int) -> Quadratic:
+        """The problem at a path near the least value, from another one."""
+        reference, damping, of_end = float(unknowns[-1]), 1e-2, _WEIGHT_OF_END
+        here = self.linearized(unknowns, weights, reference)
+        scale = np.ones(self.paths.size)
+        scale[-1] = unknowns[-1] ** -2
+        for _ in range(iterations):
+            step, multiplier = here.step(damping, scale)
+            of_end = max(of_end, 1.5 * multiplier)
+            step = _shortened(step, here.course.duration)
+            there = self.linearized(here.course.unknowns + step, weights, reference)
+            gain = here.merit(of_end) - there.merit(of_end)
+            if gain > 0.0:
+                here, damping = there, max(damping / 4.0, _LEAST_DAMPING)
+                if gain < 1e-4 * here.value and np.abs(here.error).max(initial=0.0) < 1e-6:
+                    break
+            else:
+                damping *= 8.0
+                if damping > _MOST_DAMPING:
+                    break
+        return here
+
+    def closed(
+        self, unknowns: Array, weights: Weights, offset: Array | float = 0.0, iterations: int = 12
+    ) -> Array | None:
+        """Unknowns nearby with which the end's residuals have some values; the duration is held."""
+        scale = np.ones(self.paths.size)
+        for _ in range(iterations):
+            here = self.linearized(unknowns, weights)
+            error = here.error - offset
+            if np.abs(error).max(initial=0.0) < _CLOSED:
+                return unknowns
+            step, _ = replace(here, error=error).step(1e-6, scale, reduce=False)
+            unknowns = unknowns + _shortened(step, np.inf)
+        return unknowns if np.abs(error).max(initial=0.0) < 1e3 * _CLOSED else None
+
+    def linearized(
+        self, unknowns: Array, weights: Weights, reference: float | None = None
+    ) -> Quadratic:
+        """The problem at a path, with a duration that counts as one; without it is held."""
+        course, size = self.course(unknowns), self.paths.size
+        T, scale = course.duration, 1.0
+        sums = _Sums(size)
+        basis, n = self.paths.basis[1], self.paths.joint_count
+        gauss = len(basis)
+        by_duration = self.paths.gauss[1] @ self.paths.fixed[1]
+        ratios = course.rates / self.joint_rate
+        omega, slopes = course.omega / self.base_rate, course.slopes / self.base_rate
+        # mean square of the rates
+        root = np.sqrt(weights.effort / gauss) / T
+        rows = np.zeros((gauss, n, size))
+        for j in range(n):
+            rows[:, j, j : size - 1 : n] = basis / self.joint_rate[j]
+        rows[:, :, -1] = (by_duration / self.joint_rate) - ratios / T
+        sums.add(root * ratios.ravel(), root * rows.reshape(-1, size))
+        if np.isfinite(self.base_rate):
+            turned = slopes.copy()
+            turned[:, :, -1] -= omega / T
+            sums.add(root * omega.ravel(), root * turned.reshape(-1, size))
+        # rates beyond their limits
+        strong = np.sqrt(weights.violations)
+        over = np.abs(ratios) / T - 1.0
+        g, j = np.nonzero(over > 0.0)
+        sums.add(strong * over[g, j], strong * rows[g, j] * np.sign(ratios[g, j])[:, None] / T)
+        if np.isfinite(self.base_rate):
+            norm = np.linalg.norm(omega, axis=1)
+            (g,) = np.nonzero(norm / T > 1.0)
+            direction = omega[g] / norm[g, None]
+            sums.add(
+                strong * (norm[g] / T - 1.0),
+                strong * np.einsum("gi,gix->gx", direction, turned[g]) / T,
+            )
+        self._add_ranges(sums, course, strong)
+        count = 0
+        for shape in self.shapes if strong > 0.0 else ():
+            found = shape.violations(self.paths, course)
+            count += len(found.edges)
+            sums.add(strong / 10.0 * found.amounts, strong / 10.0 * found.jacobian(self.paths, course))
+        error, jacobian = self.target.error(self.paths, course), self.target.derivative(self.paths, course)
+        if self.timed and reference is not None:
+            sums.value += T / reference
+            sums.gradient[-1] += 1.0 / reference
+        else:
+            sums.gradient[-1] = 0.0
+            sums.matrix[-1], sums.matrix[:, -1] = 0.0, 0.0
+            sums.matrix[-1, -1] = 1.0
+            jacobian[:, -1] = 0.0
+        return Quadratic(course, sums.value, sums.gradient, sums.matrix, error, jacobian, count)
+
+    def _add_ranges(self, sums: _Sums, course: Course, strong: float) -> None:
+        """Control points beyond the joint ranges."""
+        paths = self.paths
+        points = paths.control_points(course.unknowns)
+        lower, upper = self.ranges
+        for sign, over in ((1.0, points - upper + _RANGE_MARGIN), (-1.0, lower - points + _RANGE_MARGIN)):
+            i, j = np.nonzero(over > 0.0)
+            rows = np.zeros((len(i), paths.size))
+            for row, (point, joint) in enumerate(zip(i, j, strict=True)):
+                rows[row, joint : paths.size - 1 : paths.joint_count] = paths.spread[point]
+                rows[row, -1] = paths.fixed[1][point, joint]
+            sums.add(strong * over[i, j] / _RANGE_SCALE, sign * strong * rows / _RANGE_SCALE)
+
+
+def _shortened(step: Array, duration: float) -> Array:
+    """The step, shortened where joints or the duration would change too much."""
+    joints, time = np.abs(step[:-1]).max() / _LONGEST, abs(step[-1]) / duration / 0.3
+    return np.asarray(step / max(joints, time, 1.0))
+
+
+class _Sums:
+    """Half the sum of squared residuals, its gradient and its matrix."""
+
+    def __init__(self, size: int) -> None:
+        self.value, self.gradient, self.matrix = 0.0, np.zeros(size), np.zeros((size, size))
+
+    def add(self, residuals: Array, jacobian: Array) -> None:
+        """Add residuals (M,) with their derivatives (M, size)."""
+        self.value += float(residuals @ residuals) / 2.0
+        self.gradient += jacobian.T @ residuals
+        self.matrix += jacobian.T @ jacobian

@@ -1,0 +1,80 @@
+"""Search for the shortest motion to a goal, among families of paths with more and more loops."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from freefloat.concurrency import Progress
+from freefloat.limits.result import LimitResult
+from freefloat.planning.goals.certification import FINAL, Certification, CertifiedMotion
+from freefloat.planning.goals.joint_paths import JointPaths
+from freefloat.planning.goals.relaxation import Quadratic, Relaxation, Weights
+from freefloat.planning.goals.starts import starts, timed
+from freefloat.so3 import Array
+
+_STAGES = ((Weights(1.0, 1.0), 25), (Weights(0.1, 100.0), 40), (FINAL, 40))
+"""Weights and iterations: first a short path without deep violations, then one without any."""
+_RANDOM = 6
+"""Random starts of a family."""
+_REFINED = 3
+"""Of the paths after the first stage those that are refined, at least."""
+_ENOUGH = 2
+"""Certified motions among which the shortest is chosen."""
+_CLOSED = 1e-4
+"""Largest residual of the end of a path that is certified [rad, m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class GoalSearch:
+    """Families of paths to a goal, and what certifies them.
+
+    Attributes:
+        families: In the order in which they are tried.
+        certification: Of paths that are found.
+        nearest: The smallest residuals of paths that do not end at the goal.
+    """
+
+    families: Sequence[Relaxation]
+    certification: Certification
+    progress: Progress
+    failures: list[LimitResult] = field(default_factory=list)
+
+    def shortest(self, seed: int) -> CertifiedMotion | None:
+        """The shortest of some motions that keep all limits; None where none was found."""
+        rng = np.random.default_rng(seed)
+        for number, family in enumerate(self.families):
+            self.progress(number / len(self.families))
+            found = list(self._certified(family, rng))
+            if found:
+                return min(found, key=lambda result: float(result.motion.times[-1]))
+        return None
+
+    def _certified(
+        self, family: Relaxation, rng: np.random.Generator
+    ) -> Iterator[CertifiedMotion]:
+        """Certified motions of a family."""
+        rough = [family.relaxed(start, *_STAGES[0]) for start in starts(family, rng, _RANDOM)]
+        count = 0
+        for number, path in enumerate(sorted(rough, key=_rank)):
+            if count >= _ENOUGH or (count and number >= _REFINED):
+                return
+            for stage in _STAGES[1:]:
+                path = family.relaxed(timed(family, path.course.unknowns), *stage)
+            if np.abs(path.error).max(initial=0.0) > _CLOSED:
+                continue
+            result = self.certification.certified(family, path.course.unknowns)
+            if result is None:
+                continue
+            if result.violation is not None:
+                self.failures.append(result.violation)
+                continue
+            count += 1
+            yield result
+
+
+def _rank(path: Quadratic) -> float:
+    """Value of a path whose end must be reached."""
+    return path.merit(1e2)
