@@ -22,8 +22,8 @@ _SCALE = 0.02
 """Lack of distance that counts as one [m]."""
 _DEEPEST = 0.15
 """Largest lack that counts: deeper penetrations are only as bad [m]."""
-_FEWER = 2
-"""Of the ends of intervals of repeated loops, which are small, every second one is looked at."""
+_ENDS = 3
+"""Spans of a loop in which the first and the last one differ from the others."""
 _LATER = 1e-3
 """Difference of times in velocities of the scene [s]."""
 
@@ -65,7 +65,7 @@ class Clearances:
         """Require a larger distance of the pairs with a name, which lacked some [m]."""
         for number in range(len(self._margins)):
             if self._pairs.name(number) == name:
-                self._margins[number] += 1.5 * max(lack, 0.0) + _MARGIN / 4.0
+                self._margins[number] += max(2.0 * lack, self._margins[number])
 
     def violations(self, paths: JointPaths, course: Course) -> Violations:
         """See :class:`~freefloat.planning.goals.violations.ShapeLimits`."""
@@ -105,14 +105,13 @@ class Clearances:
         return np.asarray((bounds < self.required) | ~self._levers.any(axis=1))
 
     def _edges(self, paths: JointPaths) -> IntArray:
-        """Ends of intervals to look at: of many equal loops the first ones and the last."""
+        """Ends of intervals to look at: of equal loops the first one and where others differ."""
         every = np.arange(1, len(paths.times))
-        every = every[1 :: _FEWER] if paths.loops > 1 else every
-        loop = len(every) // paths.loops
-        still = not self._problem.scene.bodies and paths.ends.end is not None
-        if paths.loops <= 3 or not still or not np.array_equal(paths.ends.start, paths.ends.end):
+        still = not self._problem.scene.bodies and np.array_equal(*paths.ends[::2])
+        if paths.loops <= 2 or not still:
             return every
-        return np.concatenate([every[: 2 * loop], every[-loop:]])
+        loop, ends = len(every) // paths.loops, _ENDS * len(every) // paths.all_spans
+        return np.concatenate([every[: loop + ends], every[-ends:]])
 
     def _frames(self, course: Course, edges: IntArray) -> tuple[Array, ...]:
         """The bodies at some ends of intervals, see :func:`place_all`."""

@@ -118,7 +118,7 @@ def move_from(
     momenta = np.array([problem.momentum, problem.wheel_momentum])
     families = [
         Relaxation(
-            Arm.of(problem.model), JointPaths(ends, spans, loops, 8 if loops == 1 else 4), target, start, momenta, rate,
+            Arm.of(problem.model), JointPaths(ends, spans, loops), target, start, momenta, rate,
             limits.base_rate or np.inf, np.array([low, high]), shapes, timed, reference,
         )
         for spans, loops in (_FAMILIES if target.attitude is None else _TURNING)

@@ -52,7 +52,13 @@ class Quadratic:
     matrix: Array
     error: Array
     jacobian: Array
-    count: int
+    penalty: float
+
+    @property
+    def promise(self) -> float:
+        """The duration, increased by what is violated [s]."""
+        error = float(np.abs(self.error).sum())
+        return self.course.duration * (1.0 + self.penalty + _WEIGHT_OF_END * error)
 
     def merit(self, weight: float) -> float:
         """What steps decrease, with a weight of the end's residuals [1/rad, 1/m]."""
@@ -171,6 +177,7 @@ class Relaxation:
             turned = slopes.copy()
             turned[:, :, -1] -= omega / T
             sums.add(root * omega.ravel(), root * turned.reshape(-1, size))
+        effort = sums.value
         # rates beyond their limits
         strong = np.sqrt(weights.violations)
         over = np.abs(ratios) / T - 1.0
@@ -185,12 +192,11 @@ class Relaxation:
                 strong * np.einsum("gi,gix->gx", direction, turned[g]) / T,
             )
         self._add_ranges(sums, course, strong)
-        count = 0
         for shape in self.shapes if strong > 0.0 else ():
             found = shape.violations(self.paths, course)
-            count += len(found.edges)
             sums.add(strong / 10.0 * found.amounts, strong / 10.0 * found.jacobian(self.paths, course))
         error, jacobian = self.target.error(self.paths, course), self.target.derivative(self.paths, course)
+        penalty = sums.value - effort
         if self.timed and reference is not None:
             sums.value += T / reference
             sums.gradient[-1] += 1.0 / reference
@@ -199,7 +205,7 @@ class Relaxation:
             sums.matrix[-1], sums.matrix[:, -1] = 0.0, 0.0
             sums.matrix[-1, -1] = 1.0
             jacobian[:, -1] = 0.0
-        return Quadratic(course, sums.value, sums.gradient, sums.matrix, error, jacobian, count)
+        return Quadratic(course, sums.value, sums.gradient, sums.matrix, error, jacobian, penalty)
 
     def _add_ranges(self, sums: _Sums, course: Course, strong: float) -> None:
         """Control points beyond the joint ranges."""

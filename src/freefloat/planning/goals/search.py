@@ -23,6 +23,10 @@ _REFINED = 3
 """Of the paths after the first stage those that are refined, at least."""
 _ENOUGH = 2
 """Certified motions among which the shortest is chosen."""
+_HOPELESS = 20.0
+"""Penalty of violations from which a path is not improved."""
+_PENALTY = 2.0
+"""Largest penalty of violations of a path that is certified."""
 _CLOSED = 1e-4
 """Largest residual of the end of a path that is certified [rad, m]."""
 
@@ -58,12 +62,13 @@ class GoalSearch:
         """Certified motions of a family."""
         rough = [family.relaxed(start, *_STAGES[0]) for start in starts(family, rng, _RANDOM)]
         count = 0
-        for number, path in enumerate(sorted(rough, key=_rank)):
+        for number, path in enumerate(sorted(rough, key=lambda path: path.promise)):
             if count >= _ENOUGH or (count and number >= _REFINED):
                 return
             for stage in _STAGES[1:]:
-                path = family.relaxed(timed(family, path.course.unknowns), *stage)
-            if np.abs(path.error).max(initial=0.0) > _CLOSED:
+                if path.penalty < _HOPELESS:
+                    path = family.relaxed(timed(family, path.course.unknowns), *stage)
+            if path.penalty > _PENALTY or np.abs(path.error).max(initial=0.0) > _CLOSED:
                 continue
             result = self.certification.certified(family, path.course.unknowns)
             if result is None:
@@ -74,7 +79,3 @@ class GoalSearch:
             count += 1
             yield result
 
-
-def _rank(path: Quadratic) -> float:
-    """Value of a path whose end must be reached."""
-    return path.merit(1e2)

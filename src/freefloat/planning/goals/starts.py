@@ -33,7 +33,7 @@ def starts(relaxation: Relaxation, rng: np.random.Generator, most: int) -> Itera
     paths = relaxation.paths
     blank = np.append(np.zeros((paths.spread.shape[1], paths.joint_count)), 1.0)
     candidates = [_with_end(relaxation, blank, joints) for joints in _branches(relaxation)]
-    if paths.ends.end is not None:
+    if paths.ends.end is not None and relaxation.target.attitude is None:
         candidates.append(blank)
     random = [_random(relaxation, rng) for _ in range(_RANDOM)]
     candidates += sorted(random, key=lambda unknowns: _promise(relaxation, unknowns))[:most]
