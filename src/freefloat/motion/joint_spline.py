@@ -85,4 +85,4 @@ def integrate_spline(problem: Problem, spline: JointSpline, attitude: Array) -> 
         spline: The joints.
         attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
     """
-    return integrate_joints(problem, spline, attitude, _PANELS * spline.spans)
+    return integrate_joints(problem, spline, attitude, _PANELS * spline.spans, spline.spans)

@@ -8,7 +8,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import Task
-from freefloat.motion.law import base_velocity
 from freefloat.motion.problem import Problem
 from freefloat.planning.goals.joint_paths import Course, JointPaths
 from freefloat.scene.scene_body import SceneBody
@@ -93,10 +92,8 @@ class Target:
 
     def _twist(self, end: EndState, quaternion: Array) -> Array:
         """Twist of the end-effector relative to the centre of mass, inertial axes, shape (6,)."""
-        model, omega = self.problem.model, base_velocity(
-            self.problem, quaternion, end.joints, end.joint_rates
-        )
-        step = _LATER
+        model, step = self.problem.model, _LATER
+        omega = self.problem.system.base_rate(quaternion, end.joints, end.joint_rates)
         poses = [
             model.end_effector_pose(
                 (Rotation.from_quat(quaternion) * Rotation.from_rotvec(side * omega)).as_quat(),
