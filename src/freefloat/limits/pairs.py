@@ -179,7 +179,7 @@ class CollisionPairs:
 
     @property
     def bodies(self) -> IntArray:
-        """Numbers of the rigid bodies of both shapes, those of a scene after the robot's, (P, 2)."""
+        """Numbers of the bodies of both shapes, those of a scene after the robot's, (P, 2)."""
         return np.array([shape.body for shape in self._shapes])[self.pairs]
 
     @property

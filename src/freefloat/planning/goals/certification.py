@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.kinds.clearance import ClearanceLimit
@@ -16,8 +15,8 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import Timing
 from freefloat.planning.goals.clearances import Clearances
+from freefloat.planning.goals.goal_motion import last_state
 from freefloat.planning.goals.relaxation import Relaxation, Weights
-from freefloat.planning.goals.target import EndState
 from freefloat.so3 import Array
 
 FINAL = Weights(1e-3, 1e3)
@@ -118,7 +117,7 @@ class Certification:
                 return None
             unknowns = closed
             motion = self._motion(relaxation, unknowns)
-            residuals = relaxation.target.residuals(_end(motion))
+            residuals = relaxation.target.residuals(last_state(motion))
             if np.abs(residuals).max(initial=0.0) < _EXACT:
                 return unknowns, motion
             offset = offset - residuals
@@ -128,11 +127,3 @@ class Certification:
         timing = Timing(float(unknowns[-1]), TimeLaw.UNIFORM)
         problem = replace(self.problem, path=replace(self.problem.path, timing=timing))
         return integrate_spline(problem, relaxation.paths.spline(unknowns), self.attitude)
-
-
-def _end(motion: Motion) -> EndState:
-    """The last state of a motion."""
-    final = motion.final
-    rates = motion.law.rates(final.time, final.attitude, final.joints).joints
-    attitude = Rotation.from_quat(final.attitude).as_matrix()
-    return EndState(final.time, attitude, final.joints, rates)

@@ -72,7 +72,9 @@ class Clearances:
         edges = self._edges(paths)
         frames = self._frames(course, edges)
         poses = self._all_scene_poses(paths, course, edges)
-        near = self._may_be_near(frames, poses) & self._may_have_come_near(course, edges)
+        near = np.logical_and(
+            self._may_be_near(frames, poses), self._may_have_come_near(course, edges)
+        )
         required, rows = self.required, []
         known, joints = self._seen[len(course.joints)]
         for row, edge in enumerate(edges):
@@ -107,7 +109,7 @@ class Clearances:
     def _edges(self, paths: JointPaths) -> IntArray:
         """Ends of intervals to look at: of equal loops the first one and where others differ."""
         every = np.arange(1, len(paths.times))
-        still = not self._problem.scene.bodies and np.array_equal(*paths.ends[::2])
+        still = not self._problem.scene.bodies and paths.closed
         if paths.loops <= 2 or not still:
             return every
         loop, ends = len(every) // paths.loops, _ENDS * len(every) // paths.all_spans

@@ -83,12 +83,18 @@ class JointPaths:
     @property
     def size(self) -> int:
         """Number of unknowns."""
-        return self.spread.shape[1] * self.joint_count + 1
+        return int(self.spread.shape[1]) * self.joint_count + 1
 
     @property
     def joint_count(self) -> int:
         """Number of joints n."""
         return len(self.ends.start)
+
+    @property
+    def closed(self) -> bool:
+        """Whether paths end where they begin."""
+        end = self.ends.end
+        return end is not None and np.array_equal(self.ends.start, end)
 
     @property
     def all_spans(self) -> int:
@@ -145,13 +151,13 @@ class JointPaths:
 
     @cached_property
     def times(self) -> Array:
-        """s at the ends of the intervals, shape (N + 1,)."""
+        """Values of s at the ends of the intervals, shape (N + 1,)."""
         return np.linspace(0.0, 1.0, self.fineness * self.all_spans + 1)
 
     @cached_property
     def edges(self) -> Array:
         """Derivatives of the joints at the ends of the intervals by control points."""
-        return spline_basis(self.all_spans, self.times)[0]
+        return np.asarray(spline_basis(self.all_spans, self.times)[0])
 
     @cached_property
     def edge_basis(self) -> Array:

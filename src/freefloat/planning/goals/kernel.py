@@ -282,7 +282,12 @@ def march(
         np.empty((3, n)), np.empty((3, 3)), np.empty((3, n)),
     )  # fmt: skip
     work, vectors = np.empty((4, 3, 3)), np.empty((4, 3))
-    matrices, by_joint, A, joints = np.empty((4, 3, 3)), np.empty((3, n)), np.empty((3, n)), np.empty(n)
+    matrices, by_joint, A, joints = (
+        np.empty((4, 3, 3)),
+        np.empty((3, n)),
+        np.empty((3, n)),
+        np.empty(n),
+    )
     F, J, R, by_turn = matrices[0], matrices[1], matrices[2], matrices[3]
     inverse = work[3]
     duration, step = momenta[2, 0], 1.0 / N

@@ -7,8 +7,8 @@ and S. J. Wright, Numerical Optimization, 2006, sections 10.3 and 17.1, 18.4).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +28,8 @@ _CLOSED = 1e-13
 _RANGE_MARGIN = 1e-3
 """Margin of joint ranges, and violation that counts as one [rad, m]."""
 _RANGE_SCALE = 0.05
+_SHAPES = 0.1
+"""Weight of violations of shapes over that of rates."""
 
 
 class Weights(NamedTuple):
@@ -75,7 +77,7 @@ class Quadratic:
                 self.jacobian @ solved[:, 1:], self.error + self.jacobian @ step, rcond=1e-10
             )[0]
             step, largest = step - solved[:, 1:] @ multipliers, float(np.abs(multipliers).max())
-        return step, largest
+        return np.asarray(step, dtype=float), largest
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,67 +160,73 @@ class Relaxation:
         self, unknowns: Array, weights: Weights, reference: float | None = None
     ) -> Quadratic:
         """The problem at a path, with a duration that counts as one; without it is held."""
-        course, size = self.course(unknowns), self.paths.size
-        T, scale = course.duration, 1.0
-        sums = _Sums(size)
-        basis, n = self.paths.basis[1], self.paths.joint_count
-        gauss = len(basis)
-        by_duration = self.paths.gauss[1] @ self.paths.fixed[1]
-        ratios = course.rates / self.joint_rate
-        omega, slopes = course.omega / self.base_rate, course.slopes / self.base_rate
-        # mean square of the rates
-        root = np.sqrt(weights.effort / gauss) / T
-        rows = np.zeros((gauss, n, size))
-        for j in range(n):
-            rows[:, j, j : size - 1 : n] = basis / self.joint_rate[j]
-        rows[:, :, -1] = (by_duration / self.joint_rate) - ratios / T
-        sums.add(root * ratios.ravel(), root * rows.reshape(-1, size))
-        if np.isfinite(self.base_rate):
-            turned = slopes.copy()
-            turned[:, :, -1] -= omega / T
-            sums.add(root * omega.ravel(), root * turned.reshape(-1, size))
-        effort = sums.value
-        # rates beyond their limits
-        strong = np.sqrt(weights.violations)
-        over = np.abs(ratios) / T - 1.0
-        g, j = np.nonzero(over > 0.0)
-        sums.add(strong * over[g, j], strong * rows[g, j] * np.sign(ratios[g, j])[:, None] / T)
-        if np.isfinite(self.base_rate):
-            norm = np.linalg.norm(omega, axis=1)
-            (g,) = np.nonzero(norm / T > 1.0)
-            direction = omega[g] / norm[g, None]
-            sums.add(
-                strong * (norm[g] / T - 1.0),
-                strong * np.einsum("gi,gix->gx", direction, turned[g]) / T,
-            )
-        self._add_ranges(sums, course, strong)
+        course, paths = self.course(unknowns), self.paths
+        sums = _Sums(paths.size)
+        rates = self._rates(course)
+        root = np.sqrt(weights.effort / len(course.omega))
+        for values, jacobian in rates:
+            sums.add(root * values.ravel(), root * jacobian.reshape(-1, paths.size))
+        effort, strong = sums.value, np.sqrt(weights.violations)
+        for residuals, jacobian in (*_beyond_limits(*rates), *self._beyond_ranges(course)):
+            sums.add(strong * residuals, strong * jacobian)
         for shape in self.shapes if strong > 0.0 else ():
-            found = shape.violations(self.paths, course)
-            sums.add(strong / 10.0 * found.amounts, strong / 10.0 * found.jacobian(self.paths, course))
-        error, jacobian = self.target.error(self.paths, course), self.target.derivative(self.paths, course)
+            found = shape.violations(paths, course)
+            weight = _SHAPES * strong
+            sums.add(weight * found.amounts, weight * found.jacobian(paths, course))
         penalty = sums.value - effort
+        error, of_end = self.target.error(paths, course), self.target.derivative(paths, course)
         if self.timed and reference is not None:
-            sums.value += T / reference
+            sums.value += course.duration / reference
             sums.gradient[-1] += 1.0 / reference
         else:
-            sums.gradient[-1] = 0.0
+            sums.gradient[-1], of_end[:, -1] = 0.0, 0.0
             sums.matrix[-1], sums.matrix[:, -1] = 0.0, 0.0
             sums.matrix[-1, -1] = 1.0
-            jacobian[:, -1] = 0.0
-        return Quadratic(course, sums.value, sums.gradient, sums.matrix, error, jacobian, penalty)
+        return Quadratic(course, sums.value, sums.gradient, sums.matrix, error, of_end, penalty)
 
-    def _add_ranges(self, sums: _Sums, course: Course, strong: float) -> None:
-        """Control points beyond the joint ranges."""
-        paths = self.paths
-        points = paths.control_points(course.unknowns)
-        lower, upper = self.ranges
-        for sign, over in ((1.0, points - upper + _RANGE_MARGIN), (-1.0, lower - points + _RANGE_MARGIN)):
-            i, j = np.nonzero(over > 0.0)
-            rows = np.zeros((len(i), paths.size))
-            for row, (point, joint) in enumerate(zip(i, j, strict=True)):
-                rows[row, joint : paths.size - 1 : paths.joint_count] = paths.spread[point]
-                rows[row, -1] = paths.fixed[1][point, joint]
-            sums.add(strong * over[i, j] / _RANGE_SCALE, sign * strong * rows / _RANGE_SCALE)
+    def _rates(self, course: Course) -> tuple[tuple[Array, Array], ...]:
+        """Rates over their limits at the G Gauss points, with their derivatives.
+
+        Those of the joints (G, n) and, where it is limited, of the spacecraft (G, 3).
+        """
+        paths, T = self.paths, course.duration
+        joints, n = course.rates / self.joint_rate / T, paths.joint_count
+        by_unknowns = np.zeros((*joints.shape, paths.size))
+        for j, rate in enumerate(self.joint_rate * T):
+            by_unknowns[:, j, j : paths.size - 1 : n] = paths.basis[1] / rate
+        by_duration = paths.gauss[1] @ paths.fixed[1]
+        by_unknowns[:, :, -1] = (by_duration / self.joint_rate - joints) / T
+        if not np.isfinite(self.base_rate):
+            return ((joints, by_unknowns),)
+        base, slopes = course.omega / self.base_rate / T, course.slopes / self.base_rate / T
+        slopes[:, :, -1] -= base / T
+        return (joints, by_unknowns), (base, slopes)
+
+    def _beyond_ranges(self, course: Course) -> Iterator[tuple[Array, Array]]:
+        """How far control points are beyond the joint ranges, with derivatives."""
+        paths, (lower, upper) = self.paths, self.ranges
+        points, n = paths.control_points(course.unknowns), paths.joint_count
+        for sign, over in ((1.0, points - upper), (-1.0, lower - points)):
+            i, j = np.nonzero(over > -_RANGE_MARGIN)
+            rows = np.zeros((len(i), paths.spread.shape[1], n))
+            rows[np.arange(len(i)), :, j] = paths.spread[i]
+            jacobian = np.column_stack([rows.reshape(len(i), paths.size - 1), paths.fixed[1][i, j]])
+            yield (over[i, j] + _RANGE_MARGIN) / _RANGE_SCALE, sign * jacobian / _RANGE_SCALE
+
+
+def _beyond_limits(
+    joints: tuple[Array, Array], base: tuple[Array, Array] | None = None
+) -> Iterator[tuple[Array, Array]]:
+    """How far rates over their limits are beyond one, with derivatives."""
+    ratios, jacobian = joints
+    point, joint = np.nonzero(np.abs(ratios) > 1.0)
+    signs = np.sign(ratios[point, joint])
+    yield np.abs(ratios[point, joint]) - 1.0, signs[:, None] * jacobian[point, joint]
+    if base is not None:
+        size = np.linalg.norm(base[0], axis=1)
+        (over,) = np.nonzero(size > 1.0)
+        directions = base[0][over] / size[over, None]
+        yield size[over] - 1.0, np.einsum("gi,gix->gx", directions, base[1][over])
 
 
 def _shortened(step: Array, duration: float) -> Array:

@@ -10,10 +10,8 @@ import numpy as np
 from freefloat.concurrency import Progress
 from freefloat.limits.result import LimitResult
 from freefloat.planning.goals.certification import FINAL, Certification, CertifiedMotion
-from freefloat.planning.goals.joint_paths import JointPaths
-from freefloat.planning.goals.relaxation import Quadratic, Relaxation, Weights
+from freefloat.planning.goals.relaxation import Relaxation, Weights
 from freefloat.planning.goals.starts import starts, timed
-from freefloat.so3 import Array
 
 _STAGES = ((Weights(1.0, 1.0), 25), (Weights(0.1, 100.0), 40), (FINAL, 40))
 """Weights and iterations: first a short path without deep violations, then one without any."""
@@ -38,13 +36,19 @@ class GoalSearch:
     Attributes:
         families: In the order in which they are tried.
         certification: Of paths that are found.
-        nearest: The smallest residuals of paths that do not end at the goal.
+        progress: Called with the fraction done.
+        failures: Limits that motions to the goal violate.
     """
 
     families: Sequence[Relaxation]
     certification: Certification
     progress: Progress
     failures: list[LimitResult] = field(default_factory=list)
+
+    @property
+    def nearest(self) -> LimitResult | None:
+        """The violation with the smallest ratio; None where no motion ends at the goal."""
+        return min(self.failures, key=lambda result: result.ratio, default=None)
 
     def shortest(self, seed: int) -> CertifiedMotion | None:
         """The shortest of some motions that keep all limits; None where none was found."""
@@ -56,9 +60,7 @@ class GoalSearch:
                 return min(found, key=lambda result: float(result.motion.times[-1]))
         return None
 
-    def _certified(
-        self, family: Relaxation, rng: np.random.Generator
-    ) -> Iterator[CertifiedMotion]:
+    def _certified(self, family: Relaxation, rng: np.random.Generator) -> Iterator[CertifiedMotion]:
         """Certified motions of a family."""
         rough = [family.relaxed(start, *_STAGES[0]) for start in starts(family, rng, _RANDOM)]
         count = 0
@@ -78,4 +80,3 @@ class GoalSearch:
                 continue
             count += 1
             yield result
-

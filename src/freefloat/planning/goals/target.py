@@ -70,11 +70,16 @@ class Target:
         return 3 * (self.attitude is not None) + rows * moving * (self.pose is not None)
 
     def pose_at(self, t: float) -> Pose:
-        """The pose of the end-effector at time t [s] from the centre of mass, inertial axes."""
-        assert self.pose is not None
+        """The pose of the end-effector at time t [s] from the centre of mass, inertial axes.
+
+        Of a target without pose that of the frame of the motion.
+        """
+        origin = self.problem.path.origin(t)
+        if self.pose is None:
+            return Pose(origin, np.eye(3))
         if self.body is not None:
             return self.body.pose_at(t, self.problem.path) @ self.pose
-        return Pose(self.pose.position + self.problem.path.origin(t), self.pose.rotation)
+        return Pose(self.pose.position + origin, self.pose.rotation)
 
     def residuals(self, end: EndState) -> Array:
         """Errors [rad], [m; rad], and of twists [m/s; rad/s], shape (size,)."""
@@ -101,11 +106,11 @@ class Target:
             )
             for side in (-step, step)
         ]
-        return _twist_between(*poses, 2.0 * step)
+        return _twist_between(poses[0], poses[1], 2.0 * step)
 
     def _body_twist(self, t: float) -> Array:
         poses = [self.pose_at(t + side) for side in (-_LATER, _LATER)]
-        return _twist_between(*poses, 2.0 * _LATER)
+        return _twist_between(poses[0], poses[1], 2.0 * _LATER)
 
     def error(self, paths: JointPaths, course: Course) -> Array:
         """Residuals of the end of a course."""
@@ -144,7 +149,8 @@ class Target:
 
 def _spread(by_joints: Array, basis: Array) -> Array:
     """Derivatives by the rows of unknowns, of which a basis (K,) has the joints, (size, K n)."""
-    return np.einsum("k,ej->ekj", basis, by_joints).reshape(len(by_joints), -1)
+    rows = np.einsum("k,ej->ekj", basis, by_joints)
+    return np.asarray(rows.reshape(len(by_joints), -1))
 
 
 def _end(paths: JointPaths, course: Course) -> EndState:

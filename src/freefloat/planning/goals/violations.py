@@ -14,7 +14,7 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.pointing import Keep, angle_of
 from freefloat.motion.problem import Problem
 from freefloat.planning.goals.joint_paths import Course, JointPaths
-from freefloat.so3 import Array, IntArray, angle_between
+from freefloat.so3 import Array, IntArray
 
 _STEP = 1e-6
 """Step of the differences [rad, m]."""
@@ -44,11 +44,11 @@ class Violations(NamedTuple):
     def jacobian(self, paths: JointPaths, course: Course) -> Array:
         """Derivatives by the unknowns, shape (M, unknowns)."""
         basis, by_duration = paths.edge_basis[self.edges], self.by_duration
-        rows = np.einsum("mk,mj->mkj", basis, self.by_joints).reshape(len(self.edges), paths.size - 1)
+        rows = np.einsum("mk,mj->mkj", basis, self.by_joints)
         moved = paths.edges[self.edges] @ paths.fixed[1]
         last = by_duration + (moved * self.by_joints).sum(axis=1)
         turned = np.einsum("mi,mix->mx", self.by_turn, course.turns[self.edges])
-        return np.column_stack([rows, last]) + turned
+        return np.asarray(np.column_stack([rows.reshape(-1, paths.size - 1), last]) + turned)
 
 
 class ShapeLimits(Protocol):
@@ -61,17 +61,15 @@ class ShapeLimits(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class StateLimits:
-    """Cones of pointing axes, the corridor and the largest turn of the spacecraft.
+    """Cones of pointing axes, and the corridor.
 
     Attributes:
         problem: Robot, scene and drift, whatever its duration.
         limits: The limits.
-        attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
     """
 
     problem: Problem
     limits: Limits
-    attitude: Array
 
     @cached_property
     def _excesses(self) -> tuple[Callable[[float, Array, Array], float], ...]:
@@ -84,9 +82,6 @@ class StateLimits:
             angle = angle_of(*limit.vectors(model, attitude, joints, origin(t)))
             return (angle - limit.angle) * (1.0 if limit.keep is Keep.INSIDE else -1.0)
 
-        def beyond_turn(t: float, attitude: Array, joints: Array) -> float:
-            return float(angle_between(attitude, self.attitude)) - (self.limits.base_turn or np.inf)
-
         def beyond_corridor(t: float, attitude: Array, joints: Array) -> float:
             pose = model.end_effector_pose(attitude, joints)
             frame = problem.scene.corridor_pose(t, problem.path, pose)
@@ -95,8 +90,7 @@ class StateLimits:
             return -np.inf if corridor is None else corridor.deviation(offset) - corridor.allowed
 
         cones = [partial(beyond_cone, number) for number in range(len(self.limits.pointing))]
-        turn = [beyond_turn] * (self.limits.base_turn is not None)
-        return (*cones, *turn, *[beyond_corridor] * (problem.scene.corridor is not None))
+        return (*cones, *[beyond_corridor] * (problem.scene.corridor is not None))
 
     def violations(self, paths: JointPaths, course: Course) -> Violations:
         """See :class:`ShapeLimits`."""
