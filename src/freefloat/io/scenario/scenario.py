@@ -22,7 +22,7 @@ from freefloat.io.scenario.path_section import frame_of, path_of, section_of
 from freefloat.io.scenario.phase_section import phases_of
 from freefloat.io.scenario.robot_section import RobotFile
 from freefloat.io.scenario.scene_section import FileShapes, file_shapes, scene_content
-from freefloat.io.scenario.schema import ScenarioFile, WeightsSection
+from freefloat.io.scenario.schema import OF_PATHS, ScenarioFile, WeightsSection
 from freefloat.io.scenario.yaml import error_context, file_keys, parse_yaml, read_text, validated
 from freefloat.limits.limits import Limits
 from freefloat.motion.margin import Margin
@@ -263,7 +263,13 @@ def parse_scenario(
     Raises:
         InputError: As for :func:`load_scenario`.
     """
-    content = validated(ScenarioFile, parse_yaml(text, source), source, text)
+    data = parse_yaml(text, source)
+    content = validated(ScenarioFile, data, source, text)
+    if content.goal is not None:
+        for key in OF_PATHS:
+            if key in data:
+                with error_context(source):
+                    raise InputError(key, "the scenario has a goal", "no goal, or no path")
     if content.path.samples is not None and samples is None:
         samples = samples_text(source.parent / content.path.samples)
     return Scenario(source, text, content, samples, robot, shapes or {})
