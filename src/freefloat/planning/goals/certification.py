@@ -74,12 +74,19 @@ class Certification:
             if exact is None:
                 return found
             unknowns, motion = exact
-            results, violation = self.checker.results_unless_violated(motion)
-            found = CertifiedMotion(motion, results, violation)
-            if violation is None or not self._demand(violation):
+            found = self._checked(motion)
+            if found.violation is None or not self._demand(found.violation):
                 return found
             unknowns = relaxation.relaxed(unknowns, FINAL, _ITERATIONS).course.unknowns
         return found
+
+    def uncertified(self, relaxation: Relaxation, unknowns: Array) -> CertifiedMotion | None:
+        """The motion along a path that violates a limit; None where it does not end at the goal."""
+        exact = self._exact(relaxation, unknowns)
+        return None if exact is None else self._checked(exact[1])
+
+    def _checked(self, motion: Motion) -> CertifiedMotion:
+        return CertifiedMotion(motion, *self.checker.results_unless_violated(motion))
 
     def _demand(self, violation: LimitResult) -> bool:
         """Demand more of what is violated, if the search knows it."""

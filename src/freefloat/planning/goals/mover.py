@@ -14,6 +14,7 @@ from freefloat.concurrency import Progress, step_of
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.system import System
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError, require_type, seed_number
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits
@@ -24,7 +25,7 @@ from freefloat.paths.orientation import FixedOrientation
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import TimedPath, Timing
-from freefloat.planning.goals.certification import Certification, CertifiedMotion
+from freefloat.planning.goals.certification import Certification
 from freefloat.planning.goals.clearances import Clearances
 from freefloat.planning.goals.goal import Goal
 from freefloat.planning.goals.goal_motion import GoalMotion
@@ -165,7 +166,13 @@ def move_from(
     certification = Certification(problem, checker, start.attitude, by_time, clearances)
     search = GoalSearch(families, certification, step_of(progress, 0.0, 1.0))
     found = search.shortest(seed_number("seed", seed))
-    return _outcome(outcome, search, found)
+    if found is None:
+        return _why_not(outcome, start, search)
+    duration = float(found.motion.times[-1])
+    return replace(
+        outcome, problem=found.motion.problem, feasible=True, motion=found.motion,
+        limit_results=found.results, reason=f"the goal is reached in {duration:.4g} s",
+    )  # fmt: skip
 
 
 def _families(
@@ -195,25 +202,34 @@ def _families(
         )  # fmt: skip
 
 
-def _outcome(outcome: GoalMotion, search: GoalSearch, found: CertifiedMotion | None) -> GoalMotion:
-    """The outcome with the motion that was found, or why none was."""
-    if found is not None:
-        duration = float(found.motion.times[-1])
-        return replace(
-            outcome, problem=found.motion.problem, feasible=True, motion=found.motion,
-            limit_results=found.results, reason=f"the goal is reached in {duration:.4g} s",
-        )  # fmt: skip
-    if search.nearest is None:
+def _why_not(outcome: GoalMotion, start: Start, search: GoalSearch) -> GoalMotion:
+    """The outcome with the reason why no motion was found."""
+    goal, target = outcome.goal, search.families[0].target
+    reach = VirtualManipulator.of(outcome.problem.model).reach
+    if target.pose is not None:
+        distance = float(np.linalg.norm(target.pose_at(search.families[0].reference).position))
+        if distance > reach:
+            reason = (
+                f"the pose is {distance:.4g} m from the centre of mass, the reach {reach:.4g} m"
+            )
+            return replace(outcome, reason=reason)
+    if goal.duration is not None and outcome.limits.timed:
+        free = replace(goal, duration=None)
+        longer = move_from(outcome.problem, start, free, outcome.limits)
+        if longer.duration is not None and longer.feasible:
+            least = longer.duration
+            reason = f"no motion in {goal.duration:g} s was found, but one in {least:.4g} s"
+            return replace(outcome, reason=reason, needed={"duration": least})
+    nearest = search.nearest()
+    if nearest is None or nearest.violation is None:
         reason = "no motion that ends at the goal was found within the joint ranges"
         return replace(outcome, reason=reason)
-    violation = search.nearest
+    worst = nearest.violation
     reason = (
-        f"of the motions to the goal that were found the best one violates {violation.limit} of "
-        f"{violation.where}: {violation.worst:.4g}, {violation.allowed:.4g} is allowed"
+        f"the best motion that was found violates {worst.limit} of {worst.where}: {worst.worst:.4g}"
+        f" at t = {worst.time:.4g} s, {worst.allowed:.4g} is allowed"
     )
-    needed = (
-        {}
-        if not violation.timed
-        else {"duration": (outcome.goal.duration or 0.0) * violation.stretch}
-    )
-    return replace(outcome, reason=reason, needed=needed)
+    return replace(
+        outcome, problem=nearest.motion.problem, reason=reason, motion=nearest.motion,
+        limit_results=search.certification.checker.results(nearest.motion),
+    )  # fmt: skip

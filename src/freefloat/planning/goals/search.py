@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from freefloat.concurrency import Progress
-from freefloat.limits.result import LimitResult
 from freefloat.planning.goals.certification import FINAL, Certification, CertifiedMotion
-from freefloat.planning.goals.relaxation import Relaxation, Weights
+from freefloat.planning.goals.relaxation import Quadratic, Relaxation, Weights
 from freefloat.planning.goals.starts import starts, timed
 
 _STAGES = ((Weights(1.0, 1.0), 25), (Weights(0.1, 100.0), 40), (FINAL, 40))
@@ -37,18 +36,23 @@ class GoalSearch:
         families: In the order in which they are tried.
         certification: Of paths that are found.
         progress: Called with the fraction done.
-        failures: Limits that motions to the goal violate.
+        failures: Motions to the goal that violate a limit.
+        rejected: Paths to the goal that violate too much to be certified, with their families.
     """
 
     families: Sequence[Relaxation]
     certification: Certification
     progress: Progress
-    failures: list[LimitResult] = field(default_factory=list)
+    failures: list[CertifiedMotion] = field(default_factory=list)
+    rejected: list[tuple[Quadratic, Relaxation]] = field(default_factory=list)
 
-    @property
-    def nearest(self) -> LimitResult | None:
-        """The violation with the smallest ratio; None where no motion ends at the goal."""
-        return min(self.failures, key=lambda result: result.ratio, default=None)
+    def nearest(self) -> CertifiedMotion | None:
+        """A motion to the goal that violates a limit little; None where none ends at the goal."""
+        if not self.failures and self.rejected:
+            path, family = min(self.rejected, key=lambda rejected: rejected[0].penalty)
+            result = self.certification.uncertified(family, path.course.unknowns)
+            return None if result is None or result.violation is None else result
+        return min(self.failures, key=_ratio, default=None)
 
     def shortest(self, seed: int) -> CertifiedMotion | None:
         """The shortest of some motions that keep all limits; None where none was found."""
@@ -70,13 +74,20 @@ class GoalSearch:
             for stage in _STAGES[1:]:
                 if path.penalty < _HOPELESS:
                     path = family.relaxed(timed(family, path.course.unknowns), *stage)
-            if path.penalty > _PENALTY or np.abs(path.error).max(initial=0.0) > _CLOSED:
+            if np.abs(path.error).max(initial=0.0) > _CLOSED:
+                continue
+            if path.penalty > _PENALTY:
+                self.rejected.append((path, family))
                 continue
             result = self.certification.certified(family, path.course.unknowns)
             if result is None:
                 continue
             if result.violation is not None:
-                self.failures.append(result.violation)
+                self.failures.append(result)
                 continue
             count += 1
             yield result
+
+
+def _ratio(result: CertifiedMotion) -> float:
+    return np.inf if result.violation is None else result.violation.ratio
