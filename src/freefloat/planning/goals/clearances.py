@@ -24,6 +24,7 @@ _DEEPEST = 0.15
 """Largest lack that counts: deeper penetrations are only as bad [m]."""
 _ENDS = 3
 """Spans of a loop in which the first and the last one differ from the others."""
+_UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 _LATER = 1e-3
 """Difference of times in velocities of the scene [s]."""
 
@@ -129,9 +130,11 @@ class Clearances:
         problem = self._problem
         if not problem.scene.bodies:
             return []
-        quaternion = Rotation.from_matrix(attitude).as_quat()
-        target = problem.model.end_effector_pose(quaternion, joints)
-        base = Pose(problem.model.base_position(quaternion, joints), attitude).inverse()
+        target, model = Pose(np.zeros(3), attitude), problem.model
+        if any(self._held):
+            target = model.end_effector_pose(Rotation.from_matrix(attitude).as_quat(), joints)
+        position = attitude @ model.base_position(_UPRIGHT, joints)
+        base = Pose(position, attitude).inverse()
         return [base @ pose for pose in problem.scene.poses(t, problem.path, target)]
 
     def _all_scene_poses(

@@ -41,6 +41,8 @@ _MOVING = ((8, 1), (12, 1), (16, 1))
 """Spans and loops of paths that need not turn the spacecraft."""
 _TURNING = ((8, 1), (8, 2), (8, 4), (8, 8), (8, 16), (8, 32))
 """Those of paths that turn it: small loops turn it with their area, and fit where large do not."""
+_USED = 0.99
+"""Fraction of limits of rates that paths in a given duration use."""
 _UNKNOWN = 60.0
 """Duration of the path of a problem that has none, which is not followed [s]."""
 
@@ -184,6 +186,7 @@ def _families(
     end_rates = None if target.body is not None else np.zeros(n)
     rates = np.ones(n) if limits.joint_rate is None else limits.joint_rate
     rates = np.where(np.isfinite(rates), rates, rates[np.isfinite(rates)].max(initial=1.0))
+    used = 1.0 if goal.duration is None else _USED
     ends = np.array([start.joints, start.joints if end is None else end])
     half = np.where(model.prismatic, 1.0, np.pi)
     low, high = model.joint_ranges
@@ -196,8 +199,8 @@ def _families(
     for spans, loops in _MOVING if target.attitude is None else _TURNING:
         yield Relaxation(
             Arm.of(model), JointPaths(Ends(*start[1:], end, end_rates), spans, loops), target,
-            Rotation.from_quat(start.attitude).as_matrix(), momenta, rates,
-            limits.base_rate or np.inf, np.array([low, high]), shapes, timed,
+            Rotation.from_quat(start.attitude).as_matrix(), momenta, used * rates,
+            used * (limits.base_rate or np.inf), np.array([low, high]), shapes, timed,
             goal.duration or problem.path.duration,
         )  # fmt: skip
 
