@@ -35,11 +35,13 @@ class CertifiedMotion:
     """A precise motion that ends at the goal.
 
     Attributes:
+        unknowns: Of its path.
         motion: The motion.
         results: Limits along it; empty where one is violated.
         violation: The first limit that is violated; None where all are kept.
     """
 
+    unknowns: Array
     motion: Motion
     results: tuple[LimitResult, ...]
     violation: LimitResult | None
@@ -74,7 +76,7 @@ class Certification:
             if exact is None:
                 return found
             unknowns, motion = exact
-            found = self._checked(motion)
+            found = self._checked(unknowns, motion)
             if found.violation is None or not self._demand(found.violation):
                 return found
             unknowns = relaxation.relaxed(unknowns, FINAL, _ITERATIONS).course.unknowns
@@ -83,10 +85,10 @@ class Certification:
     def uncertified(self, relaxation: Relaxation, unknowns: Array) -> CertifiedMotion | None:
         """The motion along a path that violates a limit; None where it does not end at the goal."""
         exact = self._exact(relaxation, unknowns)
-        return None if exact is None else self._checked(exact[1])
+        return None if exact is None else self._checked(*exact)
 
-    def _checked(self, motion: Motion) -> CertifiedMotion:
-        return CertifiedMotion(motion, *self.checker.results_unless_violated(motion))
+    def _checked(self, unknowns: Array, motion: Motion) -> CertifiedMotion:
+        return CertifiedMotion(unknowns, motion, *self.checker.results_unless_violated(motion))
 
     def _demand(self, violation: LimitResult) -> bool:
         """Demand more of what is violated, if the search knows it."""

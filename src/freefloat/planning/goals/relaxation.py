@@ -143,7 +143,7 @@ class Relaxation:
         return here
 
     def closed(
-        self, unknowns: Array, weights: Weights, offset: Array | float = 0.0, iterations: int = 12
+        self, unknowns: Array, weights: Weights, offset: Array | float = 0.0, iterations: int = 20
     ) -> Array | None:
         """Unknowns nearby with which the end's residuals have some values; the duration is held."""
         scale = np.ones(self.paths.size)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,6 +24,8 @@ _HOPELESS = 20.0
 """Penalty of violations from which a path is not improved."""
 _PENALTY = 2.0
 """Largest penalty of violations of a path that is certified."""
+_FEWEST, _FRACTION = 2, 0.75
+"""Fewest loops that larger ones make of many, and their number over the number before."""
 _CLOSED = 1e-4
 """Largest residual of the end of a path that is certified [rad, m]."""
 
@@ -57,12 +59,17 @@ class GoalSearch:
     def shortest(self, seed: int) -> CertifiedMotion | None:
         """The shortest of some motions that keep all limits; None where none was found."""
         rng = np.random.default_rng(seed)
+        best: tuple[Relaxation, CertifiedMotion] | None = None
         for number, family in enumerate(self.families):
             self.progress(number / len(self.families))
-            found = list(self._certified(family, rng))
-            if found:
-                return min(found, key=lambda result: float(result.motion.times[-1]))
-        return None
+            shortest = min(self._certified(family, rng), key=_duration, default=None)
+            if best is not None and (shortest is None or _duration(shortest) > _duration(best[1])):
+                break
+            if shortest is not None:
+                best = family, shortest
+                if family.paths.loops == 1:
+                    break
+        return None if best is None else self._with_fewer_loops(*best)
 
     def _certified(self, family: Relaxation, rng: np.random.Generator) -> Iterator[CertifiedMotion]:
         """Certified motions of a family."""
@@ -71,22 +78,44 @@ class GoalSearch:
         for number, path in enumerate(sorted(rough, key=lambda path: path.promise)):
             if count >= _ENOUGH or (count and number >= _REFINED):
                 return
-            for stage in _STAGES[1:]:
-                if path.penalty < _HOPELESS:
-                    path = family.relaxed(timed(family, path.course.unknowns), *stage)
-            if np.abs(path.error).max(initial=0.0) > _CLOSED:
-                continue
-            if path.penalty > _PENALTY:
-                self.rejected.append((path, family))
-                continue
-            result = self.certification.certified(family, path.course.unknowns)
-            if result is None:
-                continue
-            if result.violation is not None:
-                self.failures.append(result)
-                continue
-            count += 1
-            yield result
+            result = self._refined(family, path)
+            if result is not None:
+                count += 1
+                yield result
+
+    def _refined(self, family: Relaxation, path: Quadratic) -> CertifiedMotion | None:
+        """The certified motion along a path that is improved before; None where there is none."""
+        for stage in _STAGES[1:]:
+            if path.penalty < _HOPELESS:
+                path = family.relaxed(timed(family, path.course.unknowns), *stage)
+        if np.abs(path.error).max(initial=0.0) > _CLOSED:
+            return None
+        if path.penalty > _PENALTY:
+            self.rejected.append((path, family))
+            return None
+        result = self.certification.certified(family, path.course.unknowns)
+        if result is not None and result.violation is not None:
+            self.failures.append(result)
+            return None
+        return result
+
+    def _with_fewer_loops(self, family: Relaxation, best: CertifiedMotion) -> CertifiedMotion:
+        """The shortest motion of fewer, larger loops, whose turn grows with their area."""
+        paths, count = family.paths, family.paths.joint_count * family.paths.inner
+        while paths.loops > _FEWEST:
+            fewer = replace(paths, loops=max(_FEWEST, int(_FRACTION * paths.loops)))
+            unknowns = best.unknowns.copy()
+            unknowns[:count] *= np.sqrt(paths.loops / fewer.loops)
+            family = replace(family, paths=fewer)
+            result = self._refined(family, family.relaxed(timed(family, unknowns), *_STAGES[0]))
+            if result is None or _duration(result) >= _duration(best):
+                break
+            best, paths = result, fewer
+        return best
+
+
+def _duration(result: CertifiedMotion) -> float:
+    return float(result.motion.times[-1])
 
 
 def _ratio(result: CertifiedMotion) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -19,7 +19,9 @@ _ROUNDS = 4
 """Most times that the attitude at the end of a straight way changes its arm branch."""
 _ERROR, _TIME = 3.0, 0.05
 """Weights of the error at the end [1/rad, 1/m] and of the duration over that of half a turn."""
-_MEAN_SQUARE = Weights(1.0, 0.0)
+_MEAN_SQUARE, _LOOK = Weights(1.0, 0.0), Weights(1.0, 1.0)
+_CLOSED_PER_START = 3
+"""Random paths that are moved onto the goal for each of those that violate least."""
 
 
 def starts(relaxation: Relaxation, rng: np.random.Generator, most: int) -> Iterator[Array]:
@@ -36,7 +38,16 @@ def starts(relaxation: Relaxation, rng: np.random.Generator, most: int) -> Itera
     if paths.ends.end is not None and relaxation.target.attitude is None:
         candidates.append(blank)
     random = [_random(relaxation, rng) for _ in range(_RANDOM)]
-    candidates += sorted(random, key=lambda unknowns: _promise(relaxation, unknowns))[:most]
+    random.sort(key=lambda unknowns: _promise(relaxation, unknowns))
+    yield from _closed(relaxation, candidates)
+    closed = list(_closed(relaxation, random[: _CLOSED_PER_START * most]))
+    looked_at = [relaxation.linearized(unknowns, _LOOK) for unknowns in closed]
+    for path in sorted(looked_at, key=lambda path: path.promise)[:most]:
+        yield path.course.unknowns
+
+
+def _closed(relaxation: Relaxation, candidates: Sequence[Array]) -> Iterator[Array]:
+    """Unknowns near some whose paths end at the goal; none for those that do not come there."""
     for unknowns in candidates:
         closed = relaxation.closed(timed(relaxation, unknowns), _MEAN_SQUARE)
         if closed is not None:
