@@ -14,6 +14,7 @@ from freefloat.cli.console import decimals, limit_tables, table
 if TYPE_CHECKING:
     from freefloat.dynamics.capture import Capture
     from freefloat.planning.answer import PhaseResult
+    from freefloat.planning.goals.goal_motion import GoalMotion
     from freefloat.planning.phases.manoeuvre import Manoeuvre
 
 
@@ -35,6 +36,19 @@ def manoeuvre_tables(name: str, manoeuvre: Manoeuvre) -> Iterator[RenderableType
             yield f"  first joints            {decimals(phase.motion.initial.joints)}"
             yield f"  last joints             {decimals(phase.motion.final.joints)}"
         yield from limit_tables(phase.limit_results)
+
+
+def goal_tables(name: str, result: GoalMotion) -> Iterator[RenderableType]:
+    """What a motion to a goal is, or why there is none, and its limits."""
+    yield Text(f"{name}: {result.reason}", "green" if result.feasible else "red")
+    for key, value in result.needed.items():
+        yield f"  enough: {key} {value:.6g}"
+    if result.motion is not None:
+        final = result.motion.final
+        yield f"  last attitude x y z w  {decimals(final.attitude, 5)}"
+        yield f"  last joints            {decimals(final.joints)}"
+        yield f"  error at the goal      {result.error:.1e} rad, m"
+    yield from limit_tables(result.limit_results)
 
 
 def _turn(phase: PhaseResult) -> str:

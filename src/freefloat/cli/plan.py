@@ -23,12 +23,14 @@ from freefloat.cli.console import (
     table,
 )
 from freefloat.cli.delivery import Delivery
-from freefloat.cli.manoeuvre import manoeuvre_tables
+from freefloat.cli.manoeuvre import goal_tables, manoeuvre_tables
 from freefloat.cli.options import Json, Page, Plots, Quiet, ResultFile, ScenarioName, Threads
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.io.scenario.scenario import Scenario
+    from freefloat.planning.goals.goal import Goal
+    from freefloat.planning.goals.goal_motion import GoalMotion
     from freefloat.planning.phases.manoeuvre import Manoeuvre
     from freefloat.planning.plan import Plan
     from freefloat.planning.plane.arcs import BranchRanges
@@ -65,7 +67,12 @@ def plan(
     console = Console(as_json, quiet)
     delivery = Delivery(console, output, html, plots, threads)
     loaded = load_scenario(scenario)
-    if loaded.has_phases:
+    goal = loaded.goal()
+    if goal is not None:
+        result = _reach(delivery, loaded, goal)
+        feasible = result.feasible
+        delivery.deliver(result, goal_tables(scenario, result), scenario, loaded)
+    elif loaded.has_phases:
         if stretch:
             accepted = "longer durations in the scenario"
             raise InputError("stretch", "phases have given durations", accepted)
@@ -90,6 +97,26 @@ def _plan_path(delivery: Delivery, loaded: Scenario, stretch: bool) -> Plan:
         return find_plan(
             problem, loaded.search(), limits, stretch=stretch, threads=delivery.threads,
             progress=update,
+        )  # fmt: skip
+
+
+def _reach(delivery: Delivery, loaded: Scenario, goal: Goal) -> GoalMotion:
+    """Find a motion of the joints to a goal."""
+    from freefloat.planning.goals.mover import move
+
+    search, limits = loaded.search(), loaded.limits()
+    delivery.prepare(loaded.source)
+    for key, value in (("from_attitude", search.from_attitude), ("joints", search.joints)):
+        if value is None:
+            problem = "it is missing, for a goal"
+            raise InputError(f"search.{key}", problem, "the present state", str(loaded.source))
+    joints = loaded.model().joint_vector(search.joints, "search.joints")  # type: ignore[arg-type]
+    state = search.from_attitude, joints
+    progress = delivery.console.progress("looking for motions")
+    with loaded.error_context(), progress as update:
+        return move(
+            loaded.system(), state, goal, limits, loaded.scene(),  # type: ignore[arg-type]
+            seed=search.seed, progress=update,
         )  # fmt: skip
 
 

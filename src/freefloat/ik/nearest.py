@@ -84,6 +84,12 @@ def newton_solutions(
     return solutions(Chain.of(model), task, *target, starts)[:, 0].T
 
 
+def toward(model: FreeFloatingModel, q: Array, joints: Array) -> Array:
+    """Of configurations (K, n) those that exist, shifted by full rotations toward joints (n,)."""
+    shifted, distance = _distances(model, q, joints)
+    return np.asarray(shifted[np.isfinite(distance)])
+
+
 def _distances(model: FreeFloatingModel, q: Array, joints: Array) -> tuple[Array, Array]:
     """Configurations (..., n) shifted toward joint values (n,), and their distances (...).
 

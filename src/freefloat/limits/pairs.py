@@ -23,6 +23,8 @@ _CONFIGURATIONS = 1024
 _UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 _BASE = np.concatenate([np.zeros(3), _UPRIGHT])
 _NO_SCENE = Scene()
+_TOUCHING = 1e-9
+"""Distance of nearest points below which they have no direction [m]."""
 
 
 class CollisionPairs:
@@ -142,11 +144,57 @@ class CollisionPairs:
         q = np.concatenate([_BASE, np.asarray(joints)])
         if poses:
             q = self._model.configuration(attitude, joints)
-            objects = self._geometry[0].geometryObjects
-            frames = [se3_of(pose) for pose in poses]
-            for number, body, placement in self._scene_shapes:
-                objects[number].placement = frames[body] * placement
+            self._move_scene(poses)
         return self._distances(q, self._numbers[pairs])
+
+    def nearest(
+        self, joints: Array, pairs: IntArray, poses: Sequence[Pose] = (), below: float = np.inf
+    ) -> tuple[Array, Array, Array]:
+        """Distances of pairs in a configuration, with the directions between the nearest points.
+
+        Args:
+            joints: Joint values [rad or m], shape (n,).
+            pairs: Indices into :attr:`pairs`, shape (K,).
+            poses: Frames of the bodies of the scene in the spacecraft frame.
+            below: Distance [m] from which directions and points are left out: they are zero.
+
+        Returns:
+            Distances as :meth:`distances` has, shape (K,); unit vectors from the first shapes to
+            the second ones, spacecraft frame, shape (K, 3), along which the distances grow; the
+            nearest points [m], shape (K, 2, 3).
+        """
+        self._move_scene(poses)
+        numbers = self._numbers[pairs]
+        distances = self._distances(np.concatenate([_BASE, joints]), numbers)
+        normals, points = np.zeros((len(pairs), 3)), np.zeros((len(pairs), 2, 3))
+        found = self._geometry[1].distanceResults
+        for row in np.flatnonzero(distances < below).tolist():
+            result = found[int(numbers[row])]
+            points[row] = result.getNearestPoint1(), result.getNearestPoint2()
+            between = points[row, 1] - points[row, 0]
+            length = float(np.linalg.norm(between))
+            far = length > _TOUCHING
+            normals[row] = between / np.copysign(length, distances[row]) if far else result.normal
+        return distances, normals, points
+
+    @property
+    def bodies(self) -> IntArray:
+        """Numbers of the bodies of both shapes, those of a scene after the robot's, (P, 2)."""
+        return np.array([shape.body for shape in self._shapes])[self.pairs]
+
+    @property
+    def spheres(self) -> tuple[Array, Array]:
+        """Spheres around both shapes in the bodies' frames: centres (P, 2, 3), radii (P, 2) [m]."""
+        middles = [(shape.points.min(axis=0) + shape.points.max(axis=0)) / 2.0
+                   for shape in self._shapes]  # fmt: skip
+        radii = [np.linalg.norm(shape.points - middle, axis=1).max()
+                 for shape, middle in zip(self._shapes, middles, strict=True)]  # fmt: skip
+        return np.array(middles)[self.pairs], np.array(radii)[self.pairs]
+
+    def _move_scene(self, poses: Sequence[Pose]) -> None:
+        objects, frames = self._geometry[0].geometryObjects, [se3_of(pose) for pose in poses]
+        for number, body, placement in self._scene_shapes if poses else ():
+            objects[number].placement = frames[body] * placement
 
     def _distances(self, q: Array, candidates: IntArray) -> Array:
         """Distances of candidate pairs in a configuration of Pinocchio [m], shape (K,)."""

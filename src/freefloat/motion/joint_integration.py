@@ -16,7 +16,9 @@ _PANELS_PER_STEP = 6
 """Panels of a motion that an integration step may cover."""
 
 
-def integrate_joints(problem: Problem, curve: JointCurve, attitude: Array, panels: int) -> Motion:
+def integrate_joints(
+    problem: Problem, curve: JointCurve, attitude: Array, panels: int, parts: int = 1
+) -> Motion:
     """The motion of spacecraft and arm along a joint curve, with the momentum of the problem.
 
     Args:
@@ -25,6 +27,7 @@ def integrate_joints(problem: Problem, curve: JointCurve, attitude: Array, panel
         curve: The joints.
         attitude: Attitude of the spacecraft at the start, unit quaternion x, y, z, w.
         panels: Number of panels of the motion, a multiple of four: breaks of the laws are edges.
+        parts: Equal parts of the duration, of whole panels, at whose ends the curve is less smooth.
     """
     timing, system = problem.path.timing, problem.system
     inner = (np.arange(panels)[:, None] + (NODES[:DEGREE] + 1.0) / 2.0) / panels
@@ -37,10 +40,17 @@ def integrate_joints(problem: Problem, curve: JointCurve, attitude: Array, panel
         by_rate = [[0, z, -y, x], [-z, 0, x, y], [y, -x, 0, z], [-x, -y, -z, 0]]  # (8c)
         return np.asarray(np.array(by_rate) @ quaternion / 2.0)
 
-    solution = solve_ivp(
-        change, (0.0, timing.duration), attitude, method="DOP853", t_eval=times,
-        rtol=_TOLERANCE, atol=_TOLERANCE, max_step=timing.duration * _PANELS_PER_STEP / panels,
-    )  # fmt: skip
-    attitudes = solution.y.T / np.linalg.norm(solution.y.T, axis=1, keepdims=True)
+    state, rows, size = attitude, list[Array](), (len(times) - 1) // parts
+    for first in range(0, len(times) - 1, size):
+        chosen = times[first : first + size + 1]
+        solution = solve_ivp(
+            change, (chosen[0], chosen[-1]), state, method="DOP853", t_eval=chosen,
+            rtol=_TOLERANCE, atol=_TOLERANCE,
+            max_step=timing.duration * _PANELS_PER_STEP / panels,
+        )  # fmt: skip
+        state = solution.y[:, -1]
+        rows.append(solution.y.T[: size + (first + size == len(times) - 1)])
+    quaternions = np.vstack(rows)
+    attitudes = quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
     joints = curve.at([float(timing.s(t)) for t in times])
     return Motion(problem, Ending.COMPLETED, times, attitudes, joints, curve)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from freefloat.errors import InputError
 from freefloat.planning.answer import Answer
+from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.planning.joints.reorientation import Reorientation
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
@@ -13,7 +14,7 @@ from freefloat.planning.simulation import Simulation
 from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.verification.engine_runs import require_engine
 from freefloat.verification.gravity import CircularOrbit
-from freefloat.verification.joint_motions import reorientation_report
+from freefloat.verification.joint_motions import goal_report, reorientation_report
 from freefloat.verification.manoeuvre import manoeuvre_report
 from freefloat.verification.path_motions import plan_report, simulation_report
 from freefloat.verification.report import BASILISK, MUJOCO, PINOCCHIO, CheckReport
@@ -23,6 +24,7 @@ _REPORTS: dict[type, Callable[..., CheckReport]] = {
     Plan: plan_report,
     Simulation: simulation_report,
     Reorientation: reorientation_report,
+    GoalMotion: goal_report,
     Manoeuvre: manoeuvre_report,
     SingularityMap: singularity_map_report,
 }
@@ -64,7 +66,7 @@ def check(
     """
     if type(result) not in _REPORTS:
         problem = f"a {type(result).__name__} was given"
-        accepted = "a Plan, a Simulation, a Reorientation, a Manoeuvre or a SingularityMap"
+        accepted = "a Plan, a Simulation, another answer of planning or a SingularityMap"
         raise InputError("result", problem, accepted)
     require_engine(engine)
     orbit = None if gravity is None else CircularOrbit(gravity)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from freefloat.limits.check import LimitChecker
 from freefloat.motion.joint_loops import integrate_loops
+from freefloat.motion.joint_spline import JointSpline, integrate_spline
 from freefloat.motion.joint_transfer import integrate_transfer
 from freefloat.motion.motion import Motion
+from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.planning.joints.joint_motion import JointMotion
 from freefloat.planning.joints.reorientation import Reorientation
 from freefloat.so3 import angle_between
@@ -23,6 +26,8 @@ _SAME, _GOAL, _ENGINE = 1e-8, 1e-6, 1e-4
 """Errors of integrating again [rad, m, s], of the attitude at the end, and of an engine's [rad]."""
 _STEPS = 12_000
 """Steps of the simulation, per loop: its error falls with their square."""
+_SPANS = 8
+"""Spans of a spline that count as a loop."""
 
 
 def reorientation_report(
@@ -43,6 +48,13 @@ def joint_motion_report(
 ) -> CheckReport:
     """All checks of a motion of the joints; arguments as for :func:`reorientation_report`."""
     return CheckReport("joints", tuple(completed("motion", _joint_checks, result, engine)))
+
+
+def goal_report(
+    result: GoalMotion, engine: str = PINOCCHIO, orbit: CircularOrbit | None = None
+) -> CheckReport:
+    """All checks of a motion to a goal; arguments as for :func:`reorientation_report`."""
+    return CheckReport(result.kind, tuple(completed("motion", _goal_checks, result, engine)))
 
 
 def _turn_checks(result: Reorientation, engine: str) -> Iterator[Check]:
@@ -68,6 +80,21 @@ def _joint_checks(result: JointMotion, engine: str) -> Iterator[Check]:
     checker = LimitChecker(motion.problem, result.limits)
     yield from limit_checks(result.limit_results, checker, checker.results(motion), result.feasible)
     yield from forward_checks(engine, motion, _STEPS, _ENGINE)
+
+
+def _goal_checks(result: GoalMotion, engine: str) -> Iterator[Check]:
+    """The motion is integrated again and ends at the goal; its limits are recomputed."""
+    motion, curve = result.motion, None if result.motion is None else result.motion.curve
+    if motion is None or not isinstance(curve, JointSpline):
+        yield Check("motion", False, f"there is none: {result.reason}")
+        return
+    again = integrate_spline(motion.problem, curve, motion.initial.attitude)
+    yield _same_motion(again, motion)
+    error = replace(result, motion=again).error or 0.0
+    yield error_check("final state", error, _SAME, "rad, m", float(again.times[-1]))
+    checker = LimitChecker(again.problem, result.limits)
+    yield from limit_checks(result.limit_results, checker, checker.results(again), result.feasible)
+    yield from forward_checks(engine, motion, _STEPS * -(-curve.spans // _SPANS), _ENGINE)
 
 
 def _same_motion(again: Motion, motion: Motion) -> Check:

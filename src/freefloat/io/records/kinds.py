@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from freefloat.limits.limits import Limits
 from freefloat.motion.joint_loops import JointLoops
+from freefloat.motion.joint_spline import JointSpline
 from freefloat.motion.joint_transfer import JointTransfer
 from freefloat.motion.law import JointCurve
 from freefloat.motion.problem import Problem
 from freefloat.planning.answer import Finding
+from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.planning.joints.joint_motion import JointMotion
 from freefloat.planning.joints.reorientation import Reorientation
 from freefloat.planning.phases.kinds.capture_phase import PlannedCapture
@@ -21,19 +23,23 @@ from freefloat.records import Codec
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.singularities.singularity_map import SingularityMap
 
-Result = Plan | Simulation | Reorientation | Manoeuvre | AttitudeMap | HeadingMap | SingularityMap
+Result = (
+    Plan | Simulation | Reorientation | GoalMotion | Manoeuvre | AttitudeMap | HeadingMap
+    | SingularityMap
+)  # fmt: skip
 KINDS: dict[str, type[Result]] = {
     result.kind: result
     for result in (
-        Plan, Simulation, Reorientation, Manoeuvre, AttitudeMap, HeadingMap, SingularityMap,
+        Plan, Simulation, Reorientation, GoalMotion, Manoeuvre, AttitudeMap, HeadingMap,
+        SingularityMap,
     )
 }  # fmt: skip
 """Classes of results by the kind of their files."""
 CODEC = Codec(
     context=(Problem, Search, Limits, FreeFloatingModel),
     members={
-        JointCurve: (JointLoops, JointTransfer),
-        Finding: (Plan, Reorientation, JointMotion, PlannedCapture),
+        JointCurve: (JointLoops, JointTransfer, JointSpline),
+        Finding: (Plan, Reorientation, JointMotion, GoalMotion, PlannedCapture),
     },
 )
 """Codec of results: scenario and robot are stored as texts."""

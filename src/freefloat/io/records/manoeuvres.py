@@ -13,6 +13,7 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import Timing
 from freefloat.planning.answer import PhaseResult
+from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.planning.joints.joint_motion import earlier
 from freefloat.planning.joints.loop_motion import LAW
 from freefloat.planning.phases.manoeuvre import Manoeuvre
@@ -48,7 +49,10 @@ def _following(
 ) -> Iterator[PhaseResult]:
     """The phases after the first path, each from the state at which the one before ends."""
     for tree, phase in zip(trees, scenario.phases(), strict=False):
-        planned = _decoded(tree, phase.problem_at(state), limits.seen_from(state.centre))
+        problem = phase.problem_at(state)
+        if phase.kind == GoalMotion.kind and "motion" in tree["result"]:
+            problem = _timed(problem, _duration(tree), TimeLaw.UNIFORM)
+        planned = _decoded(tree, problem, limits.seen_from(state.centre))
         yield planned
         if planned.feasible:
             state = phase.end(state, planned.result)
@@ -61,9 +65,12 @@ def _before(tree: Tree, problem: Problem, limits: Limits) -> PhaseResult:
         limits = limits.seen_from(-duration * problem.path.drift)
         return _decoded(tree, _timed(earlier(problem, duration), duration, TimeLaw.UNIFORM), limits)
     if "motion" in tree["result"]:
-        duration = float(tree["result"]["motion"]["times"].values[-1])
-        problem = _timed(replace(problem, scene=Scene()), duration, LAW)
+        problem = _timed(replace(problem, scene=Scene()), _duration(tree), LAW)
     return _decoded(tree, problem, limits)
+
+
+def _duration(tree: Tree) -> float:
+    return float(tree["result"]["motion"]["times"].values[-1])
 
 
 def _timed(problem: Problem, duration: float, law: TimeLaw) -> Problem:

@@ -91,7 +91,9 @@ def _describe(result: Any, scenario: Scenario | None) -> Scenario:
     search = getattr(result, "search", None)
     limits = getattr(result, "limits", None)
     described = scenario_of(problem, search, limits)
-    if scenario is None or scenario.model() is not problem.model:
+    if scenario is None or scenario.content.goal is not None:
+        return described
+    if scenario.model() is not problem.model:
         return described
     posed = scenario_of(
         scenario.problem(),

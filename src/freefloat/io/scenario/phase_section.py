@@ -21,6 +21,7 @@ from freefloat.io.scenario.field_types import (
     Vector,
     exactly_one_of,
 )
+from freefloat.io.scenario.goal_section import GoalSection
 from freefloat.io.scenario.orientation_section import Orientation, rotation_of
 from freefloat.io.scenario.path_schema import PathFrame, PathSection
 from freefloat.io.scenario.path_section import path_of
@@ -31,6 +32,7 @@ from freefloat.paths.samples import samples_text
 from freefloat.paths.timing import TimedPath
 from freefloat.planning.phases.expected_state import keys_within
 from freefloat.planning.phases.kinds.capture_phase import CapturePhase
+from freefloat.planning.phases.kinds.goal_phase import GoalPhase
 from freefloat.planning.phases.kinds.joint_phase import JointPhase
 from freefloat.planning.phases.kinds.path_phase import PathPhase
 from freefloat.planning.phases.phase import Phase, checked_phases
@@ -39,7 +41,7 @@ from freefloat.scene.scene import Scene
 from freefloat.so3 import Pose
 
 
-class GoalSection(Section):
+class ToSection(Section):
     """A pose to which the end-effector moves from where it is, on the shortest way."""
 
     position: Vector
@@ -74,10 +76,12 @@ class PhaseSection(Section):
     path: PathSection | None = None
     """A path that begins with the end-effector's pose and velocity; its frame is ``inertial`` or a
     body of the scene."""
-    to: GoalSection | None = None
+    to: ToSection | None = None
     """A pose at which the end-effector comes to rest."""
     joints: list[Number] | dict[str, Number] | None = None
     """Joints at which the arm comes to rest [rad, m]: in the order of the chain, or by name."""
+    goal: GoalSection | None = None
+    """What shall hold at its end; the motion of the joints to it is found."""
     capture: CaptureSection | None = None
     timing: TimingSection | None = None
     """Time law of a path."""
@@ -86,7 +90,7 @@ class PhaseSection(Section):
     margin: NotNegative = 0.0
     """Smallest allowed magnitude of ``margin.measure`` on a path or to a pose."""
 
-    _exactly_one = exactly_one_of("path", "to", "joints", "capture")
+    _exactly_one = exactly_one_of("path", "to", "joints", "goal", "capture")
 
     @model_validator(mode="after")
     def _has_its_time(self) -> PhaseSection:
@@ -97,12 +101,11 @@ class PhaseSection(Section):
             raise ValueError("duration together with to or joints")
         return self
 
-    def to_phase(self, task: Task, scene: Scene, folder: Path) -> Phase:
+    def to_phase(self, problem: Problem, folder: Path) -> Phase:
         """The phase.
 
         Args:
-            task: Task of the scenario.
-            scene: Scene of the scenario.
+            problem: Problem of the scenario.
             folder: Folder of the files that it names.
 
         Raises:
@@ -116,6 +119,8 @@ class PhaseSection(Section):
                 None if inertia is None else np.array(inertia),
                 None if com is None else np.array(com), name,
             )  # fmt: skip
+        if self.goal is not None:
+            return GoalPhase(self.goal.to_goal(problem.model), name)
         if self.joints is not None:
             return JointPhase(self.joints, duration, name)
         if self.to is not None:
@@ -124,7 +129,7 @@ class PhaseSection(Section):
                 rotation = rotation_of(self.to.orientation, "to.orientation")
             pose = Pose(np.array(self.to.position), rotation)
             return PathPhase(PoseGoal(pose, duration, self.to.frame), name, self.margin)
-        return PathPhase(self._path(task, scene, folder), name, self.margin)
+        return PathPhase(self._path(problem.task, problem.scene, folder), name, self.margin)
 
     def _path(self, task: Task, scene: Scene, folder: Path) -> TimedPath | RelativePath:
         section, timing = cast(PathSection, self.path), cast(TimingSection, self.timing)
@@ -160,5 +165,5 @@ def phases_of(
     for number, section in enumerate(sections):
         keys.append(f"phases.{number}.capture" if section.capture else f"phases.{number}")
         with keys_within(keys[-1]):
-            phases.append(section.to_phase(problem.task, problem.scene, folder))
+            phases.append(section.to_phase(problem, folder))
     return checked_phases(problem, phases, keys)

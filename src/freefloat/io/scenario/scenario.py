@@ -15,12 +15,14 @@ import yaml
 from freefloat.dynamics.joint_space import largest_magnitude
 from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
 from freefloat.dynamics.redundancy import Redundancy, Toward
+from freefloat.dynamics.system import System
+from freefloat.errors import InputError
 from freefloat.io.scenario.limits_section import limits_content, limits_of
 from freefloat.io.scenario.path_section import frame_of, path_of, section_of
 from freefloat.io.scenario.phase_section import phases_of
 from freefloat.io.scenario.robot_section import RobotFile
 from freefloat.io.scenario.scene_section import FileShapes, file_shapes, scene_content
-from freefloat.io.scenario.schema import ScenarioFile, WeightsSection
+from freefloat.io.scenario.schema import OF_PATHS, ScenarioFile, WeightsSection
 from freefloat.io.scenario.yaml import error_context, file_keys, parse_yaml, read_text, validated
 from freefloat.limits.limits import Limits
 from freefloat.motion.margin import Margin
@@ -28,6 +30,7 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.samples import samples_text
 from freefloat.paths.timing import TimedPath
+from freefloat.planning.goals.goal import Goal
 from freefloat.planning.objectives.objective import Objective
 from freefloat.planning.objectives.objectives import Weights, objective_of
 from freefloat.planning.phases.phase import Phase
@@ -35,6 +38,7 @@ from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_scenario
 from freefloat.robot.source import RobotSource
+from freefloat.scene.scene import Scene
 from freefloat.scene.scene_body import SceneBody
 from freefloat.singularities.global_maximum import guaranteed_magnitude
 from freefloat.so3 import Pose, frozen, unit_quaternion
@@ -85,6 +89,10 @@ class Scenario:
         content = self.content
         model = self.model()
         folder = self.source.parent
+        if content.goal is not None:
+            with self.error_context():
+                problem = "the scenario has a goal in place of a path"
+                raise InputError("goal", problem, "path, timing and task; plan finds the motion")
         with self.error_context():
             scene = content.scene.to_scene(folder, self.shapes)
             frame = frame_of(content.path.frame, model, self.search(), scene)
@@ -110,6 +118,24 @@ class Scenario:
                 model, timed, content.task, momentum, margin, redundancy, scene=scene,
                 wheel_momentum=np.array(content.wheels.momentum),
             )  # fmt: skip
+
+    def system(self) -> System:
+        """The robot with its momentum, wheels and drift."""
+        content, model = self.content, self.model()
+        with self.error_context():
+            vectors = (content.momentum, content.wheels.momentum, content.drift)
+            return System(model, *map(np.array, vectors))
+
+    def scene(self) -> Scene:
+        """Bodies and corridor; raises an InputError that names the file and the key."""
+        with self.error_context():
+            return self.content.scene.to_scene(self.source.parent, self.shapes)
+
+    def goal(self) -> Goal | None:
+        """The goal that the scenario has in place of a path; None where it has a path."""
+        with self.error_context():
+            section = self.content.goal
+            return None if section is None else section.to_goal(self.model())
 
     def _largest_magnitude(self, measure: SingularityMeasure) -> float:
         """Largest magnitude of a measure, guaranteed for det A unless the arm is redundant."""
@@ -237,7 +263,13 @@ def parse_scenario(
     Raises:
         InputError: As for :func:`load_scenario`.
     """
-    content = validated(ScenarioFile, parse_yaml(text, source), source, text)
+    data = parse_yaml(text, source)
+    content = validated(ScenarioFile, data, source, text)
+    if content.goal is not None:
+        for key in OF_PATHS:
+            if key in data:
+                with error_context(source):
+                    raise InputError(key, "the scenario has a goal", "no goal, or no path")
     if content.path.samples is not None and samples is None:
         samples = samples_text(source.parent / content.path.samples)
     return Scenario(source, text, content, samples, robot, shapes or {})

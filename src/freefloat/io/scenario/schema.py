@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
 
@@ -19,6 +19,7 @@ from freefloat.io.scenario.field_types import (
     Vector,
     exactly_one_of,
 )
+from freefloat.io.scenario.goal_section import GoalSection
 from freefloat.io.scenario.limits_section import LimitsSection
 from freefloat.io.scenario.path_schema import PathSection
 from freefloat.io.scenario.phase_section import PhaseSection
@@ -118,8 +119,20 @@ class WheelsSection(Section):
     """Angular momentum stored in them x, y, z, axes of the spacecraft [N m s]."""
 
 
+OF_PATHS = ("path", "timing", "task", "margin", "redundancy", "phases")
+"""Keys that scenarios with a goal do not have."""
+_NOT_FOLLOWED: dict[str, Any] = {
+    "task": "position", "timing": {"duration": 1.0},
+    "path": {"line": {"from": [0.0, 0.0, 0.0], "to": [0.0, 0.0, 1.0]}},
+}  # fmt: skip
+"""What a scenario with a goal has in place of its path."""
+
+
 class ScenarioFile(Section):
-    """A scenario: robot, task, momentum, path, timing, margin, search, limits and scene."""
+    """A scenario: robot, task, momentum, path, timing, margin, search, limits and scene.
+
+    One with ``goal`` has neither task, path, timing nor margin.
+    """
 
     robot: RobotSection
     task: Task
@@ -133,6 +146,9 @@ class ScenarioFile(Section):
     given in a frame that does not move, whose origin is the centre of mass at time zero."""
     path: PathSection
     timing: TimingSection
+    goal: GoalSection | None = None
+    """In place of path, timing, task and margin: what shall hold at the end of a motion of the
+    joints, from search.from_attitude and search.joints."""
     margin: MarginSection = MarginSection(measure="gjm", value=0.0)
     redundancy: RedundancySection | None = None
     """For redundant arms only; default: joint rates of minimum norm."""
@@ -141,3 +157,11 @@ class ScenarioFile(Section):
     scene: SceneSection = SceneSection()
     phases: list[PhaseSection] = Field(default=[], max_length=100)
     """What follows the path; each begins with the state at which the one before ends."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _goal_or_path(cls, data: Any) -> Any:
+        """A scenario with a goal needs no path."""
+        if not isinstance(data, dict) or data.get("goal") is None:
+            return data
+        return {**_NOT_FOLLOWED, **data}

@@ -18,6 +18,7 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.answer import Answer
 from freefloat.planning.evaluator import evaluator_for
+from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.planning.joints.reorientation import Reorientation
 from freefloat.planning.margin_map import MarginMap
 from freefloat.planning.phases.manoeuvre import Manoeuvre
@@ -121,7 +122,7 @@ def _simulation_figures(
 
 
 def _turn_figures(
-    turn: Reorientation, threads: int | None, progress: Progress | None
+    turn: Reorientation | GoalMotion, threads: int | None, progress: Progress | None
 ) -> dict[str, Figure]:
     if turn.motion is None:
         return {}
@@ -232,6 +233,7 @@ _FIGURES: dict[type, Callable[..., dict[str, Figure]]] = {
     Manoeuvre: _manoeuvre_figures,
     Simulation: _simulation_figures,
     Reorientation: _turn_figures,
+    GoalMotion: _turn_figures,
     Motion: _motion_figures,
     AttitudeMap: _attitude_map_figures,
     HeadingMap: _heading_map_figures,

@@ -10,6 +10,7 @@ from freefloat.errors import InputError, require_type
 from freefloat.limits.limits import Limits
 from freefloat.motion.motion import Motion
 from freefloat.planning.answer import PhaseResult
+from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.planning.joints.reorientation import Reorientation
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
@@ -59,11 +60,11 @@ def _plan_scene(plan: Plan, title: str) -> Scene:
     return motion_scene({name: plan.chosen.motion}, title, _pointing(plan.limits))
 
 
-def _turn_scene(turn: Reorientation, title: str) -> Scene:
+def _turn_scene(turn: Reorientation | GoalMotion, title: str) -> Scene:
     if turn.motion is None:
-        accepted = "a reorientation with a motion"
+        accepted = f"a {turn.kind} with a motion"
         raise InputError("result", f"it has no motion: {turn.reason}", accepted)
-    return motion_scene({"reorientation": turn.motion}, title, _pointing(turn.limits))
+    return motion_scene({turn.kind: turn.motion}, title, _pointing(turn.limits))
 
 
 def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> Scene:
@@ -111,6 +112,7 @@ _SCENES: dict[type, Callable[[Any, str], Scene]] = {
     Manoeuvre: manoeuvre_scene,
     Simulation: _simulation_scene,
     Reorientation: _turn_scene,
+    GoalMotion: _turn_scene,
     AttitudeMap: map_scene,
     HeadingMap: heading_scene,
     SingularityMap: singularity_scene,

@@ -1,0 +1,88 @@
+"""Joint motions along splines between two states of the arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from freefloat.errors import InputError
+from freefloat.motion.joint_integration import integrate_joints
+from freefloat.motion.motion import Motion
+from freefloat.motion.problem import Problem
+from freefloat.records import Joints
+from freefloat.so3 import Array, frozen
+
+DEGREE = 3
+_PANELS = 4
+"""Panels of a motion in a span: their polynomials are exact to 1e-10."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointSpline:
+    """Joint values as a cubic B-spline with equal spans.
+
+    It begins at the first control point, ends at the last one, and stays between the largest and
+    the smallest of them. Where the first two are equal it begins at rest.
+
+    Attributes:
+        control_points: [rad or m], shape (spans + 3, n).
+
+    Example:
+        >>> spline = JointSpline([[0.0], [0.0], [0.3], [0.6], [0.6]])
+        >>> spline.at([0.0, 0.5, 1.0]).round(6).ravel()
+        array([0. , 0.3, 0.6])
+    """
+
+    control_points: Joints
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "control_points", frozen(self.control_points))
+        if self.control_points.ndim != 2 or len(self.control_points) <= DEGREE:
+            shape = self.control_points.shape
+            raise InputError("control_points", f"shape {shape} was given", "(4 or more, n)")
+
+    @property
+    def spans(self) -> int:
+        """Number of polynomials."""
+        return len(self.control_points) - DEGREE
+
+    @cached_property
+    def _derivatives(self) -> tuple[BSpline, ...]:
+        spline = BSpline(knots(self.spans), self.control_points, DEGREE)
+        return spline, spline.derivative(), spline.derivative(2)
+
+    def at(self, s: Any, order: int = 0) -> Array:
+        """Joint values, or their derivatives by s, at s (...): shape (..., n)."""
+        inside = np.clip(np.asarray(s, dtype=float), 0.0, 1.0)
+        return np.asarray(self._derivatives[order](inside))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document."""
+        return {"control_points": self.control_points.tolist()}
+
+
+def knots(spans: int) -> Array:
+    """The knots of splines with equal spans, shape (spans + 7,)."""
+    inner = np.linspace(0.0, 1.0, spans + 1)
+    return np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])
+
+
+def spline_basis(spans: int, s: Array) -> Array:
+    """Derivatives of order 0 and 1 by the control points at s (K,), shape (2, K, spans + 3)."""
+    spline = BSpline(knots(spans), np.eye(spans + DEGREE), DEGREE)
+    return np.array([spline(s), spline.derivative()(s)])
+
+
+def integrate_spline(problem: Problem, spline: JointSpline, attitude: Array) -> Motion:
+    """The motion along a spline, see :func:`~freefloat.motion.joint_integration.integrate_joints`.
+
+    Args:
+        problem: Robot and momentum, with the duration.
+        spline: The joints.
+        attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
+    """
+    return integrate_joints(problem, spline, attitude, _PANELS * spline.spans, spline.spans)

@@ -1,0 +1,138 @@
+"""Precise motions along paths that were found: exact at their end, with all limits checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from freefloat.limits.check import LimitChecker
+from freefloat.limits.kinds.clearance import ClearanceLimit
+from freefloat.limits.result import LimitResult
+from freefloat.motion.joint_spline import integrate_spline
+from freefloat.motion.motion import Motion
+from freefloat.motion.problem import Problem
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import Timing
+from freefloat.planning.goals.clearances import Clearances
+from freefloat.planning.goals.goal_motion import last_state
+from freefloat.planning.goals.relaxation import Relaxation, Weights
+from freefloat.so3 import Array
+
+FINAL = Weights(1e-3, 1e3)
+"""Weights with which paths end nearly as short as limits permit."""
+_EXACT = 5e-10
+"""Largest residual of a precise motion at its end [rad, m]."""
+_CORRECTIONS, _TIMINGS, _EXCHANGES, _ITERATIONS = 8, 8, 6, 20
+_CLOSE, _SPARE = 0.999, 1.0 + 1e-7
+"""Usage of limits from which a motion is as short as they permit, and factor on its duration."""
+_CLOSE_BY_TIME, _SPARE_BY_TIME = 0.98, 1.005
+"""The same where the motion is another one at another duration."""
+
+
+@dataclass(frozen=True, eq=False)
+class CertifiedMotion:
+    """A precise motion that ends at the goal.
+
+    Attributes:
+        unknowns: Of its path.
+        motion: The motion.
+        results: Limits along it; empty where one is violated.
+        violation: The first limit that is violated; None where all are kept.
+    """
+
+    unknowns: Array
+    motion: Motion
+    results: tuple[LimitResult, ...]
+    violation: LimitResult | None
+
+
+@dataclass(frozen=True, eq=False)
+class Certification:
+    """What precise motions are checked with.
+
+    Attributes:
+        problem: Robot, momentum, scene and drift.
+        checker: Of the limits.
+        attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
+        by_time: Whether the motion is another one at another duration.
+        clearances: Those of the search, whose margins grow; None without.
+    """
+
+    problem: Problem
+    checker: LimitChecker
+    attitude: Array
+    by_time: bool
+    clearances: Clearances | None
+
+    def certified(self, relaxation: Relaxation, unknowns: Array) -> CertifiedMotion | None:
+        """The motion along a path, or along one nearby that keeps what this one violates.
+
+        None where no path nearby ends exactly at the goal.
+        """
+        found: CertifiedMotion | None = None
+        for _ in range(_EXCHANGES):
+            exact = self._exact(relaxation, unknowns)
+            if exact is None:
+                return found
+            unknowns, motion = exact
+            found = self._checked(unknowns, motion)
+            if found.violation is None or not self._demand(found.violation):
+                return found
+            unknowns = relaxation.relaxed(unknowns, FINAL, _ITERATIONS).course.unknowns
+        return found
+
+    def uncertified(self, relaxation: Relaxation, unknowns: Array) -> CertifiedMotion | None:
+        """The motion along a path that violates a limit; None where it does not end at the goal."""
+        exact = self._exact(relaxation, unknowns)
+        return None if exact is None else self._checked(*exact)
+
+    def _checked(self, unknowns: Array, motion: Motion) -> CertifiedMotion:
+        return CertifiedMotion(unknowns, motion, *self.checker.results_unless_violated(motion))
+
+    def _demand(self, violation: LimitResult) -> bool:
+        """Demand more of what is violated, if the search knows it."""
+        if violation.limit != ClearanceLimit.name or self.clearances is None:
+            return False
+        self.clearances.widen(violation.where, violation.allowed - violation.worst)
+        return True
+
+    def _exact(self, relaxation: Relaxation, unknowns: Array) -> tuple[Array, Motion] | None:
+        """Unknowns and the motion along them, exact at its end and as short as limits permit."""
+        close, spare = (_CLOSE_BY_TIME, _SPARE_BY_TIME) if self.by_time else (_CLOSE, _SPARE)
+        for _ in range(_TIMINGS):
+            ending = self._ending_at_goal(relaxation, unknowns)
+            if ending is None:
+                return None
+            unknowns, motion = ending
+            timed = self.checker.timed(motion)
+            usage = max((result.stretch for result in timed), default=1.0)
+            if not relaxation.timed or not timed or close < usage <= 1.0:
+                return ending
+            unknowns = np.append(unknowns[:-1], unknowns[-1] * usage * spare)
+        return ending
+
+    def _ending_at_goal(
+        self, relaxation: Relaxation, unknowns: Array
+    ) -> tuple[Array, Motion] | None:
+        """Unknowns nearby whose precise motion ends at the goal, and that motion.
+
+        Each time, the residuals that the path shall have are corrected by those of the motion.
+        """
+        offset = np.zeros(relaxation.target.size)
+        for _ in range(_CORRECTIONS):
+            closed = relaxation.closed(unknowns, FINAL, offset)
+            if closed is None:
+                return None
+            unknowns = closed
+            motion = self._motion(relaxation, unknowns)
+            residuals = relaxation.target.residuals(last_state(motion))
+            if np.abs(residuals).max(initial=0.0) < _EXACT:
+                return unknowns, motion
+            offset = offset - residuals
+        return None
+
+    def _motion(self, relaxation: Relaxation, unknowns: Array) -> Motion:
+        timing = Timing(float(unknowns[-1]), TimeLaw.UNIFORM)
+        problem = replace(self.problem, path=replace(self.problem.path, timing=timing))
+        return integrate_spline(problem, relaxation.paths.spline(unknowns), self.attitude)

@@ -1,0 +1,124 @@
+"""Goals: what shall hold at the end of a motion whose way is free."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from freefloat.dynamics.summary import frames_at
+from freefloat.errors import InputError, finite_vector, require_type
+from freefloat.motion.problem import Problem
+from freefloat.paths.time_laws import positive_duration
+from freefloat.planning.goals.target import Target
+from freefloat.records import Joints, Quaternions
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.scene.scene_body import SceneBody
+from freefloat.so3 import Array, Pose, frozen, unit_quaternion
+
+FRAMES = ("inertial", "spacecraft", "base", "end_effector")
+"""Frames of a pose that are no bodies of the scene: inertial, or of a link at the start."""
+_FARTHEST = 1e3
+"""Largest value of a joint at the end [rad or m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """What shall hold at the end of a motion; the joints rest there.
+
+    Attributes:
+        pose: Of the end-effector; None where it is free.
+        attitude: Of the spacecraft, unit quaternion x, y, z, w; None where it is free.
+        joints: Joint values [rad or m], shape (n,); None where they are free.
+        frame: Of the pose: ``"inertial"``, that of the manoeuvre; where the motion begins,
+            ``"spacecraft"``, the root link, ``"base"``, the link that carries the first joint, or
+            ``"end_effector"``; or the name of a body of the scene: the end-effector arrives with
+            the body's twist, and the joints do not rest.
+        duration: [s]; None for the shortest one found that limits permit.
+
+    Raises:
+        InputError: If nothing is to be reached, or a value is of another kind.
+
+    Example:
+        >>> ff.Goal(joints=[0.2, -0.4], duration=30.0).duration
+        30.0
+    """
+
+    pose: Pose | None = None
+    attitude: Quaternions | None = None
+    joints: Joints | None = None
+    frame: str = "inertial"
+    duration: float | None = None
+
+    def __post_init__(self) -> None:
+        require_type("goal.pose", self.pose, Pose | None, "a Pose")
+        require_type("goal.pose.frame", self.frame, str, ", ".join(FRAMES) + ", or a body")
+        if self.attitude is not None:
+            attitude = frozen(unit_quaternion("goal.attitude", self.attitude))
+            object.__setattr__(self, "attitude", attitude)
+        if self.joints is not None:
+            joints = frozen(finite_vector("goal.joints", self.joints, np.size(self.joints)))
+            object.__setattr__(self, "joints", joints)
+        if self.duration is not None:
+            duration = positive_duration("goal.duration", self.duration)
+            object.__setattr__(self, "duration", duration)
+        if self.pose is None and self.attitude is None and self.joints is None:
+            raise InputError("goal", "nothing is to be reached", "pose, attitude or joints")
+        if self.pose is not None and self.joints is not None:
+            raise InputError("goal", "pose and joints were given", "one of them")
+
+    def require_applicable(self, problem: Problem) -> None:
+        """Raise an InputError unless robot and scene of a problem have joints and frame."""
+        if self.joints is not None:
+            _require_inside(problem.model, self.joints)
+        if self.attitude is not None and problem.task.planar:
+            problem.attitude(self.attitude, key="goal.attitude")
+        known = [*FRAMES, *(body.name for body in problem.scene.bodies if body.motion != "target")]
+        if self.frame not in known:
+            raise InputError("goal.pose.frame", f"{self.frame!r} was given", ", ".join(known))
+
+    def body(self, problem: Problem) -> SceneBody | None:
+        """The body of the scene that the pose is relative to; None without one."""
+        bodies = {body.name: body for body in problem.scene.bodies}
+        return None if self.pose is None else bodies.get(self.frame)
+
+    def target(self, problem: Problem, attitude: Array, joints: Array) -> Target:
+        """What the last state of a motion must be.
+
+        Args:
+            problem: Robot, momentum, drift and scene, from the centre of mass at the start.
+            attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
+            joints: At the start, shape (n,).
+        """
+        pose, body = self.pose, self.body(problem)
+        if pose is not None and body is None:
+            frames = frames_at(problem.model, attitude, joints)
+            frames["end_effector"] = problem.model.end_effector_pose(attitude, joints)
+            pose = frames[self.frame] @ pose
+        wanted = None if self.attitude is None else Rotation.from_quat(self.attitude).as_matrix()
+        return Target(problem, wanted, pose, body)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The keys of a scenario's goal."""
+        pose = self.pose and {
+            "position": self.pose.position.tolist(),
+            "orientation": self.pose.quaternion.tolist(),
+            "frame": self.frame,
+        }
+        arrays = {"attitude": self.attitude, "joints": self.joints}
+        values = {name: None if array is None else array.tolist() for name, array in arrays.items()}
+        values |= {"pose": pose, "duration": self.duration}
+        return {key: value for key, value in values.items() if value is not None}
+
+
+def _require_inside(model: FreeFloatingModel, joints: Array) -> None:
+    """Raise an InputError unless joints are those of a robot, in their ranges."""
+    values = model.joint_vector(joints, "goal.joints")
+    ranges = zip(model.joint_names, values, *model.joint_ranges, strict=True)
+    for name, value, low, high in ranges:
+        low, high = max(low, -_FARTHEST), min(high, _FARTHEST)
+        if not low <= value <= high:
+            accepted = f"{low:g} to {high:g} rad or m"
+            raise InputError("goal.joints", f"{name} is {value:g}", accepted)

@@ -1,0 +1,96 @@
+"""Motions of the joints to goals: what was found, or why nothing was."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from freefloat.limits.limits import Limits
+from freefloat.limits.result import LimitResult
+from freefloat.motion.motion import Motion
+from freefloat.motion.problem import Problem
+from freefloat.planning.answer import Answer, PhaseResult
+from freefloat.planning.goals.goal import Goal
+from freefloat.planning.goals.target import EndState
+
+
+@dataclass(frozen=True, eq=False)
+class GoalMotion(Answer):
+    """A motion of the joints to a goal.
+
+    Attributes:
+        problem: Robot, momentum and scene; its path is not followed, but has the duration.
+        goal: What is to be reached.
+        limits: Limits that were required, without ``base_turn``.
+        feasible: Whether a motion was found that ends at the goal and keeps the limits.
+        reason: Why this motion, or why none.
+        needed: What would be enough, where it is known: a ``duration`` [s].
+        motion: The motion; None where none was found. It may violate a limit.
+        limit_results: Limits along it.
+    """
+
+    kind: ClassVar[str] = "goal"
+
+    problem: Problem = field(repr=False)
+    goal: Goal
+    limits: Limits = field(repr=False)
+    feasible: bool
+    reason: str
+    needed: dict[str, float] = field(default_factory=dict)
+    motion: Motion | None = field(default=None, repr=False)
+    limit_results: tuple[LimitResult, ...] = field(default=(), repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "limits", self.limits.without_turn)
+
+    @property
+    def phases(self) -> tuple[PhaseResult, ...]:
+        """The motion as the only phase."""
+        return (PhaseResult("goal", "goal", self),)
+
+    @property
+    def violation(self) -> str:
+        """What the motion violates; empty where it keeps everything."""
+        return "" if self.feasible else self.reason
+
+    @property
+    def duration(self) -> float | None:
+        """[s]; None without a motion."""
+        return None if self.motion is None else float(self.motion.times[-1])
+
+    @property
+    def error(self) -> float | None:
+        """Largest error of the last state [m, rad, m/s, rad/s]; None without a motion."""
+        if self.motion is None:
+            return None
+        first, end = self.motion.initial, self.goal.joints
+        target = self.goal.target(self.motion.problem, first.attitude, first.joints)
+        residuals = np.abs(target.residuals(last_state(self.motion))).max(initial=0.0)
+        final = self.motion.final.joints
+        return float(max(residuals, 0.0 if end is None else np.abs(final - end).max()))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document."""
+        motion = self.motion
+        return {
+            "feasible": self.feasible,
+            "reason": self.reason,
+            "needed": dict(self.needed),
+            "goal": self.goal.to_dict(),
+            "duration": self.duration,
+            "error": self.error,
+            "initial": None if motion is None else motion.initial.to_dict(),
+            "final": None if motion is None else motion.final.to_dict(),
+            "limits": [result.to_dict() for result in self.limit_results],
+        }
+
+
+def last_state(motion: Motion) -> EndState:
+    """The last state of a motion, with its joint rates."""
+    final = motion.final
+    rates = motion.law.rates(final.time, final.attitude, final.joints).joints
+    attitude = Rotation.from_quat(final.attitude).as_matrix()
+    return EndState(final.time, attitude, final.joints, rates)

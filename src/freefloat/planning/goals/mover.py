@@ -1,0 +1,238 @@
+"""Finding a motion of the joints to a goal from the state of a system."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from freefloat.concurrency import Progress, step_of
+from freefloat.dynamics.measures import singularity_measure
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.system import System
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.errors import InputError, require_type, seed_number
+from freefloat.limits.check import LimitChecker
+from freefloat.limits.limits import Limits
+from freefloat.motion.margin import Margin
+from freefloat.motion.problem import Problem
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.orientation import FixedOrientation
+from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import TimedPath, Timing
+from freefloat.planning.goals.certification import Certification
+from freefloat.planning.goals.clearances import Clearances
+from freefloat.planning.goals.goal import Goal
+from freefloat.planning.goals.goal_motion import GoalMotion
+from freefloat.planning.goals.joint_paths import Ends, JointPaths
+from freefloat.planning.goals.kernel import Arm
+from freefloat.planning.goals.relaxation import Relaxation
+from freefloat.planning.goals.search import GoalSearch
+from freefloat.planning.goals.violations import ShapeLimits, StateLimits
+from freefloat.scene.scene import Scene
+from freefloat.so3 import Array, unit_quaternion
+
+_MOVING = ((8, 1), (12, 1), (16, 1))
+"""Spans and loops of paths that need not turn the spacecraft."""
+_TURNING = ((8, 1), (8, 2), (8, 4), (8, 8), (8, 16), (8, 32))
+"""Those of paths that turn it: small loops turn it with their area, and fit where large do not."""
+_USED = 0.99
+"""Fraction of limits of rates that paths in a given duration use."""
+_UNKNOWN = 60.0
+"""Duration of the path of a problem that has none, which is not followed [s]."""
+
+
+class Start(NamedTuple):
+    """The state at which a motion begins.
+
+    Attributes:
+        attitude: Of the spacecraft, unit quaternion x, y, z, w.
+        joints: Shape (n,).
+        joint_rates: [rad/s or m/s], shape (n,).
+    """
+
+    attitude: Array
+    joints: Array
+    joint_rates: Array
+
+
+def move(
+    system: System,
+    state: tuple[npt.ArrayLike, npt.ArrayLike],
+    goal: Goal,
+    limits: Limits | None = None,
+    scene: Scene | None = None,
+    *,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> GoalMotion:
+    """Find a motion of the joints from a state at rest to a goal.
+
+    Joint splines are found by optimization from random paths and from straight ways to arm branches
+    at the goal. They keep joint ranges and limits, and are as short as limits of rates and torques
+    permit near where the search ends: that no motion is found does not prove that there is none. A
+    dynamic singularity on the way is no obstacle, as joints are prescribed.
+
+    Args:
+        system: Robot, momentum, wheels and drift.
+        state: Attitude of the spacecraft, quaternion x, y, z, w, and joint values (n,).
+        goal: What is to be reached.
+        limits: Limits in addition to the joint ranges; ``base_turn`` is not considered.
+        scene: Bodies and corridor, from the centre of mass at the start.
+        seed: Seed of the random paths.
+        progress: Called with the fraction done, in [0, 1].
+
+    Raises:
+        InputError: If an argument is of another kind, or nothing determines the duration.
+
+    Example:
+        >>> system = ff.System(ff.FreeFloatingModel.from_urdf("planar_2dof"))
+        >>> limits = ff.Limits(joint_rate=[0.1, 0.1])
+        >>> state = [0.0, 0.0, 0.0, 1.0], [0.3, 0.7]
+        >>> result = ff.move(system, state, ff.Goal(joints=[0.6, 0.2]), limits)
+        >>> result.feasible, round(result.duration, 1)
+        (True, 5.9)
+    """
+    require_type("system", system, System, "a System, such as System(model)")
+    require_type("goal", goal, Goal, "a Goal, such as Goal(joints=joints)")
+    limits, scene = Limits() if limits is None else limits, Scene() if scene is None else scene
+    attitude = unit_quaternion("state.attitude", state[0])
+    joints = system.model.joint_vector(state[1], "state.joints")
+    problem = goal_problem(system, attitude, joints, goal, scene)
+    start = Start(attitude, joints, np.zeros_like(joints))
+    return move_from(problem, start, goal, limits, seed=seed, progress=progress)
+
+
+def goal_problem(
+    system: System, attitude: Array, joints: Array, goal: Goal, scene: Scene
+) -> Problem:
+    """A problem whose path, from the end-effector toward the axis of z, is not followed."""
+    model = system.model
+    axes = np.array([body.axis for body in model.bodies[1:]])
+    planar = model.dof <= 3 and bool(np.abs(axes[:, :2]).max() == 0.0)
+    task = Task.PLANAR_POSITION if planar else Task.POSE if model.dof >= 6 else Task.POSITION
+    task = task if len(task.rows) <= model.dof or planar else Task.PLANAR_POSITION
+    pose = model.end_effector_pose(attitude, joints)
+    curve = PolynomialCurve.line(pose.position, [0.0, 0.0, pose.position[2]])
+    path = EndEffectorPath(curve, FixedOrientation(pose.rotation))
+    timing = Timing(goal.duration or _UNKNOWN, TimeLaw.UNIFORM)
+    margin = Margin(singularity_measure(model, task, "gjm"), 0.0)
+    return Problem(
+        model, TimedPath(path, timing, system.drift), task, system.momentum, margin, scene=scene,
+        wheel_momentum=system.wheels,
+    )  # fmt: skip
+
+
+def move_from(
+    problem: Problem,
+    start: Start,
+    goal: Goal,
+    limits: Limits,
+    *,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> GoalMotion:
+    """The same with the system and the scene of a problem, whose path is not followed.
+
+    Args:
+        problem: From the centre of mass at the start.
+        start: The state at the start, whose joints may move.
+        goal: What is to be reached.
+        limits: Limits in addition to the joint ranges.
+        seed: Seed of the random paths.
+        progress: Called with the fraction done, in [0, 1].
+    """
+    goal.require_applicable(problem)
+    if goal.duration is None and not limits.timed:
+        accepted = "a goal.duration, or limits.joint_rate, base_rate or joint_torque"
+        raise InputError("goal.duration", "nothing determines the duration", accepted)
+    limits = limits.without_turn
+    checker = LimitChecker(problem, limits)
+    outcome = GoalMotion(problem, goal, limits, False, "")
+    shapes: list[ShapeLimits] = [StateLimits(problem, limits)]
+    clearances = None
+    if checker.pairs is not None:
+        clearances = Clearances(problem, checker.pairs, limits.clearance or 0.0)
+        clearances.at_rest(start.joints, Rotation.from_quat(start.attitude).as_matrix())
+        shapes.append(clearances)
+    families = list(_families(problem, start, goal, limits, shapes))
+    by_time = bool(
+        problem.depends_on_timing or problem.scene.tumbles or start.joint_rates.any()
+        or goal.body(problem) is not None
+    )  # fmt: skip
+    certification = Certification(problem, checker, start.attitude, by_time, clearances)
+    search = GoalSearch(families, certification, step_of(progress, 0.0, 1.0))
+    found = search.shortest(seed_number("seed", seed))
+    if found is None:
+        return _why_not(outcome, start, search)
+    duration = float(found.motion.times[-1])
+    return replace(
+        outcome, problem=found.motion.problem, feasible=True, motion=found.motion,
+        limit_results=found.results, reason=f"the goal is reached in {duration:.4g} s",
+    )  # fmt: skip
+
+
+def _families(
+    problem: Problem, start: Start, goal: Goal, limits: Limits, shapes: Sequence[ShapeLimits]
+) -> Iterator[Relaxation]:
+    """Families of paths in the order in which they are tried."""
+    model, n, end = problem.model, problem.model.dof, goal.joints
+    target = goal.target(problem, start.attitude, start.joints)
+    end_rates = None if target.body is not None else np.zeros(n)
+    rates = np.ones(n) if limits.joint_rate is None else limits.joint_rate
+    rates = np.where(np.isfinite(rates), rates, rates[np.isfinite(rates)].max(initial=1.0))
+    used = 1.0 if goal.duration is None else _USED
+    ends = np.array([start.joints, start.joints if end is None else end])
+    half = np.where(model.prismatic, 1.0, np.pi)
+    low, high = model.joint_ranges
+    low = np.where(np.isfinite(low), low, ends.min(axis=0) - half)
+    high = np.where(np.isfinite(high), high, ends.max(axis=0) + half)
+    momenta = np.array([problem.momentum, problem.wheel_momentum])
+    timed = goal.duration is None and (
+        limits.joint_rate is not None or limits.base_rate is not None
+    )
+    for spans, loops in _MOVING if target.attitude is None else _TURNING:
+        yield Relaxation(
+            Arm.of(model), JointPaths(Ends(*start[1:], end, end_rates), spans, loops), target,
+            Rotation.from_quat(start.attitude).as_matrix(), momenta, used * rates,
+            used * (limits.base_rate or np.inf), np.array([low, high]), shapes, timed,
+            goal.duration or problem.path.duration,
+        )  # fmt: skip
+
+
+def _why_not(outcome: GoalMotion, start: Start, search: GoalSearch) -> GoalMotion:
+    """The outcome with the reason why no motion was found."""
+    goal, target = outcome.goal, search.families[0].target
+    reach = VirtualManipulator.of(outcome.problem.model).reach
+    if target.pose is not None:
+        distance = float(np.linalg.norm(target.pose_at(search.families[0].reference).position))
+        if distance > reach:
+            reason = (
+                f"the pose is {distance:.4g} m from the centre of mass, the reach {reach:.4g} m"
+            )
+            return replace(outcome, reason=reason)
+    if goal.duration is not None and outcome.limits.timed:
+        free = replace(goal, duration=None)
+        longer = move_from(outcome.problem, start, free, outcome.limits)
+        if longer.duration is not None and longer.feasible:
+            least = longer.duration
+            reason = f"no motion in {goal.duration:g} s was found, but one in {least:.4g} s"
+            return replace(outcome, reason=reason, needed={"duration": least})
+    nearest = search.nearest()
+    if nearest is None or nearest.violation is None:
+        reason = "no motion that ends at the goal was found within the joint ranges"
+        return replace(outcome, reason=reason)
+    worst = nearest.violation
+    reason = (
+        f"the best motion that was found violates {worst.limit} of {worst.where}: {worst.worst:.4g}"
+        f" at t = {worst.time:.4g} s, {worst.allowed:.4g} is allowed"
+    )
+    return replace(
+        outcome, problem=nearest.motion.problem, reason=reason, motion=nearest.motion,
+        limit_results=search.certification.checker.results(nearest.motion),
+    )  # fmt: skip

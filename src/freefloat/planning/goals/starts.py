@@ -1,0 +1,127 @@
+"""Paths from which a search begins: random ones, and straight ways to arm branches at the goal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from freefloat.ik.branches import many_arm_branches
+from freefloat.ik.nearest import newton_solutions, toward
+from freefloat.planning.goals.relaxation import Relaxation, Weights
+from freefloat.so3 import Array
+
+_RANDOM = 300
+"""Random paths, of which those that end nearest to the goal are kept."""
+_WIDEST = 1.5
+"""Largest amplitude of a random deviation, but for its harmonics [rad, m]."""
+_ROUNDS = 4
+"""Most times that the attitude at the end of a straight way changes its arm branch."""
+_ERROR, _TIME = 3.0, 0.05
+"""Weights of the error at the end [1/rad, 1/m] and of the duration over that of half a turn."""
+_MEAN_SQUARE, _LOOK = Weights(1.0, 0.0), Weights(1.0, 1.0)
+_CLOSED_PER_START = 3
+"""Random paths that are moved onto the goal for each of those that violate least."""
+
+
+def starts(relaxation: Relaxation, rng: np.random.Generator, most: int) -> Iterator[Array]:
+    """Unknowns of paths that end at the goal, the most promising of random ones last.
+
+    Args:
+        relaxation: The family of paths and the goal.
+        rng: Of the random paths.
+        most: Most random paths.
+    """
+    paths = relaxation.paths
+    blank = np.append(np.zeros((paths.spread.shape[1], paths.joint_count)), 1.0)
+    candidates = [_with_end(relaxation, blank, joints) for joints in _branches(relaxation)]
+    if paths.ends.end is not None and relaxation.target.attitude is None:
+        candidates.append(blank)
+    random = [_random(relaxation, rng) for _ in range(_RANDOM)]
+    random.sort(key=lambda unknowns: _promise(relaxation, unknowns))
+    yield from _closed(relaxation, candidates)
+    closed = list(_closed(relaxation, random[: _CLOSED_PER_START * most]))
+    looked_at = [relaxation.linearized(unknowns, _LOOK) for unknowns in closed]
+    for path in sorted(looked_at, key=lambda path: path.promise)[:most]:
+        yield path.course.unknowns
+
+
+def _closed(relaxation: Relaxation, candidates: Sequence[Array]) -> Iterator[Array]:
+    """Unknowns near some whose paths end at the goal; none for those that do not come there."""
+    for unknowns in candidates:
+        closed = relaxation.closed(timed(relaxation, unknowns), _MEAN_SQUARE)
+        if closed is not None:
+            yield timed(relaxation, closed)
+
+
+def timed(relaxation: Relaxation, unknowns: Array) -> Array:
+    """Unknowns with the duration that rates need, unless it is given."""
+    if not relaxation.timed:
+        return np.append(unknowns[:-1], relaxation.reference)
+    usage = relaxation.usage(relaxation.course(unknowns, 0))
+    return np.append(unknowns[:-1], max(unknowns[-1] * usage, relaxation.reference / 100.0))
+
+
+def _promise(relaxation: Relaxation, unknowns: Array) -> float:
+    course = relaxation.course(unknowns, 0)
+    error = float(np.linalg.norm(relaxation.target.error(relaxation.paths, course)))
+    half_turn = np.pi / float(relaxation.joint_rate.mean())
+    return _ERROR * error + _TIME * course.duration * relaxation.usage(course) / half_turn
+
+
+def _random(relaxation: Relaxation, rng: np.random.Generator) -> Array:
+    """A path with two random harmonics of the joints and, where it is free, a random end."""
+    paths, ranges = relaxation.paths, relaxation.ranges
+    n, half = paths.joint_count, np.minimum(np.diff(ranges, axis=0)[0] / 2.0, np.pi)
+    count = paths.inner
+    phase = 2.0 * np.pi * (np.arange(count) + 1.0) / (count + 1.0)
+    series = np.zeros((count, n))
+    for k in (1, 2):
+        series += np.outer(1.0 - np.cos(k * phase), rng.normal(size=n)) / (2.0 * k)
+        series += np.outer(np.sin(k * phase), rng.normal(size=n)) / k
+    series *= rng.uniform(0.0, 0.5) * np.minimum(half, _WIDEST)
+    rows = np.zeros((paths.spread.shape[1], n))
+    rows[:count] = series
+    unknowns = np.append(rows, relaxation.reference)
+    if paths.ends.end is not None:
+        return unknowns
+    end = paths.ends.start + rng.normal(size=n) * half * rng.uniform(0.1, 0.7)
+    return _with_end(relaxation, unknowns, np.clip(end, *ranges))
+
+
+def _with_end(relaxation: Relaxation, unknowns: Array, joints: Array) -> Array:
+    """Unknowns whose path ends at joints (n,)."""
+    n, row = relaxation.paths.joint_count, relaxation.paths.inner
+    changed = unknowns.copy()
+    changed[n * row : n * (row + 1)] = joints
+    return changed
+
+
+def _branches(relaxation: Relaxation) -> list[Array]:
+    """Ends (n,) of straight ways to the goal's pose, the shortest first."""
+    paths, target = relaxation.paths, relaxation.target
+    if paths.ends.end is not None or target.pose is None or target.task is None:
+        return []
+    model, start, task = target.problem.model, paths.ends.start, target.task
+    blank = np.append(np.zeros((paths.spread.shape[1], len(start))), relaxation.reference)
+    at_end = relaxation.attitude if target.attitude is None else target.attitude
+    p, R = _seen(relaxation, at_end)
+    found = toward(model, many_arm_branches(model, p, R, task).joints[0], start)
+    ends = []
+    for joints in found[np.argsort(np.abs(found - start).max(axis=1))]:
+        for _ in range(_ROUNDS if target.attitude is None else 0):
+            course = relaxation.course(_with_end(relaxation, blank, joints), 0)
+            p, R = _seen(relaxation, course.attitudes[-1])
+            following = newton_solutions(model, p, R, task, joints)[0]
+            if not np.isfinite(following).all():
+                break
+            joints = following
+        if (joints >= relaxation.ranges[0]).all() and (joints <= relaxation.ranges[1]).all():
+            ends.append(joints)
+    return ends
+
+
+def _seen(relaxation: Relaxation, attitude: Array) -> tuple[Array, Array]:
+    """The goal's pose in a spacecraft frame, positions (1, 3) and rotations (1, 3, 3)."""
+    pose = relaxation.target.pose_at(relaxation.reference).seen_from(attitude)
+    return pose.position[None], pose.rotation[None]

@@ -1,0 +1,69 @@
+"""Phases in which the joints move to a goal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from freefloat.errors import require_type
+from freefloat.limits.limits import Limits
+from freefloat.motion.problem import Problem
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import TimedPath, Timing
+from freefloat.planning.goals.goal import Goal
+from freefloat.planning.goals.goal_motion import GoalMotion
+from freefloat.planning.goals.mover import Start, move_from
+from freefloat.planning.phases.expected_state import ExpectedState
+from freefloat.planning.phases.phase import Phase
+from freefloat.planning.phases.state import SystemState
+from freefloat.so3 import Pose
+
+
+@dataclass(frozen=True, eq=False)
+class GoalPhase(Phase):
+    """A motion of the joints to a goal, from the state at which the phase before ends.
+
+    Attributes:
+        goal: What shall hold at the end; an inertial pose is in the frame of the manoeuvre.
+        name: Its name; by default ``"goal"``, with a number where another phase has that name.
+
+    Example:
+        >>> ff.GoalPhase(ff.Goal(joints=[0.2, -0.4]), name="berth").name
+        'berth'
+    """
+
+    kind: ClassVar[str] = "goal"
+
+    goal: Goal
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        require_type("goal", self.goal, Goal, "a Goal, such as Goal(joints=joints)")
+        require_type("name", self.name, str, "a name")
+
+    def expected_after(self, state: ExpectedState) -> ExpectedState:
+        """See :class:`~freefloat.planning.phases.phase.Phase`."""
+        goal = self.goal
+        goal.require_applicable(state.problem.replace(start_joints=None))
+        if goal.duration is None:
+            return replace(state, pose=None, twist=None)
+        known = goal.frame == "inertial"
+        twist = np.zeros(6) if goal.pose is not None and known else None
+        return state.after(state.resting(goal.duration), None, goal.pose if known else None, twist)
+
+    def problem_at(self, state: SystemState) -> Problem:
+        """See :class:`~freefloat.planning.phases.phase.Phase`; its path is not followed."""
+        path = state.problem.path
+        timing = Timing(self.goal.duration or path.duration, TimeLaw.UNIFORM)
+        return state.problem_for(TimedPath(path.path, timing, path.drift))
+
+    def run(self, state: SystemState, limits: Limits) -> GoalMotion:
+        """The motion to the goal from a state."""
+        goal = self.goal
+        if goal.pose is not None and goal.frame == "inertial":
+            pose = Pose(goal.pose.position - state.centre, goal.pose.rotation)
+            goal = replace(goal, pose=pose)
+        start = Start(state.attitude, state.joints, state.joint_rates)
+        return move_from(self.problem_at(state), start, goal, limits)
