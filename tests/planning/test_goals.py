@@ -15,7 +15,7 @@ from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.motion.joint_spline import JointSpline
 from freefloat.planning.goals.clearances import Clearances
 from freefloat.planning.goals.joint_paths import Ends, JointPaths
-from freefloat.planning.goals.kernel import Arm
+from freefloat.planning.goals.placements import Arm
 
 START = [0.0, 0.8, -1.2, 0.0, 0.6, 0.0]
 STATE = ([0.0, 0.0, 0.0, 1.0], START)

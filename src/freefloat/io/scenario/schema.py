@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
 from freefloat.dynamics.measures import MeasureName
 from freefloat.dynamics.momentum import Task
@@ -128,11 +128,20 @@ _NOT_FOLLOWED: dict[str, Any] = {
 """What a scenario with a goal has in place of its path."""
 
 
+def _require_goal_or_path(schema: dict[str, Any]) -> None:
+    """State in a JSON schema that a scenario has a goal, or task, path and timing."""
+    keys = [key for key in schema["required"] if key in OF_PATHS]
+    schema["required"] = [key for key in schema["required"] if key not in OF_PATHS]
+    schema["oneOf"] = [{"required": ["goal"]}, {"required": keys}]
+
+
 class ScenarioFile(Section):
     """A scenario: robot, task, momentum, path, timing, margin, search, limits and scene.
 
     One with ``goal`` has neither task, path, timing nor margin.
     """
+
+    model_config = ConfigDict(json_schema_extra=_require_goal_or_path)
 
     robot: RobotSection
     task: Task

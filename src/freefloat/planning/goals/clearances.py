@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.problem import Problem
 from freefloat.planning.goals.joint_paths import Course, JointPaths
-from freefloat.planning.goals.kernel import Arm, place_all
+from freefloat.planning.goals.placements import Arm, place_all
 from freefloat.planning.goals.violations import Violations
 from freefloat.so3 import Array, IntArray, Pose
 

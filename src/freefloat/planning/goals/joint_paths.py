@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from freefloat.motion.joint_spline import DEGREE, JointSpline, spline_basis
-from freefloat.planning.goals.kernel import GAUSS, Arm, Buffers, march
+from freefloat.planning.goals.attitude_kernel import GAUSS, Buffers, JointSamples, march
+from freefloat.planning.goals.placements import Arm
 from freefloat.so3 import Array
 
 INTERVALS = 8
@@ -192,10 +193,7 @@ class JointPaths:
         attitudes[0] = attitude
         turns, slopes = np.zeros((N + 1, 3, width)), np.empty((2 * N, 3, width))
         buffers = Buffers(attitudes, turns, np.empty((2 * N, 3)), slopes)
-        duration = [unknowns[-1], 0.0, 0.0]
-        march(
-            arm, q, rates, self.gauss @ self.fixed[1], self.basis,
-            np.vstack([momenta, duration]), buffers, order,
-        )  # fmt: skip
+        samples = JointSamples(q, rates, self.gauss @ self.fixed[1], self.basis)
+        march(arm, samples, momenta, float(unknowns[-1]), buffers, order)
         joints = self.edges @ points
         return Course(unknowns, joints, rates, attitudes, turns, buffers.omega, slopes)

@@ -30,7 +30,7 @@ from freefloat.planning.goals.clearances import Clearances
 from freefloat.planning.goals.goal import Goal
 from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.planning.goals.joint_paths import Ends, JointPaths
-from freefloat.planning.goals.kernel import Arm
+from freefloat.planning.goals.placements import Arm
 from freefloat.planning.goals.relaxation import Relaxation
 from freefloat.planning.goals.search import GoalSearch
 from freefloat.planning.goals.violations import ShapeLimits, StateLimits

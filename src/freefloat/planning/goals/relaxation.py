@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from freefloat.planning.goals.joint_paths import Course, JointPaths
-from freefloat.planning.goals.kernel import Arm
+from freefloat.planning.goals.placements import Arm
 from freefloat.planning.goals.target import Target
 from freefloat.planning.goals.violations import ShapeLimits
 from freefloat.so3 import Array
