@@ -14,7 +14,8 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.io.scenario.scenario import Scenario, scenario_of
+from freefloat.io.scenario.scenario import Scenario
+from freefloat.io.scenario.writing import scenario_of
 from freefloat.paths import Curve, TimeLaw
 from freefloat.so3 import Pose, unit_quaternion
 from tests.errors import error_key

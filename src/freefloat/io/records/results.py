@@ -21,8 +21,9 @@ from freefloat.io.records.differences import differences
 from freefloat.io.records.hdf5 import AlteredFileError, read_hdf5, write_hdf5
 from freefloat.io.records.kinds import CODEC, KINDS, Result
 from freefloat.io.records.manoeuvres import decode_manoeuvre
-from freefloat.io.scenario.scenario import Scenario, parse_scenario, scenario_of
+from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.io.scenario.scene_section import file_shapes, parse_shapes, shapes_text
+from freefloat.io.scenario.writing import scenario_of
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.phases.manoeuvre import Manoeuvre

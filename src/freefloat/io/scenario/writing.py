@@ -1,0 +1,69 @@
+"""Scenarios that pose given problems, for files of results."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from freefloat.dynamics.redundancy import Toward
+from freefloat.io.scenario.limits_section import limits_content
+from freefloat.io.scenario.path_section import section_of
+from freefloat.io.scenario.scenario import Scenario, parse_scenario
+from freefloat.io.scenario.scene_section import file_shapes, scene_content
+from freefloat.limits.limits import Limits
+from freefloat.motion.problem import Problem
+from freefloat.planning.settings import Search
+
+
+def scenario_of(
+    problem: Problem, search: Search | None = None, limits: Limits | None = None
+) -> Scenario:
+    """Scenario that poses a problem: the inverse of :meth:`Scenario.problem`.
+
+    Its robot is that of the problem; the text names the URDF that it came from.
+
+    Raises:
+        InputError: If scenario files cannot describe the path of the problem.
+    """
+    model = problem.model
+    stated, timing = problem.path.stated
+    margin = problem.margin
+    search = search or Search(joints=problem.start_joints)
+    limits = limits or Limits()
+    shapes = file_shapes(problem.scene)
+    path, samples = section_of(stated)
+    if problem.path.frame is not None:
+        path["frame"] = problem.path.frame
+    sections: dict[str, dict[str, Any]] = {
+        "robot": {
+            "urdf": model.description.source,
+            "end_effector": model.end_effector,
+            "held": {name: float(value) for name, value in model.fixed_joints.items()},
+        },
+        "path": path,
+        "timing": {
+            "duration": float(timing.duration),
+            "law": str(timing.law),
+            "stops": [{"s": float(stop.s), "t": float(stop.t)} for stop in timing.stops],
+            "speeds": [list(pair) for pair in timing.speeds],
+        },
+        "margin": {"measure": margin.measure.name, "value": float(margin.threshold)},
+        "search": search.to_dict(),
+        "limits": limits_content(limits, model.joint_names),
+        "scene": scene_content(problem.scene),
+    }
+    if problem.redundancy is not None:
+        sections["redundancy"] = problem.redundancy.to_dict()
+        if problem.redundancy.toward is Toward.NONE:
+            sections["redundancy"] |= {"gain": None, "bound": None}
+    content = {"task": str(problem.task), "momentum": problem.momentum.tolist()}
+    if problem.wheel_momentum.any():
+        sections["wheels"] = {"momentum": problem.wheel_momentum.tolist()}
+    if problem.path.drifts:
+        content["drift"] = problem.path.drift.tolist()
+    for name, section in sections.items():
+        content[name] = {key: value for key, value in section.items() if value is not None}
+    text = yaml.safe_dump(content, sort_keys=False)
+    return parse_scenario(text, Path("scenario.yaml"), samples, model, shapes)
