@@ -126,6 +126,7 @@ def test_the_end_effector_arrives_with_a_tumbling_body(model: ff.FreeFloatingMod
     assert velocity == pytest.approx(np.cross(R @ end[9:], R @ grapple), abs=1e-7)
 
 
+@pytest.mark.slow
 def test_why_a_goal_is_not_reached() -> None:
     model = ff.FreeFloatingModel.from_urdf("planar_2dof")
     system, state = ff.System(model), ([0.0, 0.0, 0.0, 1.0], [0.3, 0.7])

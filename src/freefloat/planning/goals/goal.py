@@ -29,14 +29,14 @@ class Goal:
     """What shall hold at the end of a motion; the joints rest there.
 
     Attributes:
-        pose: Of the end-effector; None where it is free.
-        attitude: Of the spacecraft, unit quaternion x, y, z, w; None where it is free.
+        pose: Pose of the end-effector; None where it is free.
+        attitude: Attitude of the spacecraft, unit quaternion x, y, z, w; None where it is free.
         joints: Joint values [rad or m], shape (n,); None where they are free.
-        frame: Of the pose: ``"inertial"``, that of the manoeuvre; where the motion begins,
+        frame: Frame of the pose: ``"inertial"``, that of the manoeuvre; where the motion begins,
             ``"spacecraft"``, the root link, ``"base"``, the link that carries the first joint, or
             ``"end_effector"``; or the name of a body of the scene: the end-effector arrives with
             the body's twist, and the joints do not rest.
-        duration: [s]; None for the shortest one found that limits permit.
+        duration: Duration [s]; None for the shortest one found that limits permit.
 
     Raises:
         InputError: If nothing is to be reached, or a value is of another kind.

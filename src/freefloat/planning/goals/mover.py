@@ -51,9 +51,9 @@ class Start(NamedTuple):
     """The state at which a motion begins.
 
     Attributes:
-        attitude: Of the spacecraft, unit quaternion x, y, z, w.
-        joints: Shape (n,).
-        joint_rates: [rad/s or m/s], shape (n,).
+        attitude: Attitude of the spacecraft, unit quaternion x, y, z, w.
+        joints: Joint values [rad or m], shape (n,).
+        joint_rates: Joint rates [rad/s or m/s], shape (n,).
     """
 
     attitude: Array
@@ -96,7 +96,7 @@ def move(
         >>> state = [0.0, 0.0, 0.0, 1.0], [0.3, 0.7]
         >>> result = ff.move(system, state, ff.Goal(joints=[0.6, 0.2]), limits)
         >>> result.feasible, round(result.duration, 1)
-        (True, 5.9)
+        (True, 5.5)
     """
     require_type("system", system, System, "a System, such as System(model)")
     require_type("goal", goal, Goal, "a Goal, such as Goal(joints=joints)")

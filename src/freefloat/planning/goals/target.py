@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import Task
 from freefloat.motion.problem import Problem
-from freefloat.planning.goals.joint_paths import Course, JointPaths
 from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, Pose, rotation_vector_between
+
+if TYPE_CHECKING:  # goals of scenarios are read without compiled kernels
+    from freefloat.planning.goals.joint_paths import Course, JointPaths
 
 _STEP = 1e-6
 """Step of the differences [rad, m]; of the duration over that."""
@@ -24,10 +27,10 @@ class EndState:
     """The last state of a path.
 
     Attributes:
-        time: [s].
-        attitude: Of the spacecraft, shape (3, 3).
-        joints: Shape (n,).
-        joint_rates: [rad/s or m/s], shape (n,).
+        time: Time [s].
+        attitude: Attitude of the spacecraft, shape (3, 3).
+        joints: Joint values [rad or m], shape (n,).
+        joint_rates: Joint rates [rad/s or m/s], shape (n,).
     """
 
     time: float
@@ -42,8 +45,9 @@ class Target:
 
     Attributes:
         problem: Robot, momentum and drift.
-        attitude: Of the spacecraft, shape (3, 3); None where it is free.
-        pose: Of the end-effector in the frame of the motion, or of the body; None where it is free.
+        attitude: Attitude of the spacecraft, shape (3, 3); None where it is free.
+        pose: Pose of the end-effector in the frame of the motion, or of the body; None where it is
+            free.
         body: A body of the scene whose frame the pose is in: the end-effector moves with it.
         oriented: Whether the orientation of the pose counts.
     """

@@ -14,7 +14,6 @@ from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import TimedPath, Timing
 from freefloat.planning.goals.goal import Goal
 from freefloat.planning.goals.goal_motion import GoalMotion
-from freefloat.planning.goals.mover import Start, move_from
 from freefloat.planning.phases.expected_state import ExpectedState
 from freefloat.planning.phases.phase import Phase
 from freefloat.planning.phases.state import SystemState
@@ -61,6 +60,8 @@ class GoalPhase(Phase):
 
     def run(self, state: SystemState, limits: Limits) -> GoalMotion:
         """The motion to the goal from a state."""
+        from freefloat.planning.goals.mover import Start, move_from  # compiled kernels
+
         goal = self.goal
         if goal.pose is not None and goal.frame == "inertial":
             pose = Pose(goal.pose.position - state.centre, goal.pose.rotation)
