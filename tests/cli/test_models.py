@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import shutil
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,7 @@ import freefloat as ff
 from freefloat.cli.models import catalogue
 from freefloat.robot.names import bundled_robots, bundled_scenarios, bundled_studies, models_folder
 from freefloat.so3 import Pose, rotation_matrix, unit_quaternion
-from tests.commands import document, error, run
+from tests.commands import document, run
 
 ENTRIES = {entry.name: entry for group in catalogue().values() for entry in group}
 
@@ -79,17 +78,6 @@ def test_info_lists_scene_pointing_turn_and_wheels_of_a_scenario() -> None:
     assert shown["wheel_momentum"] == scenario["wheels"]["momentum"]
     assert "outside" in run("info", "servicing/inspect_client").stdout
     assert not {"scene", "pointing"} & document("info", "spatial_6dof").keys()
-
-
-@pytest.mark.slow
-def test_info_takes_an_end_effector_and_stock_arms() -> None:
-    robot = document("info", "spatial_6dof", "--end-effector", "link_3")
-    assert (robot["end_effector"], robot["dof"]) == ("link_3", 3)
-    robot = document("info", "example-robot-data:panda", "--end-effector", "panda_link8")
-    assert robot["dof"] == 7
-    assert math.isclose(robot["total_mass"], 17.451901, abs_tol=1e-9)
-    assert error("info", "spatial_6dof/line", "--end-effector", "link_3")["key"] == "end_effector"
-    assert error("info", "spatial_6dof", "--end-effector", "none")["key"] == "end_effector"
 
 
 @pytest.mark.slow

@@ -109,16 +109,3 @@ def test_a_plan_that_violates_limits_alone_has_a_motion_and_a_page(folder: Path)
     failed = [entry for entry in document("check", "plan.h5", code=1)["checks"]
               if not entry["passed"]]  # fmt: skip
     assert [entry["name"] for entry in failed] == ["feasible"]
-
-
-@pytest.mark.slow
-def test_limits_are_printed_with_a_stretched_duration(folder: Path) -> None:
-    line = (models_folder() / "planar_2dof" / "line.yaml").read_text("utf-8")
-    path, _, _ = line.partition("limits:")
-    (folder / "fast.yaml").write_text(path + "limits: {joint_rate: 0.05, joint_torque: 0.1}")
-    assert document("plan", "fast.yaml", code=1)["stretched_duration"] > 30.0
-    plan = document("plan", "fast.yaml", "--stretch", "-o", "plan.h5")
-    assert plan.keys() >= KEYS
-    assert plan["duration"] > 30.0
-    assert all(entry["kept"] for entry in plan["limits"])
-    assert ff.load("plan.h5").problem.path.duration == pytest.approx(plan["duration"])

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import freefloat as ff
@@ -38,15 +36,6 @@ def test_an_altered_loop_is_a_discrepancy(file: Path) -> None:
     altered = replace(loaded, motion=replace(loaded.motion, curve=changed))
     report = ff.check(altered)
     assert {entry.name for entry in report.discrepancies} >= {"integrated again", "final attitude"}
-
-
-@pytest.mark.slow
-def test_an_export_has_the_rates_of_the_joints(file: Path, tmp_path: Path) -> None:
-    document("export", file, "-o", tmp_path / "turn.json", "--times", 2001)
-    rows = json.loads((tmp_path / "turn.json").read_text())["trajectory"]
-    times, joints = np.array(rows["time"]), np.array(rows["joints"])
-    differences = np.gradient(joints, times, axis=0, edge_order=2)
-    np.testing.assert_allclose(rows["joint_rates"], differences, atol=2e-4)
 
 
 @pytest.mark.slow

@@ -31,25 +31,12 @@ from freefloat.paths import (
 )
 from freefloat.paths.orientation import OrientationSpline
 from freefloat.so3 import angle_between, heading_quaternion
-from tests.ensembles import CODES, FINE, both, dense, headings, random_attitudes, states
+from tests.ensembles import FINE, both, dense, headings, random_attitudes, states
 from tests.errors import error_key
-from tests.motions import BAD, GOOD, PitchOrientation, bundled, from_here, problem_with, simulated
+from tests.motions import BAD, GOOD, bundled, from_here, problem_with, simulated
 from tests.robots import planar_robot, random_robot
 
 # ------------------------------------------------------------------------------ the examples
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("attitude", [GOOD, BAD], ids=["good", "bad"])
-def test_every_branch_of_example_2(spatial: ff.Problem, attitude: list[float]) -> None:
-    """From the bad attitude four of eight branches end at C, the others complete."""
-    cases = both(spatial, *states(spatial, spatial.attitude(attitude)))
-    assert len(cases) == 8
-    for case in cases:
-        case.assert_same()
-        if case.motion.completed:
-            case.assert_same_extent()
-    assert sum(not case.motion.completed for case in cases) == (4 if attitude is BAD else 0)
 
 
 @pytest.mark.parametrize(
@@ -297,32 +284,6 @@ def test_states_that_kernels_could_not_read_are_refused(
     assert error_key(lambda: integrator.integrate(**given)) in {key, "attitudes"}
 
 
-@pytest.mark.slow
-def test_wrists_that_barely_reach_the_singularity(spatial: ff.Problem) -> None:
-    """The end-effector pitches in the arm's plane; q5 approaches zero at finite rates."""
-    pitch = np.array([0.0, 0.6, -1.3, 0.0, 0.3, 0.0])
-    attitude = np.array([0.0, 0.0, 0.0, 1.0])
-    pose = spatial.model.end_effector_pose(attitude, pitch)
-    line = PolynomialCurve.line(pose.position, pose.position + np.array([-0.3, 0.0, 0.3]))
-    endings = []
-    for amplitude in np.linspace(0.1, 0.4, 25):
-        law = PitchOrientation(np.array(pose.rotation), float(amplitude))
-        problem = problem_with(
-            spatial.model, ff.Task.POSE, (0.0, 0.2, 0.0), line, law, ff.Timing(20.0)
-        )
-        (case,) = both(problem, attitude[None], pitch[None])
-        assert case.coarse.endings[0] == CODES[case.motion.ending]
-        if case.motion.completed:
-            case.assert_same()
-        else:
-            late = case.coarse.ended_at[0] - case.motion.final.time
-            assert abs(late) < 1e-2 * problem.path.duration
-            assert case.coarse.minimum[0] == 0.0
-        endings.append(case.motion.ending)
-    assert endings[0] is Ending.COMPLETED
-    assert endings[-1] is Ending.SINGULAR
-
-
 # ------------------------------------------------------------------------- beginnings and ends
 
 
@@ -396,23 +357,6 @@ def test_rates_at_the_start_count(spatial: ff.Problem, when: float) -> None:
     assert (later.rates[0] >= np.abs(first) * (1.0 - 1e-9)).all()
 
 
-def test_momenta_are_those_of_problems_with_them(spatial: ff.Problem) -> None:
-    """One momentum for all, or one for each motion."""
-    momenta = np.array([[0.5, 0.3, 0.1], [0.0, 0.0, 0.0], [-1.0, 0.4, 0.9]])
-    start = spatial.attitude(GOOD)
-    attitudes, joints = np.tile(start, (3, 1)), np.tile(spatial.branches(start)[2].joints, (3, 1))
-    integrator = EnsembleIntegrator(spatial, 1)
-    mixed = integrator.integrate(attitudes, joints, Systems.of(spatial, momenta))
-    for k, momentum in enumerate(momenta):
-        single = replace(spatial, momentum=momentum)
-        result = EnsembleIntegrator(single, 1).integrate(attitudes[k : k + 1], joints[k : k + 1])
-        np.testing.assert_array_equal(mixed.joints[k], result.joints[0])
-        assert mixed.minimum[k] == result.minimum[0]
-    assert np.abs(mixed.joints[1] - mixed.joints[0]).max() > 0.01
-    everyone = integrator.integrate(attitudes, joints, Systems.of(spatial, momenta[2]))
-    np.testing.assert_array_equal(everyone.joints, np.tile(mixed.joints[2], (3, 1)))
-
-
 def test_stop_below_changes_no_other_motion(spatial: ff.Problem) -> None:
     """Motions that pass the value end soon after they do; the others are the same to the bit."""
     attitudes, joints = states(spatial, random_attitudes(12, 31))
@@ -457,37 +401,6 @@ def test_margin_violations_precede_singularities(spatial: ff.Problem) -> None:
     first = np.abs([spatial.margin.measure(q) for q in joints])
     np.testing.assert_allclose(at_once.minimum, first, rtol=1e-10)
     assert not at_once.keeps(5.0).any()
-
-
-@pytest.mark.parametrize("wrist", [0.0, -1e-12])
-def test_a_straight_wrist_at_the_start_is_singular(spatial: ff.Problem, wrist: float) -> None:
-    attitude = random_attitudes(1, 5)[0]
-    joints = JOINTS.copy()
-    joints[4] = wrist
-    problem = from_here(
-        spatial.model, ff.Task.POSE, (0.3, 0.1, 0.2), attitude, joints, [-0.25, 0.2, -0.2],
-        [0.2, -0.3, 0.4], ff.Timing(20.0),
-    )  # fmt: skip
-    result = EnsembleIntegrator(problem, 1).integrate(attitude[None], joints[None])
-    assert ff.integrate_motion(problem, attitude, joints).ending is Ending.SINGULAR
-    assert (result.endings[0], result.minimum[0]) == (SINGULAR, 0.0)
-    assert result.ended_at[0] == pytest.approx(0.0, abs=1e-3)
-    np.testing.assert_allclose(result.joints[0], joints, rtol=0, atol=0.05)
-
-
-def test_a_stretched_redundant_arm_at_the_start_is_singular() -> None:
-    """S S^T of a planar arm of three equal links, straight, on a very heavy spacecraft."""
-    text = planar_robot([1e9, 1, 1, 1], [1e9, 0.1, 0.1, 0.1], [0.5] * 3, [0.5] * 4)
-    model = ff.FreeFloatingModel.from_urdf(text, "end_effector")
-    attitude, q = headings(0.0), np.zeros((1, 3))
-    problem = from_here(
-        model, ff.Task.PLANAR_POSITION, (0.0, 0.0, 0.0), attitude[0], q[0], [-0.5, 0.1, 0.0],
-        [0, 0, 0], ff.Timing(20.0),
-    )  # fmt: skip
-    assert ff.integrate_motion(problem, attitude[0], q[0]).ending is Ending.SINGULAR
-    result = EnsembleIntegrator(problem, 1).integrate(attitude, q)
-    assert (result.endings[0], result.minimum[0]) == (SINGULAR, 0.0)
-    assert result.ended_at[0] < 1e-2
 
 
 # ------------------------------------------------------------------------------- many at once

@@ -73,20 +73,6 @@ def test_results_are_those_of_simulations(name: str, count: int) -> None:
 
 
 @pytest.mark.parametrize(("name", "count"), CASES)
-def test_missing_branches_have_no_results(name: str, count: int) -> None:
-    """NaN joints, ending -1, margin zero."""
-    _, attitudes, results = evaluated(name, count)
-    none = results.motions.endings == UNREACHED
-    assert results.attitudes is attitudes
-    lower = results.motions.lower
-    assert np.isnan(results.joints[none]).all()
-    assert np.isnan(lower[none]).all()
-    assert (results.motions.minimum[none] == 0.0).all()
-    assert (results.motions.evaluations[none] == 0).all()
-    assert (lower[~none] <= results.joints[~none] + 1e-12).all()
-
-
-@pytest.mark.parametrize(("name", "count"), CASES)
 def test_single_branches_agree_with_columns_of_all(name: str, count: int) -> None:
     """To the bit, unless wrist-flipped; a number no attitude has gives an empty table."""
     problem, attitudes, results = evaluated(name, count)
@@ -159,43 +145,11 @@ def test_attitudes_out_of_reach_have_no_results() -> None:
     np.testing.assert_array_equal(evaluator.keeps(averted, None), [False, False])
 
 
-@pytest.mark.slow
-def test_branches_of_a_redundant_arm() -> None:
-    problem = bundled("panda_servicer/line")
-    evaluator = FeasibilityEvaluator(problem, 1)
-    attitude = np.array([[0.0, 0.0, 0.0, 1.0]])
-    results = evaluator.evaluate(attitude)
-    numbers = np.flatnonzero(results.motions.endings[0] != UNREACHED)
-    assert len(numbers) > 3
-    for branch in numbers[:2]:
-        simulation = ff.simulate(problem, attitude[0], joints=results.joints[0, branch])
-        motion = simulation.chosen.motion
-        assert results.motions.endings[0, branch] == CODES[motion.ending]
-        if motion.completed:
-            assert results.motions.minimum[0, branch] == pytest.approx(
-                simulation.chosen.closest_approach.value, rel=1e-3
-            )
-
-
-@cache
-def heavy_wrist() -> ff.Problem:
-    """Example 2 with ten kilograms a decimetre off the axis of the last joint."""
-    light = bundled("spatial_6dof/line")
-    text = (models_folder() / "spatial_6dof" / "spatial_6dof.urdf").read_text()
-    before, after = text.split('<link name="link_5">')
-    mass = '<origin xyz="0 0 0.1"/><mass value="10"/>'
-    text = before + '<link name="link_5">' + after.replace('<mass value="1e-6"/>', mass, 1)
-    model = ff.FreeFloatingModel.from_urdf(text, "end_effector")
-    margin = ff.Margin(ff.singularity_measure(model, light.task, "gjm"), 0.0)
-    return ff.Problem(model, light.path, light.task, light.momentum, margin)
-
-
 def test_wrist_flipped_branches_need_a_perpendicular_massless_wrist() -> None:
     assert has_wrist_flipped_branches(bundled("spatial_6dof/line"))
     for name in ("ur5_servicer/arc", "panda_servicer/line", "planar_3dof/parabola"):
         assert not has_wrist_flipped_branches(bundled(name))
         assert not FeasibilityEvaluator(bundled(name), 1).wrist_flipped
-    assert not has_wrist_flipped_branches(heavy_wrist())
 
 
 @pytest.mark.parametrize("link", ["link_4", "link_5"])
@@ -243,15 +197,3 @@ def test_derived_wrist_flipped_branches_agree_with_integrated_ones() -> None:
             # rates and ranges are those at the integrator's steps
             assert off.max() < (2e-4 if name == "joints" else 0.02 * size), (name, off.max())
     assert done > 100
-
-
-@pytest.mark.slow
-def test_heavy_wrists_have_distinct_branches() -> None:
-    """Their margins differ."""
-    problem, attitudes = heavy_wrist(), attitude_grid(6, 2)
-    results = FeasibilityEvaluator(problem, 1).evaluate(attitudes)
-    apart = np.abs(results.margins[:, ::2] - results.margins[:, 1::2])
-    assert apart.max() > 1e-3 * results.margins.max()
-    for arm in ff.simulate(problem, attitudes[0]).branches:
-        value = arm.closest_approach.value if arm.motion.completed else 0.0
-        assert results.margins[0, arm.branch.index] == pytest.approx(value, rel=1e-3)

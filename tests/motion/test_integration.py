@@ -5,12 +5,10 @@ from functools import partial
 
 import numpy as np
 import pytest
-from scipy.integrate import DOP853
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.dynamics.joint_space import joint_space_extremes
-from freefloat.errors import IntegrationError
 from freefloat.motion.motion import Ending
 from freefloat.paths import (
     FixedOrientation,
@@ -24,7 +22,6 @@ from tests.motions import (
     GOOD,
     PitchOrientation,
     from_here,
-    heading,
     on_side,
     problem_with,
     seven,
@@ -99,20 +96,6 @@ def test_a_motion_may_begin_and_end_anywhere_on_its_way(spatial):
     assert_close(back.final.joints, first.final.joints, atol=1e-7)
 
 
-def test_stops_are_passed_in_both_directions(planar):
-    """From before F to after F and back again, over the rest and over its exact time."""
-    start = on_side(planar, 200.0, 1)
-    for begin, t in ((60.0, 69.73), (60.0, 80.0), (69.73, 80.0)):
-        (state,) = start.sample(begin)
-        on = ff.integrate_motion(planar, state.attitude, state.joints, start=begin, end=t)
-        back = ff.integrate_motion(planar, on.final.attitude, on.final.joints, start=t, end=begin)
-        assert (np.diff(on.times) > 0.0).all()
-        assert (np.diff(back.times) < 0.0).all()
-        assert_close(back.final.joints, state.joints, atol=1e-8)
-        (expected,) = start.sample(t)
-        assert_close(on.final.joints, expected.joints, atol=1e-8)
-
-
 # --- redundant arms ----------------------------------------------------------------------------
 
 
@@ -145,31 +128,6 @@ def test_a_redundant_arm_does_not_creep_along_a_singularity(spatial, monkeypatch
     assert values[-1] < 1e-4 * values[0]
 
 
-# --- long and short ----------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("ratio", "panels"), [(0.9e-9, False), (1.1e-9, True)])
-def test_a_start_is_singular_below_a_billionth_of_the_largest_singular_value(
-    spatial, ratio, panels
-):
-    """With the wrist nearly straight; above, the motion begins."""
-
-    def singular_values(q5):
-        joints = np.append(PITCH[:4], [q5, 0.0])
-        S = ff.generalized_jacobian(spatial.model, joints)
-        return joints, np.linalg.svd(S, compute_uv=False)
-
-    _, values = singular_values(1e-6)
-    joints, _ = singular_values(1e-6 * ratio * values[0] / values[-1])
-    problem = from_here(
-        spatial.model, ff.Task.POSE, [0, 0.2, 0], heading(0.0), joints, [-0.3, 0, 0.3], [0, 0.9, 0],
-        ff.Timing(20.0),
-    )  # fmt: skip
-    motion = ff.integrate_motion(problem, heading(0.0), joints)
-    assert motion.ending is Ending.SINGULAR
-    assert (motion.panels > 0) == panels
-
-
 # --- the integrator ----------------------------------------------------------------------------
 
 
@@ -184,17 +142,6 @@ def test_the_error_shrinks_with_the_tolerance(spatial):
         assert (np.array(result[1:]) < 0.1 * np.array(result[:-1])).all()
         assert result[-1] < 1e-8
         assert result[0] > 1e-6  # it was not exact to begin with
-
-
-def test_a_step_that_fails_raises(spatial, monkeypatch):
-    def fail(solver):
-        solver.status = "failed"
-        return "no step is small enough"
-
-    monkeypatch.setattr(DOP853, "step", fail)
-    with pytest.raises(IntegrationError) as caught:
-        simulated(spatial, GOOD, 2)
-    assert caught.value.time == 0.0
 
 
 def test_rotating_the_whole_problem_rotates_the_motion(spatial):

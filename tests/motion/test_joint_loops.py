@@ -45,27 +45,11 @@ def test_the_turn_does_not_depend_on_the_timing() -> None:
     np.testing.assert_allclose(slow, fast, atol=1e-10)
 
 
-def test_loops_multiply_their_rotation() -> None:
-    problem = without_momentum("spatial_6dof/line")
-    one, three = (integrate_loops(problem, spatial(count), IDENTITY) for count in (1, 3))
-    expected = Rotation.from_quat(one.final.attitude) ** 3
-    difference = expected.inv() * Rotation.from_quat(three.final.attitude)
-    assert difference.magnitude() < 1e-9
-
-
 def test_the_quick_rotation_is_that_of_the_precise_motion() -> None:
     problem, loops = without_momentum("spatial_6dof/line"), spatial()
     precise = integrate_loops(problem, loops, IDENTITY).final.attitude
     quick = loop_rotations(problem.model, loops.joints, loops.coefficients)
     assert (Rotation.from_quat(precise).inv() * Rotation.from_quat(quick)).magnitude() < 1e-4
-
-
-def test_derivatives_of_loops_are_those_of_differences() -> None:
-    loops, s, step = spatial(2), np.linspace(0.1, 0.9, 5), 1e-5
-    for order in (0, 1):
-        ahead, behind = loops.at(s + step, order), loops.at(s - step, order)
-        expected = loops.at(s, order + 1)
-        np.testing.assert_allclose((ahead - behind) / (2 * step), expected, rtol=1e-6, atol=1e-4)
 
 
 @pytest.mark.slow

@@ -8,14 +8,12 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.limits.pairs import CollisionPairs
-from freefloat.planning.joints.loop_count import MOST_LOOPS, LoopCountSearch
-from freefloat.planning.joints.loop_motion import LoopMotions
+from freefloat.planning.joints.loop_count import LoopCountSearch
 from freefloat.verification.engines.mujoco import forward_run
 from freefloat.verification.engines.mujoco_model import Engine
 from tests.errors import error_key
 
 IDENTITY = [0.0, 0.0, 0.0, 1.0]
-EFFORT = 'effort="9" velocity="9"/>'
 LARGEST_SIMPLE = 103.32
 """Largest turn of the arm with two joints by one simple loop [deg]."""
 BENT = [0.0, 0.8, -1.2, 0.0, 0.6, 0.0]
@@ -121,19 +119,6 @@ def test_a_duration_below_the_least_possible_one_is_answered_without_a_search(mo
     assert untimed.needed == {"duration": problem.path.duration}
     slow = ff.Limits(base_rate=0.01)
     assert not ff.reorient(problem, IDENTITY, goal, slow, duration=np.radians(19.9) / 0.01).reached
-
-
-@pytest.mark.slow
-def test_narrow_joint_ranges_are_answered_with_a_factor() -> None:
-    text = ff.FreeFloatingModel.from_urdf("planar_2dof").description.text
-    narrow = text.replace('"continuous">', '"revolute"><limit lower="0.73" upper="0.87" ' + EFFORT)
-    model = ff.FreeFloatingModel.from_urdf(narrow)
-    problem = planar(model=model)
-    goal = problem.attitude(heading=np.radians(60.0))
-    motions = LoopMotions(problem, ff.Limits(), np.array([0.8, 0.8]), np.array(IDENTITY), goal)
-    search = LoopCountSearch(motions, seed=0)
-    assert search.exactly(MOST_LOOPS) is None
-    assert search.needed(None)["range_factor"] > 1.0
 
 
 def test_an_axis_about_which_loops_do_not_turn_is_out_of_reach() -> None:

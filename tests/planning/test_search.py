@@ -1,4 +1,4 @@
-"""The best, the nearest and the deepest attitude, of exactly known margins and of Example 2."""
+"""The best, the nearest and the deepest attitude of exactly known margins."""
 
 from __future__ import annotations
 
@@ -6,12 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.attitude_grids import attitude_grid, attitudes_within
-from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.planning.candidates import Peak
+from freefloat.attitude_grids import attitude_grid
 from freefloat.planning.space import climbing as attitude_search
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.climbing import (
@@ -21,13 +18,12 @@ from freefloat.planning.space.climbing import (
 from freefloat.planning.space.deepest_ball import deepest
 from freefloat.planning.space.nearest import nearest_with_spare
 from freefloat.planning.space.robust_radius import robust_radius
-from freefloat.so3 import angle_between, rotated, rotation_vector_to
+from freefloat.so3 import angle_between, rotated
 from tests.maps import branch_results
 
 MARGIN = 30.0
 SURPLUS = attitude_search._CERTAIN
 """Fraction by which compiled motions must exceed a margin."""
-BAD = np.array([0.1, 0.5, 0.2, -0.8367]) / np.linalg.norm([0.1, 0.5, 0.2, -0.8367])
 HERE, THERE = np.array([0.0, 0.0, 0.0, 1.0]), np.array([0.8, 0.0, 0.6, 0.0])
 
 Margins = Callable[[np.ndarray], np.ndarray]
@@ -73,9 +69,6 @@ def ball(centre: np.ndarray, radius: float) -> Margins:
 
 def either(*margins: Margins) -> Margins:
     return lambda q: np.max([margin(q) for margin in margins], axis=0)
-
-
-# landscapes known exactly
 
 
 def test_the_highest_peak_is_climbed_though_samples_favour_another(margin_30: ff.Problem) -> None:
@@ -169,52 +162,3 @@ def test_the_robust_radius_in_a_ball_is_the_way_to_its_rim(
     attitude = rotated(HERE, [0.0, off, 0.0])[0]
     radius = robust_radius(landscape, attitude, 0, spacing)
     assert 0.94 * (0.7 - off) < radius <= 0.7 - off
-
-
-# Example 2
-
-
-@pytest.fixture(scope="module")
-def peaks(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> list[Peak]:
-    return largest_margins(evaluator, samples)
-
-
-@pytest.mark.slow
-def test_the_largest_margin_is_a_local_maximum(
-    evaluator: FeasibilityEvaluator, peaks: list[Peak]
-) -> None:
-    """Nothing around it is better, near or far."""
-    best = peaks[0]
-    for radius in (1e-4, 1e-3, 1e-2, 0.1, 0.5):
-        around = attitudes_within(best.attitude, radius, 100, 17)
-        assert evaluator.margins(around, best.branch).max() < best.minimum_margin * (1.0 + 1e-4)
-
-
-PRESENT = [BAD, *Rotation.random(20, rng=np.random.default_rng(77)).as_quat()]
-
-
-@pytest.fixture(scope="module")
-def infeasible(evaluator: FeasibilityEvaluator) -> list[np.ndarray]:
-    """The paper's bad attitude and another."""
-    keeps = evaluator.keeps(np.array(PRESENT), None)
-    assert not keeps[0]
-    return [np.array(PRESENT[k]) for k in np.flatnonzero(~keeps)[:2]]
-
-
-@pytest.mark.slow
-def test_the_nearest_feasible_attitude_lies_on_the_boundary(
-    evaluator: FeasibilityEvaluator, samples: AttitudeMap, infeasible: list[np.ndarray]
-) -> None:
-    """Nearer than any sample; a little nearer in the same direction it violates the margin."""
-    for present in infeasible:
-        best, *others = nearest_feasible(evaluator, samples, present)
-        feasible = samples.attitudes[samples.feasible.any(axis=1)]
-        assert 0.0 < best.deviation <= angle_between(feasible, present).min()
-        assert best.deviation == pytest.approx(angle_between(best.attitude, present))
-        assert [entry.deviation for entry in others] == sorted(entry.deviation for entry in others)
-        for entry in (best, *others):
-            assert evaluator.keeps(entry.attitude[None], entry.branch)[0]
-        back = rotation_vector_to(best.attitude, present) / best.deviation
-        for degrees in (0.1, 0.3, 1.0):
-            nearer = rotated(best.attitude, np.radians(degrees) * back)
-            assert not evaluator.keeps(nearer, best.branch)[0]

@@ -287,30 +287,6 @@ def test_brute_force_finds_no_other_tangency_point(case):
     assert seen >= 0.5 * len(points)
 
 
-def keeps_rotated(problem, there, rotation_vector):
-    """Whether the margin is kept from a slightly rotated initial attitude."""
-    attitude = (
-        Rotation.from_quat(there.attitude) * Rotation.from_rotvec(rotation_vector)
-    ).as_quat()
-    branch = problem.branch_near(attitude, there.joints, problem.branches(attitude))
-    motion = ff.integrate_motion(problem, attitude, branch.joints)
-    approach = ff.closest_approach(motion, problem.margin.measure)
-    return motion.completed and problem.margin.keeps(approach.value)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("h", [MOMENTUM, STILL])
-def test_boundary_attitude_is_on_the_boundary(problem, h):
-    """0.2 degrees to one side the margin is kept, to the other it is violated."""
-    changed_problem = changed(problem, h=h)
-    for point in tangency_points(changed_problem, 0.1, 2.0)[:2]:
-        there = boundary_attitude(changed_problem, point)
-        sides = [keeps_rotated(changed_problem, there, side * np.deg2rad(0.2) * axis)
-                 for axis in np.eye(3) for side in (-1, 1)]  # fmt: skip
-        pairs = list(zip(sides[::2], sides[1::2], strict=True))
-        assert (True, False) in pairs or (False, True) in pairs
-
-
 def test_problems_without_tangency_points_are_refused(problem, tmp_path):
     """Planar tasks, other arms, zero margins."""
     planar = bundled("planar_3dof/parabola")

@@ -6,8 +6,6 @@ import csv
 import math
 import os
 import sqlite3
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +17,7 @@ from playwright.sync_api import Browser
 
 from freefloat.errors import InputError
 from freefloat.studies.database import open_results
-from freefloat.studies.report import heading, save_report
+from freefloat.studies.report import save_report
 from freefloat.studies.results import StudyResult
 from freefloat.studies.study import Study
 from freefloat.studies.tables import save_tables
@@ -85,20 +83,6 @@ def test_another_study_is_refused(
     assert len(finished(study, tmp_path / "out")) == 1
 
 
-def test_a_changed_robot_is_another_study_but_not_a_comment_or_folder(tmp_path: Path) -> None:
-    models = Path(__file__).parents[2] / "models"
-    text = (models / "planar_3dof" / "planar_3dof.urdf").read_text()
-    base = BASE | {"robot": {"urdf": "arm.urdf", "end_effector": "end_effector"}}
-    for name in ("a", "b"):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "arm.urdf").write_text(text)
-    first, second = (a_study(tmp_path / name, VARY, base=base, cases=4) for name in ("a", "b"))
-    finished(first, tmp_path / "out", FEASIBLE)
-    assert len(finished(second, tmp_path / "out")) == 1
-    (tmp_path / "b" / "arm.urdf").write_text(text.replace('value="40"', 'value="41"'))
-    assert error_key(finished, second, tmp_path / "out") == "output"
-
-
 def test_a_second_connection_is_refused(study: Study, tmp_path: Path) -> None:
     with (
         open_results(tmp_path / "out", study, ()),
@@ -106,24 +90,6 @@ def test_a_second_connection_is_refused(study: Study, tmp_path: Path) -> None:
     ):
         finished(study, tmp_path / "out")
     assert caught.value.key == "output"
-
-
-def test_rows_can_be_read_while_the_study_runs(study: Study, tmp_path: Path) -> None:
-    query = "import sqlite3; c = sqlite3.connect('study.sqlite', timeout=0)"
-    query += "; print(c.execute('SELECT count(*), max(margin) FROM runs').fetchall())"
-
-    def read() -> str:
-        command = [sys.executable, "-c", query]
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
-        return done.stdout.strip()
-
-    with open_results(tmp_path, study, ()) as database:
-        database.add([0], {"verdict": ["feasible"], "margin": [7.5]})
-        assert read() == "[(1, 7.5)]"
-        database.add([1], {"verdict": ["infeasible"], "margin": [2.5]})
-        assert read() == "[(2, 7.5)]"
-    assert list(tmp_path.glob("study.sqlite*")) == [tmp_path / "study.sqlite"]
-    assert not (tmp_path / "study.lock").exists()
 
 
 def test_a_folder_that_cannot_be_used_is_an_error(study: Study, tmp_path: Path) -> None:
@@ -214,26 +180,6 @@ def test_the_report_has_the_numbers_and_escapes_names(tmp_path: Path) -> None:
     texts = ("3 of 6", "50.00% (95% confidence: 9.45% to 90.55%)", "7.5", "duration [s]")
     for text in (*texts, ERROR["error"]):
         assert text in page.xpath("//text()")
-
-
-@pytest.mark.parametrize(
-    ("key", "text"),
-    [
-        ("momentum.2", "h z [N m s]"),
-        ("wheels.momentum.0", "wheel h x [N m s]"),
-        ("drift.1", "drift y [m/s]"),
-        ("timing.duration", "duration [s]"),
-        ("path.line.from.0", "path.line.from.0 [m]"),
-        ("robot.spacecraft.mass", "robot.spacecraft.mass [kg]"),
-        ("heading_deg", "heading [deg]"),
-        ("robot.scale_mass", "mass factor"),
-        ("robot.scale_mass.link_1", "mass factor of link_1"),
-        ("track.noise", "noise [rad]"),
-        ("track.mass_error", "mass error"),
-    ],
-)
-def test_parameters_have_names_and_the_units_of_the_schema(key: str, text: str) -> None:
-    assert heading(key) == text
 
 
 @pytest.mark.slow

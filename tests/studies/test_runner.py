@@ -6,11 +6,9 @@ import json
 import os
 import re
 import signal
-import socket
 import sqlite3
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -20,15 +18,12 @@ import psutil
 import pyarrow.parquet
 import pytest
 
-from freefloat.errors import InputError
 from freefloat.io.records.results import load
-from freefloat.robot.names import bundled_studies, models_folder
-from freefloat.studies.dask_clients import _CONFIG
+from freefloat.robot.names import models_folder
 from freefloat.studies.database import open_results
 from freefloat.studies.estimate import estimate_study
-from freefloat.studies.execution import completed_tasks
 from freefloat.studies.portable import PortableStudy, study_files
-from freefloat.studies.run import RunResult, execute
+from freefloat.studies.run import execute
 from freefloat.studies.runner import run_study
 from freefloat.studies.study import load_study
 from tests.commands import document, error, run
@@ -235,22 +230,6 @@ def test_a_robot_that_changed_since_the_start_is_exit_code_2(folder: Path) -> No
     assert error("batch", "study.yaml", "-o", "out")["key"] == "output"
 
 
-def execute_but_one(study: PortableStudy, number: int) -> RunResult:
-    """Execute a run; run 1 ends its worker."""
-    return execute(study, number) if number != 1 else os._exit(1)
-
-
-@pytest.mark.slow
-def test_a_run_that_kills_its_workers_has_no_result(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(_CONFIG, "distributed.scheduler.allowed-failures", 1)
-    study = PortableStudy(a_study(folder, RANDOM, base=SHORT, cases=3, files="none"))
-    completed = dict(completed_tasks(execute_but_one, study, range(3), 1))
-    verdicts = {number: run and run.values["verdict"] for number, run in completed.items()}
-    assert verdicts == {0: "feasible", 1: None, 2: "feasible"}
-
-
 @pytest.fixture
 def scheduler() -> Iterator[str]:
     """Address of a scheduler with a worker."""
@@ -288,41 +267,6 @@ def test_a_scheduler_that_does_not_answer_is_an_error(
     assert error_key(run_study, a_study(folder), folder / "out", scheduler=address) == "scheduler"
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("greeting", [b"", b"SSH-2.0-OpenSSH\r\n"])
-def test_a_server_that_is_no_scheduler_is_an_error(
-    greeting: bytes, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Mute, or with a greeting of its own."""
-    monkeypatch.setattr("freefloat.studies.dask_clients._TIMEOUT", 0.5)
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
-
-        def greet() -> None:
-            connection, _ = server.accept()
-            with connection:
-                connection.sendall(greeting)
-                connection.recv(1)
-                time.sleep(2.0)
-
-        thread = threading.Thread(target=greet)
-        thread.start()
-        with pytest.raises(InputError) as caught:
-            run_study(a_study(folder), folder / "out", scheduler=address)
-        thread.join()
-    assert caught.value.key == "scheduler"
-
-
-@pytest.mark.slow
-def test_a_command_with_an_invalid_scheduler_ends(folder: Path) -> None:
-    """Its threads, too."""
-    write_study(folder, RANDOM, base=SHORT, cases=2)
-    process = started("study.yaml", "-o", "out", "--scheduler", "nonsense")
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 2
-    assert errors.startswith("freefloat: scheduler: ")
-
-
 def test_an_estimate_times_a_run_and_writes_nothing(folder: Path) -> None:
     write_study(folder, RANDOM | {"timing.duration": {"list": [5, 6]}}, base=SHORT, cases=30)
     before = sorted(folder.iterdir())
@@ -336,22 +280,6 @@ def test_an_estimate_times_a_run_and_writes_nothing(folder: Path) -> None:
     assert printed["seconds"] == pytest.approx(whole)
     assert "60 to run" in run("batch", "study.yaml", "--dry-run").stdout
     assert sorted(folder.iterdir()) == before
-
-
-def test_an_estimate_of_runs_that_all_fail_has_no_time(folder: Path) -> None:
-    study = a_study(folder, {"path.polynomial.x.0": {"list": [9, 10]}}, base=SHORT)
-    assert estimate_study(study).seconds is None
-
-
-@pytest.mark.parametrize("name", bundled_studies())
-def test_bundled_studies_have_an_estimate(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("freefloat.studies.estimate.execute", execute_nothing)
-    document = estimate_study(load_study(name)).to_dict()
-    assert document["count"] == len(document["cases"]) > 1
-
-
-def execute_nothing(study: PortableStudy, number: int) -> RunResult:
-    return RunResult(number, {"verdict": "feasible", "seconds": 1.0})
 
 
 @pytest.mark.parametrize(

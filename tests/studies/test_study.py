@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from pathlib import Path
 from typing import Any
 
@@ -25,14 +24,6 @@ def test_listed_values_are_crossed(tmp_path: Path) -> None:
     assert [list(study.parameters(k).values()) for k in range(6)] == [
         [momentum, duration] for momentum in MOMENTA["list"] for duration in DURATIONS["list"]
     ]
-
-
-def test_listed_values_may_be_zipped(tmp_path: Path) -> None:
-    vary = {"momentum": MOMENTA, "timing.duration": {"list": [50, 200]}}
-    study = a_study(tmp_path, vary, combine="zipped")
-    assert [list(study.parameters(k).values()) for k in range(study.count)] == [
-        [[0, 0, -1], 50], [[0, 0, 1], 200],
-    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("combine", "count"), [("crossed", 2 * 3 * 4), ("zipped", 3 * 4)])
@@ -66,28 +57,12 @@ def test_a_start_may_vary_and_is_no_key_of_the_scenario(tmp_path: Path) -> None:
     assert study.document(1) == BASE
 
 
-def test_a_study_can_be_pickled(tmp_path: Path) -> None:
-    study = a_study(tmp_path, {"momentum.2": {"uniform": [0, 1]}}, cases=3)
-    again = pickle.loads(pickle.dumps(study))
-    assert [again.document(k) for k in range(3)] == [study.document(k) for k in range(3)]
-
-
 @pytest.mark.parametrize("name", bundled_studies())
 def test_every_bundled_study_loads_and_is_no_scenario(name: str) -> None:
     study = load_study(name)
     assert study.count > 1
     assert name not in bundled_scenarios()
     ScenarioFile.model_validate(study.document(study.count - 1))
-
-
-def test_an_unknown_study_is_an_error() -> None:
-    assert error_key(load_study, "spatial_6dof/montecarl") == "study"
-
-
-def test_the_base_may_be_a_bundled_scenario(tmp_path: Path) -> None:
-    file = write_study(tmp_path, {"momentum.2": {"list": [0]}}, base=None)
-    file.write_text(file.read_text().replace("base.yaml", "planar_3dof/parabola_nonstop"))
-    assert load_study(file).base["task"] == "planar-pose"
 
 
 RANDOM = {"momentum.2": {"uniform": [0, 1]}}

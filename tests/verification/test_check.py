@@ -3,7 +3,6 @@
 import json
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.certificate.certificate import certify
-from freefloat.io.scenario.scenario import parse_scenario
 from freefloat.motion.motion import Ending
 from freefloat.planning.simulation import Simulation
 from freefloat.verification import range_checks as robustness
@@ -23,15 +21,6 @@ from tests.result_files import altered, replaced
 from tests.samples import plans
 
 pytestmark = pytest.mark.usefixtures("kernels")
-
-HARDLY = """\
-robot: {urdf: planar_2dof, end_effector: end_effector}
-task: planar-position
-path:
-  line: {from: [1.5, 0, 0], to: [1.500001, 0, 0]}
-timing: {law: quintic, duration: 100}
-margin: {fraction: 0.01}
-"""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -288,20 +277,6 @@ def test_a_singular_motion_cut_short_is_not_singular(simulated):
 def test_a_singular_motion_cut_short_is_not_complete(simulated):
     cut = shortened(0, -40, ending=Ending.COMPLETED)(simulated)
     assert failed(cut) == {"whole motion"}
-
-
-def completed_simulation(text, **how):
-    """A simulation from the identity attitude."""
-    problem = parse_scenario(text, Path("scenario.yaml")).problem()
-    simulation = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0], **how)
-    assert simulation.chosen.motion.completed
-    return simulation
-
-
-@pytest.mark.slow
-def test_an_arm_that_hardly_moves_is_verified():
-    """A micrometre in a hundred seconds: momenta and torques are no larger than rounding."""
-    assert ff.check(completed_simulation(HARDLY), "mujoco").discrepancies == ()
 
 
 # --- the command ----------------------------------------------------------------------------------

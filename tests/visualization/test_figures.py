@@ -75,15 +75,6 @@ def test_plans_that_are_not_feasible_show_what_there_is(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_spatial_plan_has_the_figures_of_its_motion() -> None:
-    problem = ff.load_scenario("spatial_6dof/line").problem()
-    chosen = ff.simulate(problem, [0.46008, 0.09337, 0.73519, -0.48898], branch=0).chosen
-    drawings = ff.figures(Plan(problem, ff.Search(), True, "it is there", chosen=chosen))
-    assert list(drawings) == ["workspace", *OF_A_MOTION]
-    assert list(ff.figures(Plan(problem, ff.Search(), False, "none"))) == ["workspace"]
-
-
-@pytest.mark.slow
 def test_commands_write_pdf_and_png_and_list_them(folder: Path) -> None:
     plots = document("map", "strict.yaml", "--samples", "36", "--plots", "drawn", code=1)["plots"]
     assert plots == ["drawn/headings.pdf", "drawn/headings.png"]

@@ -87,12 +87,3 @@ def test_the_surface_of_the_corridor_is_at_its_limit(
         assert f"{ROOT}/Corridor" not in frame
         along = [(path.pose(t).position - corridor.point) @ corridor.axis for t in (0.0, 100.0)]
         assert ((points - corridor.point) @ corridor.axis).max() > max(along)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("place", [[6.0, 0.0, 0.0], [0.0, -6.0, 1.0]])
-def test_the_first_view_shows_bodies_beside_the_robot(motion: Motion, place: list[float]) -> None:
-    """Neither hides the other: the line between them is seen from its side."""
-    body = ff.SceneBody("client", ff.Box([1.0, 1.0, 2.0]), place)
-    eye = np.array(scene_of(motion, [body]).description.view.direction)
-    assert abs(eye @ place) < 0.3 * np.linalg.norm(eye) * np.linalg.norm(place)
