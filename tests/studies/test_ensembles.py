@@ -73,8 +73,9 @@ def rows_of(study: Study, folder: Path) -> list[Row]:
         (DISTURBED | {"heading_deg": {"uniform": [130.0, 230.0]}}, {}),
         (DISTURBED | {"heading_deg": {"normal": {"mean": 150.0, "sd": 60.0}}}, {"branch": 1}),
         (DISTURBED, {"base": BASE | {"margin": {"measure": "gjm", "fraction": 0.3}}}),
+        (DISTURBED, {"base": BASE | {"search": {"joints": [0.5, -1.0, 0.5]}}}),
         (DISTURBED, {"branch": "best", "heading_deg": 120.0}),
-        (DISTURBED | MARGINS, {"base": BASE | {"limits": {"base_rate": 0.02}}}),
+        (DISTURBED | MARGINS, {"base": BASE | {"limits": {"base_rate": 0.02, "joint_rate": 0.5}}}),
     ],
 )  # fmt: skip
 def test_rows_are_those_of_single_runs(
@@ -85,6 +86,19 @@ def test_rows_are_those_of_single_runs(
     assert any(str(row["decided_by"]).startswith("ensemble") for row in rows)
     for number in range(0, 24, 3):
         assert_same(rows[number], alone(study, number))
+
+
+@pytest.mark.slow
+def test_robots_that_no_ensemble_represents_are_simulated_one_by_one(tmp_path: Path) -> None:
+    """Masses of links divided by more than a hundred; a margin that is negative in run 0."""
+    light = {"robot.scale_mass.link_2": {"list": [1e-3 + 1e-4 * k for k in range(16)]}}
+    study = a_study(tmp_path, light, files="none")
+    rows = rows_of(study, tmp_path / "out")
+    assert [(row["error"], row["decided_by"]) for row in rows] == [(None, "motion")] * 16
+    study = a_study(tmp_path, {"margin.value": {"list": [-1.0, *range(1, 16)]}}, files="none")
+    verdicts = [row["verdict"] for row in rows_of(study, tmp_path / "margins")]
+    assert verdicts[0] == "error"
+    assert "error" not in verdicts[1:]
 
 
 def test_listed_values_of_other_keys_make_groups(tmp_path: Path) -> None:

@@ -22,13 +22,13 @@ from freefloat.ensemble.endings import (
     SINGULAR,
     STRICT,
 )
-from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator
+from freefloat.ensemble.ensemble import EnsembleIntegrator, step_tolerance
 from freefloat.ensemble.equivalence import POSITIVE, Equivalents, broadcast, equivalents
 from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.starts import starts_at
-from freefloat.errors import InputError, IntegrationError
+from freefloat.errors import InputError, IntegrationError, whole_number
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
@@ -39,10 +39,10 @@ from freefloat.so3 import Array, BoolArray, IntArray, heading_quaternion
 _STRICT_TOLERANCE = 1e-10
 _NEAR, _STILL_NEAR = 1e-4, 1e-5
 """Differences of minimum and threshold, relative to the threshold, below which an ensemble and one
-at the strict tolerance do not decide; their errors are a tenth of these at most."""
+at the strict tolerance do not decide; their errors are smaller."""
 _SINGULAR_RATIO = 1e-3
 """Smallest over largest det S* below which relative errors of the minimum are large."""
-_EQUAL = 1e-5
+_EQUAL = 1e-4
 """Relative difference of margins that errors of the ensemble may cause."""
 _FIRST_PASS = 0.8
 """Fraction of the progress at which the first ensemble is done."""
@@ -101,6 +101,8 @@ def simulate_many(
         0.87
     """
     require_problem(problem)
+    if branch is not None:
+        whole_number("branch", branch, 0)
     q0 = _attitudes(problem, attitudes, headings)
     by_link = scale_mass if isinstance(scale_mass, Mapping) else {}
     factor = 1.0 if isinstance(scale_mass, Mapping) else scale_mass
@@ -229,7 +231,9 @@ def _decided(
         )
 
     every = np.ones(len(joints), dtype=bool)
-    first = integrated(every, STEP_TOLERANCE, step_of(progress, 0.0, _FIRST_PASS))
+    first = integrated(
+        every, step_tolerance(disturbed.problem), step_of(progress, 0.0, _FIRST_PASS)
+    )
     motions = EnsembleResult._make(values.copy() for values in first)
     again = (motions.endings != COMPLETED) | (motions.determinant_ratios < _SINGULAR_RATIO)
     again |= _is_near(motions.minimum, required, _NEAR)

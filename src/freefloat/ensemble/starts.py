@@ -115,6 +115,8 @@ def _near_starts(
     problem: Problem, robots: Robots, attitudes: Array, joints: Array
 ) -> tuple[Array, BoolArray]:
     """The configurations (K, n) of robots near joint values (K, n), and whether they are."""
+    if not len(robots):
+        return np.empty((0, problem.model.dof)), np.zeros(0, dtype=bool)
     pose = problem.path.pose(0.0)
     to_base = robots.base[:, :3] @ Rotation.from_quat(attitudes).as_matrix().swapaxes(1, 2)
     position = (to_base @ pose.position).T

@@ -6,14 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from freefloat.ensemble.ensemble import STEP_TOLERANCE
+from freefloat.ensemble.ensemble import step_tolerance
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.settings import Search
-
-_TOLERANCE = 1e-9
-"""Tolerance of motions of planar tasks: limits of ranges are then exact to 1e-7 rad."""
 
 
 def evaluator_for(
@@ -26,8 +23,7 @@ def evaluator_for(
 
     It measures the spacecraft's turn where the objective of the search depends on that.
     """
-    tolerance = _TOLERANCE if problem.task.planar else STEP_TOLERANCE
     limits = limits or Limits()
     if search is not None and search.objective.measures_turn and limits.base_turn is None:
         limits = replace(limits, base_turn=np.pi)
-    return FeasibilityEvaluator(problem, threads, tolerance=tolerance, limits=limits)
+    return FeasibilityEvaluator(problem, threads, tolerance=step_tolerance(problem), limits=limits)

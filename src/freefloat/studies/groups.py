@@ -143,7 +143,7 @@ def _group(study: Study, number: int) -> Group | None:
     if "margin.value" in parameters and margin.fraction is not None:
         return None
     several = vary_robots(study.content.vary, study.variation.listed)
-    if several and (margin.fraction is not None or problem.path.frame is not None):
+    if several and (margin.fraction is not None or scenario.content.path.frame != "inertial"):
         return None  # which are others for other robots
     ranges, limited = _limits(scenario)
     if content.branch == "best" and (ranges or limited):
@@ -152,7 +152,8 @@ def _group(study: Study, number: int) -> Group | None:
     branch = content.branch if isinstance(content.branch, int) else None
     if content.branch is None:
         base = scenario_from(study.base, study.base_source.absolute())
-        unvaried = None if problem.redundant or any(_limits(base)) else base.problem()
+        chosen = problem.redundant or any(_limits(base)) or base.search().joints is not None
+        unvaried = None if chosen else base.problem()  # else it is not the best motion
     if not any(key in parameters for key in START_KEYS):
         heading = None if content.heading_deg is None else np.radians(content.heading_deg)
         attitude = problem.attitude(content.attitude, heading=heading)
@@ -191,5 +192,6 @@ def _limits(scenario: Scenario) -> tuple[bool, bool]:
     problem = scenario.problem()
     ranges = bool(np.isfinite(problem.model.joint_ranges).any())
     limits = scenario.limits()
-    given = any(getattr(limits, kind.name) not in (None, ()) for kind in GIVEN)
+    bounds = [getattr(limits, kind.name) for kind in GIVEN]
+    given = any(bound is not None and np.size(bound) > 0 for bound in bounds)
     return ranges, given or problem.scene.corridor is not None

@@ -12,6 +12,8 @@ from pathlib import Path
 
 from freefloat.concurrency import available_cores, require_memory
 from freefloat.errors import InputError, finite_number, require_extra, require_type
+from freefloat.io.scenario.robot_section import RobotFile
+from freefloat.io.scenario.yaml import validated
 from freefloat.studies.columns import NUMBER, Columns
 from freefloat.studies.database import DATABASE, StudyDatabase, open_results
 from freefloat.studies.portable import PortableStudy, study_files
@@ -83,7 +85,7 @@ def run_study(
         tally = Tally(study.count, database.rows, until, progress)
         before = tally.done
         if before < study.count and not _vary_robots(study):
-            study.scenario(0).model()  # an error of the robot is one of every run
+            _require_robot(study)  # whose error is one of every run
         sent = PortableStudy(study, () if scheduler is None else files)
         execution = _Execution(sent, database, tally, workers or available_cores(), scheduler)
         try:
@@ -102,6 +104,12 @@ def run_study(
 
             result = replace(result, files=paths | save_report(result))
     return replace(result, seconds=time.perf_counter() - begin)
+
+
+def _require_robot(study: Study) -> None:
+    """Raise an InputError unless the robot of the base scenario can be read."""
+    data, source = {"robot": study.base.get("robot")}, study.base_source
+    validated(RobotFile, data, source).robot.to_model(source)
 
 
 def _vary_robots(study: Study) -> bool:

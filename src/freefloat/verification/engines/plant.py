@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from freefloat.errors import IntegrationError
 from freefloat.so3 import Array
 from freefloat.verification.engines.mujoco_model import Engine
 from freefloat.verification.engines.servo_steps import (
@@ -20,6 +21,8 @@ _STEPS = 16
 """Steps of the equation of motion in a period."""
 _PREDICTION_STEPS = 4
 """Steps that predict where MuJoCo evaluates the dynamics."""
+_FASTEST = 1e6
+"""Rates at which a simulation diverges [rad/s, m/s]."""
 
 
 class Plants:
@@ -74,6 +77,8 @@ class Plants:
         """
         self._at[:, 3:7], self._at[:, 7:] = states.attitudes, states.joints
         spins = similar.spins + (similar.turns @ states.rates[..., None])[..., 0]
+        if not np.abs(np.hstack([spins, states.rates])).max() < _FASTEST:  # also where it is NaN
+            raise IntegrationError(0.0, "a simulated robot diverges", "smaller errors or periods")
         self._velocities[:, 3:6], self._velocities[:, 6:] = spins, states.rates
         self._batch.forward(stage=self._stage)
         momenta = self._momenta(states.attitudes)
