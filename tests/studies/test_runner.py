@@ -181,7 +181,7 @@ def test_a_killed_ensemble_loses_at_most_the_chunk_in_flight(folder: Path) -> No
     process.communicate()
     reused = document("batch", "study.yaml", "-o", "out")["reused"]
     assert reused in (CHUNK, 2 * CHUNK, 3 * CHUNK)
-    run("batch", "study.yaml", "-o", "whole")
+    started("study.yaml", "-o", "whole").communicate()
     columns = 'number, verdict, margin, margin_time, "momentum.2", "joints.0", decided_by'
     assert stored(folder / "out", columns) == stored(folder / "whole", columns)
 

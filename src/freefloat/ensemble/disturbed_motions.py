@@ -22,7 +22,7 @@ from freefloat.ensemble.endings import (
     SINGULAR,
     STRICT,
 )
-from freefloat.ensemble.ensemble import EnsembleIntegrator, step_tolerance
+from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator
 from freefloat.ensemble.equivalence import POSITIVE, Equivalents, broadcast, equivalents
 from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.ensemble.result import EnsembleResult
@@ -40,8 +40,8 @@ _STRICT_TOLERANCE = 1e-10
 _NEAR, _STILL_NEAR = 1e-4, 1e-5
 """Differences of minimum and threshold, relative to the threshold, below which an ensemble and one
 at the strict tolerance do not decide; their errors are smaller."""
-_SINGULAR_RATIO = 1e-3
-"""Smallest over largest det S* below which relative errors of the minimum are large."""
+_SINGULAR_RATIO, _PLANAR_RATIO = 1e-3, 0.1
+"""Smallest over largest det S* below which relative errors of the minimum are large; planar."""
 _EQUAL = 1e-4
 """Relative difference of margins that errors of the ensemble may cause."""
 _FIRST_PASS = 0.8
@@ -231,11 +231,10 @@ def _decided(
         )
 
     every = np.ones(len(joints), dtype=bool)
-    first = integrated(
-        every, step_tolerance(disturbed.problem), step_of(progress, 0.0, _FIRST_PASS)
-    )
+    first = integrated(every, STEP_TOLERANCE, step_of(progress, 0.0, _FIRST_PASS))
     motions = EnsembleResult._make(values.copy() for values in first)
-    again = (motions.endings != COMPLETED) | (motions.determinant_ratios < _SINGULAR_RATIO)
+    nearly_singular = _PLANAR_RATIO if disturbed.problem.task.planar else _SINGULAR_RATIO
+    again = (motions.endings != COMPLETED) | (motions.determinant_ratios < nearly_singular)
     again |= _is_near(motions.minimum, required, _NEAR)
     strict = integrated(again, _STRICT_TOLERANCE, step_of(progress, _FIRST_PASS, 1.0))
     doubtful = np.zeros(len(joints), dtype=bool)
