@@ -106,17 +106,17 @@ def _reach(delivery: Delivery, loaded: Scenario, goal: Goal) -> GoalMotion:
 
     search, limits = loaded.search(), loaded.limits()
     delivery.prepare(loaded.source)
-    for key, value in (("from_attitude", search.from_attitude), ("joints", search.joints)):
-        if value is None:
-            problem = "it is missing, for a goal"
-            raise InputError(f"search.{key}", problem, "the present state", str(loaded.source))
-    joints = loaded.model().joint_vector(search.joints, "search.joints")  # type: ignore[arg-type]
-    state = search.from_attitude, joints
+    attitude, joints = search.from_attitude, search.joints
+    if attitude is None or joints is None:
+        key = "search.from_attitude" if attitude is None else "search.joints"
+        problem = "it is missing, for a goal"
+        raise InputError(key, problem, "the present state", str(loaded.source))
+    state = attitude, loaded.model().joint_vector(joints, "search.joints")
     progress = delivery.console.progress("looking for motions")
     with loaded.error_context(), progress as update:
         return move(
-            loaded.system(), state, goal, limits, loaded.scene(),  # type: ignore[arg-type]
-            seed=search.seed, progress=update,
+            loaded.system(), state, goal, limits, loaded.scene(), seed=search.seed,
+            progress=update,
         )  # fmt: skip
 
 

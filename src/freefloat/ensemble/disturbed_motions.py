@@ -39,9 +39,9 @@ from freefloat.so3 import Array, BoolArray, IntArray, heading_quaternion
 _STRICT_TOLERANCE = 1e-10
 _NEAR, _STILL_NEAR = 1e-4, 1e-5
 """Differences of minimum and threshold, relative to the threshold, below which an ensemble and one
-at the strict tolerance do not decide; their errors are smaller."""
+at the strict tolerance do not decide; larger errors were seen in one of 6,000 planar motions."""
 _SINGULAR_RATIO, _PLANAR_RATIO = 1e-3, 0.1
-"""Smallest over largest det S* below which relative errors of the minimum are large; planar."""
+"""Smallest over largest det S* below which errors of the minimum are large, in space and plane."""
 _EQUAL = 1e-4
 """Relative difference of margins that errors of the ensemble may cause."""
 _FIRST_PASS = 0.8

@@ -135,7 +135,7 @@ def advance(
 ) -> None:  # fmt: skip
     """Integrate the equation of the joints, and the attitude, over a period.
 
-    The implicit midpoint rule serves; the dynamics are polynomials of time.
+    The implicit midpoint rule integrates them; the dynamics are polynomials of time.
 
     Args:
         start: States at the start.
