@@ -12,8 +12,6 @@ from pathlib import Path
 import numpy as np
 
 import freefloat as ff
-from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.planning.space.regions import find_regions
 from freefloat.visualization.figure_style import save_figures
 from freefloat.visualization.figures.map_figures import histogram_figure
@@ -21,8 +19,8 @@ from freefloat.visualization.figures.map_figures import histogram_figure
 SAMPLES = 512  # attitudes, evenly spread; 36,864 make a fine map
 
 problem = ff.load_scenario("spatial_6dof/line").problem()
-# ff.attitude_map(problem, SAMPLES) also refines the best and most robust ones between the samples.
-result = sample_attitudes(FeasibilityEvaluator(problem), SAMPLES)
+# With refine=True the best and the most robust attitudes between the samples are found, too.
+result = ff.attitude_map(problem, SAMPLES)
 print(f"{result.motions:,} motions integrated")
 
 # Connected regions of feasible attitudes of each arm branch, and the attitude deepest inside.

@@ -25,7 +25,7 @@ from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.visualization.figure_style import new_figure
 from freefloat.visualization.figures import figures
 from freefloat.visualization.page.video import find_browser
-from tests.commands import document, error, run
+from tests.commands import document, error, run, without_progress
 
 browser_only = pytest.mark.skipif(find_browser() is None, reason="no Chromium or Chrome here")
 GOOD = ("planar_3dof/parabola", "--heading", "200", "--branch", "0")
@@ -61,7 +61,7 @@ def scenes(page: Path) -> list[str]:
 @pytest.mark.slow
 def test_several_motions_become_one_page(files: Path, elsewhere: Path) -> None:
     (elsewhere / "good.h5").write_bytes((files / "bad.h5").read_bytes())
-    words = (files / "good.h5", "good.h5", files / "bad.h5", "--html", "p.html", "--scene", "bad")
+    words = (files / "good.h5", "good.h5", files / "bad.h5", "-o", "p.html", "--scene", "bad")
     titles = ["good", "good (2)", "bad"]
     assert document("view", *words) == {
         "address": None, "html": "p.html", "snapshots": [], "video": None,
@@ -79,7 +79,7 @@ def test_pictures_and_a_video_show_the_motion_asked_for(files: Path, elsewhere: 
     words += ["--size", "320x200", "--scene", "bad", "--fps", "2", "--speed", "50", "--json"]
     program = [sys.executable, "-m", "freefloat", *map(str, words)]
     done = subprocess.run(program, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, without_progress(done.stderr)) == (0, "")
     written = json.loads(done.stdout)
     last = ff.load(files / "bad.h5").chosen.motion.final.time
     names = [f"bad_{k + 1}_{time:.2f}s.png" for k, time in enumerate((0.0, last / 2, last))]
@@ -106,6 +106,7 @@ def test_pictures_and_a_video_show_the_motion_asked_for(files: Path, elsewhere: 
         (("--fps", "5"), "fps"),
         (("--size", "5x5000", "--snapshots", "1"), "size"),
         (("--scene", "x", "--snapshots", "1"), "scene"),
+        (("-o", "page.pdf"), "output"),
     ],
 )
 def test_impossible_options_are_refused(

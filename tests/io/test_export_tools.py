@@ -21,7 +21,7 @@ import freefloat as ff
 from freefloat.io.formats.basilisk_script import basilisk_text
 from freefloat.io.formats.mjcf_file import mjcf_text
 from freefloat.io.formats.ros2 import ros2_goal_text
-from freefloat.io.formats.trajectory import Trajectory
+from freefloat.io.formats.trajectory import Header, Trajectory
 from freefloat.motion.motion import Motion
 from freefloat.so3 import angle_between
 from tests.commands import document, error, run
@@ -49,7 +49,7 @@ def motion() -> Motion:
 @pytest.fixture(scope="module")
 def trajectory(motion) -> Trajectory:
     assert np.abs(motion.problem.momentum).max() > 0.0
-    return Trajectory.sampled(motion, 301, epoch=EPOCH)
+    return Trajectory.sampled(motion, 301, header=Header(EPOCH))
 
 
 @pytest.mark.slow
@@ -127,8 +127,11 @@ def test_an_mcap_reader_reads_joints_transforms_and_margin(trajectory, tmp_path)
 @pytest.mark.slow
 def test_a_parser_of_ccsds_messages_reads_attitudes_and_dates(trajectory, tmp_path) -> None:
     file = tmp_path / "motion.aem"
-    ff.export(trajectory.motion, file, times=301, epoch=EPOCH)
+    names = {"frame": "GCRF", "object_name": "SERVICER", "object_id": "2026-001A"}
+    ff.export(trajectory.motion, file, times=301, epoch=EPOCH, **names)
     (segment,) = NdmIo().from_path(file).body.segment
+    about = segment.metadata
+    assert [about.ref_frame_a, about.object_name, about.object_id] == list(names.values())
     assert segment.metadata.start_time == "2026-05-01T12:00:00.250000000"
     states = [state.quaternion_state for state in segment.data.attitude_state]
     read = [[s.quaternion.q1, s.quaternion.q2, s.quaternion.q3, s.quaternion.qc] for s in states]
@@ -188,8 +191,10 @@ def test_the_command_writes_each_format(tmp_path, monkeypatch) -> None:
     for name, suffix in {"ros2-goal": ".yaml", "mcap": ".mcap", "aem": ".aem", "mjcf": ".xml",
                          "basilisk": ".py"}.items():  # fmt: skip
         words = ("--format", name, "--epoch", "2026-05-01T12:00:00")
-        assert document("export", "plan.h5", *words)["file"] == f"plan_trajectory{suffix}"
+        what = "goal" if name == "ros2-goal" else "trajectory"
+        assert document("export", "plan.h5", *words)["file"] == f"plan_{what}{suffix}"
     assert "2026-05-01T12:00:30" in Path("plan_trajectory.aem").read_text("utf-8")
+    assert error("export", "plan.h5", "--format", "aem", "--object", " ")["key"] == "object_name"
     assert error("export", "plan.h5", "-o", "-", "--format", "mcap")["key"] == "output"
     assert run("export", "plan.h5", "--epoch", "today").exit_code == 2
     assert re.match("CCSDS_AEM_VERS", run("export", "plan.h5", "-o", "-", "--format", "aem").stdout)

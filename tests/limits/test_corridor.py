@@ -67,7 +67,7 @@ def test_a_plan_whose_path_leaves_the_corridor_is_infeasible_at_once():
     result = plan(problem, Search(), scenario.limits())
     assert not result.feasible
     assert result.excluded == {"corridor": 1}
-    assert "corridor, 1.176 of 0.5 allowed" in result.reason  # atan2(1.2, 0.5)
+    assert "at most 28.648 deg: 67.38; no attitude helps" in result.reason  # atan2(1.2, 0.5)
     wide = replace(corridor, half_angle=1.2)
     kept = plan(problem.replace(scene=Scene((), wide)), Search(), scenario.limits())
     assert kept.feasible

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
@@ -166,6 +167,18 @@ def test_a_spatial_plan_keeps_limits_that_the_largest_margin_violates() -> None:
 def test_errors_of_a_pointing_limit(change: dict, key: str) -> None:
     values = {"body": "spacecraft", "axis": [1, 0, 0], "angle": 0.5, "direction": [0, 0, 1]}
     assert error_key(lambda: PointingLimit(**values | change)) == key
+
+
+def test_a_limit_is_shown_by_its_name_in_degrees() -> None:
+    content = yaml.safe_load(ff.load_scenario("planar_2dof/line").text)
+    cone = {"body": "spacecraft", "axis": [1, 0, 0], "target": {"direction": [1, 0, 0]}}
+    cone |= {"name": "star tracker", "keep": "outside", "angle_deg": 20.0}
+    scenario = ff.load_scenario(content | {"limits": {"pointing": [cone]}})
+    motion = ff.simulate(scenario.problem(), heading=1.0).chosen.motion
+    (result,) = [r for r in check_limits(motion, scenario.limits()) if r.limit == "pointing"]
+    assert result.where == "star tracker"
+    assert result.sentence == f"at least 20 deg: {np.degrees(result.worst):.4g}"
+    assert scenario.limits().pointing[0].to_dict() | {"angle_deg": 20.0} == cone
 
 
 def test_errors_of_limits() -> None:

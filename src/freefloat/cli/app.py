@@ -84,6 +84,9 @@ def _usage_error(error: Any) -> InputError:
     parameter = getattr(error, "param", None)
     context = getattr(error, "ctx", None)
     key = parameter.opts[-1] if parameter else getattr(error, "option_name", "command")
+    if type(error).__name__ == "MissingParameter" and parameter:
+        value = parameter.metavar or "VALUE"
+        return InputError(key, "it is missing", f"{key} {value}" if key[0] == "-" else value)
     command = f" {context.info_name}" if context and context.parent else ""
     return InputError(key, error.format_message(), f"see freefloat{command} --help")
 

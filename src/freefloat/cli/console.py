@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from threading import Timer
+from threading import Event, Thread, Timer
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -35,6 +35,8 @@ INTERNAL_ERROR = 3
 INTERRUPTED = 130
 _PIPE_WIDTH = 120
 """Columns of tables that go to a file or another program."""
+REPORTS = 10.0
+"""Time between lines on progress where stderr is no terminal [s]."""
 _PATIENCE = 3.0
 """Time without progress after which kernels are probably being compiled [s]."""
 ANY = "any"
@@ -72,15 +74,18 @@ class Console:
 
     @contextmanager
     def progress(self, description: str) -> Iterator[Callable[[float], None]]:
-        """Show a progress bar on stderr, on terminals only.
+        """Show a progress bar on stderr, or a line every ten seconds where that is no terminal.
 
         Yields:
             A function to be called with the fraction done, in [0, 1].
         """
         from rich.progress import Progress
 
-        hidden = self.quiet or not sys.stderr.isatty()
-        with Progress(console=RichConsole(stderr=True), transient=True, disable=hidden) as bar:
+        if not (self.quiet or sys.stderr.isatty()):
+            with _reports(description) as report:
+                yield report
+            return
+        with Progress(console=RichConsole(stderr=True), transient=True, disable=self.quiet) as bar:
             task = bar.add_task(description, total=None)
             compiling = f"{description}: compiling kernels (about 10 s, once per machine)"
             notice = Timer(_PATIENCE, bar.update, (task,), {"description": compiling})
@@ -95,6 +100,27 @@ class Console:
                 yield update
             finally:
                 notice.cancel()
+
+
+@contextmanager
+def _reports(description: str) -> Iterator[Callable[[float], None]]:
+    """Lines on stderr about work that takes long; yields what is called with the fraction done."""
+    done, ended = 0.0, Event()
+
+    def update(fraction: float) -> None:
+        nonlocal done
+        done = fraction
+
+    def report() -> None:
+        while not ended.wait(REPORTS):
+            with suppress(OSError, ValueError):
+                say(f"{description}: {100.0 * done:.0f} %")
+
+    Thread(target=report, daemon=True).start()
+    try:
+        yield update
+    finally:
+        ended.set()
 
 
 class _Stdout(RichConsole):
@@ -210,9 +236,9 @@ def limit_tables(results: Iterable[LimitResult]) -> Iterator[RenderableType]:
     limits = table("limit", "worst", "allowed", "at [s]", "where", "verdict")
     for result in results:
         limits.add_row(
-            Text(f"{result.label} [{result.unit}]".removesuffix(" []")),
-            _number(result.worst),
-            _number(result.allowed),
+            Text(f"{result.label} [{result.shown_unit}]".removesuffix(" []")),
+            result.shown(result.worst, 5),
+            result.shown_bound,
             f"{result.time:.4f}",
             result.where,
             Text("satisfied", "green") if result.kept else Text("violated", "red"),
@@ -231,7 +257,3 @@ def contact_lines(result: Plan | Simulation) -> Iterator[RenderableType]:
     if result.contact is not None and not limited:
         yield Text(f"Warning: {result.contact}.", "yellow")
         yield "  limits: {clearance: 0} in the scenario excludes motions with contact."
-
-
-def _number(value: float) -> str:
-    return f"{value:.5g}" if abs(value) < float("inf") else "unbounded"

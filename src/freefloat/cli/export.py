@@ -28,7 +28,8 @@ _Output = Annotated[
     str | None,
     typer.Option(
         *("--output", "-o"), metavar="OUT",
-        help="Output file, - for stdout. Default: NAME_trajectory.csv (.mat, .json, .yaml, ...).",
+        help="Output file, - for stdout. Default: NAME_trajectory.csv (.mat, .json, .yaml, ...), "
+        "for ros2-goal NAME_goal.yaml.",
     ),
 ]  # fmt: skip
 _Rate = Annotated[float | None, typer.Option(metavar="HZ", help="Samples per second.")]
@@ -40,6 +41,16 @@ _Epoch = Annotated[
     typer.Option(formats=["%Y-%m-%dT%H:%M:%S"], metavar="DATE",
                  help="Date of t = 0 in aem and mcap, UTC: 2026-05-01T12:00:00. Default: J2000."),
 ]  # fmt: skip
+_Frame = Annotated[str, typer.Option(metavar="NAME", help="Name of the inertial axes in aem.")]
+_Object = Annotated[
+    str | None,
+    typer.Option("--object", metavar="NAME",
+                 help="Name of the spacecraft in aem; default that of the robot."),
+]  # fmt: skip
+_ObjectId = Annotated[
+    str | None,
+    typer.Option(metavar="ID", help="Its identifier in aem: 2026-001A; default its name."),
+]
 
 
 def export(
@@ -49,6 +60,9 @@ def export(
     rate: _Rate = None,
     times: _Times = None,
     epoch: _Epoch = None,
+    frame: _Frame = "EME2000",
+    object_: _Object = None,
+    object_id: _ObjectId = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -66,7 +80,7 @@ def export(
     Example: freefloat export plan.h5 --format ros2 --rate 20 -o trajectory.yaml
     """
     from freefloat.io.formats.export import TEXTS, save_trajectory, trajectories
-    from freefloat.io.formats.trajectory import J2000
+    from freefloat.io.formats.trajectory import J2000, Header
 
     if output == _STDOUT and as_json:
         raise InputError("output", "both -o - and --json were given", "one of the two")
@@ -75,7 +89,8 @@ def export(
     if target is not None:
         prepare_outputs(file, results=False, output=target)
     result = load_answer(file)
-    sampled = trajectories(result, times, rate, epoch or J2000)
+    header = Header(epoch or J2000, frame, object_, object_id)
+    sampled = trajectories(result, times, rate, header)
     if target is None:
         if len(sampled) > 1:
             raise InputError("output", "- was given for several phases", "a file")
@@ -123,7 +138,8 @@ def _format_and_file(
         raise InputError("output", f"{file} was given", f"a name in {suffixes}; or --format")
     kind = kind or Format.CSV
     if output != _STDOUT:
-        return kind, file or Path(f"{source.stem}_trajectory{kind.suffix}")
+        what = "goal" if kind is Format.ROS2_GOAL else "trajectory"
+        return kind, file or Path(f"{source.stem}_{what}{kind.suffix}")
     if kind not in TEXTS:
         raise InputError("output", f"- was given for {kind}, a binary format", "a file")
     return kind, None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 from rich.console import RenderableType
@@ -13,13 +14,22 @@ from freefloat.cli.console import decimals, limit_tables, table
 
 if TYPE_CHECKING:
     from freefloat.dynamics.capture import Capture
+    from freefloat.limits.result import LimitResult
     from freefloat.planning.answer import PhaseResult
     from freefloat.planning.goals.goal_motion import GoalMotion
     from freefloat.planning.phases.manoeuvre import Manoeuvre
 
 
-def manoeuvre_tables(name: str, manoeuvre: Manoeuvre) -> Iterator[RenderableType]:
-    """The phases in a table, then what each found."""
+def manoeuvre_tables(
+    name: str, manoeuvre: Manoeuvre, verbose: bool = False
+) -> Iterator[RenderableType]:
+    """The phases in a table, and each limit in the phase that comes nearest to it.
+
+    Args:
+        name: Name of the scenario.
+        manoeuvre: The manoeuvre.
+        verbose: Whether states and limits of each phase follow instead.
+    """
     yield Text(f"{name}: {manoeuvre.reason}", "green" if manoeuvre.feasible else "red")
     rows = table("phase", "kind", "from [s]", "to [s]", "turn [deg]", "minimum margin", "verdict")
     for phase in manoeuvre.phases:
@@ -28,9 +38,27 @@ def manoeuvre_tables(name: str, manoeuvre: Manoeuvre) -> Iterator[RenderableType
         rows.add_row(phase.name, phase.kind, f"{phase.start:.4f}", f"{end:.4f}", _turn(phase),
                      _margin(phase), verdict)  # fmt: skip
     yield rows
+    yield from _phases(manoeuvre) if verbose else _summary(manoeuvre)
+
+
+def _summary(manoeuvre: Manoeuvre) -> Iterator[RenderableType]:
+    """Captures, why a phase is not feasible, and the worst of each limit."""
+    worst: dict[str, LimitResult] = {}
+    for phase in manoeuvre.phases:
+        if phase.kind == "capture" or not phase.feasible:
+            yield f"{phase.name}: {_found(phase)}"
+        for result in phase.limit_results:
+            if result.limit not in worst or result.ratio > worst[result.limit].ratio:
+                where, time = f"{phase.name}: {result.where}", phase.start + result.time
+                worst[result.limit] = replace(result, where=where, time=time)
+    yield from limit_tables(worst.values())
+
+
+def _phases(manoeuvre: Manoeuvre) -> Iterator[RenderableType]:
+    """What each phase found: reasons, states and limits."""
     for phase in manoeuvre.phases:
         yield ""
-        yield f"{phase.name}: {_summary(phase)}"
+        yield f"{phase.name}: {_found(phase)}"
         if phase.motion is not None:
             yield f"  first attitude x y z w  {decimals(phase.motion.initial.attitude, 5)}"
             yield f"  first joints            {decimals(phase.motion.initial.joints)}"
@@ -66,7 +94,7 @@ def _margin(phase: PhaseResult) -> str:
     return f"{chosen.closest_approach.measure} {chosen.minimum_margin:.5g}" if chosen else ""
 
 
-def _summary(phase: PhaseResult) -> str:
+def _found(phase: PhaseResult) -> str:
     return _capture(cast("Capture", phase.result)) if phase.kind == "capture" else phase.reason
 
 

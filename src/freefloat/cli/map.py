@@ -104,7 +104,7 @@ def map_(
         result = attitude_map(
             problem, samples, search=search if seed is None else replace(search, seed=seed),
             limits=loaded.limits(), nearest=nearest, boundary=boundary or 0,
-            tangency=touch or 0, threads=threads, progress=progress,
+            tangency=touch or 0, refine=True, threads=threads, progress=progress,
         )  # fmt: skip
     tables: Any = _heading_tables if problem.task.planar else _attitude_tables
     delivery.deliver(result, tables(scenario, result), scenario, loaded)

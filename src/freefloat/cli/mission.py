@@ -47,8 +47,7 @@ def mission_tables(scenario: Scenario) -> Iterator[RenderableType]:
         rows = table("limit of pointing", "axis", "keeps", "target")
         for number, limit in enumerate(limits.pointing):
             angle = f"{limit.keep} {math.degrees(limit.angle):.4g}°"
-            where = f"{limit.body} (pointing.{number})"
-            rows.add_row(where, decimals(limit.axis), angle, _target(limit))
+            rows.add_row(limit.title(number), decimals(limit.axis), angle, _target(limit))
         yield rows
     if limits.base_turn is not None:
         yield f"turn of the spacecraft: at most {math.degrees(limits.base_turn):.4g} deg"

@@ -48,6 +48,10 @@ ScenarioName = Annotated[
     typer.Argument(metavar="SCENARIO", help="A file or a bundled name: spatial_6dof/line",
                    autocompletion=scenario_names),
 ]  # fmt: skip
+NoOpen = Annotated[
+    bool,
+    typer.Option("--no-open", "--no-browser", help="Open no browser; implied by --json."),
+]
 ResultFile = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write an HDF5 file.")
 ]

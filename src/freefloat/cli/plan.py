@@ -38,6 +38,10 @@ if TYPE_CHECKING:
 _Stretch = Annotated[
     bool, typer.Option("--stretch", help="Increase the duration until rates and torques fit.")
 ]
+_Verbose = Annotated[
+    bool,
+    typer.Option("--verbose", "-v", help="Print states and limits of each phase of a manoeuvre."),
+]
 
 
 def plan(
@@ -47,6 +51,7 @@ def plan(
     plots: Plots = None,
     stretch: _Stretch = False,
     threads: Threads = None,
+    verbose: _Verbose = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -78,7 +83,8 @@ def plan(
             raise InputError("stretch", "phases have given durations", accepted)
         manoeuvre = _plan_phases(delivery, loaded)
         feasible = manoeuvre.feasible
-        delivery.deliver(manoeuvre, manoeuvre_tables(scenario, manoeuvre), scenario, loaded)
+        tables = manoeuvre_tables(scenario, manoeuvre, verbose)
+        delivery.deliver(manoeuvre, tables, scenario, loaded)
     else:
         found = _plan_path(delivery, loaded, stretch)
         feasible = found.feasible

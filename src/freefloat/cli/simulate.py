@@ -75,6 +75,10 @@ def simulate(
 
     Example: freefloat simulate spatial_6dof/line --attitude 0.46008 0.09337 0.73519 -0.48898
     """
+    if (attitude is None) is (heading is None):
+        number = "neither" if attitude is None else "both"
+        accepted = "--attitude X Y Z W, or --heading DEG for planar tasks"
+        raise InputError("attitude", f"{number} of --attitude and --heading given", accepted)
     from freefloat.io.scenario.scenario import load_scenario
     from freefloat.limits.result import violated
     from freefloat.planning.simulation import simulate as simulate_branches
@@ -85,10 +89,6 @@ def simulate(
     delivery.prepare(loaded.source)
     problem = loaded.problem()
     limits = loaded.limits()
-    if (attitude is None) is (heading is None):
-        number = "neither" if attitude is None else "both"
-        accepted = "--heading DEG" if problem.task.planar else "--attitude X Y Z W"
-        raise InputError("attitude", f"{number} of --attitude and --heading given", accepted)
     start = problem.attitude(attitude, heading=None if heading is None else math.radians(heading))
     near: npt.ArrayLike | None = None if joints is None else comma_separated("joints", joints)
     mark = " (*)"

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from freefloat.cli.console import Console
-from freefloat.cli.options import Json, Quiet, scenario_names
+from freefloat.cli.options import Json, NoOpen, Quiet, scenario_names
 from freefloat.io.files import make_folder
 
 _Scenario = Annotated[
@@ -23,9 +23,6 @@ _Port = Annotated[
     typer.Option(min=0, max=65535, metavar="P",
                  help="Port of the page; if it is in use, the next free one."),
 ]  # fmt: skip
-_NoBrowser = Annotated[
-    bool, typer.Option("--no-browser", help="Open no browser; implied by --json.")
-]
 _Folder = Annotated[
     Path, typer.Option("--output", "-o", metavar="DIR", help="Folder in which plans are saved.")
 ]
@@ -34,7 +31,7 @@ _Folder = Annotated[
 def studio(
     scenario: _Scenario = "spatial_6dof/above",
     port: _Port = 7008,
-    no_browser: _NoBrowser = False,
+    no_open: NoOpen = False,
     output: _Folder = Path(),
     as_json: Json = False,
     quiet: Quiet = False,
@@ -56,7 +53,7 @@ def studio(
 
     load_scenario(scenario)  # its errors belong on the terminal
     make_folder("output", output)
-    console, opens = Console(as_json, quiet), has_display() and not (no_browser or as_json)
+    console, opens = Console(as_json, quiet), has_display() and not (no_open or as_json)
     with ExitStack() as at_end:
 
         def ready(address: str) -> None:

@@ -12,7 +12,7 @@ import typer
 
 from freefloat.cli.answers import load_motion
 from freefloat.cli.console import Console
-from freefloat.cli.options import Json, Page, Quiet, distinct_stems, prepare_outputs
+from freefloat.cli.options import Json, NoOpen, Page, Quiet, distinct_stems, prepare_outputs
 from freefloat.errors import InputError, require_extra
 from freefloat.io.files import make_folder
 
@@ -31,16 +31,16 @@ _Port = Annotated[
     typer.Option(min=0, max=65535, metavar="P",
                  help="Port of the page; if it is in use, the next free one."),
 ]  # fmt: skip
-_NoOpen = Annotated[bool, typer.Option("--no-open", help="Open no browser; implied by --json.")]
 _Snapshots = Annotated[
     int | None,
     typer.Option(min=1, max=1000, metavar="N", help="Take N pictures from start to end."),
 ]
-_Folder = Annotated[
+_Output = Annotated[
     Path | None,
     typer.Option(
-        *("--output", "-o"), metavar="DIR",
-        help="Folder of the pictures; default NAME_snapshots, NAME being that of the file.",
+        *("--output", "-o"), metavar="FILE",
+        help="Write a page, a video or the first picture: .html, .gif, .mp4 or .png. With "
+        "--snapshots the folder of the pictures; default NAME_snapshots.",
     ),
 ]  # fmt: skip
 _Video = Annotated[
@@ -77,7 +77,7 @@ class _Shown:
     playback: Playback
     address: str | None = None
     html: Path | None = None
-    snapshots: tuple[Path, ...] = ()
+    pictures: tuple[Path, ...] = ()
     video: tuple[Path, FrameTimes] | None = None
 
     def print(self, console: Console) -> None:
@@ -85,7 +85,7 @@ class _Shown:
         video = self.video and {"file": str(self.video[0]), **self.video[1].to_dict()}
         console.json({
             "address": self.address, "html": self.html and str(self.html),
-            "snapshots": [str(file) for file in self.snapshots], "video": video,
+            "snapshots": [str(file) for file in self.pictures], "video": video,
             "scenes": list(self.playback.titles), "remarks": list(self.playback.remarks),
         })  # fmt: skip
         console.tables(self._lines())
@@ -97,8 +97,8 @@ class _Shown:
             yield f"{self.address}  (for this machine alone; Ctrl-C ends)"
         if self.html is not None:
             yield f"page: {self.html}"
-        if self.snapshots:
-            first, last = self.snapshots[0], self.snapshots[-1]
+        if self.pictures:
+            first, last = self.pictures[0], self.pictures[-1]
             yield f"pictures: {first}" + (f" to {last}" if last != first else "")
         if self.video is not None:
             file, frames = self.video
@@ -109,10 +109,10 @@ class _Shown:
 def view(
     files: _Files,
     port: _Port = 7007,
-    no_open: _NoOpen = False,
+    no_open: NoOpen = False,
     html: Page = None,
     snapshots: _Snapshots = None,
-    output: _Folder = None,
+    output: _Output = None,
     video: _Video = None,
     fps: _Fps = None,
     speed: _Speed = None,
@@ -130,22 +130,34 @@ def view(
 
     Example: freefloat view feasible.h5 singular.h5 --html both.html --scene singular
     """
-    from freefloat.visualization.page.video import save_snapshots, save_video
+    from freefloat.visualization.page.video import save_picture, save_snapshots, save_video
 
+    picture = None
+    if output is not None and snapshots is None:
+        match output.suffix.lower():
+            case ".html" if html is None:
+                html = output
+            case ".gif" | ".mp4" if video is None:
+                video = output
+            case ".png":
+                picture = output
+            case _:
+                accepted = ".html, .gif, .mp4 or .png, once each; or --snapshots N"
+                raise InputError("output", f"{output} was given", accepted)
     _require_outputs(
         fps=(fps, {"--video": video}),
         speed=(speed, {"--video": video}),
-        output=(output, {"--snapshots": snapshots}),
-        size=(size, {"--snapshots": snapshots, "--video": video}),
-        scene=(scene, {"--html": html, "--snapshots": snapshots, "--video": video}),
+        size=(size, {"--snapshots": snapshots, "--video": video, "-o": picture}),
+        scene=(scene, {"--html": html, "--snapshots": snapshots, "--video": video, "-o": picture}),
     )
-    if snapshots is not None or video is not None:
+    if (snapshots, video, picture) != (None, None, None):
         require_extra("video", "playwright")
-    options: dict[str, Any] = {"size": _pixels(size), "scene": scene}
-    console = Console(as_json, quiet)
-    prepare_outputs(*files, html=html, video=video)
+    console, pixels = Console(as_json, quiet), _pixels(size)
+    prepare_outputs(*files, results=False, html=html, video=video, output=picture)
     playback = _playback(files)
-    if html is None and snapshots is None and video is None:
+    scene = playback.scene_title(scene)
+    options: dict[str, Any] = {"size": pixels, "scene": scene}
+    if (html, snapshots, video, picture) == (None, None, None, None):
         _serve(console, playback, port, open_page=not (no_open or as_json))
         return
     if playback.scene_duration(scene) == 0.0 and (video or (snapshots or 1) > 1):
@@ -158,7 +170,10 @@ def view(
         make_folder("output", folder)
         with console.progress(f"taking {snapshots} pictures") as update:
             pictures = save_snapshots(playback, snapshots, folder, name, **options, progress=update)
-        shown = replace(shown, snapshots=tuple(pictures))
+        shown = replace(shown, pictures=tuple(pictures))
+    if picture is not None:
+        save_picture(playback, picture, **options)
+        shown = replace(shown, pictures=(picture,))
     if video is not None:
         with console.progress("taking the pictures of the video") as update:
             frames = save_video(playback, video, rate=fps, speed=speed, **options, progress=update)

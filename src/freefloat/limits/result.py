@@ -9,6 +9,8 @@ from typing import Any
 
 _UNBOUNDED = ("worst", "allowed", "ratio")
 """Values that may have no bound: null in JSON documents."""
+_IN_DEGREES = ("pointing", "base_turn", "corridor")
+"""Limits whose angles scenarios state in degrees."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +55,35 @@ class LimitResult:
     def label(self) -> str:
         """The name in words."""
         return self.limit.replace("_", " ")
+
+    @property
+    def relation(self) -> str:
+        """How value and bound compare where a limit of one side is kept: ``"≤"`` or ``"≥"``."""
+        return "≥" if self.at_least else "≤"
+
+    @property
+    def shown_bound(self) -> str:
+        """The bound as tables show it, on the side of the value: ``≤ 0.3``, ``≥ -0.3``."""
+        if self.timed and self.worst < 0.0:  # rates and torques, whose magnitudes are limited
+            return f"≥ {self.shown(-self.allowed, 5)}"
+        return f"{self.relation} {self.shown(self.allowed, 5)}"
+
+    @property
+    def shown_unit(self) -> str:
+        """Unit in tables and sentences: degrees for limits of attitudes."""
+        return "deg" if self.unit == "rad" and self.limit in _IN_DEGREES else self.unit
+
+    def shown(self, value: float, digits: int = 4) -> str:
+        """A value of the limit in that unit, rounded; ``"unbounded"`` for infinity."""
+        if not math.isfinite(value):
+            return "unbounded"
+        return f"{math.degrees(value) if self.shown_unit == 'deg' else value:.{digits}g}"
+
+    @property
+    def sentence(self) -> str:
+        """Such as ``"at most 0.3 rad/s: 0.285"``."""
+        bound = self.shown_bound.replace("≤", "at most").replace("≥", "at least")
+        return f"{bound} {self.shown_unit}".rstrip() + f": {self.shown(self.worst)}"
 
     @property
     def timed(self) -> bool:

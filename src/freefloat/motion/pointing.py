@@ -36,6 +36,7 @@ class PointingLimit:
         direction: Direction of a target far away, inertial axes, normalized, shape (3,).
         point: Point [m] in the path's frame in place of a direction, shape (3,); the line of sight
             begins at the origin of the link's frame.
+        name: Name by which results, figures and pages call it; None for the link and its number.
 
     Raises:
         InputError: If an attribute is not of this kind, or not exactly one of direction and point
@@ -53,6 +54,7 @@ class PointingLimit:
     keep: Keep = Keep.INSIDE
     direction: Array | None = None
     point: Array | None = None
+    name: str | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "keep", member("keep", Keep, self.keep))
@@ -69,6 +71,10 @@ class PointingLimit:
         if self.point is not None:
             point = frozen(finite_vector("target.point", self.point, 3))
             object.__setattr__(self, "point", point)
+
+    def title(self, number: int) -> str:
+        """Its name, or its link and its number among the limits of pointing."""
+        return self.name or f"{self.body} (pointing.{number})"
 
     def moved(self, offset: Array) -> PointingLimit:
         """The limit with its point, if it has one, moved by an offset [m], shape (3,)."""
@@ -103,7 +109,9 @@ class PointingLimit:
             if self.point is not None
             else {"direction": np.asarray(self.direction).tolist()}
         )
+        named = {} if self.name is None else {"name": self.name}
         return {
+            **named,
             "body": self.body,
             "axis": self.axis.tolist(),
             "target": target,

@@ -26,7 +26,9 @@ from freefloat.so3 import Array
 
 HELD = "the attitude whose motion has this timing"
 NOT_UNIQUE = "; the optimum is not unique, attitudes around it have the same margin"
-NO_HEADING_WITHIN_LIMITS = "headings keep the margin, but none a limit of pointing or turn as well"
+NO_HEADING_WITHIN_LIMITS = (
+    "some headings keep the margin, but none of these keeps the limits of pointing and turn"
+)
 FASTEST = "with its fastest timing"
 PRECEDED = "the state at the end of the phase before"
 _OTHER_UNITS = 50.0
@@ -53,7 +55,8 @@ class Verdict:
         where: Joint, link or pair of links.
         time: The instant [s].
         value: Value at that instant.
-        allowed: Its bound.
+        allowed: Bound of a measure.
+        sentence: Bound and value of a limit in words.
     """
 
     cause: Cause = Cause.KEPT
@@ -62,6 +65,7 @@ class Verdict:
     time: float = 0.0
     value: float = 0.0
     allowed: float = 0.0
+    sentence: str = ""
 
     @property
     def feasible(self) -> bool:
@@ -83,8 +87,8 @@ _SENTENCES = {
     Cause.SINGULAR: "the arm becomes singular at t = {verdict.time:.4g} s",
     Cause.MARGIN: "{verdict.name} falls to {verdict.value:.4g} at t = {verdict.time:.4g} s, "
     "{verdict.allowed:.4g} is required",
-    Cause.LIMIT: "{verdict.name} of {verdict.where} is {verdict.value:.4g} at "
-    "t = {verdict.time:.4g} s, {verdict.allowed:.4g} is allowed",
+    Cause.LIMIT: "the {verdict.name} of {verdict.where} is violated at t = {verdict.time:.4g} s, "
+    "{verdict.sentence}",
     Cause.JUMP: "joint rates would change by {verdict.value:.3g} rad/s or m/s where it begins; "
     "a phase of joints before it brings the arm to rest",
 }
@@ -119,7 +123,7 @@ def verdict_on(
     first = next(iter(violated(results)), None)
     if first is not None:
         return Verdict(
-            Cause.LIMIT, str(first.limit), first.where, first.time, first.worst, first.allowed
+            Cause.LIMIT, first.label, first.where, first.time, first.worst, sentence=first.sentence
         )
     return Verdict()
 
@@ -245,21 +249,19 @@ def none_within_limits(
     violating = violated(results)
     for result in violating:
         if result.limit == CorridorLimit.name:  # which the path alone decides
-            reached = f"{_reached(result)} at t = {result.time:.4g} s"
-            return f"the path itself leaves the corridor, {reached}: no attitude helps"
+            return (
+                f"the path itself leaves the corridor at t = {result.time:.4g} s, "
+                f"{result.sentence}; no attitude helps"
+            )
     counts = ", ".join(f"{name} {number}" for name, number in violations.items())
     reason = f"attitudes keep the margin, but every candidate violates a limit: {counts}"
     worst = max(violating, key=lambda result: result.ratio, default=None)
     if worst is not None:
-        reason += f"; the best of {count} integrated precisely reaches {worst.limit} "
-        reason += f"{_reached(worst)}, at {worst.where}"
+        reason += f"; the best of {count} integrated precisely violates the {worst.label} of "
+        reason += f"{worst.where}, {worst.sentence}"
     if stretch is not None:
         return f"{reason}; {rounded_up(stretch):.4g} times the duration suffices"
     return f"{reason}; none of the longer durations tried suffices" if longer_tried else reason
-
-
-def _reached(result: LimitResult) -> str:
-    return f"{result.worst:.4g} of {result.allowed:.4g} allowed"
 
 
 def point_text(point: complex) -> str:

@@ -104,10 +104,10 @@ def _joint_values(robot: RobotDescription) -> Faults:
             yield Fault(joint, "axis", problem, f'<axis xyz="{unit}"/>')
         if joint.mimic is not None:
             problem = (
-                f"it mimics {joint.mimic}, which is ignored: it moves independently, or stays "
-                "at zero where it does not lead to the end-effector"
+                f"freefloat ignores that it mimics {joint.mimic}: the joint moves independently "
+                "on the way to the end-effector, and is held at 0 elsewhere"
             )
-            remedy = 'a fixed value (robot.held in a scenario), or type="fixed"'
+            remedy = 'another value in robot.held of a scenario, or type="fixed"'
             yield Fault(joint, "mimic", problem, remedy)
 
 

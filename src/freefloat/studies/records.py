@@ -43,7 +43,7 @@ def computed_record(
 
         search, limits = scenario.search(), scenario.limits()
         with scenario.error_context():
-            return attitude_map(problem, search=search, limits=limits, threads=1)
+            return attitude_map(problem, search=search, limits=limits, refine=True, threads=1)
     if command is Command.PLAN:
         from freefloat.planning.planner import plan
 

@@ -103,8 +103,7 @@ def limits_answer(results: tuple[LimitResult, ...]) -> list[dict[str, Any]]:
             "limit": result.label,
             "kept": result.kept,
             "time": result.time,
-            "text": f"{result.worst:.4g} of {result.allowed:.4g} {result.unit}, "
-            f"{result.where}, t = {result.time:.4g} s",
+            "text": f"{result.sentence}, {result.where}, t = {result.time:.4g} s",
         }
         for result in results
     ]

@@ -58,8 +58,7 @@ def _limit_check(
     ):
         passed, detail = False, f"{stated.worst:.6g} is stated, but it is {worst:.6g}"
     value = None if stated is None else stated.worst
-    relation = "≥" if recomputed.at_least else "≤"
     return Check(
         f"limit {recomputed.label}", passed, detail, value, worst, recomputed.allowed,
-        recomputed.unit, time, relation,
+        recomputed.unit, time, recomputed.relation,
     )  # fmt: skip

@@ -10,13 +10,14 @@ from freefloat.io.formats.trajectory import Trajectory
 def attitude_ephemeris_text(trajectory: Trajectory) -> str:
     """Text of an Attitude Ephemeris Message in keyword-value notation.
 
-    Frame A are the inertial axes, named EME2000 because the standard has no frame without a name;
-    frame B are the axes of the spacecraft. The quaternion of the transformation from A to B has its
-    scalar part last, as ours, and describes the rotation that takes the axes of A to those of B: it
-    is our attitude.
+    Frame A are the inertial axes, under the name of the header; frame B are the axes of the
+    spacecraft. The quaternion of the transformation from A to B has its scalar part last, as ours,
+    and describes the rotation that takes the axes of A to those of B: it is our attitude.
     """
     times = [_date(trajectory, t) for t in trajectory.times.tolist()]
-    name = trajectory.motion.problem.model.description.name or "SPACECRAFT"
+    header = trajectory.header
+    robot = trajectory.motion.problem.model.description.name
+    name = header.object_name or robot or "SPACECRAFT"
     rows = [
         f"{time} {x:.15f} {y:.15f} {z:.15f} {w:.15f}"
         for time, (x, y, z, w) in zip(times, trajectory.attitudes.tolist(), strict=True)
@@ -27,8 +28,8 @@ def attitude_ephemeris_text(trajectory: Trajectory) -> str:
         "ORIGINATOR = FREEFLOAT",
         "META_START",
         f"OBJECT_NAME = {name}",
-        f"OBJECT_ID = {name}",
-        "REF_FRAME_A = EME2000",
+        f"OBJECT_ID = {header.object_id or name}",
+        f"REF_FRAME_A = {header.frame}",
         "REF_FRAME_B = SC_BODY_1",
         "ATTITUDE_DIR = A2B",
         "TIME_SYSTEM = UTC",
@@ -47,7 +48,7 @@ def attitude_ephemeris_text(trajectory: Trajectory) -> str:
 def _date(trajectory: Trajectory, t: float) -> str:
     """Date of a time [s], to a nanosecond."""
     nanoseconds = round(t * 1e9)
-    whole = trajectory.epoch.astimezone(UTC) + timedelta(seconds=nanoseconds // 10**9)
+    whole = trajectory.header.epoch.astimezone(UTC) + timedelta(seconds=nanoseconds // 10**9)
     fraction = whole.microsecond * 1000 + nanoseconds % 10**9
     whole = whole.replace(microsecond=0) + timedelta(seconds=fraction // 10**9)
     return f"{whole:%Y-%m-%dT%H:%M:%S}.{fraction % 10**9:09d}"

@@ -20,7 +20,7 @@ from freefloat.io.formats.basilisk_script import basilisk_text
 from freefloat.io.formats.mcap_file import write_mcap
 from freefloat.io.formats.mjcf_file import mjcf_text
 from freefloat.io.formats.ros2 import ros2_goal_text, ros2_text
-from freefloat.io.formats.trajectory import J2000, Trajectory
+from freefloat.io.formats.trajectory import HEADER, J2000, Header, Trajectory
 from freefloat.motion.motion import Motion
 from freefloat.planning.answer import Answer, PhaseResult
 from freefloat.so3 import Array
@@ -205,7 +205,7 @@ _ACCEPTED = "a motion, or a plan, simulation, reorientation or manoeuvre that ha
 
 
 def trajectories(
-    result: Any, times: int | None = None, rate: float | None = None, epoch: datetime = J2000
+    result: Any, times: int | None = None, rate: float | None = None, header: Header = HEADER
 ) -> dict[str, Trajectory]:
     """The trajectory of a result, or of each phase of a manoeuvre, by what its file name has added.
 
@@ -215,14 +215,14 @@ def trajectories(
     phases = getattr(result, "phases", None)
     if phases is None:
         require_type("result", result, Motion, _ACCEPTED)
-        return {"": Trajectory.sampled(result, times, rate, epoch)}
+        return {"": Trajectory.sampled(result, times, rate, header)}
     if all(phase.motion is None for phase in phases):
         raise InputError("result", f"it has no motion: {result.reason}", _ACCEPTED)
     sampled: dict[str, Trajectory] = {}
     for number, phase in enumerate(phases, 1):
         if phase.motion is not None:
             name = "" if len(phases) == 1 else _suffix(number, phase)
-            trajectory = Trajectory.sampled(phase.motion, times, rate, epoch)
+            trajectory = Trajectory.sampled(phase.motion, times, rate, header)
             sampled[name] = trajectory.later(phase.start, phase.centre)
     return sampled
 
@@ -239,6 +239,9 @@ def export(
     times: int | None = None,
     rate: float | None = None,
     epoch: datetime = J2000,
+    frame: str = "EME2000",
+    object_name: str | None = None,
+    object_id: str | None = None,
 ) -> None:
     """Write the trajectory of a motion for other tools.
 
@@ -253,6 +256,9 @@ def export(
         times: Number of evenly spaced times, of each phase; default is 501.
         rate: Samples per second [Hz], given in place of times.
         epoch: Instant of t = 0 in formats with dates, AEM and MCAP; UTC.
+        frame: Name of the inertial axes in AEM.
+        object_name: Name of the spacecraft in AEM; default is that of the robot.
+        object_id: Its identifier in AEM, such as ``2026-001A``; default is the name.
 
     Raises:
         InputError: If the suffix is unknown, there is no motion or the format cannot hold it, or
@@ -269,7 +275,8 @@ def export(
             "file", f"{file} was given", f"a name in {', '.join(k.suffix for k in Format)}"
         )
     kind.require()
-    for name, trajectory in trajectories(result, times, rate, epoch).items():
+    header = Header(epoch, frame, object_name, object_id)
+    for name, trajectory in trajectories(result, times, rate, header).items():
         save_trajectory(path.with_stem(path.stem + name), trajectory, kind)
 
 

@@ -46,7 +46,8 @@ def write_mcap(path: Path, trajectory: Trajectory) -> None:
     from mcap_ros2.writer import Writer
 
     model = trajectory.motion.problem.model
-    zero = round(trajectory.epoch.timestamp()) * 10**9 + trajectory.epoch.microsecond * 1000
+    epoch = trajectory.header.epoch
+    zero = round(epoch.timestamp()) * 10**9 + epoch.microsecond * 1000
     with path.open("wb") as stream:
         writer = Writer(stream)
         schemas = {

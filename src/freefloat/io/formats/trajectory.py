@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from freefloat.errors import InputError
+from freefloat.errors import InputError, require_type
 from freefloat.motion.motion import Ending, Motion
 from freefloat.so3 import Array, frozen, without_jumps
 
@@ -19,6 +19,39 @@ J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
 """Epoch of motions whose date is not given."""
 _ROUNDING = 1e-9
 """Fraction of a step by which the last sample may miss the end."""
+
+
+@dataclass(frozen=True)
+class Header:
+    """What files with dates and names state of a trajectory.
+
+    Attributes:
+        epoch: Instant of t = 0; UTC where it has no time zone.
+        frame: Name of the inertial axes.
+        object_name: Name of the spacecraft; None for that of the robot.
+        object_id: Its identifier, such as ``2026-001A``; None for the name.
+
+    Raises:
+        InputError: If a name is empty, or has more than a line.
+    """
+
+    epoch: datetime = J2000
+    frame: str = "EME2000"
+    object_name: str | None = None
+    object_id: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.epoch.tzinfo is None:
+            object.__setattr__(self, "epoch", self.epoch.replace(tzinfo=UTC))
+        for key in ("frame", "object_name", "object_id"):
+            value = getattr(self, key)
+            require_type(key, value, str | None, "a text")
+            if value is not None and not (value.strip() and value.isprintable()):
+                raise InputError(key, f"{value!r} was given", "a line of text")
+
+
+HEADER = Header()
+"""The header of trajectories without one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +84,7 @@ class Trajectory:
         centre_of_mass_positions: Positions of the centre of mass in the path's frame [m],
             shape (K, 3).
         measure: Signed singularity measure of the margin, shape (K,).
-        epoch: Instant of t = 0.
+        header: What files with dates and names state.
     """
 
     motion: Motion = field(repr=False)
@@ -68,11 +101,9 @@ class Trajectory:
     end_effector_orientations: Array
     centre_of_mass_positions: Array
     measure: Array
-    epoch: datetime = J2000
+    header: Header = field(default=HEADER, repr=False)
 
     def __post_init__(self) -> None:
-        if self.epoch.tzinfo is None:
-            object.__setattr__(self, "epoch", self.epoch.replace(tzinfo=UTC))
         for entry in fields(self):
             value = getattr(self, entry.name)
             if isinstance(value, np.ndarray):
@@ -84,7 +115,7 @@ class Trajectory:
         motion: Motion,
         count: int | None = None,
         rate: float | None = None,
-        epoch: datetime = J2000,
+        header: Header = HEADER,
     ) -> Trajectory:
         """Sample a motion at evenly spaced times.
 
@@ -92,31 +123,31 @@ class Trajectory:
             motion: The motion.
             count: Number of times; default is 501.
             rate: Samples per second [Hz], given in place of times.
-            epoch: Instant of t = 0; UTC where it has no time zone.
+            header: What files with dates and names state.
 
         Raises:
             InputError: If both are given, or there would be fewer than two or too many times.
         """
         if rate is None:
             times = even_times(motion, 501 if count is None else count)
-            return cls.of(motion, times, epoch)
+            return cls.of(motion, times, header)
         if count is not None:
             raise InputError("rate", "a number of times was given, too", "one of the two")
-        return cls.of(motion, times_at_rate(motion, rate), epoch)
+        return cls.of(motion, times_at_rate(motion, rate), header)
 
     @classmethod
     def of(
         cls,
         motion: Motion,
         times: npt.ArrayLike,
-        epoch: datetime = J2000,
+        header: Header = HEADER,
     ) -> Trajectory:
         """Sample a motion.
 
         Args:
             motion: The motion.
             times: Times, rising [s], shape (K,).
-            epoch: Instant of t = 0.
+            header: What files with dates and names state.
 
         Raises:
             InputError: If a time lies outside the motion.
@@ -154,7 +185,7 @@ class Trajectory:
             end_effector_orientations=without_jumps(orientations.as_quat()),
             centre_of_mass_positions=np.outer(times, problem.path.drift),
             measure=np.array([problem.margin.measure(q) for q in joints]),
-            epoch=epoch,
+            header=header,
         )
 
     @property

@@ -35,6 +35,8 @@ class TargetSection(Section):
 class PointingSection(Section):
     """An axis that stays inside or outside a cone about the direction of a target."""
 
+    name: Name | None = None
+    """What results, figures and pages call it; by default its link and its number."""
     body: Name
     """A link, which may be the root link of the spacecraft."""
     axis: Vector
@@ -132,7 +134,7 @@ def _pointing_limit(key: str, section: PointingSection, model: FreeFloatingModel
     with file_keys(**{name: f"{key}.{name}" for name in names}):
         axis, angle = np.array(section.axis), float(np.radians(section.angle_deg))
         target = section.target.model_dump()
-        limit = PointingLimit(section.body, axis, angle, section.keep, **target)
+        limit = PointingLimit(section.body, axis, angle, section.keep, **target, name=section.name)
         limit.require_body(model, "body")
     return limit
 

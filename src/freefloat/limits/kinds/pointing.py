@@ -49,5 +49,5 @@ class PointingLimits(Limit[tuple[PointingLimit, ...]]):
         angle = angle_of(*vectors(times[0], attitudes[0], joints[0]))
         with np.errstate(divide="ignore"):
             ratio = float(angle / limit.angle if inside else np.divide(limit.angle, angle))
-        time, where = motion.time_at(place), f"{limit.body} (pointing.{number})"
+        time, where = motion.time_at(place), limit.title(number)
         return self.result(angle, limit.angle, ratio, time, where, at_least=not inside)

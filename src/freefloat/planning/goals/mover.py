@@ -229,8 +229,8 @@ def _why_not(outcome: GoalMotion, start: Start, search: GoalSearch) -> GoalMotio
         return replace(outcome, reason=reason)
     worst = nearest.violation
     reason = (
-        f"the best motion that was found violates {worst.limit} of {worst.where}: {worst.worst:.4g}"
-        f" at t = {worst.time:.4g} s, {worst.allowed:.4g} is allowed"
+        f"the best motion that was found violates the {worst.label} of {worst.where} at "
+        f"t = {worst.time:.4g} s, {worst.sentence}"
     )
     return replace(
         outcome, problem=nearest.motion.problem, reason=reason, motion=nearest.motion,

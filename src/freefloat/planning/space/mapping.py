@@ -62,11 +62,11 @@ def attitude_map(
     nearest: npt.ArrayLike | None = None,
     boundary: int = 0,
     tangency: int = 0,
-    refine: bool = True,
+    refine: bool = False,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> AttitudeMap | HeadingMap:
-    """Map the minimum margins over all initial attitudes and search between the samples.
+    """Map the minimum margins over all initial attitudes, and search between them if asked.
 
     For planar tasks the attitudes are headings, and nothing is searched between them.
 
@@ -81,7 +81,7 @@ def attitude_map(
         boundary: Points on the boundary of the feasible set to find for each arm branch.
         tangency: Points on the boundary to find from tangency points (Section VI).
         refine: Search between the samples for the largest margin and the largest ball of feasible
-            attitudes, too, and divide the feasible set into regions.
+            attitudes, and divide the feasible set into regions; this takes longer than the map.
         threads: Number of cores to use; all available ones when left out.
         progress: Called with the fraction done, in [0, 1].
 

@@ -65,7 +65,7 @@ def require_considered(limits: Limits) -> None:
     """Raise an InputError unless some limits depend on the timing, and all of these are known."""
     accepted = ", ".join(_CONSIDERED)
     if not limits.timed:
-        raise InputError("limits", "none of them depends on the timing", accepted)
+        raise InputError("limits", "none of them determines the timing", accepted)
     for kind in GIVEN:
         known = kind.name in _CONSIDERED or not kind.exponent
         if not known and getattr(limits, kind.name) is not None:

@@ -251,7 +251,7 @@ def _curves(motion: Motion, limits: AttitudeLimits) -> Iterator[tuple[str, str, 
             angle_of(*limit.vectors(problem.model, attitude, joints, problem.path.origin(t)))
             for t, attitude, joints in zip(*states, strict=True)
         ]
-        yield f"{limit.body} (pointing.{number})", limit.keep, limit.angle, np.array(angles)
+        yield limit.title(number), limit.keep, limit.angle, np.array(angles)
     if limits.base_turn is not None:
         turns = angle_between(states[1], motion.initial.attitude)
         yield "turn of the spacecraft", "at most", limits.base_turn, turns

@@ -61,6 +61,14 @@ class Playback:
         """Visuals of the robot's URDF that cannot be drawn, such as missing meshes."""
         return self.scene.description.remarks
 
+    def scene_title(self, name: str | None) -> str | None:
+        """The title of a scene from its end, such as ``berth`` for ``6 berth``, if that is unique.
+
+        Another name, and None, are returned as they are.
+        """
+        titles = [title for title in self.titles if title.endswith(f" {name}")]
+        return titles[0] if len(titles) == 1 and name not in self.titles else name
+
     def scene_duration(self, title: str | None = None) -> float:
         """Return the duration [s] of a motion by its title; of the first by default.
 

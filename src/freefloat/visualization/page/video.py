@@ -235,6 +235,15 @@ def save_snapshots(
     return files
 
 
+def save_picture(
+    playback: Playback, file: Path, *, size: tuple[int, int] | None = None, scene: str | None = None
+) -> None:
+    """Write a picture of the start of a scene, see :func:`save_snapshots`."""
+    shots = take_pictures(playback.html(), [0.0], size or SIZE, scene=scene, key="output")
+    with closing(shots), written_beside(file) as temporary:
+        temporary.write_bytes(next(shots))
+
+
 def save_video(
     playback: Playback,
     file: Path,

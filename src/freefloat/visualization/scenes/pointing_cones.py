@@ -34,7 +34,7 @@ class PointingCone:
 
     Attributes:
         limit: The limit.
-        title: Its number and its cone, such as ``pointing.0 inside 30°``.
+        number: Its number among those of the problem.
         times: Key times [s], shape (K,).
         origins: Origins of the link's frame from the centre of mass, inertial axes [m], (K, 3).
         axes: Rotations of the link's frame, shape (K, 3, 3).
@@ -43,7 +43,7 @@ class PointingCone:
     """
 
     limit: PointingLimit
-    title: str
+    number: int
     times: Array
     origins: Array
     axes: Array
@@ -81,13 +81,19 @@ class PointingCone:
         farthest = np.linalg.norm(corners, axis=1).max()
         return cls(
             limit,
-            f"pointing.{number} {limit.keep} {np.degrees(limit.angle):.4g}°",
+            number,
             times,
             origins,
             rotations[:, body] @ place.rotation,
             sights / np.linalg.norm(sights, axis=1, keepdims=True),
             max(_BEYOND * float(farthest), _SHORTEST * thickness(problem)),
         )
+
+    @property
+    def title(self) -> str:
+        """Its name or number and its cone, such as ``pointing.0 inside 30°``."""
+        name = self.limit.name or f"pointing.{self.number}"
+        return f"{name} {self.limit.keep} {np.degrees(self.limit.angle):.4g}°"
 
     def extent(self) -> Array:
         """Tip of the arrow and centre of the rim at the first and the last time [m], (4, 3)."""
@@ -97,7 +103,7 @@ class PointingCone:
 
     def draw(self, builder: SceneBuilder, root: str, radius: float) -> Label:
         """Draw it below a node, with lines of a radius [m]; return the label of the arrow."""
-        path = f"{POINTING}/{self.title.partition(' ')[0]}"
+        path = f"{POINTING}/pointing.{self.number}"
         colour, angle = _COLOURS[self.limit.keep], self.limit.angle
         rim = self.length * np.array([np.sin(angle), np.cos(angle)])
         cone = surface_of_revolution(np.array([0.0, rim[1]]), np.array([0.0, rim[0]]))
