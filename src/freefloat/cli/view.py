@@ -58,13 +58,13 @@ _Speed = Annotated[
 ]
 _Size = Annotated[
     str | None,
-    typer.Option(metavar="WxH", help="Of pictures and video; default 1280x720, GIF 800x450."),
+    typer.Option(metavar="WxH", help="Size of pictures and video; default 1280x720, GIF 800x450."),
 ]
 _Scene = Annotated[
     str | None,
     typer.Option(
         metavar="NAME",
-        help="Of several, the one that the page opens and that pictures and video show: the "
+        help="Which of several scenes the page opens, and pictures and video show: the "
         'name of a file, the arm branch of a map or a simulation, or "side by side".',
     ),
 ]

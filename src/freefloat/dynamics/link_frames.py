@@ -123,8 +123,8 @@ def _inertial(body: Body, rotation: Array, origin: Array, frame: Array) -> Array
 
     Args:
         body: The body.
-        rotation: Of the body's frame, spacecraft frame.
-        origin: Of the body's frame.
+        rotation: Rotation of the body's frame, spacecraft frame.
+        origin: Origin of the body's frame.
         frame: Rows x, y, z and origin.
     """
     row = inertial_row(body.mass, body.centre, body.inertia)

@@ -34,7 +34,7 @@ class Kinematics(NamedTuple):
     """A chain in N configurations, in the spacecraft frame, positions from the centre of mass.
 
     Attributes:
-        position: Of the end-effector [m], shape (3, N).
+        position: Position of the end-effector [m], shape (3, N).
         rotation: From the end-effector frame, shape (3, 3, N).
         points: Joint positions [m], shape (3, n, N).
         axes: Joint axes, shape (3, n, N).
@@ -54,7 +54,7 @@ class Chain:
         points: Joint positions from the centre of mass [m], spacecraft frame, shape (3, n); of K
             arms that differ in lengths alone, shape (3, n, K).
         axes: Joint axes, shape (3, n).
-        position: Of the end-effector [m], shape (3,) or (3, K).
+        position: Position of the end-effector [m], shape (3,) or (3, K).
         rotation: From the end-effector frame, shape (3, 3).
         prismatic: Which joints are prismatic, shape (n,).
         strokes: Displacement per metre of a prismatic joint, shape (n,) or (n, K).

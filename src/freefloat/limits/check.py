@@ -85,7 +85,7 @@ class LimitChecker:
     ) -> tuple[tuple[LimitResult, ...], LimitResult | None]:
         """The results of all limits, or none and the first violated one, the cheapest first.
 
-        Of a violated clearance the distance is too small, but need not be the smallest one.
+        The distance of a violated clearance is too small, but need not be the smallest one.
         """
         known = []
         for limit in self.limits:

@@ -284,7 +284,7 @@ def revolutions(
         momenta: Angular momenta [N m s], shape (..., 3).
         wheels: Momenta stored in wheels [N m s], likewise.
         inertia: Mean moments of inertia [kg m²], shape (...).
-        duration: Of the path [s], shape (...).
+        duration: Duration of the path [s], shape (...).
     """
     magnitudes = np.linalg.norm(momenta, axis=-1) + np.linalg.norm(wheels, axis=-1)
     return np.asarray(magnitudes / inertia * duration / (2.0 * np.pi))

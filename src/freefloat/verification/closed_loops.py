@@ -41,7 +41,7 @@ class Courses(NamedTuple):
     """What simulated robots did, at the instants of control and the end.
 
     Attributes:
-        attitudes: Of the spacecraft, unit quaternions x, y, z, w, shape (periods + 1, K, 4).
+        attitudes: Spacecraft attitudes, unit quaternions x, y, z, w, shape (periods + 1, K, 4).
         joints: Joint values, shape (periods + 1, K, n).
         errors: Distances of the end-effector from the path [m] and angles from its orientation
             [rad], shape (periods + 1, K, 2).

@@ -20,7 +20,7 @@ _EARTH = 3.986004418e14
 _LOWEST, _HIGHEST = 6.4e6, 1e9
 """Accepted radii of orbits [m]."""
 _TOLERANCE = 1e-9
-"""Of the integrator, relative and absolute."""
+"""Tolerance of the integrator, relative and absolute."""
 _SAMPLES = 4000
 """Instants at which the margin is evaluated."""
 

@@ -35,7 +35,7 @@ _PRECISE = 1e-8
 _CIRCLE = 720
 """Headings on the whole circle."""
 _EFFORT, _MOMENTUM_EFFORT = Effort(1024, 16), Effort(384, 12)
-"""Of the adversarial searches against robust radius and momentum tolerance."""
+"""Efforts of the adversarial searches against robust radius and momentum tolerance."""
 _SEED = 31
 """A seed other than the planner's."""
 _DIRECTIONS = 96

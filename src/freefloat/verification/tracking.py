@@ -53,7 +53,7 @@ class Tracking:
         threshold: Required margin.
         tolerance: Allowed distance from the path [m] and angle from its orientation [rad].
         times: Instants of control, and the end [s], shape (K,).
-        attitudes: Of the spacecraft, unit quaternions x, y, z, w, shape (K, 4).
+        attitudes: Attitudes of the spacecraft, unit quaternions x, y, z, w, shape (K, 4).
         joints: Joint values [rad or m], shape (K, n).
         margins: Singularity measure of the simulated robot, positive while it has the sign of the
             start, shape (K,).
@@ -152,9 +152,9 @@ def track(
             every body are multiplied; 0.05 is about 5 %.
         noise: Standard deviation of measured angles [rad], and of positions [m].
         friction: Dry friction in every joint [N m or N].
-        seed: Of the random numbers.
-        gain: Of the error of the pose [1/s].
-        period: Of the controller [s].
+        seed: Seed of the random numbers.
+        gain: Gain of the error of the pose [1/s].
+        period: Period of the controller [s].
         tolerance: Allowed distance from the path [m] and angle from its orientation [rad].
 
     Raises:
@@ -195,11 +195,11 @@ def track_many(
         result: Plan or simulation, whose chosen motion completes.
         mass_error: As of :func:`track`, like the other arguments.
         noise: Of measurements.
-        friction: Of the joints.
-        seed: Of the random numbers.
-        gain: Of the controller.
-        period: Of the controller.
-        tolerance: Of the path.
+        friction: Friction of the joints.
+        seed: Seed of the random numbers.
+        gain: Gain of the controller.
+        period: Period of the controller.
+        tolerance: Tolerance of the path.
         threads: Number of threads; one for each core when left out.
 
     Raises:

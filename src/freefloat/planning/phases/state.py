@@ -53,12 +53,12 @@ class SystemState:
 
     @property
     def pose(self) -> Pose:
-        """Of the end-effector from the centre of mass, inertial axes."""
+        """Pose of the end-effector from the centre of mass, inertial axes."""
         return self.problem.model.end_effector_pose(self.attitude, self.joints)
 
     @property
     def twist(self) -> Array:
-        """Of the end-effector in the frame of the manoeuvre [m/s; rad/s], shape (6,)."""
+        """Twist of the end-effector in the frame of the manoeuvre [m/s; rad/s], shape (6,)."""
         system, state = self.problem.system, (self.attitude, self.joints)
         base = system.base_twist(*state, self.joint_rates)
         J = end_effector_jacobian(system.model, self.joints, self.attitude)

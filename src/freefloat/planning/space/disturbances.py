@@ -24,7 +24,7 @@ _LADDER = 0.5 ** np.arange(14.0)
 _SMALLEST = 1e-5
 """Smallest tolerance, as a fraction of the limit."""
 EFFORT = Effort(samples=768, descents=16)
-"""Of the adversarial searches that confirm the tolerated deviation."""
+"""Effort of the adversarial searches that confirm the tolerated deviation."""
 _SECTIONS = 40
 """Durations tried first, longer and shorter ones."""
 _FINEST, _EXACT, _LEVELS = 1e-5, 1e-6, 8

@@ -37,7 +37,7 @@ _CONE = 0.5
 _SMALLEST = 2e-5
 """Smallest radius of a ball [rad]."""
 EFFORT = Effort(samples=2048, descents=24)
-"""Of the adversarial searches that confirm a ball."""
+"""Effort of the adversarial searches that confirm a ball."""
 
 
 @dataclass(frozen=True, eq=False)

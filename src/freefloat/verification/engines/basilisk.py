@@ -24,7 +24,7 @@ from freefloat.verification.gravity import CircularOrbit
 _NANO = 1e-9
 """A nanosecond [s]."""
 _EVALUATIONS = 4
-"""Of the dynamics and of the servos in a step, which may therefore be longer than a reference's."""
+"""Evaluations of the dynamics in a step, which may therefore be longer than a reference's."""
 
 
 def require_basilisk(motion: Motion) -> None:

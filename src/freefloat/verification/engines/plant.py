@@ -94,7 +94,7 @@ class Plants:
 
     @property
     def attitudes(self) -> Array:
-        """Of the spacecraft, unit quaternions x, y, z, w, shape (K, 4)."""
+        """Attitudes of the spacecraft, unit quaternions x, y, z, w, shape (K, 4)."""
         return np.roll(self._states.attitudes, -1, axis=1)
 
     @property
@@ -113,7 +113,7 @@ class Plants:
 
         Args:
             rates: Joint rates, shape (K, n).
-            inertias: Of the joint rates of the nominal robot, shape (K, n, n).
+            inertias: Inertias about the joints of the nominal robot, shape (K, n, n).
         """
         period, (first, second, third) = self._period, self._dynamics
         servos = Servos(self._references, rates, inertias, 1.0 / period**2, 2.0 / period)

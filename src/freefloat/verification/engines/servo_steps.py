@@ -22,7 +22,7 @@ class States(NamedTuple):
     """States of K robots.
 
     Attributes:
-        attitudes: Of the spacecraft, unit quaternions w, x, y, z, shape (K, 4).
+        attitudes: Attitudes of the spacecraft, unit quaternions w, x, y, z, shape (K, 4).
         joints: Joint values, shape (K, n).
         rates: Joint rates, shape (K, n).
     """
