@@ -116,7 +116,7 @@ def test_the_first_phase_that_fails_ends_the_manoeuvre(problem: ff.Problem) -> N
     found = ff.plan_manoeuvre(problem, phases, limits=LIMITS)
     assert not found.feasible
     assert [phase.name for phase in found.phases] == ["path", "fast"]
-    assert found.reason.startswith("fast: joint_rate")
+    assert found.reason.startswith("fast: the joint rate of q2 is violated")
 
 
 @pytest.mark.slow
