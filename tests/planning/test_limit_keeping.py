@@ -77,7 +77,7 @@ def test_where_every_motion_collides_the_reason_has_the_links(attitudes: Plan) -
     result = keep_limits(evaluator_for(attitudes.problem), attitudes, ff.Limits(clearance=0.0))
     assert not result.feasible
     assert set(result.excluded) == {"clearance"}
-    assert "at spacecraft - " in result.reason
+    assert "of spacecraft - " in result.reason
     assert result.needed_stretch is None
 
 
@@ -96,7 +96,7 @@ def test_each_limit_alone_can_make_a_plan_infeasible(
 ) -> None:
     result = keep_limits(evaluator_for(headings.problem), headings, limits)
     assert not result.feasible
-    assert name in result.reason
+    assert name.replace("_", " ") in result.reason
     assert name in result.violation
     assert_is_nearest_candidate(result, limits)
     assert set(result.excluded) == {name}

@@ -90,7 +90,7 @@ def test_a_motion_of_joints_out_of_the_corridor_is_infeasible(
         problem.replace(scene=narrow), phases, PRESENT if reorient else None, reorient=reorient
     )
     assert not found.feasible
-    assert found.reason.startswith(f"{name}: corridor of end_effector")
+    assert found.reason.startswith(f"{name}: the corridor of end_effector")
     assert found.path.feasible
     (left,) = (phase for phase in found.phases if not phase.feasible)
     assert left.name == name
