@@ -6,10 +6,11 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Annotated, Any, NamedTuple, Protocol
+from typing import Annotated, Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import pytest
+from typing_extensions import TypeAliasType
 
 from freefloat.records import Codec, Joints, Quantity, Tree, derived
 from freefloat.so3 import Array
@@ -43,9 +44,14 @@ class Point:
     colour: Colour
 
 
+Number = TypeVar("Number", bound=np.generic)
+Alias = TypeAliasType("Alias", np.ndarray[Any, np.dtype[Number]], type_params=(Number,))
+"""An alias, as NumPy's ``NDArray`` is from Python 3.12 on."""
+
+
 class Pair(NamedTuple):
     low: Annotated[Array, "m"]
-    codes: np.ndarray[Any, np.dtype[np.int8]]
+    codes: Alias[np.int8]
 
 
 @dataclass(frozen=True, eq=False)

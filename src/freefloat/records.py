@@ -72,6 +72,8 @@ class _Hint(NamedTuple):
 
 @cache
 def _parsed(hint: Any) -> _Hint:
+    if hasattr(get_origin(hint), "__value__"):  # an alias, as NumPy's NDArray since Python 3.12
+        return _parsed(get_origin(hint).__value__[get_args(hint)])
     if get_origin(hint) is Annotated:
         inner, unit = get_args(hint)[:2]
         return _parsed(inner)._replace(unit=unit)
