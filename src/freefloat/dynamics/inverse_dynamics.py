@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
 from freefloat.dynamics.system import System
-from freefloat.so3 import Array, rotation_matrix
+from freefloat.so3 import Array, cross, rotation_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +48,7 @@ class InverseDynamics:
     def __init__(self, system: System) -> None:
         """Prepare a robot with its wheels."""
         self._model, self._wheels = system.model, system.wheels
+        self._turning = bool(system.wheels.any())
         self._weightless = system.model.pin_model.copy()
         self._weightless.gravity = pin.Motion.Zero()
         self._scratch = self._weightless.createData()
@@ -86,11 +87,12 @@ class InverseDynamics:
             self._weightless, self._scratch, q, v, np.zeros(len(v))
         )
         drift = variation.vector
-        gyroscopic = np.cross(rates[:3], self._wheels)
-        drift[3:] += rotation_matrix(attitude) @ gyroscopic
+        if self._turning:
+            drift[3:] += rotation_matrix(attitude) @ cross(rates[:3], self._wheels)
         return A, q, v, drift
 
     def _effort(self, q: Array, v: Array, a: Array) -> Effort:
         forces = np.array(pin.rnea(self._weightless, self._scratch, q, v, a))
-        forces[3:6] += np.cross(v[3:6], self._wheels)
+        if self._turning:
+            forces[3:6] += cross(v[3:6], self._wheels)
         return Effort(v, a, forces[:6], forces[6:])

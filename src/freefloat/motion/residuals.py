@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import Task, momentum_map
 from freefloat.motion.panels import TO_COEFFICIENTS, with_slopes
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array, IntArray, rotation_matrix, rotation_vector_between
+from freefloat.so3 import Array, IntArray, rotation_vector_between
 
 _UNRESOLVED = 1e-7
 """Changes in a panel [rad, m, fraction of duration] below which derivatives are not resolved."""
@@ -99,10 +100,11 @@ def _momentum_errors(problem: Problem, values: Array, rates: Array) -> Array:
     x, w = attitudes[:, :3], attitudes[:, 3:]
     # (8c) inverted
     omega = 2.0 * (w * changes[:, :3] - changes[:, 3:] * x - np.cross(x, changes[:, :3]))
-    base = np.einsum("kij,ki->kj", rotation_matrix(attitudes), rates[:, -3:])
+    rotations = Rotation.from_quat(attitudes).as_matrix()
+    base = np.einsum("kij,ki->kj", rotations, rates[:, -3:])
     v = np.column_stack([base, omega, rates[:, 5:-3]])
     states = zip(values[:, 5:-3], attitudes, strict=True)
     maps = [momentum_map(problem.model, joints, attitude)[3:] for joints, attitude in states]
     momentum = np.einsum("kij,kj->ki", np.reshape(maps, (len(v), 3, v.shape[1])), v)
-    momentum += rotation_matrix(attitudes) @ problem.wheel_momentum
+    momentum += rotations @ problem.wheel_momentum
     return np.asarray(np.linalg.norm(momentum - problem.momentum, axis=1))

@@ -207,7 +207,7 @@ def simulate(
     if requested is not None and not others:
         branches = [requested]
     simulated = [
-        _simulated(problem, attitude, start, stop_at_margin=stop_at_margin, tolerance=tolerance)
+        integrate_from(problem, attitude, start, stop_at_margin=stop_at_margin, tolerance=tolerance)
         for start in branches
     ]
     candidates = _ranked(simulated)
@@ -225,12 +225,13 @@ def simulate(
 def integrate_branch(problem: Problem, attitude: Array, branch: int) -> SimulatedBranch:
     """The motion of the arm branch with a number, which exists at the attitude (4,)."""
     start = next(entry for entry in problem.branches(attitude) if entry.index == branch)
-    return _simulated(problem, attitude, start)
+    return integrate_from(problem, attitude, start)
 
 
-def _simulated(
+def integrate_from(
     problem: Problem, attitude: Array, start: ArmBranch, **options: Any
 ) -> SimulatedBranch:
+    """The motion from an arm branch at an attitude (4,); see :func:`integrate_motion`."""
     motion = unwrapped(integrate_motion(problem, attitude, start.joints, **options))
     approach = closest_approach(motion, problem.margin.measure)
     return SimulatedBranch(replace(start, joints=motion.initial.joints), motion, approach)

@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from scipy.integrate import solve_ivp
-from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError, finite_vector
 from freefloat.robot.parts import inertia_matrix
-from freefloat.so3 import Array, frozen, zeros
+from freefloat.so3 import Array, frozen, rotation_matrix, zeros
 
 _TOLERANCE = 1e-13
 """Relative tolerance: the attitude is exact to 1e-11 over ten revolutions."""
@@ -84,7 +83,7 @@ class Tumbling:
         """
         axes = self._principal[1]
         quaternion = self._state(t)[:4]
-        return np.asarray(axes @ Rotation.from_quat(quaternion).as_matrix() @ axes.T)
+        return np.asarray(axes @ rotation_matrix(quaternion) @ axes.T)
 
     def angular_velocity(self, t: float) -> Array:
         """Angular velocity at time t [s], axes of the body's frame then [rad/s], shape (3,).

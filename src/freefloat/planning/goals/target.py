@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.momentum import Task, end_effector_jacobian
+from freefloat.dynamics.system import System
 from freefloat.motion.problem import Problem
 from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, Pose, rotation_vector_between
@@ -91,30 +94,40 @@ class Target:
         if self.attitude is not None:
             parts.append(rotation_vector_between(self.attitude, end.attitude))
         if self.pose is not None:
-            quaternion, goal = Rotation.from_matrix(end.attitude).as_quat(), self.pose_at(end.time)
+            quaternion = Rotation.from_matrix(end.attitude).as_quat()
+            goal, twist = self._goal(end.time)
             pose = self.problem.model.end_effector_pose(quaternion, end.joints)
             turn = rotation_vector_between(goal.rotation, pose.rotation)
             parts.append(np.concatenate([pose.position - goal.position, turn])[rows])
             if self.body is not None:
-                parts.append((self._twist(end, quaternion) - self._body_twist(end.time))[rows])
+                parts.append((self._twist(end, quaternion) - twist)[rows])
         return np.concatenate(parts) if parts else np.zeros(0)
 
     def _twist(self, end: EndState, quaternion: Array) -> Array:
         """Twist of the end-effector relative to the centre of mass, inertial axes, shape (6,)."""
-        model, step = self.problem.model, _LATER
-        omega = self.problem.system.base_rate(quaternion, end.joints, end.joint_rates)
-        poses = [
-            model.end_effector_pose(
-                (Rotation.from_quat(quaternion) * Rotation.from_rotvec(side * omega)).as_quat(),
-                end.joints + side * end.joint_rates,
-            )
-            for side in (-step, step)
-        ]
-        return _twist_between(poses[0], poses[1], 2.0 * step)
+        system, joints, rates = self._still, end.joints, end.joint_rates
+        base = system.base_twist(quaternion, joints, rates)
+        J = end_effector_jacobian(system.model, joints, quaternion)
+        return np.asarray(J @ np.concatenate([base, rates]))
 
-    def _body_twist(self, t: float) -> Array:
-        poses = [self.pose_at(t + side) for side in (-_LATER, _LATER)]
-        return _twist_between(poses[0], poses[1], 2.0 * _LATER)
+    @cached_property
+    def _still(self) -> System:
+        """The system in the frame of its centre of mass."""
+        return replace(self.problem.system, drift=np.zeros(3))
+
+    @cached_property
+    def _goal(self) -> Callable[[float], tuple[Pose, Array]]:
+        """The pose at a time [s], and the twist of the body (6,), inertial axes."""
+
+        def goal(t: float) -> tuple[Pose, Array]:
+            if self.body is None:
+                return self.pose_at(t), np.zeros(6)
+            before, after = (self.pose_at(t + side) for side in (-_LATER, _LATER))
+            turn = rotation_vector_between(before.rotation, after.rotation)
+            change = np.concatenate([after.position - before.position, turn])
+            return self.pose_at(t), change / (2.0 * _LATER)
+
+        return lru_cache(maxsize=2)(goal)
 
     def error(self, paths: JointPaths, course: Course) -> Array:
         """Residuals of the end of a course."""
@@ -161,9 +174,3 @@ def _end(paths: JointPaths, course: Course) -> EndState:
     points = paths.control_points(course.unknowns)
     rates = 3.0 * paths.all_spans * (points[-1] - points[-2]) / course.duration
     return EndState(course.duration, course.attitudes[-1], points[-1], rates)
-
-
-def _twist_between(before: Pose, after: Pose, time: float) -> Array:
-    """Twist between two poses [m/s; rad/s], inertial axes."""
-    turn = Rotation.from_matrix(after.rotation @ before.rotation.T).as_rotvec()
-    return np.concatenate([after.position - before.position, turn]) / time

@@ -26,7 +26,7 @@ from freefloat.planning.limits.trials import OVER
 from freefloat.planning.path_planner import plan_path
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import FASTEST
-from freefloat.planning.simulation import SimulatedBranch, simulate
+from freefloat.planning.simulation import SimulatedBranch, integrate_from
 from freefloat.planning.space.disturbances import tolerance
 from freefloat.planning.timing.speed_profile import (
     INTERVALS,
@@ -146,9 +146,7 @@ def _with_speeds(problem: Problem, speeds: Speeds) -> Problem:
 
 def _with_timing(plan: Plan, before: SimulatedBranch, problem: Problem, limits: Limits) -> Plan:
     """The plan with the motion from the same state at another timing; its states are the same."""
-    start = before.motion.initial
-    chosen = simulate(problem, start.attitude, joints=start.joints).chosen
-    chosen = replace(chosen, branch=before.branch)
+    chosen = integrate_from(problem, before.motion.initial.attitude, before.branch)
     results = LimitChecker(problem, limits).results(chosen.motion)
     verdict = chosen.verdict(results)
     reason = plan.reason if verdict.feasible else f"{FASTEST} {verdict}"
