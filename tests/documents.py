@@ -37,8 +37,6 @@ _FILE = re.compile(r"\A\W+ file: (\S+?)(?: \W+)?\n")
 _NUMBER = re.compile(r"([-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]\d+)?)")
 _ROUNDING = 1e-6
 """Smaller numbers are errors of rounding, different on every computer."""
-PROCESSES = ("README.md", "docs/install.md", "docs/how-to/cluster.md")
-"""Pages on which every command is a process, as for a user; the others save their start."""
 _SHELL = "set -E; trap 'code=$?; ((code < 2)) || exit $code' ERR\n"
 """Exit code 1 is an answer; others end the block, 2 where the message is shown."""
 _FREEFLOAT = """freefloat() {{
@@ -133,16 +131,15 @@ class Page:
         output = Path(f".output-{block.line}")  # a pipe would wait for processes left running
         (asked, requests), (answers, answered) = os.pipe(), os.pipe()
         function = _FREEFLOAT.format(requests=requests, answers=answers)
-        real = self.name in PROCESSES
         with output.open("w") as file:
             shell = subprocess.Popen(
-                ["bash", "-c", _SHELL + ("" if real else function) + block.text],
+                ["bash", "-c", _SHELL + function + block.text],
                 stdout=file,
                 stderr=subprocess.STDOUT,
                 stdin=subprocess.DEVNULL,
                 env=environment,
                 start_new_session=True,
-                pass_fds=() if real else (requests, answers),
+                pass_fds=(requests, answers),
             )
             self.sessions.append(shell.pid)
             os.close(requests)

@@ -148,7 +148,6 @@ def begin(problem, start):
             for arm in (("RPRR", ff.Task.POSITION), ("4", ff.Task.PLANAR_POSE))
         ),
         *((*arm, [None, ff.Redundancy(Metric.ENERGY, Toward.MIDDLE)]) for arm in TEN),
-        (*THIRTY[1], [ff.Redundancy(Metric.ENERGY, Toward.MIDDLE)]),
     ],
 )
 def test_kernels_stay_within_their_tables(structure, task, redundancies):
