@@ -189,9 +189,7 @@ def documents_of_all_commands() -> dict[str, list[dict[str, Any]]]:
         ],
         "workspace": [document("workspace", planar)],
         "singularities": [
-            document(
-                "singularities", "planar_3dof", "--fix", "q3=0.5", "--resolution", 5, *pages[:2]
-            )
+            document("singularities", "planar_3dof", "--fix", "q3=0.5", "--resolution", 5, *pages)
         ],
     }
     plan, retimed = documents["plan"][1], document("retime", "line.h5")

@@ -13,10 +13,13 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 import freefloat as ff
+from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.rate_commands import RateCommands
 from freefloat.lockstep.cache_files import CheckedCacheFile
 from freefloat.lockstep.compilation import compiled
 from freefloat.motion.motion import Motion
+from freefloat.so3 import frozen
 
 HELPER = """
 from freefloat.lockstep.compilation import compiled
@@ -122,7 +125,7 @@ def signatures() -> dict[str, int]:
     }  # fmt: skip
 
 
-def test_integers_and_read_only_arrays_need_no_further_compilation() -> None:
+def test_integers_read_only_arrays_and_single_motions_need_no_further_compilation() -> None:
     """Compiling the kernels again would take a quarter of a minute."""
     problem = ff.load_scenario("spatial_6dof/line").problem()
     used(problem)
@@ -130,8 +133,15 @@ def test_integers_and_read_only_arrays_need_no_further_compilation() -> None:
     path = ff.TimedPath(problem.path.path, ff.Timing(round(problem.path.duration)))
     margin = ff.Margin(problem.margin.measure, round(problem.margin.threshold))
     whole = ff.Problem(problem.model, path, problem.task, (0, 0, 1), margin)
-    used(whole)
+    motion = used(whole)
+    state = motion.attitudes[:1], motion.joints[:1]
+    EnsembleIntegrator(whole, 1).integrate(*state)
     assert before["freefloat.ensemble.kernels.integration.integrate_many"] > 0
+    assert signatures() == before
+    states = [*state, whole.path.twist(0.0)[None]]
+    RateCommands(whole).rates(*map(np.array, states), 0.1)
+    before = signatures()
+    RateCommands(whole).rates(*map(frozen, states), 0.1)
     assert signatures() == before
 
 

@@ -22,9 +22,9 @@ def test_still_in_the_plane_is_the_least_turn_of_a_sweep() -> None:
     problem = ff.load_scenario("planar_3dof/parabola").problem()
     least = np.inf
     for heading in np.radians(np.arange(0.0, 360.0, 6.0)):
-        if not problem.branches(heading_quaternion(heading)):
-            continue
-        for branch in ff.simulate(problem, heading=heading).branches:
+        attitude = heading_quaternion(heading)
+        for start in problem.branches(attitude):
+            branch = integrate_branch(problem, attitude, start.index)
             if branch.feasible:
                 least = min(least, turn(branch.motion))
     chosen = ff.plan(problem, ff.Search("still")).chosen

@@ -36,7 +36,9 @@ class RateCommands:
             speed: Path speed ds/dt [1/s], which scales the attraction of a redundant arm.
         """
         rates = np.empty(joints.shape)
-        measured = Measured(attitudes, joints, twists, self._momentum, speed)
+        # copies: other kernels would be compiled for read-only arrays
+        states = (np.array(values, order="C") for values in (attitudes, joints, twists))
+        measured = Measured(*states, self._momentum, speed)
         command(self._arrays, measured, self._workspace, rates)
         return rates
 

@@ -63,7 +63,7 @@ class Systems:
                 accepted = f"finite numbers, shape (3,) or ({count}, 3)"
                 raise InputError(key, f"shape {array.shape} was given", accepted)
             parts.append(np.broadcast_to(array, (count, 3)))
-        return np.hstack(parts)
+        return np.ascontiguousarray(np.hstack(parts))  # other kernels would be compiled for columns
 
     def revolutions(self, problem: Problem) -> Array:
         """How often the systems rotate along the problem's path, shape (K,)."""
