@@ -37,8 +37,8 @@ class RateCommands:
         """
         rates = np.empty(joints.shape)
         # copies: other kernels would be compiled for read-only arrays
-        states = (np.array(values, order="C") for values in (attitudes, joints, twists))
-        measured = Measured(*states, self._momentum, speed)
+        attitudes, joints, twists = (np.array(rows) for rows in (attitudes, joints, twists))
+        measured = Measured(attitudes, joints, twists, self._momentum, speed)
         command(self._arrays, measured, self._workspace, rates)
         return rates
 
