@@ -144,7 +144,7 @@ def begin(problem, start):
     [
         *((*arm, [None]) for arm in FEWEST),
         *(
-            (*arm, choices(*arm, 1))
+            (*arm, choices(*arm, 1)[::4])
             for arm in (("RPRR", ff.Task.POSITION), ("4", ff.Task.PLANAR_POSE))
         ),
         *((*arm, [None, ff.Redundancy(Metric.ENERGY, Toward.MIDDLE)]) for arm in TEN),
