@@ -1,7 +1,7 @@
 """Change modules in small ways and count how many of the changes the tests notice.
 
 ``python scripts/mutate.py --module motion.integration --mutants 30 --seed 1`` draws 30 mutants of a
-module at random and runs the module's tests on each until one fails. It works in a copy of the
+module or package at random and runs its tests on each until one fails. It works in a copy of the
 checkout; every test run is a fork of one process that has the libraries loaded. A mutant whose
 tests take far longer than they should counts as killed.
 
@@ -31,22 +31,21 @@ from mutants import Mutant, mutants_of
 
 ROOT = Path(__file__).parents[1]
 RANGES = "tests/validation/test_brute_force.py::test_random_ranges_agree_with_brute_force"
-PHASES = "tests/planning/test_manoeuvre.py tests/planning/test_phases.py"
+KINDS = "tests/test_result_kinds.py -k 'not page and not figure'"
 TESTS = {
     "dynamics.momentum": "tests/dynamics/test_momentum.py tests/validation/test_planar_golden.py",
-    "limits.check": "tests/limits/test_check.py tests/test_result_kinds.py",
-    "limits.extremes": "tests/limits/test_check.py tests/limits/test_pointing.py "
-    "tests/limits/test_corridor.py",
+    "io.records": f"tests/io/test_results.py {KINDS}",
+    "limits": f"tests/limits {KINDS}",
     "motion.integration": "tests/motion/test_integration.py tests/motion/test_motion.py "
     "tests/motion/test_extrema.py",
     "motion.law": "tests/motion/test_law.py tests/limits/test_torques.py",
-    "planning.phases.manoeuvre_planner": PHASES,
-    "planning.phases.state": PHASES,
+    "planning.phases": "tests/planning/test_phases.py tests/planning/test_manoeuvre.py "
+    "tests/planning/test_phase_limits.py",
     "planning.plane.ranges": f"tests/planning/test_planar_ranges.py {RANGES}[2] {RANGES}[4]",
     "planning.space.tangency": "tests/planning/test_tangency.py -k 'not brute_force and not gjm'",
     "records": "tests/test_records.py",
 }
-"""Arguments of pytest: the tests of a module, without its slowest."""
+"""Arguments of pytest: the tests of a module or package, without its slowest."""
 LIBRARIES = ("numba", "pinocchio", "scipy.optimize", "pydantic", "pytest", "hypothesis", "mujoco")
 """Loaded once, before the forks."""
 LONGEST = 600.0
@@ -68,15 +67,15 @@ class QuickRun:
 
 
 class Experiment:
-    """A copy of the checkout in which tests are run on mutants of one module."""
+    """A copy of the checkout in which tests are run on mutants of one module or package."""
 
     def __init__(self, folder: Path, module: str) -> None:
         for name in ("src", "tests", "scripts", "models", "pyproject.toml", "README.md"):
             copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy2
             copy(ROOT / name, folder / name)
         self.folder, self.module = folder, module
-        self.file = folder / "src" / "freefloat" / (module.replace(".", "/") + ".py")
-        self.source = self.file.read_text()
+        place = folder / "src" / "freefloat" / module.replace(".", "/")
+        self.files = sorted(place.rglob("*.py")) or [place.with_suffix(".py")]
         self.seconds = LONGEST
         os.chdir(folder)
         os.environ.update(PYTHONPATH=str(folder / "src"), OPENBLAS_NUM_THREADS="1")
@@ -84,16 +83,18 @@ class Experiment:
         for library in LIBRARIES:
             import_module(library)
 
-    def run(self, source: str) -> tuple[str, float]:
-        """What killed a source of the module, or an empty text; and how long the tests took [s]."""
-        for stale in (self.file.parent / "__pycache__").glob(f"{self.file.stem}.cpython*.pyc"):
+    def run(self, file: Path, source: str) -> tuple[str, float]:
+        """What killed another source of a file, or an empty text; how long the tests took [s]."""
+        for stale in (file.parent / "__pycache__").glob(f"{file.stem}.cpython*.pyc"):
             stale.unlink()
-        self.file.write_text(source)
+        before = file.read_text()
+        file.write_text(source)
         log, begin = self.folder / "log", time.monotonic()
         child = os.fork()
         if child == 0:
             self._test(log)
         status = self._wait(child)
+        file.write_text(before)
         seconds = time.monotonic() - begin
         if status is None or os.WIFSIGNALED(status):
             return "timeout or crash", seconds
@@ -135,18 +136,21 @@ def evaluate(module: str, count: int, seed: int) -> list[Mutant]:
     """Run the tests of a module on randomly drawn mutants."""
     with tempfile.TemporaryDirectory() as folder:
         experiment = Experiment(Path(folder), module)
-        killed_by, seconds = experiment.run(ast.unparse(ast.parse(experiment.source)))
+        file = experiment.files[0]
+        killed_by, seconds = experiment.run(file, ast.unparse(ast.parse(file.read_text())))
         if killed_by:
             sys.exit(f"the tests of {module} fail without a mutant: {killed_by}")
         experiment.seconds = 30.0 + 3.0 * seconds
-        mutants = mutants_of(experiment.source)
+        mutants = [
+            (file, *pair) for file in experiment.files for pair in mutants_of(file.read_text())
+        ]
         print(f"{module}: {len(mutants)} mutants, the tests take {seconds:.0f} s", flush=True)
         drawn = random.Random(seed).sample(mutants, min(count, len(mutants)))
-        for mutant, source in drawn:
-            mutant.killed_by, seconds = experiment.run(source)
+        for file, mutant, source in drawn:
+            mutant.killed_by, seconds = experiment.run(file, source)
             outcome = mutant.killed_by or "SURVIVED"
-            print(f"  {mutant}: {outcome} ({seconds:.0f} s)", flush=True)
-        return [mutant for mutant, _ in drawn]
+            print(f"  {file.stem} {mutant}: {outcome} ({seconds:.0f} s)", flush=True)
+        return [mutant for _, mutant, _ in drawn]
 
 
 def main() -> None:

@@ -50,6 +50,10 @@ def test_rates_and_accelerations_are_derivatives_of_the_motion(kind: str) -> Non
         here = Rotation.from_quat(now.attitude).inv()
         turns = [(here * Rotation.from_quat(state.attitude)).as_rotvec() for state in states]
         np.testing.assert_allclose(rates.base, weights @ turns, atol=1e-8)
+        target = law.target(now.time, now.attitude, now.joints)
+        reached = motion.problem.model.end_effector_pose(now.attitude, now.joints)
+        np.testing.assert_allclose(target.position, reached.position, atol=1e-7)
+        np.testing.assert_allclose(target.rotation, reached.rotation, atol=1e-7)
         efforts = [law.effort(state.time, state.attitude, state.joints) for state in states]
         change = weights @ [effort.rates for effort in efforts]
         np.testing.assert_allclose(efforts[2].rates[3:], np.concatenate(rates), atol=1e-12)
