@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import signal
 import struct
-import threading
 from collections.abc import Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from importlib.metadata import PackageNotFoundError, version
-from multiprocessing import resource_tracker
 from typing import Any
 
 import dask
@@ -20,6 +17,7 @@ from distributed.comm.addressing import get_address_host_port
 from distributed.comm.core import connect
 
 from freefloat.errors import InputError
+from freefloat.studies.interrupts import interrupts_deferred
 
 _TIMEOUT = 10.0
 """Time to wait for a scheduler and its first worker [s]."""
@@ -37,7 +35,7 @@ _CONFIG: dict[str, Any] = {
 def local_client(workers: int) -> Iterator[Client]:
     """Start workers on this machine."""
     with dask.config.set(_CONFIG), ExitStack() as stack:
-        with _interrupts_deferred():
+        with interrupts_deferred():
             cluster = LocalCluster(
                 n_workers=workers, threads_per_worker=1, memory_limit=0, dashboard_address=None,
                 silence_logs=logging.CRITICAL, scheduler_kwargs={"dashboard_address": ":0"},
@@ -45,27 +43,6 @@ def local_client(workers: int) -> Iterator[Client]:
             stack.enter_context(cluster)
             client = stack.enter_context(Client(cluster, set_as_default=False))
         yield client
-
-
-@contextmanager
-def _interrupts_deferred() -> Iterator[None]:
-    """Defer Ctrl-C to the end of the block; processes started by its threads do not receive it.
-
-    A terminal sends it to all processes, but only this one may end, and after its workers.
-    """
-    resource_tracker.ensure_running()  # its start would unblock the signal
-    received: list[int] = []
-    if main := threading.current_thread() is threading.main_thread():
-        handler = signal.signal(signal.SIGINT, lambda number, _: received.append(number))
-    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-        if main:
-            signal.signal(signal.SIGINT, handler)
-    if received:
-        signal.raise_signal(signal.SIGINT)
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from freefloat.concurrency import available_cores
 from freefloat.so3 import IntArray
 from freefloat.studies.columns import ERROR, NUMBER
 from freefloat.studies.database import DATABASE, open_results
+from freefloat.studies.few_tasks import FEW
 from freefloat.studies.portable import PortableStudy, study_files
 from freefloat.studies.run import execute, finite
 from freefloat.studies.run_values import group_numbers
@@ -55,7 +56,8 @@ class StudyEstimate:
     @property
     def start_seconds(self) -> float:
         """Expected time until the workers have started [s]."""
-        return _START_SECONDS if self.workers is not None and self.missing and self._alone else 0.0
+        many = min(self.missing, self._alone) > FEW
+        return _START_SECONDS if self.workers is not None and many else 0.0
 
     @property
     def seconds(self) -> float | None:

@@ -16,6 +16,7 @@ from freefloat.io.scenario.robot_section import RobotFile
 from freefloat.io.scenario.yaml import validated
 from freefloat.studies.columns import NUMBER, Columns
 from freefloat.studies.database import DATABASE, StudyDatabase, open_results
+from freefloat.studies.few_tasks import FEW, few_tasks
 from freefloat.studies.portable import PortableStudy, study_files
 from freefloat.studies.results import StudyResult
 from freefloat.studies.run import RunResult, error_values, execute
@@ -44,7 +45,7 @@ def run_study(
 
     Simulations that differ in momentum, duration, masses and other disturbances are integrated in
     chunks of 4,096, and closed loops that follow the same motion are simulated in chunks of 256;
-    other runs are executed one by one, side by side. Scripts that call this need
+    other runs are executed one by one, side by side, up to 32 of them also by this process. Scripts that call this need
     ``if __name__ == "__main__":``, because every worker process imports them.
 
     Args:
@@ -180,12 +181,19 @@ class _Execution:
 
     def _results(self, numbers: list[int], save_files: bool) -> Iterator[RunResult]:
         """Execute runs side by side."""
+        work, workers = partial(execute, save_file=save_files), min(self.workers, len(numbers))
+        if self.scheduler is None and len(numbers) <= FEW:
+            with closing(few_tasks(work, self.sent, numbers, workers)) as results:
+                done = dict.fromkeys(numbers, False)
+                for number, result in results:
+                    done[number] = True
+                    yield result
+            numbers = [number for number in numbers if not done[number]]
         if not numbers:
             return
         from freefloat.studies.dask_clients import REPETITIONS  # Dask imports slowly
         from freefloat.studies.execution import completed_tasks
 
-        work, workers = partial(execute, save_file=save_files), min(self.workers, len(numbers))
         with closing(
             completed_tasks(work, self.sent, numbers, workers, self.scheduler)
         ) as completed:
