@@ -25,8 +25,9 @@ from freefloat.motion.residuals import path_errors
 from freefloat.so3 import Array, IntArray, angle_between, cross
 
 _INTEGRATOR = "Munthe-Kaas Runge-Kutta of fourth order on SO(3), fixed steps in time"
-_BEFORE_SINGULAR = 2
-"""Number of panels before a singularity that are omitted: the rates by time have no bound there."""
+_BEFORE_SINGULAR, _MOMENT = 2, 1e-3
+"""Number of panels before a singularity that are omitted, and part of the duration in which others
+are, too: the rates by time have no bound there."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,8 @@ class Certificate:
         momentum_scale: Scale of that deviation [N m s]: the largest angular momentum of the arm
             relative to the spacecraft, or the prescribed one if larger.
         rates: Joint rates differentiated from the panels' polynomials, minus those of (4), relative
-            to the largest rate; not evaluated where time nearly stands still.
+            to the largest rate; not evaluated where time nearly stands still, or just before a
+            singularity.
         integration: Comparison with a second integrator.
         integrator: Name of that integrator.
     """
@@ -169,6 +171,8 @@ def _rate_errors(motion: Motion) -> Worst:
     solver = motion.problem.resolved_rate_solver()
     segments = [motion.timing_segment(panel) for panel in range(motion.panels)]
     panels, states, slopes = _with_slopes(motion)
+    regular = panels < _regular_panels(motion)
+    panels, states, slopes = panels[regular], states[regular], slopes[regular]
     fastest = float(np.abs(slopes[:, 5:]).max(initial=0.0))
     if not fastest:
         return Worst(0.0, float(motion.times[0]))
@@ -177,6 +181,15 @@ def _rate_errors(motion: Motion) -> Worst:
         twist, speed = path.twist_and_speed(float(state[0]), segments[panel])
         exact.append(solver.rates(state[1:5], state[5:], twist, speed)[1])
     return _worst(np.abs(slopes[:, 5:] - exact).max(axis=1) / fastest, states[:, 0])
+
+
+def _regular_panels(motion: Motion) -> int:
+    """Number of panels without those just before a singularity."""
+    if motion.ending is not Ending.SINGULAR:
+        return motion.panels
+    left = motion.final.time - motion.times[:-1:DEGREE]
+    before = int((left > _MOMENT * motion.problem.path.duration).sum())
+    return max(0, min(before, motion.panels - _BEFORE_SINGULAR))
 
 
 def _momentum_scale(motion: Motion) -> float:
@@ -215,8 +228,7 @@ def integrate_again(motion: Motion) -> Comparison:
     Args:
         motion: The motion; of one that ends singular, the last panels are omitted.
     """
-    omitted = _BEFORE_SINGULAR if motion.ending is Ending.SINGULAR else 0
-    panels = max(0, motion.panels - omitted)
+    panels = _regular_panels(motion)
     whole = _integrated(motion, panels, 1)
     attitudes, joints = _integrated(motion, panels, 2)
     nodes = slice(0, DEGREE * panels + 1)

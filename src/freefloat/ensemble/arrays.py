@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from freefloat.dynamics.arm_factor import ArmPlane
@@ -47,13 +49,14 @@ _THROUGH_NODES = np.linalg.inv(np.vander(_NODES[:4], increasing=True))
 """Maps values at the first four nodes to the cubic's coefficients, lowest power first."""
 
 
+@lru_cache(maxsize=8)
 def kernel_problem(problem: Problem, limits: AttitudeLimits | None = None) -> KernelProblem:
     """The arrays that the kernels read of a problem and of limits of attitude."""
     model = problem.model
     frames = link_frames(model)
     robot, measure = kernel_robot(model, problem.task, problem.margin.measure.name, frames)
     cones = None
-    if limits is not None and limits.number:
+    if limits is not None:
         cones = _cones(model, frames, limits, problem.path.duration)
     null_space = _null_space(problem)
     return KernelProblem(robot, _course(problem), measure, null_space, TABLEAU, cones)

@@ -1,8 +1,9 @@
 """Many disturbed motions of one problem at once, each with the verdict of a precise motion.
 
 All motions are integrated in an ensemble. Those that end early, come near to a singularity or near
-to the threshold are integrated once more with a tolerance of 1e-10; where that changes the ending,
-or the minimum is still too near to the threshold, a precise motion decides.
+to the threshold, or on request to bounds of joint ranges, are integrated once more with a tolerance
+of 1e-10; where that changes the ending, or the minimum is still too near to the threshold, a
+precise motion decides.
 """
 
 from __future__ import annotations
@@ -42,6 +43,9 @@ _NEAR, _STILL_NEAR = 1e-4, 1e-5
 at the strict tolerance do not decide; larger errors were seen in one of 6,000 planar motions."""
 _SINGULAR_RATIO, _PLANAR_RATIO = 1e-3, 0.1
 """Smallest over largest det S* below which errors of the minimum are large, in space and plane."""
+SAFE_RANGE, STRICT_SAFE_RANGE = 0.9, 0.99
+"""Fractions of joint ranges within which values at the steps of an ensemble, and of one at the
+strict tolerance, show that the ranges are kept."""
 _EQUAL = 1e-4
 """Relative difference of margins that errors of the ensemble may cause."""
 _FIRST_PASS = 0.8
@@ -171,6 +175,8 @@ def integrate_disturbed(
     joints: Array | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
+    *,
+    ranges: bool = False,
 ) -> ManyMotions:
     """Integrate the motions that stand for disturbed ones; arguments as of :func:`simulate_many`.
 
@@ -182,13 +188,14 @@ def integrate_disturbed(
         joints: Joint values near those of the arm branch, shape (n,) or (K, n).
         threads: Number of threads.
         progress: Called with the fraction done.
+        ranges: Whether motions near the bounds of joint ranges are integrated strictly, too.
     """
     problem = disturbed.problem
     starts = starts_at(problem, attitudes, branch, joints, disturbed.systems.robots)
     owners, columns = np.nonzero(starts.exist)
     begun = starts.joints[owners, columns]
     motions, deciders = _decided(
-        disturbed[owners], attitudes[owners], begun, thresholds[owners], threads, progress
+        disturbed[owners], attitudes[owners], begun, thresholds[owners], threads, progress, ranges
     )
     chosen = _best(owners, motions, len(attitudes))
     found = chosen >= 0
@@ -217,12 +224,13 @@ def _decided(
     thresholds: Array,
     threads: int | None,
     progress: Progress | None,
+    ranges: bool,
 ) -> tuple[EnsembleResult, npt.NDArray[np.int8]]:
     """Results of the nominal problem's motions, and what decided them."""
     required = thresholds / disturbed.magnifications
 
     def integrated(
-        chosen: BoolArray, tolerance: float, progress: Progress | None
+        chosen: BoolArray | slice, tolerance: float, progress: Progress | None
     ) -> EnsembleResult:
         some = disturbed[chosen]
         integrator = EnsembleIntegrator(disturbed.problem, threads, tolerance=tolerance)
@@ -230,12 +238,15 @@ def _decided(
             attitudes[chosen], joints[chosen], some.systems, progress=progress
         )
 
-    every = np.ones(len(joints), dtype=bool)
-    first = integrated(every, STEP_TOLERANCE, step_of(progress, 0.0, _FIRST_PASS))
+    first = integrated(slice(None), STEP_TOLERANCE, step_of(progress, 0.0, _FIRST_PASS))
     motions = EnsembleResult._make(values.copy() for values in first)
     nearly_singular = _PLANAR_RATIO if disturbed.problem.task.planar else _SINGULAR_RATIO
     again = (motions.endings != COMPLETED) | (motions.determinant_ratios < nearly_singular)
     again |= _is_near(motions.minimum, required, _NEAR)
+    if ranges:
+        shifts = _shifts_into_ranges(disturbed.problem, motions.lower, motions.upper)
+        ratios = range_ratios(disturbed.problem, motions.lower + shifts, motions.upper + shifts)
+        again |= (motions.minimum >= required) & (ratios > SAFE_RANGE)
     strict = integrated(again, _STRICT_TOLERANCE, step_of(progress, _FIRST_PASS, 1.0))
     doubtful = np.zeros(len(joints), dtype=bool)
     doubtful[again] = (
@@ -287,6 +298,15 @@ def _best(owners: IntArray, motions: EnsembleResult, count: int) -> IntArray:
     distinct, places = np.unique(owners[candidates], return_index=True)
     best[distinct] = candidates[places]
     return best
+
+
+def range_ratios(problem: Problem, low: Array, high: Array) -> Array:
+    """Ratios of joint ranges, as limits have them, of joint values from low to high, shape (K,)."""
+    lower, upper = problem.model.joint_ranges
+    bounded = np.isfinite(lower) & np.isfinite(upper)
+    half = np.where(bounded, (upper - lower) / 2.0, 1.0)
+    below, above = (lower - low) / half, (high - upper) / half
+    return np.asarray(np.maximum(below, above).max(axis=1) + 1.0)
 
 
 def _shifts_into_ranges(problem: Problem, low: Array, high: Array) -> Array:

@@ -43,7 +43,7 @@ class Equivalents:
     def __len__(self) -> int:
         return len(self.stretches)
 
-    def __getitem__(self, chosen: BoolArray | IntArray) -> Equivalents:
+    def __getitem__(self, chosen: BoolArray | IntArray | slice) -> Equivalents:
         """Some of the motions."""
         return Equivalents(
             self.problem, self.systems[chosen], self.stretches[chosen], self.magnifications[chosen]

@@ -92,7 +92,7 @@ class Robots:
     def __len__(self) -> int:
         return len(self.numbers)
 
-    def __getitem__(self, chosen: BoolArray | IntArray) -> Robots:
+    def __getitem__(self, chosen: BoolArray | IntArray | slice) -> Robots:
         """Some of the robots."""
         return replace(self, base=self.base[chosen], bodies=self.bodies[chosen],
                        numbers=self.numbers[chosen])  # fmt: skip

@@ -44,7 +44,7 @@ class Systems:
             problem.path.drift if drifts is None else drifts,
         )
 
-    def __getitem__(self, chosen: BoolArray | IntArray) -> Systems:
+    def __getitem__(self, chosen: BoolArray | IntArray | slice) -> Systems:
         """Those of some motions, where every array is one for each."""
         robots = None if self.robots is None else self.robots[chosen]
         return Systems(self.momenta[chosen], self.wheels[chosen], self.drifts[chosen], robots)

@@ -213,13 +213,25 @@ def simulate(
     candidates = _ranked(simulated)
     if requested is not None:
         candidates = [simulated[branches.index(requested)]]
-    checked: list[tuple[SimulatedBranch, tuple[LimitResult, ...]]] = [(candidates[0], ())]
-    if checker is not None:
-        checked = _within_limits(candidates, checker)
+    checked = _within_limits(candidates, checker)
     chosen, results = checked[0]
     contact = self_contact(chosen.motion, results)
     verdicts = {entry.branch.index: entry.verdict(results) for entry, results in checked if results}
     return Simulation(tuple(simulated), chosen, limits, results, contact, verdicts)
+
+
+def chosen_joints(
+    problem: Problem, attitude: Array, joints: Array | None, limits: Limits | None
+) -> Array:
+    """Initial joint values of the motion that :func:`simulate` chooses, shape (n,).
+
+    Arguments and errors are those of :func:`simulate`; contact is not searched for.
+    """
+    checker = None if limits is None else LimitChecker(problem, limits)
+    branches, requested = _branches(problem, attitude, None, joints)
+    starts = branches if requested is None else [requested]
+    simulated = _ranked([_simulated(problem, attitude, start) for start in starts])
+    return _within_limits(simulated, checker)[0][0].branch.joints
 
 
 def integrate_branch(problem: Problem, attitude: Array, branch: int) -> SimulatedBranch:
@@ -267,10 +279,15 @@ def _ranked(branches: list[SimulatedBranch]) -> list[SimulatedBranch]:
 
 
 def _within_limits(
-    branches: list[SimulatedBranch], checker: LimitChecker
+    branches: list[SimulatedBranch], checker: LimitChecker | None
 ) -> list[tuple[SimulatedBranch, tuple[LimitResult, ...]]]:
-    """The branches up to the first whose motion keeps the limits, that one first."""
-    checked = []
+    """The branches up to the first whose motion keeps the limits, that one first.
+
+    The first without results where limits are not checked.
+    """
+    if checker is None:
+        return [(branches[0], ())]
+    checked: list[tuple[SimulatedBranch, tuple[LimitResult, ...]]] = []
     for branch in branches:
         checked.append((branch, checker.results(branch.motion)))
         if not violated(checked[-1][1]):

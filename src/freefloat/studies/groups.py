@@ -8,7 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.ensemble.disturbed_motions import integrate_disturbed
+from freefloat.ensemble.disturbed_motions import (
+    SAFE_RANGE,
+    STRICT_SAFE_RANGE,
+    integrate_disturbed,
+    range_ratios,
+)
+from freefloat.ensemble.endings import NORMAL
 from freefloat.ensemble.equivalence import equivalents
 from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.errors import FreeFloatError
@@ -27,9 +33,6 @@ from freefloat.studies.robot_values import (
 )
 from freefloat.studies.run_values import arrays_of, fits_ensembles
 from freefloat.studies.study import START_KEYS, Study
-
-_SAFE_RANGE = 0.9
-"""Fraction of a joint range within which values at the integrator's steps show that it is kept."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,17 +93,19 @@ class Group:
         if self.unvaried is not None:
             joints = _best_joints(self.unvaried, attitudes, threads)
         motions = integrate_disturbed(
-            disturbed, attitudes, thresholds, self.branch, joints, threads
+            disturbed,
+            attitudes,
+            thresholds,
+            self.branch,
+            joints,
+            threads,
+            ranges=self.ranges and not self.limited,
         )
         return places + first, motions
 
     def ratios_of_ranges(self, motions: ManyMotions) -> Array:
         """Ratios of joint ranges as limits have them, of the integrator's steps, shape (K,)."""
-        lower, upper = self.problem.model.joint_ranges
-        bounded = np.isfinite(lower) & np.isfinite(upper)
-        half = np.where(bounded, (upper - lower) / 2.0, 1.0)
-        below, above = (lower - motions.lower) / half, (motions.upper - upper) / half
-        return np.asarray(np.maximum(below, above).max(axis=1) + 1.0)
+        return range_ratios(self.problem, motions.lower, motions.upper)
 
     def are_decided(self, motions: ManyMotions) -> BoolArray:
         """Whether motions have a verdict; those of others need a precise motion, shape (K,)."""
@@ -108,8 +113,9 @@ class Group:
         if self.limited:
             return np.asarray(decided & ~motions.feasible)
         if self.ranges:
+            safe = np.where(motions.deciders == NORMAL, SAFE_RANGE, STRICT_SAFE_RANGE)
             return np.asarray(
-                decided & ~(motions.feasible & (self.ratios_of_ranges(motions) > _SAFE_RANGE))
+                decided & ~(motions.feasible & (self.ratios_of_ranges(motions) > safe))
             )
         return decided
 

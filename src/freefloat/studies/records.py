@@ -11,7 +11,7 @@ from typing import Any
 from freefloat.errors import InputError, UnreachableError, finite_number
 from freefloat.motion.problem import Problem
 from freefloat.planning.plan import Plan
-from freefloat.planning.simulation import Simulation, simulate
+from freefloat.planning.simulation import Simulation, chosen_joints, simulate
 from freefloat.so3 import Array
 from freefloat.studies.document import scenario_from
 from freefloat.studies.study import Command
@@ -102,9 +102,8 @@ def _undisturbed_joints(base: str, source: Path, attitude: tuple[float, ...]) ->
     problem = scenario.problem()
     near = scenario.search().applied_to(problem).closest_start(attitude)
     try:
-        simulation = simulate(problem, attitude, joints=near, limits=scenario.limits())
+        return chosen_joints(problem, problem.attitude(attitude), near, scenario.limits())
     except UnreachableError as error:
         reason = f"the unvaried scenario has no motion: {error.problem}"
         accepted = "branch: best, or the number of an arm branch"
         raise InputError("branch", reason, accepted) from None
-    return simulation.chosen.branch.joints

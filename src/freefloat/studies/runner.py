@@ -45,8 +45,8 @@ def run_study(
 
     Simulations that differ in momentum, duration, masses and other disturbances are integrated in
     chunks of 4,096, and closed loops that follow the same motion are simulated in chunks of 256;
-    other runs are executed one by one, side by side, up to 32 of them also by this process. Scripts that call this need
-    ``if __name__ == "__main__":``, because every worker process imports them.
+    other runs are executed one by one, side by side, up to 32 of them also by this process. Scripts
+    that call this need ``if __name__ == "__main__":``, because every worker process imports them.
 
     Args:
         study: As :func:`~freefloat.studies.study.load_study` returns it.
