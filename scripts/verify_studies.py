@@ -3,7 +3,8 @@
 Momentum, duration, attitude, margin and the robot (masses of links, payload, spacecraft, mount)
 vary in studies of four robots. Verdicts must be equal and minimum margins agree to 1e-4; so must
 the minimum margins of motions that SciPy integrates with Pinocchio's matrices. ``--runs`` is the
-number for each robot, ``--scipy`` that of motions by SciPy, ``--seed`` selects others.
+number for each robot, of ``--draws`` random ones: a third singular, a third near a singularity, if
+there are as many. ``--scipy`` is that of motions by SciPy, ``--seed`` selects others.
 """
 
 from __future__ import annotations
@@ -25,7 +26,11 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 
 import freefloat as ff
+from freefloat.ensemble.endings import DECIDERS, MOTION, NORMAL
 from freefloat.robot.names import find_scenario
+from freefloat.so3 import IntArray
+from freefloat.studies.columns import NUMBER, Columns
+from freefloat.studies.ensembles import Chunk, integrated
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.run import execute
 from freefloat.studies.study import Study
@@ -119,15 +124,18 @@ def by_scipy(study: Study, number: int, row: dict[str, Any]) -> float:
 def compare(name: str, options: argparse.Namespace, pool: ProcessPoolExecutor) -> dict[str, Any]:
     """What differs between the rows of a study and those of its runs on their own."""
     with tempfile.TemporaryDirectory() as place:
-        study = write_study(name, options.runs, options.seed, Path(place))
-        rows = list(ff.run_study(study, Path(place) / "out", report=False, workers=1).rows)
-        decided = [k for k, row in enumerate(rows) if row["decided_by"]]
-        alone = pool.map(execute, [PortableStudy(study)] * len(decided), decided, chunksize=8)
-        wrong, differences, singular = [], [0.0], 0
-        for number, result in zip(decided, alone, strict=True):
-            row, single = rows[number], result.values
-            singular += not row["completed"]
-            margin, own = row["margin"] or 0.0, single.get("margin") or 0.0
+        study = write_study(name, options.draws, options.seed, Path(place))
+        sent = PortableStudy(study)
+        columns = integrated(sent, Chunk(0, np.arange(options.draws)))
+        places = selection(columns, options.runs)
+        chosen = {name: np.asarray(column)[places].tolist() for name, column in columns.items()}
+        numbers = chosen.pop(NUMBER)
+        rows = [dict(zip(chosen, row, strict=True)) for row in zip(*chosen.values(), strict=True)]
+        alone = pool.map(execute, [sent] * len(numbers), numbers, chunksize=8)
+        wrong, differences = [], [0.0]
+        for number, row, result in zip(numbers, rows, alone, strict=True):
+            single = result.values
+            margin, own = row["margin"], single.get("margin") or 0.0
             differences.append(abs(margin - own) / max(own, 1e-12))
             keys = ("verdict", "completed", "branch")
             same = all(row[key] == single.get(key) for key in keys)
@@ -135,21 +143,34 @@ def compare(name: str, options: argparse.Namespace, pool: ProcessPoolExecutor) -
                 shown = [{key: values.get(key) for key in (*keys, "margin", "error", "decided_by")}
                          for values in (row, single)]  # fmt: skip
                 wrong.append(f"{name} run {number}: {shown[0]}; alone {shown[1]}")
-        complete = [k for k in decided if rows[k]["completed"]][: options.scipy]
-        scipy = {k: by_scipy(study, k, rows[k]) / rows[k]["margin"] - 1.0 for k in complete}
+        complete = [k for k, row in enumerate(rows) if row["completed"]][-options.scipy :]
+        scipy = {numbers[k]: by_scipy(study, numbers[k], rows[k]) / rows[k]["margin"] - 1.0
+                 for k in complete}  # fmt: skip
     wrong += [f"{name} run {k}: by SciPy the margin differs by {error:+.1e} of it"
               for k, error in scipy.items() if abs(error) > NEAR]  # fmt: skip
-    counts = [sum(row["decided_by"] == who for row in rows)
-              for who in ("ensemble", "ensemble at 1e-10", "motion")]  # fmt: skip
-    return {"robot": name, "runs": len(rows), "ensemble": counts[0], "at 1e-10": counts[1],
-            "motion": counts[2], "singular": singular, "largest difference": max(differences),
+    near = [row["completed"] and row["decided_by"] != DECIDERS[NORMAL] for row in rows]
+    return {"robot": name, "runs": len(rows), "singular": sum(not row["completed"] for row in rows),
+            "near singular": sum(near), "feasible": chosen["verdict"].count("feasible"),
+            "by motions": chosen["decided_by"].count(DECIDERS[MOTION]),
+            "largest difference": max(differences), "by SciPy": len(scipy),
             "from SciPy": max(map(abs, scipy.values()), default=0.0), "wrong": wrong}  # fmt: skip
+
+
+def selection(columns: Columns, count: int) -> IntArray:
+    """Places of runs, ascending: a third singular, a third near a singularity, if there are."""
+    completed = np.asarray(columns["completed"])
+    again = np.asarray(columns["decided_by"]) != DECIDERS[NORMAL]
+    kinds = ~completed, completed & again, completed & ~again
+    most = [np.flatnonzero(kind)[: -(-count // 3)] for kind in kinds[:2]]
+    rest = np.flatnonzero(kinds[2])[: count - sum(map(len, most))]
+    return np.sort(np.concatenate([*most, rest]))
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", default=list(CASES), help="all robots when left out")
-    parser.add_argument("--runs", type=int, default=300)
+    parser.add_argument("--runs", type=int, default=250)
+    parser.add_argument("--draws", type=int, default=8000)
     parser.add_argument("--scipy", type=int, default=8)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()

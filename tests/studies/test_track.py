@@ -62,9 +62,20 @@ def test_a_run_has_the_results_of_track(tmp_path: Path) -> None:
     assert result.content is None
     (chunk,) = track_chunks(study, np.arange(8))
     columns = tracked(PortableStudy(study), chunk, 2)
-    assert columns["number"].tolist() == list(range(8))
+    assert columns["number"] == list(range(8))
     for name in result.values.keys() - {"began", "seconds"}:
         assert columns[name][7] == result.values[name]
+
+
+def test_a_refused_run_leaves_the_others_of_its_chunk_together(tmp_path: Path) -> None:
+    vary = {"track.noise": {"normal": {"mean": 0.001, "sd": 0.001}}}
+    study = a_study(tmp_path, vary, cases=12, branch=0, **TRACK)
+    (chunk,) = track_chunks(study, np.arange(12))
+    columns = tracked(PortableStudy(study), chunk, 2)
+    negative = [k for k in range(12) if study.parameters(k)["track.noise"] < 0.0]
+    assert negative
+    assert sorted([*negative, *columns["number"]]) == list(range(12))
+    assert "noise: -" in execute(PortableStudy(study), negative[0]).values["error"]
 
 
 @pytest.mark.usefixtures("kernels")

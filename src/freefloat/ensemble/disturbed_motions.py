@@ -24,12 +24,12 @@ from freefloat.ensemble.endings import (
     STRICT,
 )
 from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator
-from freefloat.ensemble.equivalence import POSITIVE, Equivalents, broadcast, equivalents
+from freefloat.ensemble.equivalence import FACTORS, Equivalents, broadcast, equivalents
 from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.starts import starts_at
-from freefloat.errors import InputError, IntegrationError, whole_number
+from freefloat.errors import InputError, IntegrationError, number_array, whole_number
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
@@ -105,15 +105,16 @@ def simulate_many(
         0.87
     """
     require_problem(problem)
-    if branch is not None:
-        whole_number("branch", branch, 0)
     q0 = _attitudes(problem, attitudes, headings)
+    if branch is not None:
+        existing = problem.many_branches(q0.reshape(-1, 4)[:1]).joints.shape[1]
+        whole_number("branch", branch, 0, max(existing, 1) - 1)
     by_link = scale_mass if isinstance(scale_mass, Mapping) else {}
     factor = 1.0 if isinstance(scale_mass, Mapping) else scale_mass
-    varied = (momenta, wheels, drifts), (durations, factor, thresholds, *by_link.values())
-    counts = [len(q0)] if q0.ndim == 2 else []
-    counts += [len(v) for v in map(np.asarray, filter(_is_given, varied[0])) if v.ndim == 2]
-    counts += [len(v) for v in map(np.asarray, filter(_is_given, varied[1])) if v.ndim == 1]
+    vectors = {"attitudes": q0, "momenta": momenta, "wheels": wheels, "drifts": drifts}
+    numbers = {"durations": durations, "scale_mass": factor, "thresholds": thresholds}
+    numbers |= {f"scale_mass.{link}": values for link, values in by_link.items()}
+    counts = _counts(vectors, 2) + _counts(numbers, 1)
     count = counts[0] if counts else 1
     disturbed = equivalents(
         problem, count, momenta=momenta, wheels=wheels, drifts=drifts, durations=durations,
@@ -122,7 +123,7 @@ def simulate_many(
     if disturbed.turns_too_often.any():
         raise InputError("momenta", "a system rotates too often", "smaller or shorter ones")
     required = problem.margin.threshold if thresholds is None else thresholds
-    required = broadcast("thresholds", required, (count,), "magnitudes, 0 or more", 0.0)
+    required = broadcast("thresholds", required, (count,), "magnitudes, 0 or more", 0.0, np.inf)
     if joints is not None:
         joints = problem.model.joint_vector(joints)
     q0 = broadcast("attitudes", q0, (count, 4))
@@ -136,7 +137,7 @@ def _scaled_robots(problem: Problem, scale_mass: Mapping[str, npt.ArrayLike], co
         if name not in model.link_places:
             accepted = ", ".join(model.link_places)
             raise InputError(f"scale_mass.{name}", "the robot has no such link", accepted)
-        factors[name] = broadcast(f"scale_mass.{name}", values, (count,), *POSITIVE)
+        factors[name] = broadcast(f"scale_mass.{name}", values, (count,), *FACTORS)
 
     def model_of(number: int) -> FreeFloatingModel:
         return model.scaled({name: float(values[number]) for name, values in factors.items()})
@@ -148,8 +149,17 @@ def _scaled_robots(problem: Problem, scale_mass: Mapping[str, npt.ArrayLike], co
     return robots
 
 
-def _is_given(values: object) -> bool:
-    return values is not None
+def _counts(given: Mapping[str, npt.ArrayLike | None], dimension: int) -> list[int]:
+    """Lengths of the arguments that have a value for each motion."""
+    arrays = {
+        key: number_array(key, values, "numbers")
+        for key, values in given.items()
+        if values is not None
+    }
+    for key, array in arrays.items():
+        if not array.size:
+            raise InputError(key, "it is empty", "one value, or one for each motion")
+    return [len(array) for array in arrays.values() if array.ndim == dimension]
 
 
 def _attitudes(
@@ -157,12 +167,15 @@ def _attitudes(
 ) -> Array:
     """Checked, normalized attitudes, shape (4,) or (K, 4)."""
     if headings is not None and attitudes is None and problem.task.planar:
-        return heading_quaternion(np.asarray(headings, dtype=float))
+        angles = number_array("headings", headings, "angles [rad]")
+        if angles.ndim > 1 or not angles.size or not np.isfinite(angles).all():
+            raise InputError("headings", f"{angles.tolist()} was given", "finite angles [rad]")
+        return heading_quaternion(angles)
     if headings is not None or attitudes is None:
         return problem.attitude(attitudes, heading=headings)  # type: ignore[arg-type]  # an error
-    q0 = np.asarray(attitudes, dtype=float)
+    q0 = number_array("attitudes", attitudes, "quaternions x, y, z, w")
     if q0.ndim < 2:
-        return problem.attitude(q0)
+        return problem.attitude(q0, key="attitudes")
     checked = [problem.attitude(attitude, key=f"attitudes.{k}") for k, attitude in enumerate(q0)]
     return np.array(checked).reshape(-1, 4)
 

@@ -15,13 +15,14 @@ import numpy.typing as npt
 
 from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.systems import Systems
-from freefloat.errors import InputError, number_array
+from freefloat.errors import LARGEST_NUMBER, InputError, number_array
 from freefloat.motion.planar_requirements import require_in_plane, require_level
 from freefloat.motion.problem import MAX_REVOLUTIONS, Problem
 from freefloat.so3 import Array, BoolArray, IntArray
 
-POSITIVE = "numbers above zero", float(np.finfo(float).tiny)
-"""What is accepted of durations and factors, and the smallest of them."""
+FACTORS = "numbers from 1e-6 to 1e6", 1e-6, 1e6
+_DURATIONS = "numbers from 1e-6 to 1e12", 1e-6, 1e12
+"""What is accepted of factors and of durations [s], and their bounds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,15 +90,15 @@ def equivalents(
     nominal = problem.path.duration
     stretches = np.ones(count)
     if durations is not None:
-        stretches = broadcast("durations", durations, (count,), *POSITIVE) / nominal
+        stretches = broadcast("durations", durations, (count,), *_DURATIONS) / nominal
         if problem.path.frame is not None and (stretches != 1.0).any():
             moving = "the path is stated in the frame of a body of the scene"
             raise InputError("durations", moving, "none, or another path")
-    factors = broadcast("scale_mass", scale_mass, (count,), *POSITIVE)
+    factors = broadcast("scale_mass", scale_mass, (count,), *FACTORS)
     vectors = {"momenta": momenta, "wheels": wheels, "drifts": drifts}
     nominals = problem.momentum, problem.wheel_momentum, problem.path.drift
     h, w, v = (
-        broadcast(key, value if given is None else given, (count, 3))
+        np.broadcast_to(value, (count, 3)) if given is None else broadcast(key, given, (count, 3))
         for (key, given), value in zip(vectors.items(), nominals, strict=True)
     )
     if problem.task.planar:
@@ -114,8 +115,9 @@ def broadcast(
     key: str,
     values: npt.ArrayLike,
     shape: tuple[int, ...],
-    accepted: str = "finite numbers",
-    lowest: float = -np.inf,
+    accepted: str = f"numbers up to {LARGEST_NUMBER:g}",
+    lowest: float = -LARGEST_NUMBER,
+    highest: float = LARGEST_NUMBER,
 ) -> Array:
     """Values for all motions, or for each, as an array of a shape; else an InputError."""
     array = number_array(key, values, accepted)
@@ -124,7 +126,7 @@ def broadcast(
     except ValueError:
         accepted = f"one value for all motions or one for each, shape {shape}"
         raise InputError(key, f"shape {array.shape} was given", accepted) from None
-    wrong = ~(np.isfinite(array) & (array >= lowest))
+    wrong = ~(np.isfinite(array) & (array >= lowest) & (array <= highest))
     if wrong.any():
         raise InputError(key, f"{array[wrong].flat[0]} was given", accepted)
     return array

@@ -64,7 +64,14 @@ def _entry(node: Any, name: str, path: str, default: Any) -> Any:
 
 
 def error_of_study(error: InputError, varied: Iterable[str], study: str) -> InputError | None:
-    """Return an error of the scenario as one of the study file, None unless a varied key has it."""
-    if not any(f"{error.key}.".startswith(f"{key}.") for key in varied):
-        return None
-    return InputError(f"vary.{error.key}", error.problem, error.accepted, study)
+    """Return an error of the scenario as one of the study file, None unless a varied key has it.
+
+    A key of a list has it, too, where an entry of the list varies.
+    """
+    for key in varied:
+        if f"{error.key}.".startswith(f"{key}."):
+            return InputError(f"vary.{error.key}", error.problem, error.accepted, study)
+        whole, _, entry = key.rpartition(".")
+        if whole == error.key and entry.isdecimal():
+            return InputError(f"vary.{key}", error.problem, error.accepted, study)
+    return None

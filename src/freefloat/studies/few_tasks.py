@@ -6,7 +6,7 @@ Workers of Dask take seconds to start, longer than a dozen plans.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -28,7 +28,7 @@ def few_tasks(
     study: PortableStudy,
     tasks: Sequence[Task],
     workers: int,
-) -> Iterator[tuple[Task, Result]]:
+) -> Generator[tuple[Task, Result]]:
     """Yield tasks of a study and their results as they are completed.
 
     A task whose process is killed is left out.

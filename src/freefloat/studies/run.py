@@ -59,7 +59,7 @@ def execute(study: PortableStudy, number: int, save_file: bool = False) -> RunRe
         content = _file_content(record) if save_file and record is not None else None
     except InputError as error:
         of_study = None
-        if error.source == str(study.here.base_source.absolute()):
+        if error.source in (None, str(study.here.base_source.absolute())):
             of_study = error_of_study(error, study.study.content.vary, study.study.source)
         values = error_values(of_study or error)
     except Exception as error:  # whatever the run raised is its result

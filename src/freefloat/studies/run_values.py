@@ -28,8 +28,8 @@ _HARMLESS = {
 }
 _FEWEST = 16
 """Fewer runs are not worth an ensemble."""
-_LARGEST = 1e9
-"""Of scenario files."""
+_LARGEST, _SHORTEST = 1e9, 1e-6
+"""Largest number, and shortest duration [s], of scenario files."""
 _UNIT = 1e-2
 """Deviation of a quaternion's norm from one that scenarios accept."""
 _LEVEL = 1e-9
@@ -122,7 +122,7 @@ def _accepted(name: str, array: Array, planar: bool) -> BoolArray:
     with np.errstate(invalid="ignore"):
         accepted = (np.abs(rows) <= _LARGEST).all(axis=1)
         if name == "durations":
-            accepted &= rows[:, 0] > 0.0
+            accepted &= rows[:, 0] >= _SHORTEST
         elif name == "scale_mass":
             accepted &= (rows[:, 0] >= MASS_FACTORS[0]) & (rows[:, 0] <= MASS_FACTORS[1])
         elif name == "thresholds":

@@ -183,12 +183,12 @@ class _Execution:
         """Execute runs side by side."""
         work, workers = partial(execute, save_file=save_files), min(self.workers, len(numbers))
         if self.scheduler is None and len(numbers) <= FEW:
+            done = set()
             with closing(few_tasks(work, self.sent, numbers, workers)) as results:
-                done = dict.fromkeys(numbers, False)
-                for number, result in results:
-                    done[number] = True
-                    yield result
-            numbers = [number for number in numbers if not done[number]]
+                for number, run in results:
+                    done.add(number)
+                    yield run
+            numbers = [number for number in numbers if number not in done]
         if not numbers:
             return
         from freefloat.studies.dask_clients import REPETITIONS  # Dask imports slowly

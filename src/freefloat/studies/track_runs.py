@@ -19,6 +19,7 @@ from freefloat.studies.portable import PortableStudy
 from freefloat.studies.records import followed_motion
 from freefloat.studies.run import finite
 from freefloat.studies.study import Study
+from freefloat.studies.track_section import is_accepted
 from freefloat.studies.values import tracking_values
 
 _FEWEST, _CHUNK = 8, 256
@@ -56,7 +57,9 @@ def _inputs(study: Study, number: int) -> dict[str, Any]:
 
 
 def tracked(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> Columns:
-    """Simulate the runs of a chunk; return their rows, none if one of them is an error.
+    """Simulate the runs of a chunk; return their rows, none if their motion is an error.
+
+    Runs whose arguments are not accepted have no row: they are executed one by one.
 
     Args:
         study: The study.
@@ -65,14 +68,19 @@ def tracked(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> C
     """
     here, threads = study.here, threads or available_cores()
     began, begin = datetime.now(UTC).isoformat(timespec="milliseconds"), time.perf_counter()
-    arguments = [here.tracking(number) for number in chunk.numbers.tolist()]
+    arguments = {number: here.tracking(number) for number in chunk.numbers.tolist()}
+    arguments = {number: values for number, values in arguments.items() if is_accepted(values)}
+    if not arguments:
+        return NO_ROWS
     try:
         inputs = json.dumps(_inputs(here, chunk.first))
         followed = followed_motion(inputs, here.base_source.absolute())
-        rows = [finite(values) for values in tracking_values(followed, arguments, threads)]
+        rows = [
+            finite(values) for values in tracking_values(followed, [*arguments.values()], threads)
+        ]
     except FreeFloatError:  # which is found again where the runs are executed one by one
         return NO_ROWS
     each = (time.perf_counter() - begin) * threads / len(rows)  # of a core
     for row in rows:
         row |= {"seconds": each, "began": began}
-    return {NUMBER: chunk.numbers, **{name: [row[name] for row in rows] for name in rows[0]}}
+    return {NUMBER: [*arguments], **{name: [row[name] for row in rows] for name in rows[0]}}
