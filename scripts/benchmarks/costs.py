@@ -53,7 +53,11 @@ def _whole_map(samples: int, refine: bool, searches: str, limit: float | None) -
 
 
 def run(*command: str, **environment: str) -> Callable[[], object]:
-    """A command in a process of its own; an infeasible result is one, too."""
+    """A command in a process of its own; an infeasible result is one, too.
+
+    It keeps compiled bytecode, as that of an installed package is kept.
+    """
+    environment = {"PYTHONDONTWRITEBYTECODE": "", **environment}
 
     def call() -> None:
         done = subprocess.run(command, capture_output=True, env={**os.environ, **environment})

@@ -125,6 +125,7 @@ def table(results: Sequence[Result]) -> Table:
             result.what, duration_text(result.seconds), result.against,
             "" if result.baseline is None else duration_text(result.baseline),
             ratio_text(result.ratio),
-            wanted if result.met else f"[bold red]{wanted}", result.remark,
+            f"{wanted}: met" if wanted and result.met else wanted and f"[bold red]{wanted}: missed",
+            result.remark,
         )  # fmt: skip
     return made
