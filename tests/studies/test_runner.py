@@ -147,7 +147,7 @@ def test_no_finished_run_is_lost_or_repeated_whatever_process_is_killed(folder: 
     assert alive == []
     finished = files(out)[:-1]  # the last one may have no row yet
     times = {name: (out / "cases" / name).stat().st_mtime_ns for name in finished}
-    again = started("study.yaml", "-o", "out", "--workers", "2", "--json")
+    again = started("study.yaml", "-o", "out", "--workers", "2", "--json", "--quiet")
     wait_until(lambda: len(files(out)) >= len(finished) + 2, again)
     workers(again)[0].kill()
     document, errors = again.communicate(timeout=300)
