@@ -230,7 +230,7 @@ def chosen_joints(
     checker = None if limits is None else LimitChecker(problem, limits)
     branches, requested = _branches(problem, attitude, None, joints)
     starts = branches if requested is None else [requested]
-    simulated = _ranked([_simulated(problem, attitude, start) for start in starts])
+    simulated = _ranked([integrate_from(problem, attitude, start) for start in starts])
     return _within_limits(simulated, checker)[0][0].branch.joints
 
 
