@@ -68,6 +68,11 @@ class Verdict:
     sentence: str = ""
 
     @property
+    def label(self) -> str:
+        """The name in words."""
+        return self.name.replace("_", " ")
+
+    @property
     def feasible(self) -> bool:
         """Whether margin and limits are kept."""
         return self.cause is Cause.KEPT
@@ -87,7 +92,7 @@ _SENTENCES = {
     Cause.SINGULAR: "the arm becomes singular at t = {verdict.time:.4g} s",
     Cause.MARGIN: "{verdict.name} falls to {verdict.value:.4g} at t = {verdict.time:.4g} s, "
     "{verdict.allowed:.4g} is required",
-    Cause.LIMIT: "the {verdict.name} of {verdict.where} is violated at t = {verdict.time:.4g} s, "
+    Cause.LIMIT: "the {verdict.label} of {verdict.where} is violated at t = {verdict.time:.4g} s, "
     "{verdict.sentence}",
     Cause.JUMP: "joint rates would change by {verdict.value:.3g} rad/s or m/s where it begins; "
     "a phase of joints before it brings the arm to rest",
@@ -96,7 +101,7 @@ _CELLS = {
     Cause.KEPT: "keeps margin and limits",
     Cause.SINGULAR: "singular at {verdict.time:.4f} s",
     Cause.MARGIN: "below the margin at {verdict.time:.4f} s",
-    Cause.LIMIT: "keeps the margin, violates {verdict.name}",
+    Cause.LIMIT: "keeps the margin, violates {verdict.label}",
     Cause.JUMP: "joint rates jump",
 }
 
@@ -123,7 +128,7 @@ def verdict_on(
     first = next(iter(violated(results)), None)
     if first is not None:
         return Verdict(
-            Cause.LIMIT, first.label, first.where, first.time, first.worst, sentence=first.sentence
+            Cause.LIMIT, first.limit, first.where, first.time, first.worst, sentence=first.sentence
         )
     return Verdict()
 
