@@ -13,7 +13,7 @@ import yaml
 import freefloat as ff
 
 IDENTITY = [0.0, 0.0, 0.0, 1.0]
-ANSWERS = "plan", "motion", "reorientation", "manoeuvre"
+ANSWERS = "plan", "motion", "goal", "manoeuvre"
 MAPS = "map", "attitude map", "singularity map"
 
 
@@ -34,7 +34,7 @@ def result(kind: str) -> Any:
             return ff.plan(problem, limits=limits)
         case "motion":
             return ff.simulate(problem, heading=0.45, limits=limits)
-        case "reorientation":
+        case "goal":
             return ff.reorient(problem, IDENTITY, problem.attitude(heading=0.3), limits)
         case "manoeuvre":
             return ff.plan_manoeuvre(problem, scenario().phases(), limits=limits)
@@ -46,7 +46,7 @@ def result(kind: str) -> Any:
     return ff.singularity_map(problem.model, problem.task)
 
 
-SLOW = ("reorientation",)
+SLOW = ("goal",)
 KINDS = [pytest.param(x, marks=pytest.mark.slow) if x in SLOW else x for x in (*ANSWERS, *MAPS)]
 
 

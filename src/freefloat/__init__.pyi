@@ -50,14 +50,12 @@ from .planning.settings import Search as Search
 from .planning.objectives.objectives import Weights as Weights
 from .planning.planner import plan as plan
 from .planning.timing.retiming import retime as retime
-from .planning.joints.reorientation import reorient as reorient
+from .planning.goals.reorientation import reorient as reorient
 from .planning.goals.goal import Goal as Goal
 from .planning.goals.mover import move as move
 from .planning.phases.kinds.capture_phase import CapturePhase as CapturePhase
 from .planning.phases.kinds.goal_phase import GoalPhase as GoalPhase
-from .planning.phases.kinds.joint_phase import JointPhase as JointPhase
 from .planning.phases.kinds.path_phase import PathPhase as PathPhase
-from .planning.phases.pose_goal import PoseGoal as PoseGoal
 from .planning.phases.manoeuvre_planner import plan_manoeuvre as plan_manoeuvre
 
 # Files and pictures

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.motion.joint_spline import JointSpline
 from tests.commands import document, error, run
 
 SCENARIO = """
@@ -41,7 +41,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("manoeuvre")
     (folder / "scenario.yaml").write_text(SCENARIO)
     found = document("plan", folder / "scenario.yaml", "-o", folder / "manoeuvre.h5")
-    kinds = ["reorientation", "joints", "path", "capture", "joints", "path"]
+    kinds = ["goal", "path", "capture", "goal", "path"]
     assert [phase["kind"] for phase in found["phases"]] == kinds
     assert found["feasible"]
     return folder / "manoeuvre.h5"
@@ -58,7 +58,7 @@ def changed(file: Path, old: str, new: str) -> Path:
 def test_a_loaded_motion_knows_what_moves_its_arm(file: Path) -> None:
     """Its limits are those that were stated: of prescribed joints and of paths."""
     moving = [phase for phase in ff.load(file).phases if phase.motion is not None]
-    assert len(moving) == 5
+    assert len(moving) == 4
     for phase in moving:
         stated = {result.limit: result for result in phase.result.limit_results}
         for found in ff.check_limits(phase.motion, phase.result.limits):
@@ -74,20 +74,20 @@ def test_a_file_is_verified_with_mujoco(file: Path) -> None:
 @pytest.mark.slow
 def test_rates_and_places_that_do_not_join_are_discrepancies(file: Path) -> None:
     loaded = ff.load(file)
-    _, settling, _, _, joints, _ = loaded.phases
-    transfer = joints.result.transfer
-    faster = transfer.coefficients + np.outer([0.0, 1e-3, 0.0, 0.0, 0.0, 0.0], [1.0, 0.0])
-    object.__setattr__(joints.motion, "curve", replace(transfer, coefficients=faster))
-    object.__setattr__(settling, "centre", settling.centre + 1e-6)
+    before, _, _, berth, _ = loaded.phases
+    points = berth.motion.curve.control_points.copy()
+    points[1] += [1e-3, 0.0]
+    object.__setattr__(berth.motion, "curve", JointSpline(points))
+    object.__setattr__(before, "centre", before.centre + 1e-6)
     names = {entry.name for entry in ff.check(loaded).discrepancies}
-    assert {"joints: rates at its start", "path: begins where settling ends"} <= names
+    assert {"goal: rates at its start", "path: begins where reorientation ends"} <= names
     assert "path: rates at its start" not in names
 
 
 @pytest.mark.slow
 def test_exports_of_the_phases_join(file: Path, tmp_path: Path) -> None:
     found = document("export", file, "-o", tmp_path / "m.json", "--times", 301)
-    names = ["1_reorientation", "2_settling", "3_path", "5_joints", "6_to"]
+    names = ["1_reorientation", "2_path", "4_goal", "5_to"]
     files = [tmp_path / f"m_{name}.json" for name in names]
     assert [entry["file"] for entry in found["phases"]] == [str(path) for path in files]
     tables = [json.loads(path.read_text())["trajectory"] for path in files]
@@ -97,8 +97,8 @@ def test_exports_of_the_phases_join(file: Path, tmp_path: Path) -> None:
     for before, after in pairwise(tables):
         for key in ("time", "attitude", "joints"):
             np.testing.assert_allclose(before[key][-1], after[key][0], atol=1e-8)
-    reached = np.array(tables[2]["end_effector_position"][-1])  # where the client is grasped
-    np.testing.assert_allclose(tables[3]["end_effector_position_fixed"][0], reached, atol=1e-8)
+    reached = np.array(tables[1]["end_effector_position"][-1])  # where the client is grasped
+    np.testing.assert_allclose(tables[2]["end_effector_position_fixed"][0], reached, atol=1e-8)
     assert error("export", file, "--format", "csv", "-o", "-")["key"] == "output"
 
 
@@ -106,7 +106,7 @@ def test_exports_of_the_phases_join(file: Path, tmp_path: Path) -> None:
 def test_a_phase_that_fails_ends_with_exit_code_1(file: Path, tmp_path: Path) -> None:
     late = changed(file, "q2: 1.2}, duration: 30", "q2: 1.2}, duration: 1")
     found = document("plan", late, "-o", tmp_path / "late.h5", code=1)
-    assert [phase["feasible"] for phase in found["phases"]] == [True] * 4 + [False]
+    assert [phase["feasible"] for phase in found["phases"]] == [True] * 3 + [False]
     assert not ff.load(tmp_path / "late.h5").feasible
     assert run("check", tmp_path / "late.h5").exit_code == 1
 

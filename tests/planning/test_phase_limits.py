@@ -1,4 +1,4 @@
-"""Limits of phases: one checker for paths and prescribed joints, the scene in all but loops."""
+"""Limits of phases: one checker for paths and prescribed joints, the scene in all."""
 
 from __future__ import annotations
 
@@ -24,8 +24,7 @@ LIMITS = ff.Limits(
 EVERY = {kind.name for kind in KINDS} - {"joint_range"}  # its joints are continuous
 EXPECTED = {
     "path": EVERY,
-    "joints": EVERY - {"base_turn"},
-    "reorientation": EVERY - {"base_turn", "corridor"},
+    "goal": EVERY - {"base_turn"},
 }
 PRESENT = ff.Search("nearest", [0.0, 0.0, 0.0, 1.0], joints=[0.5, 0.8])
 
@@ -40,7 +39,11 @@ def problem() -> ff.Problem:
 def manoeuvre(problem: ff.Problem) -> Manoeuvre:
     around = problem.replace(scene=ff.Scene((BODY,), AROUND))
     return ff.plan_manoeuvre(
-        around, [ff.JointPhase([0.4, 1.2], 30.0)], PRESENT, LIMITS, reorient=True
+        around,
+        [ff.GoalPhase(ff.Goal(joints=[0.4, 1.2], duration=30.0))],
+        PRESENT,
+        LIMITS,
+        reorient=True,
     )
 
 
@@ -48,7 +51,7 @@ def manoeuvre(problem: ff.Problem) -> Manoeuvre:
 def test_every_phase_reports_what_the_checker_finds(manoeuvre: Manoeuvre) -> None:
     assert manoeuvre.feasible, manoeuvre.reason
     kinds = [phase.kind for phase in manoeuvre.phases]
-    assert kinds == ["reorientation", "joints", "path", "joints"]
+    assert kinds == ["goal", "path", "goal"]
     for phase in manoeuvre.phases:
         result = phase.result
         assert {entry.limit for entry in result.limit_results} == EXPECTED[phase.kind]
@@ -57,7 +60,7 @@ def test_every_phase_reports_what_the_checker_finds(manoeuvre: Manoeuvre) -> Non
 
 @pytest.mark.slow
 def test_the_scene_stays_where_it_is_while_the_centre_of_mass_drifts(manoeuvre: Manoeuvre) -> None:
-    for phase in manoeuvre.phases[1:]:
+    for phase in manoeuvre.phases:
         problem = phase.motion.problem
         for t in (0.0, problem.path.duration):
             centre = phase.centre + t * problem.path.drift
@@ -68,32 +71,21 @@ def test_the_scene_stays_where_it_is_while_the_centre_of_mass_drifts(manoeuvre: 
             np.testing.assert_allclose(axis + centre, AROUND.point, atol=1e-12)
 
 
-def test_the_place_of_a_point_before_a_reorientation_with_drift_is_unknown(
-    problem: ff.Problem,
-) -> None:
-    limits = ff.Limits(pointing=[ff.PointingLimit("spacecraft", [1, 0, 0], 3.0, point=[0, 3, 0])])
-    with pytest.raises(ff.InputError) as raised:
-        ff.plan_manoeuvre(problem, [], PRESENT, limits, reorient=True)
-    assert raised.value.key == "limits.pointing.0.target.point"
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(("reorient", "name"), [(False, "away"), (True, "settling")])
+@pytest.mark.parametrize(("reorient", "name"), [(False, "away"), (True, "reorientation")])
 def test_a_motion_of_joints_out_of_the_corridor_is_infeasible(
     problem: ff.Problem, reorient: bool, name: str
 ) -> None:
     """The path itself is the axis of the corridor."""
     start, end = problem.path.path.pose(0.0).position, problem.path.path.pose(1.0).position
     narrow = ff.Scene((), ff.Corridor(start, end - start, radius=0.01))
-    phases = [ff.JointPhase([0.2, -0.4], 30.0, "away")]
+    phases = [ff.GoalPhase(ff.Goal(joints=[0.2, -0.4], duration=30.0), "away")]
     found = ff.plan_manoeuvre(
         problem.replace(scene=narrow), phases, PRESENT if reorient else None, reorient=reorient
     )
     assert not found.feasible
-    assert found.reason.startswith(f"{name}: the corridor of end_effector")
+    assert found.reason.startswith(name)
+    assert "corridor of end_effector" in found.reason
     assert found.path.feasible
     (left,) = (phase for phase in found.phases if not phase.feasible)
     assert left.name == name
-    (result,) = ff.check_limits(left.motion, ff.Limits())
-    assert result.limit == "corridor"
-    assert result.worst > 0.1

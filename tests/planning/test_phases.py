@@ -22,7 +22,13 @@ BODIES = (
     ff.SceneBody("tool", ff.Sphere(0.1), motion="target"),
 )
 CAPTURE = ff.CapturePhase("client", 3.0)
-REST = ff.JointPhase([0.4, 1.2], 30.0)
+
+
+def rest(*joints: float, duration: float = 9.0) -> ff.GoalPhase:
+    return ff.GoalPhase(ff.Goal(joints=joints, duration=duration))
+
+
+REST = rest(0.4, 1.2, duration=30.0)
 
 
 def line(start: Any, end: Any) -> ff.EndEffectorPath:
@@ -36,7 +42,7 @@ def path_in(body: ff.SceneBody) -> ff.PathPhase:
 
 
 def goal(x: float, y: float, z: float, duration: float = 20.0) -> ff.PathPhase:
-    return ff.PathPhase(ff.PoseGoal(Pose(np.array([x, y, z]), np.eye(3)), duration))
+    return ff.PathPhase(ff.Goal(Pose(np.array([x, y, z]), np.eye(3)), duration=duration))
 
 
 @pytest.fixture(scope="module")
@@ -62,9 +68,9 @@ OFF_PLANE = ff.TimedPath(line(GRAPPLE, [1.0, 0.0, 0.5]), ff.Timing(9.0))
 
 @pytest.mark.usefixtures("no_planning")
 @pytest.mark.parametrize(("phases", "key"), [
-    ([ff.JointPhase([1.0, 2.0, 3.0], 9.0)], "phases.0.joints"),
-    ([ff.JointPhase([1.0, 1e6], 9.0)], "phases.0.joints"),
-    ([ff.JointPhase([1.0, 2.0], 1e9)], "phases.0.scene.bodies.tumbling.rate"),
+    ([rest(1.0, 2.0, 3.0)], "phases.0.goal.joints"),
+    ([rest(1.0, 1e6)], "phases.0.goal.joints"),
+    ([rest(1.0, 2.0, duration=1e9)], "phases.0.scene.bodies.tumbling.rate"),
     ([ff.CapturePhase("nobody", 3.0)], "phases.0.body"),
     ([ff.CapturePhase("box", 3.0)], "phases.0.inertia"),
     ([CAPTURE, path_in(BODIES[0])], "phases.1.path.frame"),
@@ -104,18 +110,27 @@ def test_the_inertia_of_a_tumbling_is_known_up_to_a_factor(problem: ff.Problem) 
 
 @pytest.mark.parametrize("duration", [0.0, 1e-300, 1e-9, np.inf, np.nan, "3"])
 def test_durations_are_seconds_that_can_be_integrated(duration: Any) -> None:
-    for build in (lambda: ff.JointPhase([0.0, 0.0], duration), lambda: goal(0, 0, 0, duration)):
-        with pytest.raises(InputError) as raised:
-            build()
-        assert raised.value.key == "duration"
+    with pytest.raises(InputError) as raised:
+        goal(0, 0, 0, duration)
+    assert raised.value.key == "goal.duration"
+
+
+@pytest.mark.parametrize(("changes", "key"), [
+    ({"duration": None}, "path.duration"), ({"frame": "client"}, "path.frame"),
+    ({"attitude": [0.0, 0.0, 0.0, 1.0]}, "path.pose"),
+])  # fmt: skip
+def test_a_straight_way_leads_to_a_pose_in_a_given_time(changes, key) -> None:
+    with pytest.raises(InputError) as raised:
+        ff.PathPhase(replace(goal(0, 0, 0).path, **changes))
+    assert raised.value.key == key
 
 
 def test_unnamed_phases_have_distinct_names() -> None:
     text = yaml.safe_load(ff.load_scenario("planar_2dof/line").text)
-    rest, there = {"joints": [0.4, 1.2], "duration": 9.0}, {"position": [1.0, 0.5, 0.0]}
-    given = [rest, {"to": there, "duration": 9.0}, rest, {**rest, "name": "joints"}]
+    resting, there = {"joints": [0.4, 1.2], "duration": 9.0}, {"position": [1.0, 0.5, 0.0]}
+    given = [resting, {"to": there, "duration": 9.0}, resting, {**resting, "name": "goal"}]
     names = [phase.name for phase in ff.load_scenario({**text, "phases": given}).phases()]
-    assert names == ["joints 2", "to", "joints 3", "joints"]
+    assert names == ["goal 2", "to", "goal 3", "goal"]
 
 
 def test_a_path_that_begins_within_rounding_is_moved_there(problem: ff.Problem) -> None:
@@ -134,7 +149,9 @@ def test_joint_rates_of_a_redundant_arm_do_not_jump() -> None:
     problem, attitude = posed.replace(task="planar-position"), posed.attitude(heading=2.4)
     motion = ff.integrate_motion(problem, attitude, posed.branches(attitude)[1].joints)
     state = SystemState.at_start(motion).after(motion)
-    back = ff.PathPhase(ff.PoseGoal(Pose([-0.05, 0.0, 0.0], np.eye(3)), 20.0, "end_effector"))
+    back = ff.PathPhase(
+        ff.Goal(Pose([-0.05, 0.0, 0.0], np.eye(3)), frame="end_effector", duration=20.0)
+    )
     assert back.run(state, ff.Limits()).feasible
     moving = replace(state, joint_rates=state.joint_rates + np.array([0.0, 0.01, -0.01]))
     found = back.run(moving, ff.Limits())

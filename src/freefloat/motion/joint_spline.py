@@ -1,4 +1,4 @@
-"""Joint motions along splines between two states of the arm."""
+"""Joints along a spline."""
 
 from __future__ import annotations
 
@@ -10,15 +10,10 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from freefloat.errors import InputError
-from freefloat.motion.joint_integration import integrate_joints
-from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
 from freefloat.records import Joints
 from freefloat.so3 import Array, frozen
 
 DEGREE = 3
-_PANELS = 4
-"""Panels of a motion in a span: their polynomials are exact to 1e-10."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,14 +70,3 @@ def spline_basis(spans: int, s: Array) -> Array:
     """Derivatives of order 0 and 1 by the control points at s (K,), shape (2, K, spans + 3)."""
     spline = BSpline(knots(spans), np.eye(spans + DEGREE), DEGREE)
     return np.array([spline(s), spline.derivative()(s)])
-
-
-def integrate_spline(problem: Problem, spline: JointSpline, attitude: Array) -> Motion:
-    """The motion along a spline, see :func:`~freefloat.motion.joint_integration.integrate_joints`.
-
-    Args:
-        problem: Robot and momentum, with the duration.
-        spline: The joints.
-        attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
-    """
-    return integrate_joints(problem, spline, attitude, _PANELS * spline.spans, spline.spans)

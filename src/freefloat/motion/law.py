@@ -7,13 +7,14 @@ handed on, exports and checks ask the law of a motion.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.inverse_dynamics import Effort, InverseDynamics
 from freefloat.dynamics.momentum import Task
+from freefloat.motion.joint_spline import JointSpline
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, Pose
 
@@ -153,21 +154,13 @@ class PathLaw:
         return np.asarray(total / step)
 
 
-class JointCurve(Protocol):
-    """Joint values as a function of s in [0, 1]."""
-
-    def at(self, s: Any, order: int = 0) -> Array:
-        """Joint values, or their derivatives by s of order 1 or 2, at s (...): (..., n)."""
-        ...
-
-
 class JointLaw:
     """The joints are prescribed, whatever the path of the end-effector.
 
     The joints of a state are those of the curve at its time.
     """
 
-    def __init__(self, problem: Problem, curve: JointCurve) -> None:
+    def __init__(self, problem: Problem, curve: JointSpline) -> None:
         """Prepare a motion.
 
         Args:

@@ -17,7 +17,8 @@ import numpy.typing as npt
 from numpy.polynomial import chebyshev
 
 from freefloat.errors import InputError
-from freefloat.motion.law import JointCurve, JointLaw, Law, PathLaw
+from freefloat.motion.joint_spline import JointSpline
+from freefloat.motion.law import JointLaw, Law, PathLaw
 from freefloat.motion.panels import DEGREE, NODES, TO_COEFFICIENTS
 from freefloat.motion.problem import Problem
 from freefloat.motion.residuals import Residuals, momentum_errors, path_errors
@@ -92,7 +93,7 @@ class Motion:
     times: Times = field(repr=False)
     attitudes: Quaternions = field(repr=False)
     joints: Joints = field(repr=False)
-    curve: JointCurve | None = field(default=None, repr=False)
+    curve: JointSpline | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("times", "attitudes", "joints"):

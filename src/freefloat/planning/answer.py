@@ -46,7 +46,7 @@ class PhaseResult:
 
     Attributes:
         name: Name of the phase.
-        kind: ``path``, ``reorientation``, ``joints`` or ``capture``.
+        kind: ``path``, ``goal`` or ``capture``.
         result: What was found.
         start: Time at which it begins, that of the first path being zero [s].
         centre: Centre of mass at this time in the frame of the manoeuvre [m], shape (3,).

@@ -108,6 +108,20 @@ class SceneBody:
         pose = self._turned(t)
         return Pose(pose.position + path.origin(t), pose.rotation)
 
+    def placements(self, times: Array, path: PathFrame) -> tuple[Array, Array]:
+        """The same at times (K,) of one sign, unless it moves with the target.
+
+        Returns:
+            Rotations of its frame, shape (K, 3, 3), and origins [m], shape (K, 3).
+        """
+        count, origins = len(times), np.array([path.origin(t) for t in times.tolist()])
+        if isinstance(self.motion, str):
+            return np.tile(self.orientation, (count, 1, 1)), self.position + origins
+        com, turned = self.motion.com, self.motion.rotation(times)
+        return self.orientation @ turned, self.position + origins + (
+            (com - turned @ com) @ self.orientation.T
+        )
+
     def _turned(self, t: float) -> Pose:
         """Its frame at time t [s] in the path's frame, unless it moves with the target."""
         if isinstance(self.motion, str):

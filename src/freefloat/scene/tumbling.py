@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError, finite_vector
 from freefloat.robot.parts import inertia_matrix
@@ -72,18 +73,24 @@ class Tumbling:
         energy = self.rate @ self.inertia @ self.rate
         return math.sqrt(energy / self._principal[0][0])
 
-    def rotation(self, t: float) -> Array:
+    def rotation(self, t: float | Array) -> Array:
         """Rotation of the body from its attitude at time zero to that at time t [s].
 
+        Args:
+            t: A time, or times (K,) of one sign.
+
         Returns:
-            Rotates vectors of the body's frame at time t into that at time zero, shape (3, 3).
+            Rotates vectors of the body's frame at time t into that at time zero, shape (3, 3), or
+            (K, 3, 3).
 
         Raises:
             InputError: If that is more than 1,000 revolutions.
         """
         axes = self._principal[1]
         quaternion = self._state(t)[:4]
-        return np.asarray(axes @ rotation_matrix(quaternion) @ axes.T)
+        if quaternion.ndim == 1:
+            return np.asarray(axes @ rotation_matrix(quaternion) @ axes.T)
+        return np.asarray(axes @ Rotation.from_quat(quaternion.T).as_matrix() @ axes.T)
 
     def angular_velocity(self, t: float) -> Array:
         """Angular velocity at time t [s], axes of the body's frame then [rad/s], shape (3,).
@@ -97,20 +104,25 @@ class Tumbling:
         """Angular acceleration at an angular velocity (3,), same axes [rad/s²], shape (3,)."""
         return np.asarray(np.linalg.solve(self.inertia, -np.cross(rate, self.inertia @ rate)))
 
-    def _state(self, t: float) -> Array:
-        """Quaternion and rate at time t, principal axes, those of a reversed motion before zero."""
-        turns = self.revolutions(t)
+    def _state(self, t: float | Array) -> Array:
+        """Quaternion and rate at time t, principal axes, those of a reversed motion before zero.
+
+        Shape (7,), or (7, K).
+        """
+        last = float(np.ravel(t)[np.abs(t).argmax()])
+        turns = self.revolutions(last)
         if turns > MOST_REVOLUTIONS:
             accepted = f"at most {MOST_REVOLUTIONS:g} revolutions"
-            raise InputError("t", f"{turns:.4g} revolutions in {t:g} s", accepted)
+            raise InputError("t", f"{turns:.4g} revolutions in {last:g} s", accepted)
         moments, axes = self._principal
-        rate = math.copysign(1.0, t) * axes.T @ self.rate  # reversible
+        rate = math.copysign(1.0, last) * axes.T @ self.rate  # reversible
         if turns == 0.0:
-            return np.array([0.0, 0.0, 0.0, 1.0, *rate])
+            still = np.array([0.0, 0.0, 0.0, 1.0, *rate])
+            return np.asarray(np.multiply.outer(still, np.ones(np.shape(t))))
         rounded = 2.0 ** math.ceil(math.log2(max(turns, 1.0)))  # few different solutions
         duration = rounded * math.tau / self.largest_rate
         solution = _solution(tuple(moments.tolist()), tuple(rate.tolist()), duration)
-        return solution(abs(t))
+        return solution(np.abs(t))
 
     def revolutions(self, t: float) -> float:
         """Upper bound of the number of revolutions between time zero and time t [s]."""
@@ -120,7 +132,7 @@ class Tumbling:
 @lru_cache(maxsize=32)
 def _solution(
     moments: tuple[float, float, float], rate: tuple[float, float, float], duration: float
-) -> Callable[[float], Array]:
+) -> Callable[[float | Array], Array]:
     """Quaternion x, y, z, w and angular velocity by time, principal axes."""
     a, b, c = moments
     first, second, third = (b - c) / a, (c - a) / b, (a - b) / c
@@ -142,5 +154,5 @@ def _solution(
     start = [0.0, 0.0, 0.0, 1.0, *rate]
     solution: Any = solve_ivp(derivative, (0.0, duration), start, "DOP853", rtol=_TOLERANCE,
                               atol=tolerance, dense_output=True)  # fmt: skip
-    interpolant: Callable[[float], Array] = solution.sol
+    interpolant: Callable[[float | Array], Array] = solution.sol
     return interpolant

@@ -7,14 +7,13 @@ from collections.abc import Callable
 from freefloat.errors import InputError
 from freefloat.planning.answer import Answer
 from freefloat.planning.goals.goal_motion import GoalMotion
-from freefloat.planning.joints.reorientation import Reorientation
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
 from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.verification.engine_runs import require_engine
+from freefloat.verification.goal_motions import goal_report
 from freefloat.verification.gravity import CircularOrbit
-from freefloat.verification.joint_motions import goal_report, reorientation_report
 from freefloat.verification.manoeuvre import manoeuvre_report
 from freefloat.verification.path_motions import plan_report, simulation_report
 from freefloat.verification.report import BASILISK, MUJOCO, PINOCCHIO, CheckReport
@@ -23,7 +22,6 @@ from freefloat.verification.singularity_map import singularity_map_report
 _REPORTS: dict[type, Callable[..., CheckReport]] = {
     Plan: plan_report,
     Simulation: simulation_report,
-    Reorientation: reorientation_report,
     GoalMotion: goal_report,
     Manoeuvre: manoeuvre_report,
     SingularityMap: singularity_map_report,

@@ -13,20 +13,14 @@ from freefloat.dynamics.momentum import momentum_map
 from freefloat.motion.motion import Motion, State
 from freefloat.planning.answer import PhaseResult
 from freefloat.planning.goals.goal_motion import GoalMotion
-from freefloat.planning.joints.joint_motion import JointMotion
-from freefloat.planning.joints.reorientation import Reorientation
 from freefloat.planning.phases.kinds.capture_phase import CapturePhase
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.phases.prescribed_path import JUMP
 from freefloat.planning.plan import Plan
 from freefloat.so3 import Array, angle_between, rotation_matrix
 from freefloat.verification.comparisons import Check, completed, error_check
+from freefloat.verification.goal_motions import goal_report
 from freefloat.verification.gravity import CircularOrbit
-from freefloat.verification.joint_motions import (
-    goal_report,
-    joint_motion_report,
-    reorientation_report,
-)
 from freefloat.verification.path_motions import plan_report
 from freefloat.verification.report import PINOCCHIO, CheckReport
 
@@ -38,8 +32,6 @@ _MOMENTUM = 1e-9
 
 _REPORTS: dict[type, Callable[..., CheckReport]] = {
     Plan: plan_report,
-    Reorientation: reorientation_report,
-    JointMotion: joint_motion_report,
     GoalMotion: goal_report,
 }
 """Reports on results of phases that have a motion."""

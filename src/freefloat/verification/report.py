@@ -25,7 +25,7 @@ class CheckReport:
     """Result of verifying a record.
 
     Attributes:
-        kind: ``"plan"``, ``"motion"``, ``"reorientation"``, ``"manoeuvre"``, ``"singularity map"``,
+        kind: ``"plan"``, ``"motion"``, ``"manoeuvre"``, ``"singularity map"``,
             or ``"file"`` for a file that was altered.
         checks: Everything that was checked, in order.
         certificate: Recomputed certificate of the motion; None without a motion.

@@ -201,7 +201,7 @@ _WRITERS = {Format.MAT: write_mat, Format.MCAP: write_mcap}
 """Functions that write a trajectory to a file, by format."""
 
 
-_ACCEPTED = "a motion, or a plan, simulation, reorientation or manoeuvre that has one"
+_ACCEPTED = "a motion, or a plan, simulation, goal or manoeuvre that has one"
 
 
 def trajectories(
@@ -249,7 +249,7 @@ def export(
     and positions of the centre of mass are those of the manoeuvre.
 
     Args:
-        result: A motion, or a plan, simulation or reorientation, whose motion is written, or a
+        result: A motion, or a plan, simulation or goal, whose motion is written, or a
             manoeuvre.
         file: Its suffix is the format: ``.csv``, ``.mat``, ``.json``, ``.yaml`` (a ROS 2
             JointTrajectory), ``.mcap``, ``.aem``, ``.xml`` (MJCF), ``.py`` (Basilisk).

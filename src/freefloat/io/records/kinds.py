@@ -3,15 +3,9 @@
 from __future__ import annotations
 
 from freefloat.limits.limits import Limits
-from freefloat.motion.joint_loops import JointLoops
-from freefloat.motion.joint_spline import JointSpline
-from freefloat.motion.joint_transfer import JointTransfer
-from freefloat.motion.law import JointCurve
 from freefloat.motion.problem import Problem
 from freefloat.planning.answer import Finding
 from freefloat.planning.goals.goal_motion import GoalMotion
-from freefloat.planning.joints.joint_motion import JointMotion
-from freefloat.planning.joints.reorientation import Reorientation
 from freefloat.planning.phases.kinds.capture_phase import PlannedCapture
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
@@ -23,23 +17,16 @@ from freefloat.records import Codec
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.singularities.singularity_map import SingularityMap
 
-Result = (
-    Plan | Simulation | Reorientation | GoalMotion | Manoeuvre | AttitudeMap | HeadingMap
-    | SingularityMap
-)  # fmt: skip
+Result = Plan | Simulation | GoalMotion | Manoeuvre | AttitudeMap | HeadingMap | SingularityMap
 KINDS: dict[str, type[Result]] = {
     result.kind: result
     for result in (
-        Plan, Simulation, Reorientation, GoalMotion, Manoeuvre, AttitudeMap, HeadingMap,
-        SingularityMap,
+        Plan, Simulation, GoalMotion, Manoeuvre, AttitudeMap, HeadingMap, SingularityMap,
     )
 }  # fmt: skip
 """Classes of results by the kind of their files."""
 CODEC = Codec(
     context=(Problem, Search, Limits, FreeFloatingModel),
-    members={
-        JointCurve: (JointLoops, JointTransfer, JointSpline),
-        Finding: (Plan, Reorientation, JointMotion, GoalMotion, PlannedCapture),
-    },
+    members={Finding: (Plan, GoalMotion, PlannedCapture)},
 )
 """Codec of results: scenario and robot are stored as texts."""

@@ -13,16 +13,13 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import Timing
 from freefloat.planning.answer import PhaseResult
-from freefloat.planning.goals.goal_motion import GoalMotion
-from freefloat.planning.joints.joint_motion import earlier
-from freefloat.planning.joints.loop_motion import LAW
+from freefloat.planning.goals.goal_motion import GoalMotion, earlier
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.phases.state import SystemState
 from freefloat.planning.plan import Plan
 from freefloat.planning.settings import Search
 from freefloat.records import Tree
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.scene.scene import Scene
 
 
 def decode_manoeuvre(tree: Tree, scenario: Scenario) -> Manoeuvre:
@@ -51,7 +48,7 @@ def _following(
     for tree, phase in zip(trees, scenario.phases(), strict=False):
         problem = phase.problem_at(state)
         if phase.kind == GoalMotion.kind and "motion" in tree["result"]:
-            problem = _timed(problem, _duration(tree), TimeLaw.UNIFORM)
+            problem = _timed(problem, _duration(tree))
         planned = _decoded(tree, problem, limits.seen_from(state.centre))
         yield planned
         if planned.feasible:
@@ -60,21 +57,20 @@ def _following(
 
 def _before(tree: Tree, problem: Problem, limits: Limits) -> PhaseResult:
     """A phase before the first path."""
-    if tree["result"]["class"] == "JointMotion":
-        duration = -tree["start"]
-        limits = limits.seen_from(-duration * problem.path.drift)
-        return _decoded(tree, _timed(earlier(problem, duration), duration, TimeLaw.UNIFORM), limits)
-    if "motion" in tree["result"]:
-        problem = _timed(replace(problem, scene=Scene()), _duration(tree), LAW)
-    return _decoded(tree, problem, limits)
+    if "motion" not in tree["result"]:
+        return _decoded(tree, problem, limits)
+    duration = _duration(tree)
+    limits = limits.seen_from(-duration * problem.path.drift)
+    return _decoded(tree, _timed(earlier(problem, duration), duration), limits)
 
 
 def _duration(tree: Tree) -> float:
     return float(tree["result"]["motion"]["times"].values[-1])
 
 
-def _timed(problem: Problem, duration: float, law: TimeLaw) -> Problem:
-    return replace(problem, path=replace(problem.path, timing=Timing(duration, law)))
+def _timed(problem: Problem, duration: float) -> Problem:
+    timing = Timing(duration, TimeLaw.UNIFORM)
+    return replace(problem, path=replace(problem.path, timing=timing))
 
 
 def _decoded(

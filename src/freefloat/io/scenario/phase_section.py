@@ -30,13 +30,12 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.samples import samples_text
 from freefloat.paths.timing import TimedPath
+from freefloat.planning.goals.goal import Goal, require_inside
 from freefloat.planning.phases.expected_state import keys_within
 from freefloat.planning.phases.kinds.capture_phase import CapturePhase
 from freefloat.planning.phases.kinds.goal_phase import GoalPhase
-from freefloat.planning.phases.kinds.joint_phase import JointPhase
 from freefloat.planning.phases.kinds.path_phase import PathPhase
 from freefloat.planning.phases.phase import Phase, checked_phases
-from freefloat.planning.phases.pose_goal import PoseGoal
 from freefloat.scene.scene import Scene
 from freefloat.so3 import Pose
 
@@ -72,21 +71,23 @@ class PhaseSection(Section):
 
     name: Name | None = None
     """Its name, unlike those of the others; default: its kind, with a number where another phase
-    has that name: ``joints``, ``joints 2``."""
+    has that name: ``goal``, ``goal 2``."""
     path: PathSection | None = None
     """A path that begins with the end-effector's pose and velocity; its frame is ``inertial`` or a
     body of the scene."""
     to: ToSection | None = None
-    """A pose at which the end-effector comes to rest."""
+    """A pose at which the end-effector comes to rest, on the shortest way."""
     joints: list[Number] | dict[str, Number] | None = None
-    """Joints at which the arm comes to rest [rad, m]: in the order of the chain, or by name."""
+    """Joints at which the arm comes to rest [rad, m], in the order of the chain, or by name: the
+    short form of a goal with these joints and the duration."""
     goal: GoalSection | None = None
     """What shall hold at its end; the motion of the joints to it is found."""
     capture: CaptureSection | None = None
     timing: TimingSection | None = None
     """Time law of a path."""
     duration: Positive | None = None
-    """Duration of the motion to a pose or to joints [s]."""
+    """Duration of the motion to a pose or to joints [s]; of joints by default the shortest one
+    found that limits of rates and torques permit."""
     margin: NotNegative = 0.0
     """Smallest allowed magnitude of ``margin.measure`` on a path or to a pose."""
 
@@ -96,8 +97,9 @@ class PhaseSection(Section):
     def _has_its_time(self) -> PhaseSection:
         if (self.path is not None) != (self.timing is not None):
             raise ValueError("timing together with path")
-        moves = self.to is not None or self.joints is not None
-        if moves != (self.duration is not None):
+        if self.to is not None and self.duration is None:
+            raise ValueError("duration together with to")
+        if self.to is None and self.joints is None and self.duration is not None:
             raise ValueError("duration together with to or joints")
         return self
 
@@ -111,7 +113,7 @@ class PhaseSection(Section):
         Raises:
             InputError: If a value is invalid; keys are those below that of its kind.
         """
-        name, duration = self.name or "", self.duration or 0.0
+        name = self.name or ""
         if self.capture is not None:
             inertia, com = self.capture.inertia, self.capture.com
             return CapturePhase(
@@ -122,13 +124,16 @@ class PhaseSection(Section):
         if self.goal is not None:
             return GoalPhase(self.goal.to_goal(problem.model), name)
         if self.joints is not None:
-            return JointPhase(self.joints, duration, name)
+            joints = problem.model.joint_vector(self.joints, "joints")
+            require_inside(problem.model, joints, "joints")
+            return GoalPhase(Goal(joints=joints, duration=self.duration), name)
         if self.to is not None:
             rotation = np.eye(3)
             if self.to.orientation is not None:
                 rotation = rotation_of(self.to.orientation, "to.orientation")
             pose = Pose(np.array(self.to.position), rotation)
-            return PathPhase(PoseGoal(pose, duration, self.to.frame), name, self.margin)
+            straight = Goal(pose, frame=self.to.frame, duration=self.duration)
+            return PathPhase(straight, name, self.margin)
         return PathPhase(self._path(problem.task, problem.scene, folder), name, self.margin)
 
     def _path(self, task: Task, scene: Scene, folder: Path) -> TimedPath | RelativePath:

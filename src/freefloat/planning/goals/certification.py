@@ -9,7 +9,7 @@ import numpy as np
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.result import LimitResult
-from freefloat.motion.joint_spline import integrate_spline
+from freefloat.motion.joint_integration import integrate_spline
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.paths.time_laws import TimeLaw
@@ -55,6 +55,7 @@ class Certification:
         problem: Robot, momentum, scene and drift.
         checker: Of the limits.
         attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
+        timed: Whether limits determine the duration.
         by_time: Whether the motion is another one at another duration.
         clearances: Those of the search, whose margins grow; None without.
     """
@@ -62,6 +63,7 @@ class Certification:
     problem: Problem
     checker: LimitChecker
     attitude: Array
+    timed: bool
     by_time: bool
     clearances: Clearances | None
 
@@ -107,7 +109,7 @@ class Certification:
             unknowns, motion = ending
             timed = self.checker.timed(motion)
             usage = max((result.stretch for result in timed), default=1.0)
-            if not relaxation.timed or not timed or close < usage <= 1.0:
+            if not self.timed or not timed or close < usage <= 1.0:
                 return ending
             unknowns = np.append(unknowns[:-1], unknowns[-1] * usage * spare)
         return ending

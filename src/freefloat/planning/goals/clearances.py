@@ -7,14 +7,14 @@ along the direction between their nearest points, which move with their bodies.
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.problem import Problem
 from freefloat.planning.goals.joint_paths import Course, JointPaths
 from freefloat.planning.goals.placements import Arm, place_all
+from freefloat.planning.goals.scene_frames import Placed, Places, SceneFrames
 from freefloat.planning.goals.violations import Violations
-from freefloat.so3 import Array, IntArray, Pose
+from freefloat.so3 import Array, IntArray
 
 _MARGIN = 2e-3
 """Margin for the instants between those that are looked at [m]."""
@@ -24,9 +24,6 @@ _DEEPEST = 0.15
 """Largest lack that counts: deeper penetrations are only as bad [m]."""
 _ENDS = 3
 """Spans of a loop in which the first and the last one differ from the others."""
-_UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
-_LATER = 1e-3
-"""Difference of times in velocities of the scene [s]."""
 
 
 class Clearances:
@@ -48,7 +45,7 @@ class Clearances:
         strokes = np.nan_to_num(np.abs(problem.model.joint_ranges).max(axis=0), posinf=1e3)
         self._levers = pairs.levers(strokes)
         self._seen = dict[int, tuple[Array, Array]]()
-        self._held = [body.motion == "target" for body in problem.scene.bodies]
+        self._scene = SceneFrames(problem)
 
     @property
     def required(self) -> Array:
@@ -59,7 +56,8 @@ class Clearances:
     def at_rest(self, joints: Array, attitude: Array, t: float = 0.0) -> None:
         """Require no larger distances than there are where a path must begin or end."""
         every = np.arange(len(self._bodies))
-        poses = self._scene_poses(t, attitude, joints)
+        place = Places(np.array([t]), attitude[None], self._placed(joints[None]))
+        poses = self._scene.along(place).poses(0)
         self._known = np.minimum(self._known, self._pairs.nearest(joints, every, poses, 0.0)[0])
 
     def widen(self, name: str, lack: float) -> None:
@@ -71,10 +69,11 @@ class Clearances:
     def violations(self, paths: JointPaths, course: Course) -> Violations:
         """See :class:`~freefloat.planning.goals.violations.ShapeLimits`."""
         edges = self._edges(paths)
-        frames = self._frames(course, edges)
-        poses = self._all_scene_poses(paths, course, edges)
+        times = course.duration * paths.times[edges]
+        places = Places(times, course.attitudes[edges], self._placed(course.joints[edges]))
+        scene = self._scene.along(places)
         near = np.logical_and(
-            self._may_be_near(frames, poses), self._may_have_come_near(course, edges)
+            self._may_be_near(places.frames, scene), self._may_have_come_near(course, edges)
         )
         required, rows = self.required, []
         known, joints = self._seen[len(course.joints)]
@@ -83,7 +82,7 @@ class Clearances:
             if not len(chosen):
                 continue
             distances, normals, points = self._pairs.nearest(
-                course.joints[edge], chosen, poses[row], float(required.max())
+                course.joints[edge], chosen, scene.poses(row), float(required.max())
             )
             known[edge, chosen], joints[edge, chosen] = distances, course.joints[edge]
             for k in np.flatnonzero(distances < required[chosen]):
@@ -91,7 +90,7 @@ class Clearances:
                 rows.append((row, pair, required[pair] - distances[k], *normals[k],
                              *points[k].ravel()))  # fmt: skip
         table = np.array(rows).reshape(-1, 12)
-        return self._with_derivatives(table, edges, frames, course, paths)
+        return self._with_derivatives(table, edges, places, paths)
 
     def _may_have_come_near(self, course: Course, edges: IntArray) -> Array:
         """Which pairs may be nearer than required, by their distances when they were looked at.
@@ -116,42 +115,19 @@ class Clearances:
         loop, ends = len(every) // paths.loops, _ENDS * len(every) // paths.all_spans
         return np.concatenate([every[: loop + ends], every[-ends:]])
 
-    def _frames(self, course: Course, edges: IntArray) -> tuple[Array, ...]:
-        """The bodies at some ends of intervals, see :func:`place_all`."""
-        joints = np.ascontiguousarray(course.joints[edges])
+    def _placed(self, joints: Array) -> tuple[Array, ...]:
+        """The bodies in configurations (K, n), see :func:`place_all`."""
+        joints = np.ascontiguousarray(joints)
         K, n = joints.shape
         shapes = (K, n + 1, 3, 3), (K, n + 1, 3), (K, n, 3), (K, 3), (K, 3, n)
         arrays = tuple(np.empty(shape) for shape in shapes)
         place_all(self._arm, joints, *arrays)
         return arrays
 
-    def _scene_poses(self, t: float, attitude: Array, joints: Array) -> list[Pose]:
-        """The scene in the spacecraft frame."""
-        problem = self._problem
-        if not problem.scene.bodies:
-            return []
-        target, model = Pose(np.zeros(3), attitude), problem.model
-        if any(self._held):
-            target = model.end_effector_pose(Rotation.from_matrix(attitude).as_quat(), joints)
-        position = attitude @ model.base_position(_UPRIGHT, joints)
-        base = Pose(position, attitude).inverse()
-        return [base @ pose for pose in problem.scene.poses(t, problem.path, target)]
-
-    def _all_scene_poses(
-        self, paths: JointPaths, course: Course, edges: IntArray
-    ) -> list[list[Pose]]:
-        times = course.duration * paths.times[edges]
-        states = zip(times, course.attitudes[edges], course.joints[edges], strict=True)
-        return [self._scene_poses(*state) for state in states]
-
-    def _may_be_near(self, frames: tuple[Array, ...], poses: list[list[Pose]]) -> Array:
+    def _may_be_near(self, frames: tuple[Array, ...], scene: Placed) -> Array:
         """Which pairs may be nearer than required, by their spheres, shape (edges, P)."""
-        rotations, origins = frames[:2]
-        if poses and poses[0]:
-            turned = [[pose.rotation for pose in row] for row in poses]
-            moved = [[pose.position for pose in row] for row in poses]
-            rotations = np.concatenate([rotations, turned], axis=1)
-            origins = np.concatenate([origins, moved], axis=1)
+        rotations = np.concatenate([frames[0], scene.rotations], axis=1)
+        origins = np.concatenate([frames[1], scene.positions], axis=1)
         first, second = (
             np.einsum("epij,pj->epi", rotations[:, self._bodies[:, k]], self._centres[:, k])
             + origins[:, self._bodies[:, k]]
@@ -161,19 +137,18 @@ class Clearances:
         return np.asarray(gaps < self.required)
 
     def _with_derivatives(
-        self, table: Array, edges: IntArray, frames: tuple[Array, ...], course: Course,
-        paths: JointPaths,
-    ) -> Violations:  # fmt: skip
+        self, table: Array, edges: IntArray, places: Places, paths: JointPaths
+    ) -> Violations:
         """Violations of rows of edge, pair, lack, normal and both nearest points."""
         n, rows, pair = paths.joint_count, table[:, 0].astype(int), table[:, 1].astype(int)
         lack, normals = table[:, 2], table[:, 3:6]
         by_joints, by_turn = np.zeros((len(table), n)), np.zeros((len(table), 3))
         by_duration = np.zeros(len(table))
-        _, origins, axes, centres, centre_rates = (array[rows] for array in frames)
+        _, origins, axes, centres, centre_rates = (array[rows] for array in places.frames)
         prismatic = self._arm.prismatic != 0.0
         for side, sign in ((0, -1.0), (1, 1.0)):  # distances grow where the second point moves
             point, body = table[:, 6 + 3 * side : 9 + 3 * side], self._bodies[pair, side]
-            still = np.array([b > n and not self._held[b - n - 1] for b in body], dtype=bool)
+            still = self._scene.free[np.maximum(body - n - 1, 0)] & (body > n)
             levers = np.cross(axes, point[:, None] - origins[:, 1:])
             moves = np.where(prismatic[:, None], axes, levers)
             moves *= (np.arange(n) < body[:, None])[:, :, None]
@@ -182,25 +157,14 @@ class Clearances:
             by_joints += sign * np.where(still[:, None], 0.0, slopes)
             around = np.cross(point - centres, normals)
             by_turn += sign * np.where(still[:, None], 0.0, around)
-            for k in np.flatnonzero(still):
-                edge = edges[rows[k]]
-                velocity = self._velocity(paths, course, edge, body[k] - n - 1, point[k])
-                by_duration[k] += sign * paths.times[edge] * (normals[k] @ velocity)
+            for number in np.unique(body[still]):
+                chosen = np.flatnonzero(body == number)
+                velocity = self._scene.velocities(
+                    number - n - 1, places.taken(rows[chosen]), point[chosen]
+                )
+                along = (normals[chosen] * velocity).sum(axis=1)
+                by_duration[chosen] += sign * paths.times[edges[rows[chosen]]] * along
         amounts = np.minimum(lack, _DEEPEST) / _SCALE
         return Violations(
             edges[rows], amounts, -by_joints / _SCALE, -by_turn / _SCALE, -by_duration / _SCALE
         )
-
-    def _velocity(
-        self, paths: JointPaths, course: Course, edge: int, body: int, point: Array
-    ) -> Array:
-        """Velocity of a point of a free body from the centre of mass, spacecraft frame [m/s]."""
-        problem, t = self._problem, float(course.duration * paths.times[edge])
-        bodies, path = problem.scene.bodies, problem.path
-        if bodies[body].motion == "fixed" and not path.drifts:
-            return np.zeros(3)
-        state = course.attitudes[edge], course.joints[edge]
-        before = self._scene_poses(t, *state)[body]
-        after = self._scene_poses(t + _LATER, *state)[body]
-        local = before.rotation.T @ (point - before.position)
-        return np.asarray((after.position + after.rotation @ local - point) / _LATER)

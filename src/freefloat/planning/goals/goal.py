@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ _FARTHEST = 1e3
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """What shall hold at the end of a motion; the joints rest there.
+    """What shall hold at the end of a motion; the joints rest there, unless their rates are given.
 
     Attributes:
         pose: Pose of the end-effector; None where it is free.
@@ -37,6 +37,7 @@ class Goal:
             ``"end_effector"``; or the name of a body of the scene: the end-effector arrives with
             the body's twist, and the joints do not rest.
         duration: Duration [s]; None for the shortest one found that limits permit.
+        joint_rates: Joint rates with the ``joints`` [rad/s or m/s], shape (n,); None for zero.
 
     Raises:
         InputError: If nothing is to be reached, or a value is of another kind.
@@ -51,6 +52,7 @@ class Goal:
     joints: Joints | None = None
     frame: str = "inertial"
     duration: float | None = None
+    joint_rates: Joints | None = None
 
     def __post_init__(self) -> None:
         require_type("goal.pose", self.pose, Pose | None, "a Pose")
@@ -58,9 +60,14 @@ class Goal:
         if self.attitude is not None:
             attitude = frozen(unit_quaternion("goal.attitude", self.attitude))
             object.__setattr__(self, "attitude", attitude)
-        if self.joints is not None:
-            joints = frozen(finite_vector("goal.joints", self.joints, np.size(self.joints)))
-            object.__setattr__(self, "joints", joints)
+        if self.joints is None and self.joint_rates is not None:
+            raise InputError("goal.joint_rates", "they were given", "joints, too")
+        for name in ("joints", "joint_rates"):
+            values = getattr(self, name)
+            if values is not None:
+                size = np.size(values if self.joints is None else self.joints)
+                values = frozen(finite_vector(f"goal.{name}", values, size))
+                object.__setattr__(self, name, values)
         if self.duration is not None:
             duration = positive_duration("goal.duration", self.duration)
             object.__setattr__(self, "duration", duration)
@@ -72,7 +79,7 @@ class Goal:
     def require_applicable(self, problem: Problem) -> None:
         """Raise an InputError unless robot and scene of a problem have joints and frame."""
         if self.joints is not None:
-            _require_inside(problem.model, self.joints)
+            require_inside(problem.model, self.joints, "goal.joints")
         if self.attitude is not None and problem.task.planar:
             problem.attitude(self.attitude, key="goal.attitude")
         known = [*FRAMES, *(body.name for body in problem.scene.bodies if body.motion != "target")]
@@ -84,6 +91,24 @@ class Goal:
         bodies = {body.name: body for body in problem.scene.bodies}
         return None if self.pose is None else bodies.get(self.frame)
 
+    def seen_from(self, centre: Array) -> Goal:
+        """The goal in a frame that begins at another place of the centre of mass.
+
+        Args:
+            centre: The place in the frame of this goal [m], shape (3,).
+        """
+        if self.pose is None or self.frame != "inertial":
+            return self
+        return replace(self, pose=Pose(self.pose.position - centre, self.pose.rotation))
+
+    def pose_in(self, model: FreeFloatingModel, attitude: Array, joints: Array) -> Pose | None:
+        """The pose from the centre of mass at the start, whose state is given; None without one."""
+        if self.pose is None or self.frame == "inertial":
+            return self.pose
+        frames = frames_at(model, attitude, joints)
+        frames["end_effector"] = model.end_effector_pose(attitude, joints)
+        return frames[self.frame] @ self.pose
+
     def target(self, problem: Problem, attitude: Array, joints: Array) -> Target:
         """What the last state of a motion must be.
 
@@ -92,11 +117,8 @@ class Goal:
             attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
             joints: At the start, shape (n,).
         """
-        pose, body = self.pose, self.body(problem)
-        if pose is not None and body is None:
-            frames = frames_at(problem.model, attitude, joints)
-            frames["end_effector"] = problem.model.end_effector_pose(attitude, joints)
-            pose = frames[self.frame] @ pose
+        body = self.body(problem)
+        pose = self.pose if body else self.pose_in(problem.model, attitude, joints)
         wanted = None if self.attitude is None else Rotation.from_quat(self.attitude).as_matrix()
         return Target(problem, wanted, pose, body)
 
@@ -107,18 +129,20 @@ class Goal:
             "orientation": self.pose.quaternion.tolist(),
             "frame": self.frame,
         }
-        arrays = {"attitude": self.attitude, "joints": self.joints}
+        arrays = {
+            "attitude": self.attitude, "joints": self.joints, "joint_rates": self.joint_rates,
+        }  # fmt: skip
         values = {name: None if array is None else array.tolist() for name, array in arrays.items()}
         values |= {"pose": pose, "duration": self.duration}
         return {key: value for key, value in values.items() if value is not None}
 
 
-def _require_inside(model: FreeFloatingModel, joints: Array) -> None:
-    """Raise an InputError unless joints are those of a robot, in their ranges."""
-    values = model.joint_vector(joints, "goal.joints")
+def require_inside(model: FreeFloatingModel, joints: Joints, key: str) -> None:
+    """Raise an InputError, naming a key, unless joints are those of a robot, in their ranges."""
+    values = model.joint_vector(joints, key)
     ranges = zip(model.joint_names, values, *model.joint_ranges, strict=True)
     for name, value, low, high in ranges:
         low, high = max(low, -_FARTHEST), min(high, _FARTHEST)
         if not low <= value <= high:
             accepted = f"{low:g} to {high:g} rad or m"
-            raise InputError("goal.joints", f"{name} is {value:g}", accepted)
+            raise InputError(key, f"{name} is {value:g}", accepted)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.limits.limits import Limits
-from freefloat.limits.result import LimitResult
+from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.answer import Answer, PhaseResult
@@ -72,6 +73,20 @@ class GoalMotion(Answer):
         final = self.motion.final.joints
         return float(max(residuals, 0.0 if end is None else np.abs(final - end).max()))
 
+    def with_motion(self, motion: Motion, results: Sequence[LimitResult]) -> GoalMotion:
+        """The same with a motion that ends at the goal, feasible where it keeps its limits."""
+        violation = next(iter(violated(results)), None)
+        reason = f"the goal is reached in {float(motion.times[-1]):.4g} s"
+        if violation is not None:
+            reason = (
+                f"the best motion that was found violates the {violation.label} of "
+                f"{violation.where} at t = {violation.time:.4g} s, {violation.sentence}"
+            )
+        return replace(
+            self, problem=motion.problem, feasible=violation is None, reason=reason, motion=motion,
+            limit_results=tuple(results),
+        )  # fmt: skip
+
     def to_dict(self) -> dict[str, Any]:
         """The JSON document."""
         motion = self.motion
@@ -94,3 +109,9 @@ def last_state(motion: Motion) -> EndState:
     rates = motion.law.rates(final.time, final.attitude, final.joints).joints
     attitude = Rotation.from_quat(final.attitude).as_matrix()
     return EndState(final.time, attitude, final.joints, rates)
+
+
+def earlier(problem: Problem, duration: float) -> Problem:
+    """The problem a duration [s] earlier, with the scene from the centre of mass at that time."""
+    scene = problem.scene.later(-duration, duration * problem.path.drift)
+    return replace(problem, scene=scene)

@@ -151,6 +151,11 @@ class JointPaths:
         return np.ascontiguousarray(self.gauss @ self.spread)
 
     @cached_property
+    def gram(self) -> Array:
+        """Products of the derivatives of slopes by two rows of unknowns, summed, shape (K, K)."""
+        return np.asarray(self.basis[1].T @ self.basis[1])
+
+    @cached_property
     def times(self) -> Array:
         """Values of s at the ends of the intervals, shape (N + 1,)."""
         return np.linspace(0.0, 1.0, self.fineness * self.all_spans + 1)

@@ -32,6 +32,7 @@ from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.planning.goals.joint_paths import Ends, JointPaths
 from freefloat.planning.goals.placements import Arm
 from freefloat.planning.goals.relaxation import Relaxation
+from freefloat.planning.goals.resting import violation_at_rest
 from freefloat.planning.goals.search import GoalSearch
 from freefloat.planning.goals.violations import ShapeLimits, StateLimits
 from freefloat.scene.scene import Scene
@@ -154,6 +155,11 @@ def move_from(
     limits = limits.without_turn
     checker = LimitChecker(problem, limits)
     outcome = GoalMotion(problem, goal, limits, False, "")
+    violation = violation_at_rest(problem, checker, start.attitude, start.joints)
+    if violation is not None:
+        value, allowed = f"{violation.worst:.4g}", f"{violation.allowed:.4g} is allowed"
+        reason = f"where it begins {violation.limit} of {violation.where} is {value}, {allowed}"
+        return replace(outcome, reason=reason)
     shapes: list[ShapeLimits] = [StateLimits(problem, limits)]
     clearances = None
     if checker.pairs is not None:
@@ -163,42 +169,41 @@ def move_from(
     families = list(_families(problem, start, goal, limits, shapes))
     by_time = bool(
         problem.depends_on_timing or problem.scene.tumbles or start.joint_rates.any()
-        or goal.body(problem) is not None
+        or goal.joint_rates is not None or goal.body(problem) is not None
     )  # fmt: skip
-    certification = Certification(problem, checker, start.attitude, by_time, clearances)
+    certification = Certification(
+        problem, checker, start.attitude, goal.duration is None, by_time, clearances
+    )  # fmt: skip
     search = GoalSearch(families, certification, step_of(progress, 0.0, 1.0))
     found = search.shortest(seed_number("seed", seed))
     if found is None:
         return _why_not(outcome, start, search)
-    duration = float(found.motion.times[-1])
-    return replace(
-        outcome, problem=found.motion.problem, feasible=True, motion=found.motion,
-        limit_results=found.results, reason=f"the goal is reached in {duration:.4g} s",
-    )  # fmt: skip
+    return outcome.with_motion(found.motion, found.results)
 
 
 def _families(
     problem: Problem, start: Start, goal: Goal, limits: Limits, shapes: Sequence[ShapeLimits]
 ) -> Iterator[Relaxation]:
     """Families of paths in the order in which they are tried."""
-    model, n, end = problem.model, problem.model.dof, goal.joints
+    model, n = problem.model, problem.model.dof
     target = goal.target(problem, start.attitude, start.joints)
-    end_rates = None if target.body is not None else np.zeros(n)
+    end_rates = np.zeros(n) if goal.joint_rates is None else goal.joint_rates
     rates = np.ones(n) if limits.joint_rate is None else limits.joint_rate
     rates = np.where(np.isfinite(rates), rates, rates[np.isfinite(rates)].max(initial=1.0))
     used = 1.0 if goal.duration is None else _USED
-    ends = np.array([start.joints, start.joints if end is None else end])
+    ends = Ends(*start[1:], goal.joints, None if target.body is not None else end_rates)
+    both = np.array([start.joints, start.joints if goal.joints is None else goal.joints])
     half = np.where(model.prismatic, 1.0, np.pi)
     low, high = model.joint_ranges
-    low = np.where(np.isfinite(low), low, ends.min(axis=0) - half)
-    high = np.where(np.isfinite(high), high, ends.max(axis=0) + half)
+    low = np.where(np.isfinite(low), low, both.min(axis=0) - half)
+    high = np.where(np.isfinite(high), high, both.max(axis=0) + half)
     momenta = np.array([problem.momentum, problem.wheel_momentum])
     timed = goal.duration is None and (
         limits.joint_rate is not None or limits.base_rate is not None
     )
     for spans, loops in _MOVING if target.attitude is None else _TURNING:
         yield Relaxation(
-            Arm.of(model), JointPaths(Ends(*start[1:], end, end_rates), spans, loops), target,
+            Arm.of(model), JointPaths(ends, spans, loops), target,
             Rotation.from_quat(start.attitude).as_matrix(), momenta, used * rates,
             used * (limits.base_rate or np.inf), np.array([low, high]), shapes, timed,
             goal.duration or problem.path.duration,
@@ -227,12 +232,5 @@ def _why_not(outcome: GoalMotion, start: Start, search: GoalSearch) -> GoalMotio
     if nearest is None or nearest.violation is None:
         reason = "no motion that ends at the goal was found within the joint ranges"
         return replace(outcome, reason=reason)
-    worst = nearest.violation
-    reason = (
-        f"the best motion that was found violates the {worst.label} of {worst.where} at "
-        f"t = {worst.time:.4g} s, {worst.sentence}"
-    )
-    return replace(
-        outcome, problem=nearest.motion.problem, reason=reason, motion=nearest.motion,
-        limit_results=search.certification.checker.results(nearest.motion),
-    )  # fmt: skip
+    results = search.certification.checker.results(nearest.motion)
+    return outcome.with_motion(nearest.motion, results)

@@ -162,12 +162,18 @@ class Relaxation:
         """The problem at a path, with a duration that counts as one; without it is held."""
         course, paths = self.course(unknowns), self.paths
         sums = _Sums(paths.size)
-        rates = self._rates(course)
-        root = np.sqrt(weights.effort / len(course.omega))
-        for values, jacobian in rates:
-            sums.add(root * values.ravel(), root * jacobian.reshape(-1, paths.size))
+        rates = _JointRates.along(paths, course, self.joint_rate)
+        weight = weights.effort / len(course.omega)
+        sums.add_rates(weight, rates, paths)
         effort, strong = sums.value, np.sqrt(weights.violations)
-        for residuals, jacobian in (*_beyond_limits(*rates), *self._beyond_ranges(course)):
+        beyond = [rates.beyond_limits(paths), *self._beyond_ranges(course)]
+        if np.isfinite(self.base_rate):
+            values, jacobian = self._base_rates(course)
+            root = np.sqrt(weight)
+            sums.add(root * values.ravel(), root * jacobian.reshape(-1, paths.size))
+            effort = sums.value
+            beyond.append(_beyond_one(values, jacobian))
+        for residuals, jacobian in beyond:
             sums.add(strong * residuals, strong * jacobian)
         for shape in self.shapes if strong > 0.0 else ():
             found = shape.violations(paths, course)
@@ -184,23 +190,12 @@ class Relaxation:
             sums.matrix[-1, -1] = 1.0
         return Quadratic(course, sums.value, sums.gradient, sums.matrix, error, of_end, penalty)
 
-    def _rates(self, course: Course) -> tuple[tuple[Array, Array], ...]:
-        """Rates over their limits at the G Gauss points, with their derivatives.
-
-        Those of the joints (G, n) and, where it is limited, of the spacecraft (G, 3).
-        """
-        paths, T = self.paths, course.duration
-        joints, n = course.rates / self.joint_rate / T, paths.joint_count
-        by_unknowns = np.zeros((*joints.shape, paths.size))
-        for j, rate in enumerate(self.joint_rate * T):
-            by_unknowns[:, j, j : paths.size - 1 : n] = paths.basis[1] / rate
-        by_duration = paths.gauss[1] @ paths.fixed[1]
-        by_unknowns[:, :, -1] = (by_duration / self.joint_rate - joints) / T
-        if not np.isfinite(self.base_rate):
-            return ((joints, by_unknowns),)
+    def _base_rates(self, course: Course) -> tuple[Array, Array]:
+        """Rates of the spacecraft over the limit at the G Gauss points, (G, 3), and derivatives."""
+        T = course.duration
         base, slopes = course.omega / self.base_rate / T, course.slopes / self.base_rate / T
         slopes[:, :, -1] -= base / T
-        return (joints, by_unknowns), (base, slopes)
+        return base, slopes
 
     def _beyond_ranges(self, course: Course) -> Iterator[tuple[Array, Array]]:
         """How far control points are beyond the joint ranges, with derivatives."""
@@ -214,19 +209,49 @@ class Relaxation:
             yield (over[i, j] + _RANGE_MARGIN) / _RANGE_SCALE, sign * jacobian / _RANGE_SCALE
 
 
-def _beyond_limits(
-    joints: tuple[Array, Array], base: tuple[Array, Array] | None = None
-) -> Iterator[tuple[Array, Array]]:
-    """How far rates over their limits are beyond one, with derivatives."""
-    ratios, jacobian = joints
-    point, joint = np.nonzero(np.abs(ratios) > 1.0)
-    signs = np.sign(ratios[point, joint])
-    yield np.abs(ratios[point, joint]) - 1.0, signs[:, None] * jacobian[point, joint]
-    if base is not None:
-        size = np.linalg.norm(base[0], axis=1)
-        (over,) = np.nonzero(size > 1.0)
-        directions = base[0][over] / size[over, None]
-        yield size[over] - 1.0, np.einsum("gi,gix->gx", directions, base[1][over])
+class _JointRates(NamedTuple):
+    """Joint rates over their limits at the G Gauss points of a course.
+
+    Each depends on the unknowns of its joint alone, and on the duration.
+
+    Attributes:
+        values: Shape (G, n).
+        scales: Derivatives over those of the splines by s, shape (n,).
+        by_duration: Derivatives by the duration, shape (G, n).
+    """
+
+    values: Array
+    scales: Array
+    by_duration: Array
+
+    @classmethod
+    def along(cls, paths: JointPaths, course: Course, limits: Array) -> _JointRates:
+        """Those along a course."""
+        T = course.duration
+        values = course.rates / limits / T
+        fixed = paths.gauss[1] @ paths.fixed[1]
+        return cls(values, 1.0 / limits / T, (fixed / limits - values) / T)
+
+    def beyond_limits(self, paths: JointPaths) -> tuple[Array, Array]:
+        """How far those beyond one are, with derivatives by the unknowns."""
+        point, joint = np.nonzero(np.abs(self.values) > 1.0)
+        signs = np.sign(self.values[point, joint])
+        rows = np.zeros((len(point), paths.spread.shape[1], len(self.scales)))
+        rows[np.arange(len(point)), :, joint] = (
+            signs * self.scales[joint] * paths.basis[1, point].T
+        ).T
+        jacobian = np.column_stack(
+            [rows.reshape(len(point), paths.size - 1), signs * self.by_duration[point, joint]]
+        )
+        return np.abs(self.values[point, joint]) - 1.0, jacobian
+
+
+def _beyond_one(values: Array, jacobian: Array) -> tuple[Array, Array]:
+    """How far magnitudes of vectors (G, 3) are beyond one, with derivatives."""
+    size = np.linalg.norm(values, axis=1)
+    (over,) = np.nonzero(size > 1.0)
+    directions = values[over] / size[over, None]
+    return size[over] - 1.0, np.einsum("gi,gix->gx", directions, jacobian[over])
 
 
 def _shortened(step: Array, duration: float) -> Array:
@@ -246,3 +271,18 @@ class _Sums:
         self.value += float(residuals @ residuals) / 2.0
         self.gradient += jacobian.T @ residuals
         self.matrix += jacobian.T @ jacobian
+
+    def add_rates(self, weight: float, rates: _JointRates, paths: JointPaths) -> None:
+        """Add joint rates with a weight: the blocks of joints are those of one, scaled."""
+        values, scales, by_duration = rates
+        K, n = paths.spread.shape[1], len(scales)
+        self.value += weight * float((values**2).sum()) / 2.0
+        along = np.column_stack([values, by_duration])
+        mixed = (paths.basis[1].T @ along).reshape(K, 2, n) * scales
+        self.gradient[:-1] += weight * mixed[:, 0].ravel()
+        self.gradient[-1] += weight * float((by_duration * values).sum())
+        blocks = np.einsum("kjlj->jkl", self.matrix[:-1, :-1].reshape(K, n, K, n))
+        blocks += weight * (scales**2)[:, None, None] * paths.gram
+        self.matrix[:-1, -1] += weight * mixed[:, 1].ravel()
+        self.matrix[-1, :-1] += weight * mixed[:, 1].ravel()
+        self.matrix[-1, -1] += weight * float((by_duration**2).sum())

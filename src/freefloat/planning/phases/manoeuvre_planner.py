@@ -11,8 +11,7 @@ from freefloat.errors import InputError, require_type
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.answer import PhaseResult
-from freefloat.planning.joints.joint_motion import settling
-from freefloat.planning.joints.reorientation import reorient
+from freefloat.planning.goals.goal import require_inside
 from freefloat.planning.phases.expected_state import keys_within
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.phases.phase import Phase, checked_phases
@@ -35,22 +34,22 @@ def plan_manoeuvre(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Manoeuvre:
-    """Plan a path, the reorientation to its initial attitude, and the phases after it.
+    """Plan a path, the motion to the state at which it begins, and the phases after it.
 
-    The initial attitude of the first path is chosen by the objective of the search; with
-    ``"nearest"`` the reorientation is the smallest. Loops of the joints turn the spacecraft, then
-    the joints settle at those with which the path begins. Every later phase begins with the state
-    at which the one before ends.
+    The initial attitude of the first path is chosen by the objective of the search. A motion of the
+    joints leads there from the present attitude and joints, see
+    :func:`~freefloat.planning.goals.mover.move`. Every later phase begins with the state at which
+    the one before ends.
 
     Args:
         problem: Problem of the first path. Its frame, whose origin is the centre of mass where the
-            path begins, and its time are those of the manoeuvre; reorientation and settling have
-            negative times.
+            path begins, and its time are those of the manoeuvre; the reorientation has negative
+            times.
         phases: What follows.
         search: What to choose; with ``reorient`` it has the present attitude and joints.
-        limits: Limits to keep in all phases; ``base_turn`` on paths only, bodies and corridor of
-            the scene in all phases but the reorientation.
-        reorient: Whether the present attitude is another one than that of the path.
+        limits: Limits to keep in all phases; ``base_turn`` on paths only. Where none of them
+            depends on the speed, the reorientation takes as long as the path.
+        reorient: Whether the present state is another one than that of the path.
         threads: As for :func:`~freefloat.planning.planner.plan`.
         progress: Called with the fraction done, in [0, 1].
 
@@ -59,15 +58,15 @@ def plan_manoeuvre(
 
     Raises:
         InputError: If an argument is of another type; if ``reorient`` lacks the present attitude or
-            joints, or is asked for with drift and a point of ``limits.pointing``; if a phase cannot
-            follow those before: there is no such body or joint, or it begins elsewhere. What does
-            not depend on the motions is found before they are planned.
+            joints; if a phase cannot follow those before: there is no such body or joint, or it
+            begins elsewhere. What does not depend on the motions is found before they are planned.
 
     Example:
         >>> problem = ff.load_scenario("planar_2dof/line").problem()
-        >>> manoeuvre = ff.plan_manoeuvre(problem, [ff.JointPhase([0.2, -0.4], duration=30.0)])
+        >>> berth = ff.GoalPhase(ff.Goal(joints=[0.2, -0.4], duration=30.0))
+        >>> manoeuvre = ff.plan_manoeuvre(problem, [berth])
         >>> [phase.kind for phase in manoeuvre.phases]
-        ['path', 'joints']
+        ['path', 'goal']
     """
     search = Search() if search is None else search
     require_type("search", search, Search, "a Search, such as Search(samples=1024)")
@@ -77,7 +76,6 @@ def plan_manoeuvre(
     present = None
     if reorient:
         present = _present_joints(problem, search)
-        _require_directions(problem, limits)
     share = 0.5 if reorient else 0.9
     step = step_of(progress, 0.0, share)
     first = plan(problem, search, limits, threads=threads, progress=step)
@@ -99,43 +97,31 @@ def _present_joints(problem: Problem, search: Search) -> Array:
     if search.from_attitude is None or search.joints is None:
         key = "search.from_attitude" if search.from_attitude is None else "search.joints"
         raise InputError(key, "it is missing, for a reorientation", "the present state")
-    model = problem.model
-    joints = model.joint_vector(search.joints, "search.joints")
-    for name, value, *ends in zip(model.joint_names, joints, *model.joint_ranges, strict=True):
-        if not ends[0] <= value <= ends[1]:
-            accepted = f"{ends[0]:g} to {ends[1]:g} rad or m"
-            raise InputError("search.joints", f"{name} is {value:g}", accepted)
+    joints = problem.model.joint_vector(search.joints, "search.joints")
+    require_inside(problem.model, joints, "search.joints")
     return joints
-
-
-def _require_directions(problem: Problem, limits: Limits) -> None:
-    """Raise an InputError for points whose place depends on the duration of a reorientation."""
-    for number, limit in enumerate(limits.pointing):
-        if limit.point is not None and problem.path.drifts:
-            key = f"limits.pointing.{number}.target.point"
-            given = "the centre of mass drifts during the reorientation"
-            raise InputError(key, given, "a direction, or no drift")
 
 
 def _to_start(
     state: SystemState, search: Search, joints: Array, limits: Limits, progress: Progress | None
 ) -> list[PhaseResult]:
-    """Reorientation and settling that end with a state; none that are not needed."""
-    problem, attitude, begin = state.problem, state.attitude, 0.0
-    done: list[PhaseResult] = []
-    if max(np.abs(joints - state.joints).max(), np.abs(state.joint_rates).max()) > _SAME:
-        settled = settling(problem, joints, attitude, state.joints, state.joint_rates, limits)
-        begin = -settled.duration
-        centre = begin * problem.path.drift
-        done.append(PhaseResult("settling", "joints", settled, begin, centre))
-        attitude = settled.motion.initial.attitude
+    """The motion from the present state that ends with another one; none where it is the same."""
+    problem = state.problem
     present = problem.attitude(search.from_attitude)
-    if angle_between(present, attitude) > _SAME:
-        turned = reorient(problem, present, attitude, limits, joints=joints, progress=progress)
-        begin -= turned.duration or 0.0
-        centre = begin * problem.path.drift
-        done.insert(0, PhaseResult("reorientation", "reorientation", turned, begin, centre))
-    return done
+    differences = np.concatenate([joints - state.joints, state.joint_rates])
+    if max(angle_between(present, state.attitude), np.abs(differences).max()) <= _SAME:
+        return []
+    from freefloat.planning.goals.arrival import arrive  # compiled kernels
+    from freefloat.planning.goals.mover import Start
+
+    end = Start(state.attitude, state.joints, state.joint_rates)
+    duration = None if limits.timed else problem.path.duration
+    found = arrive(
+        problem, (present, joints), end, limits, duration=duration, seed=search.seed,
+        progress=progress,
+    )  # fmt: skip
+    begin = -(found.duration or 0.0)
+    return [PhaseResult("reorientation", found.kind, found, begin, begin * problem.path.drift)]
 
 
 def _following(

@@ -14,7 +14,7 @@ from freefloat.planning.answer import Finding
 from freefloat.planning.phases.expected_state import ExpectedState, keys_within
 from freefloat.planning.phases.state import SystemState
 
-_FIRST_NAMES = ("reorientation", "settling", "path")
+_FIRST_NAMES = ("reorientation", "path")
 """Names of the phases up to the first path."""
 
 
@@ -88,7 +88,7 @@ def checked_phases(
     keys = [f"phases.{k}" for k in range(len(given))] if keys is None else keys
     state, taken = ExpectedState.after_first(problem), {*_FIRST_NAMES}
     for number, (phase, key) in enumerate(zip(given, keys, strict=True)):
-        accepted = "a phase, such as a PathPhase, a JointPhase or a CapturePhase"
+        accepted = "a phase, such as a PathPhase, a GoalPhase or a CapturePhase"
         require_type(key, phase, Phase, accepted)
         with keys_within(key):
             state = phase.expected_after(state)

@@ -19,7 +19,6 @@ from freefloat.motion.problem import Problem
 from freefloat.planning.answer import Answer
 from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.goals.goal_motion import GoalMotion
-from freefloat.planning.joints.reorientation import Reorientation
 from freefloat.planning.margin_map import MarginMap
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
@@ -70,7 +69,7 @@ def figures(
 ) -> Figures:
     """Return the figures of a result by name; a notebook shows them.
 
-    Motions, simulations and reorientations: ``snapshots`` and those of :func:`.motion_figures`;
+    Motions, simulations and goals: ``snapshots`` and those of :func:`.motion_figures`;
     where the spacecraft's turn or the pointing of axes is limited ``angles``. Maps:
     ``headings``, or ``map_slices`` and ``map_histogram``. Plans: ``workspace``, the figures of
     their motion and map, and in the plane ``headings`` (if a heading reaches the path) and
@@ -121,15 +120,15 @@ def _simulation_figures(
     return _motion_figures(motion, threads, progress) | _angles(motion, simulation.limits)
 
 
-def _turn_figures(
-    turn: Reorientation | GoalMotion, threads: int | None, progress: Progress | None
+def _goal_figures(
+    result: GoalMotion, threads: int | None, progress: Progress | None
 ) -> dict[str, Figure]:
-    if turn.motion is None:
+    if result.motion is None:
         return {}
-    problem = turn.motion.problem
+    problem = result.motion.problem
     without_margin = problem.replace(margin=Margin(problem.margin.measure, 0.0))
-    motion = replace(turn.motion, problem=without_margin)
-    return _motion_figures(motion, threads, progress) | _angles(motion, turn.limits)
+    motion = replace(result.motion, problem=without_margin)
+    return _motion_figures(motion, threads, progress) | _angles(motion, result.limits)
 
 
 def _manoeuvre_figures(
@@ -232,8 +231,7 @@ _FIGURES: dict[type, Callable[..., dict[str, Figure]]] = {
     Plan: _plan_figures,
     Manoeuvre: _manoeuvre_figures,
     Simulation: _simulation_figures,
-    Reorientation: _turn_figures,
-    GoalMotion: _turn_figures,
+    GoalMotion: _goal_figures,
     Motion: _motion_figures,
     AttitudeMap: _attitude_map_figures,
     HeadingMap: _heading_map_figures,

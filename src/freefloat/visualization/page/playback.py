@@ -202,7 +202,7 @@ def playback(
 
     Args:
         result: A motion, motions by name, a plan (its chosen motion), a manoeuvre (its phases one
-            after another), a simulation (its arm branches), a reorientation or a map; see
+            after another), a simulation (its arm branches), a motion to a goal or a map; see
             :func:`singularity_scene` for maps of the joint space. Limits of pointing are drawn with
             plans, manoeuvres and simulations.
         title: Title of the page.

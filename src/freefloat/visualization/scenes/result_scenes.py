@@ -11,7 +11,6 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.motion import Motion
 from freefloat.planning.answer import PhaseResult
 from freefloat.planning.goals.goal_motion import GoalMotion
-from freefloat.planning.joints.reorientation import Reorientation
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.heading_map import HeadingMap
@@ -60,11 +59,11 @@ def _plan_scene(plan: Plan, title: str) -> Scene:
     return motion_scene({name: plan.chosen.motion}, title, _pointing(plan.limits))
 
 
-def _turn_scene(turn: Reorientation | GoalMotion, title: str) -> Scene:
-    if turn.motion is None:
-        accepted = f"a {turn.kind} with a motion"
-        raise InputError("result", f"it has no motion: {turn.reason}", accepted)
-    return motion_scene({turn.kind: turn.motion}, title, _pointing(turn.limits))
+def _goal_scene(result: GoalMotion, title: str) -> Scene:
+    if result.motion is None:
+        accepted = "a goal with a motion"
+        raise InputError("result", f"it has no motion: {result.reason}", accepted)
+    return motion_scene({result.kind: result.motion}, title, _pointing(result.limits))
 
 
 def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> Scene:
@@ -77,7 +76,7 @@ def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> Scene:
     places: list[Place] = []
     begin = manoeuvre.phases[0].start
     for number, phase in enumerate(manoeuvre.phases, 1):
-        motion = _with_scene(phase, manoeuvre)
+        motion = _drawn_motion(phase)
         if motion is not None:
             motions[f"{number} {phase.name}"] = motion
             x, y, z = phase.centre.tolist()
@@ -89,17 +88,14 @@ def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> Scene:
     return motion_scene(motions, title, pointing, places)
 
 
-def _with_scene(phase: PhaseResult, manoeuvre: Manoeuvre) -> Motion | None:
-    """The motion of a phase: that of joints without a margin, a reorientation with its scene."""
+def _drawn_motion(phase: PhaseResult) -> Motion | None:
+    """The motion of a phase, that to a goal without a margin."""
     motion = phase.motion
     if motion is None or phase.kind == "path":
         return motion
     problem = motion.problem
-    problem = replace(problem, margin=replace(problem.margin, threshold=0.0))
-    if phase.kind == "reorientation":
-        scene = manoeuvre.problem.scene.later(phase.start, -phase.centre)
-        problem = replace(problem, scene=scene)
-    return replace(motion, problem=problem)
+    margin = replace(problem.margin, threshold=0.0)
+    return replace(motion, problem=replace(problem, margin=margin))
 
 
 def _pointing(limits: Limits | None) -> tuple[Any, ...]:
@@ -111,8 +107,7 @@ _SCENES: dict[type, Callable[[Any, str], Scene]] = {
     Plan: _plan_scene,
     Manoeuvre: manoeuvre_scene,
     Simulation: _simulation_scene,
-    Reorientation: _turn_scene,
-    GoalMotion: _turn_scene,
+    GoalMotion: _goal_scene,
     AttitudeMap: map_scene,
     HeadingMap: heading_scene,
     SingularityMap: singularity_scene,

@@ -17,7 +17,6 @@ from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.planning.phases.expected_state import ExpectedState
 from freefloat.planning.phases.phase import Phase
 from freefloat.planning.phases.state import SystemState
-from freefloat.so3 import Pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +61,5 @@ class GoalPhase(Phase):
         """The motion to the goal from a state."""
         from freefloat.planning.goals.mover import Start, move_from  # compiled kernels
 
-        goal = self.goal
-        if goal.pose is not None and goal.frame == "inertial":
-            pose = Pose(goal.pose.position - state.centre, goal.pose.rotation)
-            goal = replace(goal, pose=pose)
         start = Start(state.attitude, state.joints, state.joint_rates)
-        return move_from(self.problem_at(state), start, goal, limits)
+        return move_from(self.problem_at(state), start, self.goal.seen_from(state.centre), limits)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import ClassVar, cast
 
 import numpy as np
 
 from freefloat.certificate.certificate import certify
 from freefloat.dynamics.redundancy import Redundancy
-from freefloat.errors import finite_number, require_type
+from freefloat.errors import InputError, finite_number, require_type
 from freefloat.ik.branches import ArmBranch
 from freefloat.ik.numbering import MAX_BRANCHES
 from freefloat.limits.check import LimitChecker
@@ -23,9 +23,9 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.timing import TimedPath
 from freefloat.paths.transfer import transfer
+from freefloat.planning.goals.goal import FRAMES, Goal
 from freefloat.planning.phases.expected_state import ExpectedState
 from freefloat.planning.phases.phase import Phase
-from freefloat.planning.phases.pose_goal import PoseGoal
 from freefloat.planning.phases.prescribed_path import (
     JUMP,
     moved_to_begin_at,
@@ -37,7 +37,7 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import PRECEDED, Cause, Verdict
 from freefloat.planning.settings import Search
 from freefloat.planning.simulation import SimulatedBranch
-from freefloat.so3 import Array, frozen
+from freefloat.so3 import Array, Pose, frozen
 
 _NEAR = 1e-6
 """Distance of joints from those of their arm branch [rad, m]."""
@@ -48,29 +48,32 @@ class PathPhase(Phase):
     """A further path of the end-effector, from the state at which the phase before ends.
 
     Attributes:
-        path: Path in the frame of the manoeuvre, in that of a body of the scene, or to a pose. It
-            begins with the pose and the twist of the end-effector at the end of the phase before.
+        path: Path in the frame of the manoeuvre or in that of a body of the scene, or a goal with a
+            pose in the frame of no body and a duration, to which the shortest way leads. It begins
+            with the pose and the twist of the end-effector at the end of the phase before.
         name: Its name; by default ``"to"`` for a pose, else ``"path"``, with a number where another
             phase has that name.
         margin: Required magnitude of the first path's measure.
         redundancy: Null-space motion of redundant arms.
 
     Example:
-        >>> goal = ff.PoseGoal(ff.so3.Pose([0.0, 0.0, -0.02], np.eye(3)), 15.0, "end_effector")
-        >>> ff.PathPhase(goal, "stop").name
+        >>> back = ff.so3.Pose([0.0, 0.0, -0.02], np.eye(3))
+        >>> ff.PathPhase(ff.Goal(back, frame="end_effector", duration=15.0), "stop").name
         'stop'
     """
 
     kind: ClassVar[str] = "path"
 
-    path: TimedPath | RelativePath | PoseGoal = field(repr=False)
+    path: TimedPath | RelativePath | Goal = field(repr=False)
     name: str = ""
     margin: float = 0.0
     redundancy: Redundancy | None = None
 
     def __post_init__(self) -> None:
-        accepted = "a TimedPath, a RelativePath or a PoseGoal"
-        require_type("path", self.path, TimedPath | RelativePath | PoseGoal, accepted)
+        accepted = "a TimedPath, a RelativePath or a Goal"
+        require_type("path", self.path, TimedPath | RelativePath | Goal, accepted)
+        if isinstance(self.path, Goal):
+            _require_pose_alone(self.path)
         require_type("name", self.name, str, "a name")
         finite_number("margin", self.margin, "a magnitude of at least zero", 0.0)
         accepted = "Redundancy, such as Redundancy(metric='energy')"
@@ -79,17 +82,18 @@ class PathPhase(Phase):
     @property
     def default_name(self) -> str:
         """``to`` for a pose, else ``path``."""
-        return "to" if isinstance(self.path, PoseGoal) else "path"
+        return "to" if isinstance(self.path, Goal) else "path"
 
     def expected_after(self, state: ExpectedState) -> ExpectedState:
         """See :class:`~freefloat.planning.phases.phase.Phase`."""
         given, drift = self.path, state.problem.path.drift
-        if isinstance(given, PoseGoal):
-            path, end = state.resting(given.duration), None
+        if isinstance(given, Goal):
+            duration, end = given.duration or 0.0, None
+            path = state.resting(duration)
             if given.frame == "inertial":
                 end = given.pose
-                if state.pose is not None and state.twist is not None:
-                    path = transfer(state.pose, state.twist, end, given.duration, drift)
+                if end is not None and state.pose is not None and state.twist is not None:
+                    path = transfer(state.pose, state.twist, end, duration, drift)
             return state.after(path, self.redundancy, end, np.zeros(6))
         if isinstance(given, RelativePath):
             state.body(given.body.name, "path.frame")
@@ -113,9 +117,10 @@ class PathPhase(Phase):
     def _path_at(self, state: SystemState) -> TimedPath:
         """The path from the present centre of mass."""
         drift, task = state.problem.path.drift, state.problem.task
-        if isinstance(self.path, PoseGoal):
-            end = self.path.pose_at(state)
-            return transfer(state.pose, state.twist, end, self.path.duration, drift)
+        if isinstance(self.path, Goal):
+            goal = self.path.seen_from(state.centre)
+            end = cast(Pose, goal.pose_in(state.problem.model, state.attitude, state.joints))
+            return transfer(state.pose, state.twist, end, cast(float, goal.duration), drift)
         path = prescribed_path(self.path, state.scene.bodies, state.centre, drift)
         require_continuous(path, state.pose, state.twist, task)
         return moved_to_begin_at(path, state.pose, task)
@@ -135,6 +140,16 @@ class PathPhase(Phase):
             limit_results=results, certificate=certify(motion),
             contact=self_contact(motion, results),
         )  # fmt: skip
+
+
+def _require_pose_alone(goal: Goal) -> None:
+    """Raise an InputError unless a straight way can lead to a goal."""
+    if goal.pose is None or goal.attitude is not None:
+        raise InputError("path.pose", "the goal has none or an attitude, too", "nothing but a pose")
+    if goal.duration is None:
+        raise InputError("path.duration", "it is missing", "the duration [s] of the straight way")
+    if goal.frame not in FRAMES:
+        raise InputError("path.frame", f"{goal.frame!r} was given", ", ".join(FRAMES))
 
 
 def branch_at(problem: Problem, attitude: Array, joints: Array) -> ArmBranch:

@@ -1,0 +1,36 @@
+"""Limits of states at which motions begin and end."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from freefloat.limits.check import LimitChecker
+from freefloat.limits.result import LimitResult
+from freefloat.motion.joint_integration import integrate_spline
+from freefloat.motion.joint_spline import DEGREE, JointSpline
+from freefloat.motion.problem import Problem
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import Timing
+from freefloat.so3 import Array
+
+_INSTANT = 1e-3
+"""Duration of a motion that stays where it is [s]."""
+
+
+def violation_at_rest(
+    problem: Problem, checker: LimitChecker, attitude: Array, joints: Array
+) -> LimitResult | None:
+    """The first limit that a state violates, whatever its rates; None where it keeps all.
+
+    Args:
+        problem: Robot and scene, whose bodies are where they are at time zero.
+        checker: Of the limits.
+        attitude: Of the spacecraft, unit quaternion x, y, z, w.
+        joints: Joint values, shape (n,).
+    """
+    path = replace(problem.path, timing=Timing(_INSTANT, TimeLaw.UNIFORM))
+    still = JointSpline(np.tile(joints, (DEGREE + 1, 1)))
+    motion = integrate_spline(replace(problem, path=path), still, attitude)
+    return next(iter(checker.violations(motion, timed=False)), None)

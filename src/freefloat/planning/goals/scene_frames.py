@@ -1,0 +1,97 @@
+"""The bodies of a scene along joint paths, in the spacecraft frame from its origin."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from freefloat.motion.problem import Problem
+from freefloat.so3 import Array, IntArray, Pose
+
+_UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
+_LATER = 1e-3
+"""Difference of times in velocities of the scene [s]."""
+
+
+class Places(NamedTuple):
+    """Where a robot is at K instants.
+
+    Attributes:
+        times: The instants [s], shape (K,).
+        attitudes: Of the spacecraft, shape (K, 3, 3).
+        frames: Of its bodies, see :func:`~freefloat.planning.goals.placements.place_all`.
+    """
+
+    times: Array
+    attitudes: Array
+    frames: tuple[Array, ...]
+
+    def taken(self, rows: IntArray) -> Places:
+        """Some of the instants."""
+        frames = tuple(array[rows] for array in self.frames)
+        return Places(self.times[rows], self.attitudes[rows], frames)
+
+
+class Placed(NamedTuple):
+    """The S bodies of a scene at K instants.
+
+    Attributes:
+        rotations: Shape (K, S, 3, 3).
+        positions: [m], shape (K, S, 3).
+    """
+
+    rotations: Array
+    positions: Array
+
+    def poses(self, row: int) -> list[Pose]:
+        """The bodies at an instant."""
+        placed = zip(self.positions[row], self.rotations[row], strict=True)
+        return [Pose(position, rotation) for position, rotation in placed]
+
+
+class SceneFrames:
+    """The bodies of the scene of a problem.
+
+    Attributes:
+        free: Which of them do not move with the end-effector, shape (S,).
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        """Prepare the bodies that the end-effector holds."""
+        model = problem.model
+        self._path, self._bodies = problem.path, problem.scene.bodies
+        self.free = np.array([body.motion != "target" for body in self._bodies] or [False])
+        state = _UPRIGHT, np.zeros(model.dof)
+        last = model.body_poses(*state)[model.dof]
+        self._grip = last.inverse() @ model.end_effector_pose(*state)
+
+    def along(self, places: Places) -> Placed:
+        """The bodies at some instants."""
+        rotations, origins, _, centres, _ = places.frames
+        count, back = len(places.times), places.attitudes.transpose(0, 2, 1)
+        placed = Placed(
+            np.empty((count, len(self._bodies), 3, 3)), np.empty((count, len(self._bodies), 3))
+        )
+        for number, body in enumerate(self._bodies):
+            if self.free[number]:
+                R, p = body.placements(places.times, self._path)
+                placed.rotations[:, number] = back @ R
+                placed.positions[:, number] = np.einsum("kij,kj->ki", back, p) + centres
+            else:
+                held, last = self._grip @ body.pose, rotations[:, -1]
+                placed.rotations[:, number] = last @ held.rotation
+                placed.positions[:, number] = origins[:, -1] + last @ held.position
+        return placed
+
+    def velocities(self, number: int, places: Places, points: Array) -> Array:
+        """Velocities of points (K, 3) of a free body from the centre of mass [m/s]."""
+        body, attitudes = self._bodies[number], places.attitudes
+        if body.motion == "fixed" and not self._path.drifts:
+            return np.zeros_like(points)
+        (R, p), (later, q) = (
+            body.placements(places.times + step, self._path) for step in (0.0, _LATER)
+        )
+        x = np.einsum("kij,kj->ki", attitudes, points - places.frames[3])
+        moved = q + np.einsum("kij,klj,kl->ki", later, R, x - p)
+        return np.asarray(np.einsum("kij,ki->kj", attitudes, moved - x) / _LATER)

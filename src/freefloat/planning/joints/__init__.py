@@ -1,1 +1,0 @@
-"""Motions whose joints are prescribed."""

@@ -1,0 +1,64 @@
+"""The checks of motions of the joints to goals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from freefloat.limits.check import LimitChecker
+from freefloat.motion.joint_integration import integrate_spline
+from freefloat.motion.motion import Motion
+from freefloat.planning.goals.goal_motion import GoalMotion
+from freefloat.so3 import angle_between
+from freefloat.verification.comparisons import Check, completed, error_check
+from freefloat.verification.engine_runs import forward_checks
+from freefloat.verification.gravity import CircularOrbit
+from freefloat.verification.limit_checks import limit_checks
+from freefloat.verification.report import PINOCCHIO, CheckReport
+
+_SAME, _ENGINE = 1e-8, 1e-4
+"""Errors of integrating again, and of the last state [rad, m, s], and of an engine's [rad]."""
+_STEPS = 12_000
+"""Steps of the simulation, per loop: its error falls with their square."""
+_SPANS = 8
+"""Spans of a spline that count as a loop."""
+
+
+def goal_report(
+    result: GoalMotion, engine: str = PINOCCHIO, orbit: CircularOrbit | None = None
+) -> CheckReport:
+    """All checks of a motion to a goal.
+
+    Args:
+        result: The record, computed or loaded from a file.
+        engine: As for :func:`~freefloat.verification.check.check`.
+        orbit: None: gravity gradient is not simulated.
+    """
+    return CheckReport(result.kind, tuple(completed("motion", _checks, result, engine)))
+
+
+def _checks(result: GoalMotion, engine: str) -> Iterator[Check]:
+    """The motion is integrated again and ends at the goal; its limits are recomputed."""
+    motion, spline = result.motion, None if result.motion is None else result.motion.curve
+    if motion is None or spline is None:
+        yield Check("motion", False, f"there is none: {result.reason}")
+        return
+    again = integrate_spline(motion.problem, spline, motion.initial.attitude)
+    yield _same_motion(again, motion)
+    error = replace(result, motion=again).error or 0.0
+    yield error_check("final state", error, _SAME, "rad, m", float(again.times[-1]))
+    checker = LimitChecker(again.problem, result.limits)
+    yield from limit_checks(result.limit_results, checker, checker.results(again), result.feasible)
+    yield from forward_checks(engine, motion, _STEPS * -(-spline.spans // _SPANS), _ENGINE)
+
+
+def _same_motion(again: Motion, motion: Motion) -> Check:
+    """A motion that was integrated again is the recorded one."""
+    difference = np.inf
+    if again.times.shape == motion.times.shape:
+        angles = angle_between(again.attitudes, motion.attitudes)
+        joints, times = np.abs(again.joints - motion.joints), np.abs(again.times - motion.times)
+        difference = float(max(angles.max(), joints.max(), times.max()))
+    return error_check("integrated again", difference, _SAME, "rad, m, s", None)
