@@ -1,4 +1,4 @@
-"""Measure motions to random goals, beside reorientations by loops; print a Markdown table.
+"""Measure motions to random goals; print a Markdown table.
 
 Attitudes are rotations about random axes by random angles up to 60 degrees, with the joints back;
 poses and joints are those of random configurations that keep the clearance. Every motion is looked
@@ -66,7 +66,7 @@ def largest_rate(result: GoalMotion, limits: ff.Limits) -> float:
     return float(np.abs(rates / limits.joint_rate).max())
 
 
-def measure(name: str, kind: str, count: int, engine: str, loops: bool) -> None:
+def measure(name: str, kind: str, count: int, engine: str) -> None:
     scenario = ff.load_scenario(name)
     problem, limits = scenario.problem().replace(momentum=np.zeros(3)), scenario.limits()
     if name in RATES:
@@ -79,19 +79,16 @@ def measure(name: str, kind: str, count: int, engine: str, loops: bool) -> None:
         begin = time.process_time()
         result = ff.move(problem.system, (IDENTITY, joints), goal, limits, problem.scene)
         seconds = time.process_time() - begin
-        before, checked = np.nan, True
-        if loops and kind == "attitude":
-            before = ff.reorient(problem, IDENTITY, goal.attitude, limits, joints=joints).duration
         if result.feasible:
             checked = largest_rate(result, limits) < 1.0 + 1e-6
             checked &= ff.check(result, engine=engine).passed
-            rows.append([result.duration, result.error, seconds, checked, before])
-        print(name, kind, number, result.reason, f"{seconds:.1f} s, loops {before}", flush=True)
-    values = np.array(rows, dtype=float).reshape(-1, 5)
+            rows.append([result.duration, result.error, seconds, checked])
+        print(name, kind, number, result.reason, f"{seconds:.1f} s", flush=True)
+    values = np.array(rows, dtype=float).reshape(-1, 4)
     middle = np.median(values, axis=0)
     print(f"| `{name}` | {kind} | {len(rows)} of {count} | {middle[0]:.0f} | {middle[2]:.1f} "
           f"| {values[:, 2].max():.1f} | {values[:, 1].max():.1e} | {int(values[:, 3].sum())} "
-          f"| {middle[4]:.0f} |")  # fmt: skip
+          f"|")  # fmt: skip
 
 
 if __name__ == "__main__":
@@ -100,10 +97,7 @@ if __name__ == "__main__":
     parser.add_argument("--kinds", nargs="*", default=["attitude", "pose", "joints"])
     parser.add_argument("--goals", type=int, default=30)
     parser.add_argument("--engine", default="mujoco")
-    parser.add_argument("--loops", action="store_true", help="reorient, for comparison")
     arguments = parser.parse_args()
     for scenario_name in arguments.scenarios:
         for goal_kind in arguments.kinds:
-            measure(
-                scenario_name, goal_kind, arguments.goals, arguments.engine, arguments.loops
-            )  # fmt: skip
+            measure(scenario_name, goal_kind, arguments.goals, arguments.engine)

@@ -195,7 +195,7 @@ content["phases"] = [rest, *holds, {"joints": [0.2, 1.0], "duration": 30}]
 open("hold.yaml", "w").write(yaml.safe_dump(content))
 outputs = ["-o", "hold.h5", "--html", "hold.html"]
 phases = json.loads(run("plan", "hold.yaml", "--json", *outputs))["phases"]
-assert [phase["kind"] for phase in phases] == ["path", "joints", "hold", "hold", "joints"]
+assert [phase["kind"] for phase in phases] == ["path", "goal", "hold", "hold", "goal"]
 assert phases[3]["name"] == "wait" and phases[2]["duration"] == 20
 loaded = ff.load("hold.h5")
 hold = loaded.phases[2].motion

@@ -66,7 +66,7 @@ def knots(spans: int) -> Array:
     return np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])
 
 
-def spline_basis(spans: int, s: Array) -> Array:
-    """Derivatives of order 0 and 1 by the control points at s (K,), shape (2, K, spans + 3)."""
+def spline_basis(spans: int, s: Array, order: int) -> Array:
+    """Derivatives of joints, or of theirs by s, by the control points at s (K,), (K, spans + 3)."""
     spline = BSpline(knots(spans), np.eye(spans + DEGREE), DEGREE)
-    return np.array([spline(s), spline.derivative()(s)])
+    return np.asarray(spline.derivative(order)(s))

@@ -8,6 +8,7 @@ import numpy as np
 
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.kinds.clearance import ClearanceLimit
+from freefloat.limits.kinds.joint_torque import JointTorqueLimit
 from freefloat.limits.result import LimitResult
 from freefloat.motion.joint_integration import integrate_spline
 from freefloat.motion.motion import Motion
@@ -24,6 +25,8 @@ FINAL = Weights(1e-3, 1e3)
 _EXACT = 5e-10
 """Largest residual of a precise motion at its end [rad, m]."""
 _CORRECTIONS, _TIMINGS, _EXCHANGES, _ITERATIONS = 8, 8, 6, 20
+_LESS = 1.02
+"""Least factor by which accelerations are reduced where torques are too large."""
 _CLOSE, _SPARE = 0.999, 1.0 + 1e-7
 """Usage of limits from which a motion is as short as they permit, and factor on its duration."""
 _CLOSE_BY_TIME, _SPARE_BY_TIME = 0.98, 1.005
@@ -79,8 +82,10 @@ class Certification:
                 return found
             unknowns, motion = exact
             found = self._checked(unknowns, motion)
-            if found.violation is None or not self._demand(found.violation):
+            demanding = self._demanding(relaxation, found.violation)
+            if demanding is None:
                 return found
+            relaxation = demanding
             unknowns = relaxation.relaxed(unknowns, FINAL, _ITERATIONS).course.unknowns
         return found
 
@@ -92,12 +97,19 @@ class Certification:
     def _checked(self, unknowns: Array, motion: Motion) -> CertifiedMotion:
         return CertifiedMotion(unknowns, motion, *self.checker.results_unless_violated(motion))
 
-    def _demand(self, violation: LimitResult) -> bool:
-        """Demand more of what is violated, if the search knows it."""
-        if violation.limit != ClearanceLimit.name or self.clearances is None:
-            return False
-        self.clearances.widen(violation.where, violation.allowed - violation.worst)
-        return True
+    def _demanding(
+        self, relaxation: Relaxation, violation: LimitResult | None
+    ) -> Relaxation | None:
+        """The family with more demanded of what is violated; None where it does not know that."""
+        if violation is None:
+            return None
+        if violation.limit == JointTorqueLimit.name and not self.timed:
+            least = relaxation.joint_acceleration / max(violation.ratio, _LESS)
+            return replace(relaxation, joint_acceleration=least)
+        if violation.limit == ClearanceLimit.name and self.clearances is not None:
+            self.clearances.widen(violation.where, violation.allowed - violation.worst)
+            return relaxation
+        return None
 
     def _exact(self, relaxation: Relaxation, unknowns: Array) -> tuple[Array, Motion] | None:
         """Unknowns and the motion along them, exact at its end and as short as limits permit."""

@@ -143,12 +143,20 @@ class JointPaths:
         """Derivatives of joints and their slopes at the Gauss points by control points."""
         N = self.fineness * self.all_spans
         places = (np.arange(N)[:, None] + 0.5 + np.array([-GAUSS, GAUSS])) / N
-        return spline_basis(self.all_spans, places.ravel())
+        return np.array([spline_basis(self.all_spans, places.ravel(), order) for order in (0, 1)])
 
     @cached_property
     def basis(self) -> Array:
         """The same by the rows of unknowns, shape (2, 2 N, K)."""
         return np.ascontiguousarray(self.gauss @ self.spread)
+
+    @cached_property
+    def bends(self) -> Array:
+        """Derivatives of the joints' second derivatives at the ends of spans by control points.
+
+        Between them these are linear.
+        """
+        return spline_basis(self.all_spans, np.linspace(0.0, 1.0, self.all_spans + 1), 2)
 
     @cached_property
     def gram(self) -> Array:
@@ -163,7 +171,7 @@ class JointPaths:
     @cached_property
     def edges(self) -> Array:
         """Derivatives of the joints at the ends of the intervals by control points."""
-        return np.asarray(spline_basis(self.all_spans, self.times)[0])
+        return spline_basis(self.all_spans, self.times, 0)
 
     @cached_property
     def edge_basis(self) -> Array:

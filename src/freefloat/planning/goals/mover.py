@@ -11,6 +11,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from freefloat.concurrency import Progress, step_of
+from freefloat.dynamics.inverse_dynamics import InverseDynamics
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.system import System
@@ -198,16 +199,30 @@ def _families(
     low = np.where(np.isfinite(low), low, both.min(axis=0) - half)
     high = np.where(np.isfinite(high), high, both.max(axis=0) + half)
     momenta = np.array([problem.momentum, problem.wheel_momentum])
+    accelerations = _accelerations(problem, start, limits)
     timed = goal.duration is None and (
         limits.joint_rate is not None or limits.base_rate is not None
     )
     for spans, loops in _MOVING if target.attitude is None else _TURNING:
         yield Relaxation(
             Arm.of(model), JointPaths(ends, spans, loops), target,
-            Rotation.from_quat(start.attitude).as_matrix(), momenta, used * rates,
+            Rotation.from_quat(start.attitude).as_matrix(), momenta, used * rates, accelerations,
             used * (limits.base_rate or np.inf), np.array([low, high]), shapes, timed,
             goal.duration or problem.path.duration,
         )  # fmt: skip
+
+
+def _accelerations(problem: Problem, start: Start, limits: Limits) -> Array:
+    """Accelerations of single joints that limits of torques permit at the start, shape (n,)."""
+    n = len(start.joints)
+    if limits.joint_torque is None:
+        return np.full(n, np.inf)
+    dynamics, still = InverseDynamics(problem.system), np.zeros(3 + n)
+    torques = [
+        dynamics.of_joints(start.attitude, start.joints, still, axis).joint_torques
+        for axis in np.eye(n)
+    ]
+    return np.asarray(limits.joint_torque / np.abs(np.diag(torques)))
 
 
 def _why_not(outcome: GoalMotion, start: Start, search: GoalSearch) -> GoalMotion:

@@ -91,6 +91,8 @@ class Relaxation:
         attitude: Of the spacecraft at the start, shape (3, 3).
         momenta: Of the system and of wheels [N m s], shape (2, 3).
         joint_rate: Limits of joint rates [rad/s or m/s], shape (n,); infinite without limit.
+        joint_acceleration: Accelerations that limits of torques permit, roughly [rad/s² or m/s²],
+            shape (n,).
         base_rate: Limit of the spacecraft's rate [rad/s]; infinite without limit.
         ranges: Of the joints, shape (2, n).
         shapes: Limits that do not depend on rates.
@@ -104,6 +106,7 @@ class Relaxation:
     attitude: Array
     momenta: Array
     joint_rate: Array
+    joint_acceleration: Array
     base_rate: float
     ranges: Array
     shapes: Sequence[ShapeLimits] = ()
@@ -162,11 +165,12 @@ class Relaxation:
         """The problem at a path, with a duration that counts as one; without it is held."""
         course, paths = self.course(unknowns), self.paths
         sums = _Sums(paths.size)
-        rates = _JointRates.along(paths, course, self.joint_rate)
+        rates = _JointValues.along(paths, unknowns, self.joint_rate, 1)
+        bends = _JointValues.along(paths, unknowns, self.joint_acceleration, 2)
         weight = weights.effort / len(course.omega)
         sums.add_rates(weight, rates, paths)
         effort, strong = sums.value, np.sqrt(weights.violations)
-        beyond = [rates.beyond_limits(paths), *self._beyond_ranges(course)]
+        beyond = [rates.beyond_limits(), bends.beyond_limits(), *self._beyond_ranges(course)]
         if np.isfinite(self.base_rate):
             values, jacobian = self._base_rates(course)
             root = np.sqrt(weight)
@@ -209,41 +213,42 @@ class Relaxation:
             yield (over[i, j] + _RANGE_MARGIN) / _RANGE_SCALE, sign * jacobian / _RANGE_SCALE
 
 
-class _JointRates(NamedTuple):
-    """Joint rates over their limits at the G Gauss points of a course.
+class _JointValues(NamedTuple):
+    """Joint rates or accelerations over their limits at G places of a course.
 
     Each depends on the unknowns of its joint alone, and on the duration.
 
     Attributes:
         values: Shape (G, n).
-        scales: Derivatives over those of the splines by s, shape (n,).
+        basis: Derivatives of those by s by the rows of unknowns, shape (G, K).
+        scales: Derivatives of the values by those by s, shape (n,).
         by_duration: Derivatives by the duration, shape (G, n).
     """
 
     values: Array
+    basis: Array
     scales: Array
     by_duration: Array
 
     @classmethod
-    def along(cls, paths: JointPaths, course: Course, limits: Array) -> _JointRates:
-        """Those along a course."""
-        T = course.duration
-        values = course.rates / limits / T
-        fixed = paths.gauss[1] @ paths.fixed[1]
-        return cls(values, 1.0 / limits / T, (fixed / limits - values) / T)
+    def along(cls, paths: JointPaths, unknowns: Array, limits: Array, order: int) -> _JointValues:
+        """Rates (order 1) at the Gauss points, or accelerations (order 2) at the ends of spans."""
+        basis, T = paths.gauss[1] if order == 1 else paths.bends, unknowns[-1]
+        scales = 1.0 / limits / T**order
+        values = basis @ paths.control_points(unknowns) * scales
+        by_duration = basis @ paths.fixed[1] * scales - order * values / T
+        return cls(values, basis @ paths.spread, scales, by_duration)
 
-    def beyond_limits(self, paths: JointPaths) -> tuple[Array, Array]:
+    def beyond_limits(self) -> tuple[Array, Array]:
         """How far those beyond one are, with derivatives by the unknowns."""
-        point, joint = np.nonzero(np.abs(self.values) > 1.0)
-        signs = np.sign(self.values[point, joint])
-        rows = np.zeros((len(point), paths.spread.shape[1], len(self.scales)))
-        rows[np.arange(len(point)), :, joint] = (
-            signs * self.scales[joint] * paths.basis[1, point].T
-        ).T
-        jacobian = np.column_stack(
-            [rows.reshape(len(point), paths.size - 1), signs * self.by_duration[point, joint]]
-        )
-        return np.abs(self.values[point, joint]) - 1.0, jacobian
+        place, joint = np.nonzero(np.abs(self.values) > 1.0)
+        signs, n = np.sign(self.values[place, joint]), len(self.scales)
+        rows = np.zeros((len(place), self.basis.shape[1], n))
+        slopes = (signs * self.scales[joint])[:, None] * self.basis[place]
+        rows[np.arange(len(place)), :, joint] = slopes
+        last = signs * self.by_duration[place, joint]
+        jacobian = np.column_stack([rows.reshape(len(place), self.basis.shape[1] * n), last])
+        return np.abs(self.values[place, joint]) - 1.0, jacobian
 
 
 def _beyond_one(values: Array, jacobian: Array) -> tuple[Array, Array]:
@@ -272,13 +277,13 @@ class _Sums:
         self.gradient += jacobian.T @ residuals
         self.matrix += jacobian.T @ jacobian
 
-    def add_rates(self, weight: float, rates: _JointRates, paths: JointPaths) -> None:
+    def add_rates(self, weight: float, rates: _JointValues, paths: JointPaths) -> None:
         """Add joint rates with a weight: the blocks of joints are those of one, scaled."""
-        values, scales, by_duration = rates
-        K, n = paths.spread.shape[1], len(scales)
+        values, basis, scales, by_duration = rates
+        K, n = basis.shape[1], len(scales)
         self.value += weight * float((values**2).sum()) / 2.0
         along = np.column_stack([values, by_duration])
-        mixed = (paths.basis[1].T @ along).reshape(K, 2, n) * scales
+        mixed = (basis.T @ along).reshape(K, 2, n) * scales
         self.gradient[:-1] += weight * mixed[:, 0].ravel()
         self.gradient[-1] += weight * float((by_duration * values).sum())
         blocks = np.einsum("kjlj->jkl", self.matrix[:-1, :-1].reshape(K, n, K, n))
