@@ -6,6 +6,8 @@ along the direction between their nearest points, which move with their bodies.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from freefloat.limits.pairs import CollisionPairs
@@ -26,6 +28,40 @@ _ENDS = 3
 """Spans of a loop in which the first and the last one differ from the others."""
 
 
+class _Seen(NamedTuple):
+    """Distances of P pairs at K places, and the configurations in which they have been looked at.
+
+    Attributes:
+        distances: [m], shape (K, P).
+        joints: Joint values, shape (K, P, n).
+        centres: Centres of spheres around both shapes, spacecraft frame [m], shape (K, P, 2, 3).
+        turned: Rotations of their bodies, shape (K, P, 2, 3, 3).
+    """
+
+    distances: Array
+    joints: Array
+    centres: Array
+    turned: Array
+
+    def never_seen(self, count: int) -> _Seen:
+        """The same for a number of places where nothing is known."""
+        shapes = ((count, *array.shape[1:]) for array in self[1:])
+        unknown = np.full((count, self.distances.shape[1]), -np.inf)
+        return _Seen(unknown, *map(np.zeros, shapes))
+
+    def at(self, rows: IntArray) -> _Seen:
+        """Some of the places."""
+        return _Seen(*(array[rows] for array in self))
+
+    def update(
+        self, place: int, pairs: IntArray, distances: Array, now: _Seen, row: int
+    ) -> None:  # fmt: skip
+        """Remember distances of some pairs at a place, and their configuration."""
+        self.distances[place, pairs] = distances
+        for known, new in zip(self[1:], now[1:], strict=True):
+            known[place, pairs] = new[row, pairs]
+
+
 class Clearances:
     """Distances of the pairs of a robot and its scene along joint paths."""
 
@@ -44,7 +80,8 @@ class Clearances:
         self._known = np.full(len(pairs.pairs), np.inf)
         strokes = np.nan_to_num(np.abs(problem.model.joint_ranges).max(axis=0), posinf=1e3)
         self._levers = pairs.levers(strokes)
-        self._seen = dict[int, tuple[Array, Array]]()
+        self._outer = np.flatnonzero(self._bodies[:, 1] > problem.model.dof)
+        self._seen = dict[int, _Seen]()
         self._scene = SceneFrames(problem)
 
     @property
@@ -72,11 +109,12 @@ class Clearances:
         times = course.duration * paths.times[edges]
         places = Places(times, course.attitudes[edges], self._placed(course.joints[edges]))
         scene = self._scene.along(places)
-        near = np.logical_and(
-            self._may_be_near(places.frames, scene), self._may_have_come_near(course, edges)
-        )
+        now = self._now(course.joints[edges], places.frames, scene)
+        if len(course.joints) not in self._seen:
+            self._seen[len(course.joints)] = now.never_seen(len(course.joints))
+        seen = self._seen[len(course.joints)]
         required, rows = self.required, []
-        known, joints = self._seen[len(course.joints)]
+        near = (now.distances < required) & (self._bounds(now, seen.at(edges)) < required)
         for row, edge in enumerate(edges):
             (chosen,) = np.nonzero(near[row])
             if not len(chosen):
@@ -84,7 +122,7 @@ class Clearances:
             distances, normals, points = self._pairs.nearest(
                 course.joints[edge], chosen, scene.poses(row), float(required.max())
             )
-            known[edge, chosen], joints[edge, chosen] = distances, course.joints[edge]
+            seen.update(edge, chosen, distances, now, row)
             for k in np.flatnonzero(distances < required[chosen]):
                 pair = chosen[k]
                 rows.append((row, pair, required[pair] - distances[k], *normals[k],
@@ -92,19 +130,28 @@ class Clearances:
         table = np.array(rows).reshape(-1, 12)
         return self._with_derivatives(table, edges, places, paths)
 
-    def _may_have_come_near(self, course: Course, edges: IntArray) -> Array:
-        """Which pairs may be nearer than required, by their distances when they were looked at.
+    def _now(self, joints: Array, frames: tuple[Array, ...], scene: Placed) -> _Seen:
+        """The configurations at some ends of intervals; distances are those of the spheres."""
+        rotations = np.concatenate([frames[0], scene.rotations], axis=1)
+        origins = np.concatenate([frames[1], scene.positions], axis=1)
+        turned = rotations[:, self._bodies]
+        centres = np.einsum("epsij,psj->epsi", turned, self._centres) + origins[:, self._bodies]
+        gaps = np.linalg.norm(centres[:, :, 0] - centres[:, :, 1], axis=2) - self._radii.sum(axis=1)
+        every = np.repeat(joints[:, None], len(self._bodies), axis=1)
+        return _Seen(gaps, every, centres, turned)
 
-        Shape (edges, P). A joint changes the distance of a pair by at most its lever.
+    def _bounds(self, now: _Seen, seen: _Seen) -> Array:
+        """Lower bounds of the distances by those when they were looked at, shape (edges, P).
+
+        A joint changes the distance of two links by at most its lever, a motion of a body that of
+        its shape by at most the displacement of its sphere's centre and a turn of its radius.
         """
-        size = len(course.joints), len(self._bodies)
-        if len(course.joints) not in self._seen:
-            joints = np.zeros((*size, course.joints.shape[1]))
-            self._seen[len(course.joints)] = np.full(size, -np.inf), joints
-        known, joints = (values[edges] for values in self._seen[len(course.joints)])
-        moved = np.abs(course.joints[edges][:, None] - joints)
-        bounds = known - np.einsum("epj,pj->ep", moved, self._levers)
-        return np.asarray((bounds < self.required) | ~self._levers.any(axis=1))
+        moved = np.einsum("epj,pj->ep", np.abs(now.joints - seen.joints), self._levers)
+        outer = self._outer
+        shifts = np.linalg.norm(now.centres[:, outer] - seen.centres[:, outer], axis=3)
+        turns = np.linalg.norm(now.turned[:, outer] - seen.turned[:, outer], axis=(3, 4))
+        moved[:, outer] = (shifts + turns / np.sqrt(2.0) * self._radii[outer]).sum(axis=2)
+        return np.asarray(seen.distances - moved)
 
     def _edges(self, paths: JointPaths) -> IntArray:
         """Ends of intervals to look at: of equal loops the first one and where others differ."""
@@ -123,18 +170,6 @@ class Clearances:
         arrays = tuple(np.empty(shape) for shape in shapes)
         place_all(self._arm, joints, *arrays)
         return arrays
-
-    def _may_be_near(self, frames: tuple[Array, ...], scene: Placed) -> Array:
-        """Which pairs may be nearer than required, by their spheres, shape (edges, P)."""
-        rotations = np.concatenate([frames[0], scene.rotations], axis=1)
-        origins = np.concatenate([frames[1], scene.positions], axis=1)
-        first, second = (
-            np.einsum("epij,pj->epi", rotations[:, self._bodies[:, k]], self._centres[:, k])
-            + origins[:, self._bodies[:, k]]
-            for k in range(2)
-        )
-        gaps = np.linalg.norm(first - second, axis=2) - self._radii.sum(axis=1)
-        return np.asarray(gaps < self.required)
 
     def _with_derivatives(
         self, table: Array, edges: IntArray, places: Places, paths: JointPaths

@@ -18,8 +18,8 @@ from freefloat.planning.goals.attitude_kernel import GAUSS, Buffers, JointSample
 from freefloat.planning.goals.placements import Arm
 from freefloat.so3 import Array
 
-INTERVALS = 8
-"""Intervals of the quadrature in a span."""
+INTERVALS, COARSE_INTERVALS = 8, 4
+"""Intervals of the quadrature in a span, and where a search begins."""
 
 
 class Ends(NamedTuple):

@@ -178,7 +178,7 @@ def move_from(
     search = GoalSearch(families, certification, step_of(progress, 0.0, 1.0))
     found = search.shortest(seed_number("seed", seed))
     if found is None:
-        return _why_not(outcome, start, search)
+        return _why_not(outcome, start, search, seed)
     return outcome.with_motion(found.motion, found.results)
 
 
@@ -225,7 +225,7 @@ def _accelerations(problem: Problem, start: Start, limits: Limits) -> Array:
     return np.asarray(limits.joint_torque / np.abs(np.diag(torques)))
 
 
-def _why_not(outcome: GoalMotion, start: Start, search: GoalSearch) -> GoalMotion:
+def _why_not(outcome: GoalMotion, start: Start, search: GoalSearch, seed: int) -> GoalMotion:
     """The outcome with the reason why no motion was found."""
     goal, target = outcome.goal, search.families[0].target
     reach = VirtualManipulator.of(outcome.problem.model).reach
@@ -246,6 +246,9 @@ def _why_not(outcome: GoalMotion, start: Start, search: GoalSearch) -> GoalMotio
     nearest = search.nearest()
     if nearest is None or nearest.violation is None:
         reason = "no motion that ends at the goal was found within the joint ranges"
+        if target.size:
+            away = target.distance_text(search.nearest_end(seed))
+            reason += f"; the nearest one ends with {away} away"
         return replace(outcome, reason=reason)
     results = search.certification.checker.results(nearest.motion)
     return outcome.with_motion(nearest.motion, results)

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from freefloat.planning.goals.joint_paths import Course, JointPaths
+from freefloat.planning.goals.joint_paths import COARSE_INTERVALS, Course, JointPaths
 from freefloat.planning.goals.placements import Arm
 from freefloat.planning.goals.target import Target
 from freefloat.planning.goals.violations import ShapeLimits
@@ -36,7 +37,7 @@ class Weights(NamedTuple):
     """Weights of what is minimized.
 
     Attributes:
-        effort: Of the mean square of rates over their limits.
+        effort: Of the mean square of joint rates over their limits.
         violations: Of the squared violations of limits.
     """
 
@@ -113,6 +114,11 @@ class Relaxation:
     timed: bool = True
     reference: float = 1.0
 
+    @cached_property
+    def coarse(self) -> Relaxation:
+        """The same with fewer instants that are looked at, to begin with."""
+        return replace(self, paths=replace(self.paths, fineness=COARSE_INTERVALS))
+
     def course(self, unknowns: Array, order: int = 1) -> Course:
         """The path of some unknowns, with derivatives if the order is 1."""
         return self.paths.course(self.arm, unknowns, self.attitude, self.momenta, order)
@@ -167,16 +173,11 @@ class Relaxation:
         sums = _Sums(paths.size)
         rates = _JointValues.along(paths, unknowns, self.joint_rate, 1)
         bends = _JointValues.along(paths, unknowns, self.joint_acceleration, 2)
-        weight = weights.effort / len(course.omega)
-        sums.add_rates(weight, rates, paths)
+        sums.add_rates(weights.effort / len(course.omega), rates, paths)
         effort, strong = sums.value, np.sqrt(weights.violations)
         beyond = [rates.beyond_limits(), bends.beyond_limits(), *self._beyond_ranges(course)]
         if np.isfinite(self.base_rate):
-            values, jacobian = self._base_rates(course)
-            root = np.sqrt(weight)
-            sums.add(root * values.ravel(), root * jacobian.reshape(-1, paths.size))
-            effort = sums.value
-            beyond.append(_beyond_one(values, jacobian))
+            beyond.append(_beyond_one(*self._base_rates(course)))
         for residuals, jacobian in beyond:
             sums.add(strong * residuals, strong * jacobian)
         for shape in self.shapes if strong > 0.0 else ():

@@ -10,7 +10,8 @@ import numpy as np
 from freefloat.concurrency import Progress
 from freefloat.planning.goals.certification import FINAL, Certification, CertifiedMotion
 from freefloat.planning.goals.relaxation import Quadratic, Relaxation, Weights
-from freefloat.planning.goals.starts import starts, timed
+from freefloat.planning.goals.starts import random_path, starts, timed
+from freefloat.so3 import Array
 
 _STAGES = ((Weights(1.0, 1.0), 25), (Weights(0.1, 100.0), 40), (FINAL, 40))
 """Weights and iterations: first a short path without deep violations, then one without any."""
@@ -56,6 +57,14 @@ class GoalSearch:
             return None if result is None or result.violation is None else result
         return min(self.failures, key=_ratio, default=None)
 
+    def nearest_end(self, seed: int) -> Array:
+        """Residuals of the end nearest to the goal, of some paths that move toward it."""
+        family, rng = self.families[0].coarse, np.random.default_rng(seed)
+        random = (random_path(family, rng) for _ in range(_RANDOM))
+        weights, iterations = _STAGES[1]
+        found = [family.relaxed(timed(family, path), weights, iterations) for path in random]
+        return min((path.error for path in found), key=lambda error: float(np.abs(error).sum()))
+
     def shortest(self, seed: int) -> CertifiedMotion | None:
         """The shortest of some motions that keep all limits; None where none was found."""
         rng = np.random.default_rng(seed)
@@ -73,7 +82,8 @@ class GoalSearch:
 
     def _certified(self, family: Relaxation, rng: np.random.Generator) -> Iterator[CertifiedMotion]:
         """Certified motions of a family."""
-        rough = [family.relaxed(start, *_STAGES[0]) for start in starts(family, rng, _RANDOM)]
+        coarse = family.coarse
+        rough = [coarse.relaxed(start, *_STAGES[0]) for start in starts(coarse, rng, _RANDOM)]
         count = 0
         for number, path in enumerate(sorted(rough, key=lambda path: path.promise)):
             if count >= _ENOUGH or (count and number >= _REFINED):
@@ -85,9 +95,9 @@ class GoalSearch:
 
     def _refined(self, family: Relaxation, path: Quadratic) -> CertifiedMotion | None:
         """The certified motion along a path that is improved before; None where there is none."""
-        for stage in _STAGES[1:]:
+        for some, stage in zip((family.coarse, family), _STAGES[1:], strict=True):
             if path.penalty < _HOPELESS:
-                path = family.relaxed(timed(family, path.course.unknowns), *stage)
+                path = some.relaxed(timed(some, path.course.unknowns), *stage)
         if np.abs(path.error).max(initial=0.0) > _CLOSED:
             return None
         if path.penalty > _PENALTY:
@@ -107,7 +117,9 @@ class GoalSearch:
             unknowns = best.unknowns.copy()
             unknowns[:count] *= np.sqrt(paths.loops / fewer.loops)
             family = replace(family, paths=fewer)
-            result = self._refined(family, family.relaxed(timed(family, unknowns), *_STAGES[0]))
+            result = self._refined(
+                family, family.coarse.relaxed(timed(family, unknowns), *_STAGES[0])
+            )
             if result is None or _duration(result) >= _duration(best):
                 break
             best, paths = result, fewer

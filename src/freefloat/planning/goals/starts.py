@@ -37,7 +37,7 @@ def starts(relaxation: Relaxation, rng: np.random.Generator, most: int) -> Itera
     candidates = [_with_end(relaxation, blank, joints) for joints in _branches(relaxation)]
     if paths.ends.end is not None and relaxation.target.attitude is None:
         candidates.append(blank)
-    random = [_random(relaxation, rng) for _ in range(_RANDOM)]
+    random = [random_path(relaxation, rng) for _ in range(_RANDOM)]
     random.sort(key=lambda unknowns: _promise(relaxation, unknowns))
     yield from _closed(relaxation, candidates)
     closed = list(_closed(relaxation, random[: _CLOSED_PER_START * most]))
@@ -69,7 +69,7 @@ def _promise(relaxation: Relaxation, unknowns: Array) -> float:
     return _ERROR * error + _TIME * course.duration * relaxation.usage(course) / half_turn
 
 
-def _random(relaxation: Relaxation, rng: np.random.Generator) -> Array:
+def random_path(relaxation: Relaxation, rng: np.random.Generator) -> Array:
     """A path with two random harmonics of the joints and, where it is free, a random end."""
     paths, ranges = relaxation.paths, relaxation.ranges
     n, half = paths.joint_count, np.minimum(np.diff(ranges, axis=0)[0] / 2.0, np.pi)

@@ -103,6 +103,18 @@ class Target:
                 parts.append((self._twist(end, quaternion) - twist)[rows])
         return np.concatenate(parts) if parts else np.zeros(0)
 
+    def distance_text(self, residuals: Array) -> str:
+        """How far away an end with some residuals is."""
+        parts, rest = list[str](), residuals
+        if self.attitude is not None:
+            turn, rest = np.degrees(np.linalg.norm(rest[:3])), rest[3:]
+            parts.append(f"the attitude {turn:.3g} deg")
+        if self.pose is not None:
+            parts.append(f"the end-effector {np.linalg.norm(rest[:3]):.3g} m")
+            if self.oriented:
+                parts.append(f"its orientation {np.degrees(np.linalg.norm(rest[3:6])):.3g} deg")
+        return ", ".join(parts)
+
     def _twist(self, end: EndState, quaternion: Array) -> Array:
         """Twist of the end-effector relative to the centre of mass, inertial axes, shape (6,)."""
         system, joints, rates = self._still, end.joints, end.joint_rates
