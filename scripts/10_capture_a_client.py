@@ -4,7 +4,7 @@
 capture, if the joints were locked.
 
 A servicer of 300 kg is turned by 40 deg away from an attitude that suits the approach. It turns
-itself by loops of its arm, follows the grapple point of a client that tumbles at 1.2 deg/s, takes
+itself by its arm, follows the grapple point of a client that tumbles at 1.2 deg/s, takes
 hold of it, brings it to rest relative to itself, and berths it. ``freefloat models
 servicing/capture_client`` prints the scenario.
 """
