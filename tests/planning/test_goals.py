@@ -194,3 +194,40 @@ def test_gradients_of_clearances(model: ff.FreeFloatingModel) -> None:
         step = 1e-3 * np.eye(paths.size)[column]
         difference = (total(unknowns + step) - total(unknowns - step)) / 2e-3
         assert slopes[column] == pytest.approx(difference, rel=0.02, abs=0.1)
+
+
+@pytest.mark.slow
+def test_a_reorientation_keeps_cones_and_torques() -> None:
+    """The short form: an attitude with the joints back."""
+    problem = ff.load_scenario("spatial_6dof/line").problem().replace(momentum=np.zeros(3))
+    cone = ff.PointingLimit("spacecraft", [0, 0, 1], np.radians(40.0), direction=[0, 0, 1])
+    limits = ff.Limits(joint_rate=np.full(6, 0.1), joint_torque=np.full(6, 0.05), pointing=[cone])
+    end = Rotation.from_rotvec([0.0, 0.1, 0.4]).as_quat()
+    result = ff.reorient(problem, STATE[0], end, limits, joints=START)
+    assert result.feasible
+    assert result.error < 1e-9
+    R = Rotation.from_quat(result.motion.attitudes)
+    assert (R.apply([0, 0, 1])[:, 2] >= np.cos(cone.angle) - 1e-9).all()
+    torques = [motion_torques(result, t) for t in np.linspace(0.0, result.duration, 50)]
+    assert np.abs(torques).max() <= 0.05 * (1.0 + 1e-6)
+
+
+def motion_torques(result: Any, t: float) -> Any:
+    (state,) = result.motion.sample([t])
+    return result.motion.law.effort(t, state.attitude, state.joints).joint_torques
+
+
+def test_wrong_reorientations_name_the_argument() -> None:
+    planar = ff.load_scenario("planar_2dof/line").problem()
+    turned, tilted = [0.0, 0.0, 0.1305262, 0.9914449], [0.1305262, 0.0, 0.0, 0.9914449]
+    wall = ff.SceneBody("wall", ff.Box([9.0, 9.0, 9.0]))
+    inside = planar.replace(scene=ff.Scene([wall]))
+    limits = ff.Limits(joint_rate=[0.1, 0.1], clearance=0.01)
+    for problem, start, end, key in (
+        (planar, turned, turned, "to"),
+        (planar, tilted, turned, "from"),
+        (inside, STATE[0], turned, "joints"),
+    ):
+        with pytest.raises(ff.InputError) as error:
+            ff.reorient(problem, start, end, limits, joints=[0.3, 0.7])
+        assert error.value.key == key
