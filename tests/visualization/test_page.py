@@ -69,8 +69,8 @@ def test_a_page_plays_phases_one_after_another(browser: Browser, tmp_path: Path)
     """The phase shown is that of the time, with the robot where the motion has it."""
     problem = ff.load_scenario("planar_2dof/line").problem()
     phases = [
-        ff.GoalPhase(ff.Goal(joints=joints, duration=20.0), name)
-        for joints, name in (([0.2, -0.4], "rest"), ([0.5, -0.1], "berth"))
+        ff.GoalPhase(ff.Goal(joints=joints, duration=duration), name)
+        for joints, duration, name in (([0.2, -0.4], 20.0, "rest"), ([0.5, -0.1], 10.0, "berth"))
     ]
     manoeuvre = ff.plan_manoeuvre(problem, phases)
     assert manoeuvre.feasible, manoeuvre.reason
