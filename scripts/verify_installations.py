@@ -25,7 +25,7 @@ COMMANDS = (
     "plan servicing/inspect_client",
     "map planar_3dof/parabola",
     "batch spatial_6dof/montecarlo -o study",
-    "info example-robot-data:panda",
+    "info example-robot-data:panda --end-effector panda_hand_tcp",
 )
 
 
