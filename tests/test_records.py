@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Annotated, Any, NamedTuple, Protocol, TypeVar
 
@@ -106,6 +106,15 @@ def test_a_record_of_every_type_returns() -> None:
     assert tree["points"]["place"].values.shape == (2, 3)
     assert other.pair.codes.dtype == np.int8
     assert not other.pair.codes.flags.writeable
+
+
+@pytest.mark.parametrize("size", [1.0, 1e6])
+def test_derived_arrays_agree_up_to_rounding(size: float) -> None:
+    tree = CODEC.encode(replace(everything(), pair=Pair(np.full(2, size), np.ones(2, np.int8))))
+    doubled = tree["doubled"].values
+    CODEC.decode(Everything, tree | {"doubled": Quantity(doubled * (1.0 + 5e-10))}, {})
+    with pytest.raises(ValueError, match="contradicts"):
+        CODEC.decode(Everything, tree | {"doubled": Quantity(doubled * (1.0 + 2e-9))}, {})
 
 
 @dataclass(frozen=True)
