@@ -35,7 +35,7 @@ KINDS = "tests/test_result_kinds.py -k 'not page and not figure'"
 TESTS = {
     "dynamics.momentum": "tests/dynamics/test_momentum.py tests/validation/test_planar_golden.py",
     "io.records": f"tests/io/test_results.py {KINDS}",
-    "limits": f"tests/limits {KINDS}",
+    "limits": f"tests/limits tests/planning/test_goals.py::test_gradients_of_clearances {KINDS}",
     "motion.integration": "tests/motion/test_integration.py tests/motion/test_motion.py "
     "tests/motion/test_extrema.py",
     "motion.law": "tests/motion/test_law.py tests/limits/test_torques.py",

@@ -199,7 +199,7 @@ def test_contact_is_violated_even_where_no_distance_is_asked_for():
     result = result_of(motion, Limits(clearance=0.0), "clearance")
     assert_close(result.worst, -0.1, atol=1e-6)
     assert result.where == "bus - hand"
-    assert not result.kept
+    assert (result.kept, result.at_least) == (False, True)
     assert result.ratio == np.inf
 
 
