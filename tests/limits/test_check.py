@@ -256,6 +256,7 @@ def test_a_motion_that_ends_where_it_begins_keeps_no_rate():
         assert not result[kind].kept
         document = json.loads(json.dumps(result[kind].to_dict(), allow_nan=False))
         assert document["worst"] is None
+        assert result[kind].shown(result[kind].worst) == "unbounded"
 
 
 def test_results_are_those_of_the_reversed_motion(spatial):

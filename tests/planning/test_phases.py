@@ -108,6 +108,15 @@ def test_the_inertia_of_a_tumbling_is_known_up_to_a_factor(problem: ff.Problem) 
     np.testing.assert_allclose(heavy.mismatch, light.mismatch, atol=1e-15)
 
 
+def test_a_fixed_body_is_captured_about_the_origin_of_its_frame(problem: ff.Problem) -> None:
+    motion = ff.simulate(problem, heading=0.45).chosen.motion
+    state = SystemState.at_start(motion).after(motion)
+    fixed = ff.CapturePhase("box", 3.0, inertia=[0.1, 0.1, 0.1])
+    result = fixed.run(state, ff.Limits())
+    box = BODIES[1].position * 3.0 / result.model.total_mass  # from the robot's centre of mass
+    np.testing.assert_allclose(result.centre_of_mass, box, atol=1e-12)
+
+
 @pytest.mark.parametrize("duration", [0.0, 1e-300, 1e-9, np.inf, np.nan, "3"])
 def test_durations_are_seconds_that_can_be_integrated(duration: Any) -> None:
     with pytest.raises(InputError) as raised:
