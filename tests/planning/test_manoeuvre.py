@@ -131,10 +131,11 @@ def test_a_margin_is_required_of_later_paths(manoeuvre, problem: ff.Problem) -> 
 
 def test_a_path_that_begins_elsewhere_is_refused(problem: ff.Problem) -> None:
     line = ff.paths.PolynomialCurve.line([0.0, 0.0, 0.0], [1.0, 0.0, 0.0])
-    path = ff.TimedPath(ff.EndEffectorPath(line), ff.Timing(10.0))
-    with pytest.raises(InputError) as raised:
-        ff.plan_manoeuvre(problem, [ff.PathPhase(path, "last")])
-    assert raised.value.key == "phases.0.path"
+    last = ff.PathPhase(ff.TimedPath(ff.EndEffectorPath(line), ff.Timing(10.0)), "last")
+    for before in ([], [PHASES[1]]):  # the second is known once it is planned
+        with pytest.raises(InputError) as raised:
+            ff.plan_manoeuvre(problem, [*before, last])
+        assert raised.value.key == f"phases.{len(before)}.path"
 
 
 def test_a_path_that_begins_with_another_velocity_is_refused(problem: ff.Problem) -> None:
