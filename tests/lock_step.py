@@ -127,6 +127,17 @@ NUMPY = {
 
 
 @contextmanager
+def sources(*modules: Any) -> Iterator[None]:
+    """Run the compiled functions of modules, which compute with numbers, as plain Python."""
+    with ExitStack() as changes:
+        for module in modules:
+            plain = {name: value.py_func for name, value in vars(module).items()
+                     if isinstance(value, Dispatcher)}  # fmt: skip
+            changes.enter_context(patch.multiple(module, **plain))
+        yield
+
+
+@contextmanager
 def plain_kernels() -> Iterator[None]:
     """Run the kernels as plain Python, also those of ``EnsembleIntegrator.integrate``."""
     names = [

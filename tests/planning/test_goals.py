@@ -13,9 +13,11 @@ import freefloat as ff
 from freefloat.dynamics.base_rates import base_rates
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.motion.joint_spline import JointSpline
+from freefloat.planning.goals import attitude_kernel, joint_paths, placements
 from freefloat.planning.goals.clearances import Clearances
 from freefloat.planning.goals.joint_paths import Ends, JointPaths
 from freefloat.planning.goals.placements import Arm
+from tests.lock_step import sources
 
 START = [0.0, 0.8, -1.2, 0.0, 0.6, 0.0]
 STATE = ([0.0, 0.0, 0.0, 1.0], START)
@@ -65,6 +67,27 @@ def test_attitudes_along_a_path_and_their_derivatives(model: ff.FreeFloatingMode
         ]
         turn = Rotation.from_matrix(ends[0].T @ ends[1]).as_rotvec() / 2e-5
         assert turn == pytest.approx(course.turns[-1, :, column], rel=0.02, abs=0.02)
+
+
+def test_plain_and_compiled_kernels_agree(model: ff.FreeFloatingModel) -> None:
+    """Attitudes with their derivatives along a path, and frames of the bodies."""
+    rng, n = np.random.default_rng(1), model.dof
+    paths = JointPaths(Ends(np.array(START), np.full(n, 0.01), None, None), fineness=1)
+    unknowns = np.append(rng.normal(size=paths.size - 1), 20.0)
+    momenta = np.array([[0.5, -0.3, 0.2], [0.1, 0.0, 0.2]])
+
+    def computed() -> tuple[Any, ...]:
+        course = paths.course(Arm.of(model), unknowns, np.eye(3), momenta)
+        frames = [np.empty(shape) for shape in ((2, n + 1, 3, 3), (2, n + 1, 3), (2, n, 3), (2, 3),
+                                                (2, 3, n))]  # fmt: skip
+        placements.place_all(Arm.of(model), course.joints[:2].copy(), *frames)
+        return course.attitudes, course.turns, *frames
+
+    compiled = computed()
+    with sources(attitude_kernel, placements, joint_paths):
+        plain = computed()
+    for one, other in zip(compiled, plain, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-10)
 
 
 @pytest.mark.slow
