@@ -125,6 +125,7 @@ BROKEN = {
     "document": replaced("document", lambda _: "[1, 2"),
     "scenario": replaced("scenario", lambda _: "task: dance"),
     "robot": replaced("robot", lambda _: "<robot/>"),
+    "number": replaced("scenario", lambda _: 3.0),
 }
 
 

@@ -12,10 +12,12 @@ import freefloat as ff
 from freefloat.dynamics.momentum import mass_matrix
 from freefloat.robot.assembly import scaled
 from freefloat.so3 import angle_between
+from freefloat.verification.engines import plant, servo_steps
 from freefloat.verification.engines.mujoco import start
 from freefloat.verification.engines.mujoco_model import Engine
 from freefloat.verification.engines.plant import Plants
 from tests.errors import error_key
+from tests.lock_step import sources
 
 LINE = np.array([1.0, 0.0, 0.0]), np.array([-0.5, 0.8, 0.33])
 """Ends of the path of Example 2."""
@@ -101,6 +103,16 @@ def test_many_runs_have_the_results_of_single_ones(short) -> None:
     assert error_key(ff.track_many, short, noise=[0.1, 0.2], seed=[1, 2, 3]) == "noise"
     assert error_key(ff.track_many, short, noise=[0.1, -0.2]) == "noise"
     assert error_key(ff.track_many, short, threads=0) == "threads"
+
+
+def test_plain_and_compiled_kernels_agree(short) -> None:
+    deviations = {"mass_error": 0.2, "friction": 0.1, "seed": 3, "gain": 0.4, "period": 1.0}
+    brief = ff.simulate(short.problem.stretched(0.1), heading=0.0)
+    compiled = ff.track(brief, **deviations)
+    with sources(servo_steps, plant):
+        plain = ff.track(brief, **deviations)
+    np.testing.assert_allclose(plain.attitudes, compiled.attitudes, atol=1e-9)
+    np.testing.assert_allclose(plain.joints, compiled.joints, atol=1e-9)
 
 
 @pytest.mark.slow
