@@ -92,10 +92,11 @@ class EnsembleIntegrator:
             InputError: If an array has another shape, a number is not finite, or a time is not on
                 the path.
         """
-        K, n = len(joints), self.problem.model.dof
+        K, n = len(joints), self.problem.model.arm_dof
         systems = systems or Systems.of(self.problem)
         robots, measure = None, self.problem.margin.measure.name
         if systems.robots is not None:
+            self.problem.model.require_one_arm("robots that differ")
             robots = systems.robots.properties(measure)
         duration = self.problem.path.duration
         motions = Motions(
