@@ -87,9 +87,8 @@ class PathLaw:
 
     def rates(self, t: float, attitude: Array, joints: Array, segment: int | None = None) -> Rates:
         """See :class:`Law`."""
-        twist, speed = self._problem.path.twist_and_speed(t, segment)
-        further = self._problem.arms.at(t, 1)
-        return Rates(*self._solver.rates(attitude, joints, twist, speed, further))
+        prescribed = self._problem.prescribed(t, segment)
+        return Rates(*self._solver.rates(attitude, joints, *prescribed))
 
     def effort(
         self, t: float, attitude: Array, joints: Array, segment: int | None = None

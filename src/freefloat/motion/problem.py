@@ -28,6 +28,8 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.scene.scene import Scene
 from freefloat.so3 import Array, frozen, heading_quaternion, rotation_matrix, unit_quaternion, zeros
 
+Prescribed = tuple[Array, float, Array | None]
+"""Twist of the end-effector, path speed ds/dt, joint rates of further arms that move."""
 Leg = Callable[[float], tuple[Any, ...]]
 """By time: twist, path speed, and joint values and rates of further arms that move."""
 MAX_REVOLUTIONS = 50
@@ -176,6 +178,11 @@ class Problem:
         both, apart = np.union1d(self.path.breaks, self.arms.breaks), _APART * self.path.duration
         both = both[(both > apart) & (both < self.path.duration - apart)]
         return frozen(both[np.diff(both, prepend=0.0) > apart])
+
+    def prescribed(self, t: float, segment: int | None = None) -> Prescribed:
+        """What the rates at a time [s] have to be, with the segment of :meth:`.Timing.s`."""
+        twist, speed = self.path.twist_and_speed(t, segment)
+        return twist, speed, self.arms.at(t, 1) if self.arms else None
 
     def leg(self, start: float, end: float) -> Leg:
         """What is prescribed between two times [s] without a break between them.

@@ -234,6 +234,16 @@ class FreeFloatingModel:
         return tuple(body_of(self.pin_model, k + 1, joint) for k, joint in enumerate(joints))
 
     @cached_property
+    def moved_by(self) -> npt.NDArray[np.bool_]:
+        """Which joints move each body relative to the spacecraft, shape (1 + n, n)."""
+        moved = np.zeros((1 + self.dof, self.dof), dtype=bool)
+        for number, body in enumerate(self.bodies[1:], start=1):
+            moved[number] = moved[body.parent]
+            moved[number, number - 1] = True
+        moved.setflags(write=False)
+        return moved
+
+    @cached_property
     def joint_ranges(self) -> tuple[Array, Array]:
         """Lower and upper ends of the joints' ranges [rad or m], infinite where there are none."""
         lower, upper = np.array([(body.lower, body.upper) for body in self.bodies[1:]]).T

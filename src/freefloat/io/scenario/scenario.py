@@ -17,6 +17,7 @@ from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.system import System
 from freefloat.errors import InputError
+from freefloat.io.scenario.arms_section import curves_of
 from freefloat.io.scenario.limits_section import limits_of
 from freefloat.io.scenario.path_section import frame_of, path_of
 from freefloat.io.scenario.phase_section import phases_of
@@ -89,6 +90,7 @@ class Scenario:
         content = self.content
         model = self.model()
         folder = self.source.parent
+        arms = curves_of(content.robot.arms, model, self.source, content.timing.duration)
         if content.goal is not None:
             with self.error_context():
                 problem = "the scenario has a goal in place of a path"
@@ -116,7 +118,7 @@ class Scenario:
             momentum, margin = np.array(content.momentum), Margin(measure, value)
             return Problem(
                 model, timed, content.task, momentum, margin, redundancy, scene=scene,
-                wheel_momentum=np.array(content.wheels.momentum),
+                wheel_momentum=np.array(content.wheels.momentum), arms=arms,
             )  # fmt: skip
 
     def system(self) -> System:
@@ -135,12 +137,15 @@ class Scenario:
         """The goal that the scenario has in place of a path; None where it has a path."""
         with self.error_context():
             section = self.content.goal
-            return None if section is None else section.to_goal(self.model())
+            if section is None:
+                return None
+            self.model().require_one_arm("motions to a goal")
+            return section.to_goal(self.model())
 
     def _largest_magnitude(self, measure: SingularityMeasure) -> float:
         """Largest magnitude of a measure, guaranteed for det A unless the arm is redundant."""
         model, task = self.model(), self.content.task
-        if measure.name == "system" and model.dof == len(task.rows):
+        if measure.name == "system" and not model.arms and model.dof == len(task.rows):
             return guaranteed_magnitude(model, task, measure.name).value
         return largest_magnitude(model, measure)
 
