@@ -80,7 +80,8 @@ class EnsembleIntegrator:
 
         Args:
             attitudes: Initial attitudes, unit quaternions x, y, z, w, shape (K, 4).
-            joints: Initial joint values, with the end-effector on the path, shape (K, n).
+            joints: Initial joint values, with the end-effector on the path, shape (K, n). Those of
+                further arms that move, behind the n of the arm, may be given, too.
             systems: Momenta, drifts and robots; the problem's when left out.
             starts: Initial times [s], shape (K,); 0 when left out.
             ends: Final times [s], shape (K,); the duration when left out. With an end before its
@@ -101,7 +102,7 @@ class EnsembleIntegrator:
         duration = self.problem.path.duration
         motions = Motions(
             _checked("attitudes", attitudes, (K, 4)),
-            _checked("joints", joints, (K, n)),
+            _checked("joints", joints[:, :n] if self.problem.arms else joints, (K, n)),
             systems.columns(K),
             robots,
             _checked("starts", np.zeros(K) if starts is None else starts, (K,), duration),
