@@ -25,6 +25,8 @@ from .scene.scene import Corridor as Corridor
 from .scene.scene import Scene as Scene
 from .scene.scene_body import SceneBody as SceneBody
 from .scene.tumbling import Tumbling as Tumbling
+from .motion.arm_curves import ArmCurve as ArmCurve
+from .motion.arm_curves import ArmCurves as ArmCurves
 from .motion.margin import Margin as Margin
 from .motion.problem import Problem as Problem
 from .io.scenario.scenario import load_scenario as load_scenario

@@ -148,7 +148,7 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
     default = " (the last link; --end-effector names another)" if default_link else ""
     yield f"end-effector {model.end_effector}{default}, task {summary.task}, {model.arm_dof} joints"
     for name, link in model.arms.items():
-        yield f"arm {name} to {link} moves along a joint curve; lengths and reach below hold it at zero"
+        yield f"arm {name}, to {link}, moves along a joint curve; lengths and reach are for zero"
     yield (
         f"barycentric lengths {decimals(virtual.lengths)} m; no configuration puts the "
         f"end-effector farther than {virtual.reach:.4f} m from the centre of mass"

@@ -153,9 +153,10 @@ def system_matrix(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = 
     """The matrix A of (5), which maps the rates to angular momentum and end-effector twist.
 
     Rows: angular momentum about the centre of mass, then the task's rows of the end-effector twist.
-    Columns: spacecraft angular velocity, then rates of the arm that follows the path. All are in the spacecraft frame, except
-    the end-effector twist of ``pointing``, which is in the end-effector's. The linear velocity of
-    the spacecraft is eliminated by zero linear momentum. Planar tasks keep only the z components of
+    Columns: spacecraft angular velocity, then rates of the arm that follows the path. All are in
+    the spacecraft frame, except the end-effector twist of ``pointing``, which is in the
+    end-effector's. The linear velocity of the spacecraft is eliminated by zero linear momentum.
+    Planar tasks keep only the z components of
     the angular momentum and of the spacecraft's angular velocity.
 
     Args:

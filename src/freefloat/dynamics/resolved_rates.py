@@ -117,9 +117,9 @@ class ResolvedRateSolver:
         model, q, M, b = self._model, self._q, self._M, self._b
         q[3:7], q[7:] = attitude, joints
         M[:6] = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
-        M[self._task] = pin.getFrameJacobian(model.pin_model, model.scratch, model.frame_id, self._frame)[
-            self._selected
-        ]
+        M[self._task] = pin.getFrameJacobian(
+            model.pin_model, model.scratch, model.frame_id, self._frame
+        )[self._selected]
         if self._own_axes:
             placement = pin.updateFramePlacement(model.pin_model, model.scratch, model.frame_id)
             twist = (twist.reshape(2, 3) @ placement.rotation).ravel()

@@ -180,6 +180,9 @@ class RobotSummary:
 
 def natural_task(model: FreeFloatingModel) -> Task:
     """The task with the most rows that an arm can do without a chosen axis, planar if it is."""
-    planar, others = VirtualManipulator.of(model.with_arms_at_zero).is_planar, set(Task) - {Task.POINTING}
+    planar, others = (
+        VirtualManipulator.of(model.with_arms_at_zero).is_planar,
+        set(Task) - {Task.POINTING},
+    )
     tasks = [task for task in others if task.planar is planar and len(task.rows) <= model.arm_dof]
     return max(tasks, key=lambda task: len(task.rows), default=Task.PLANAR_POSITION)

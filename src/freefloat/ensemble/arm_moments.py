@@ -39,12 +39,16 @@ def kernel_arms(problem: Problem, frames: LinkFrames) -> Arms | None:
         values = np.concatenate([in_frame(rows, axes, -axes @ origin)[..., 1:], momenta], axis=-1)
         cubics = np.einsum("pk,nki->nip", _THROUGH_NODES, values[:, :4])[..., ::-1]
         error = np.abs(values[:, 4] - cubics @ (0.5 ** np.arange(3, -1, -1))).max(axis=0)
-        if (error <= _ERROR * (np.abs(values).max(axis=(0, 1)) + np.abs(values[..., 3:]).max())).all():
+        if (
+            error <= _ERROR * (np.abs(values).max(axis=(0, 1)) + np.abs(values[..., 3:]).max())
+        ).all():
             break
     return Arms(number, number / problem.path.duration, np.ascontiguousarray(cubics))
 
 
-def spacecraft_moments(model: FreeFloatingModel, joints: Array, rates: Array) -> tuple[Array, Array]:
+def spacecraft_moments(
+    model: FreeFloatingModel, joints: Array, rates: Array
+) -> tuple[Array, Array]:
     """Moments of spacecraft and further arms about the origin of the spacecraft frame.
 
     Args:

@@ -77,7 +77,10 @@ def _starts_of_robots(
     others with another robot.
     """
     if joints is None and (branch is None or problem.redundant):
-        certain, found = np.zeros(len(robots), dtype=bool), _none(len(robots), problem.model.arm_dof)
+        certain, found = (
+            np.zeros(len(robots), dtype=bool),
+            _none(len(robots), problem.model.arm_dof),
+        )
     else:
         found = starts_at(problem, attitudes, branch, joints)
         begun = found.joints[:, 0]
@@ -99,7 +102,8 @@ def _starts_of_robots(
     }  # fmt: skip
     width = max([1, *(starts.branches.shape[1] for starts in exact.values())])
     every = Starts(
-        np.full((len(robots), width, problem.model.arm_dof), np.nan), np.full((len(robots), width), -1)
+        np.full((len(robots), width, problem.model.arm_dof), np.nan),
+        np.full((len(robots), width), -1),
     )
     every.joints[:, :1], every.branches[:, :1] = found.joints, found.branches
     for k, starts in exact.items():

@@ -78,7 +78,9 @@ class ArmCurve:
 
         They are also valid a little beyond.
         """
-        k = int(np.clip(np.searchsorted(self.times, (start + end) / 2.0) - 1, 0, len(self.times) - 2))
+        k = int(
+            np.clip(np.searchsorted(self.times, (start + end) / 2.0) - 1, 0, len(self.times) - 2)
+        )
         part = slice(k, k + 1), self.times[k : k + 2]
         values, rates, _ = self._derivatives
         return PPoly(values.c[:, part[0]], part[1]), PPoly(rates.c[:, part[0]], part[1])
@@ -134,7 +136,9 @@ class ArmCurves:
         """Raise an InputError unless the curves are those of a model's arms, of a duration [s]."""
         if list(self.curves) != list(model.arms):
             problem = f"curves of {', '.join(self.curves) or 'no arm'} were given"
-            raise InputError("robot.arms", problem, f"curves of {', '.join(model.arms) or 'no arm'}")
+            raise InputError(
+                "robot.arms", problem, f"curves of {', '.join(model.arms) or 'no arm'}"
+            )
         joints = {name: model.joints_of_arm(name) for name in self.curves}
         for name, curve in self.curves.items():
             key, count = f"robot.arms.{name}.law.joints", len(joints[name])

@@ -264,10 +264,11 @@ def joint_extents(motion: Motion) -> JointExtents:
 
 
 def unwrapped(motion: Motion) -> Motion:
-    """The same motion with revolute joints of its arm shifted by multiples of 2 pi into their ranges.
+    """The same motion with its revolute joints shifted by multiples of 2 pi into their ranges.
 
     A joint is shifted by as few revolutions as put all of the motion inside its range; where none
-    do, by those that leave the smallest excess. Nothing else of the motion changes.
+    do, by those that leave the smallest excess. Nothing else of the motion changes, nor do joint
+    curves of further arms.
     """
     extents = joint_extents(motion)
     model = motion.problem.model

@@ -150,7 +150,9 @@ def _integrate(
     panels = [row[None]]
     reference = np.zeros(len(row))
     reference[0] = direction
-    stepper = _Stepper(flow, tolerance, reference, bool(len(problem.path.path.breaks) or problem.arms))
+    stepper = _Stepper(
+        flow, tolerance, reference, bool(len(problem.path.path.breaks) or problem.arms)
+    )
     for leg_start, leg_end in pairwise(times):
         leg = problem.leg(leg_start, leg_end)
         for panel, singular in stepper.panels(panels[-1][-1], leg, leg_end):

@@ -152,7 +152,9 @@ class FreeFloatingModel:
     def require_one_arm(self, what: str) -> None:
         """Raise an InputError if further arms move, naming what considers one arm only."""
         if self.arms:
-            problem = f"{', '.join(self.arms)} moves along a joint curve; {what} need one moving arm"
+            problem = (
+                f"{', '.join(self.arms)} moves along a joint curve; {what} need one moving arm"
+            )
             raise InputError("robot.arms", problem, "the law held for the other arms")
 
     @cached_property

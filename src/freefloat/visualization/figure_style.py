@@ -131,11 +131,12 @@ def draw_point(axes: Any, position: Array, marker: str, size: float, **style: An
 def legend_above(axes: Any, columns: int | None = None) -> None:
     """Put the legend above the axes: in lines of at most eight names, or centred in columns."""
     count = len(axes.get_legend_handles_labels()[0])
-    lines = -(-count // _LONGEST_LINE)
+    lines = max(1, -(-count // _LONGEST_LINE))
+    columns_needed = columns or max(1, -(-count // lines))
     crowded = columns is None and count > _CROWDED
     axes.legend(
         loc="lower left" if columns is None else "lower center",
-        bbox_to_anchor=(0.0 if columns is None else 0.5, 1.0), ncols=columns or max(1, -(-count // max(1, lines))),
+        bbox_to_anchor=(0.0 if columns is None else 0.5, 1.0), ncols=columns_needed,
         borderaxespad=0.1, columnspacing=0.6 if crowded else 0.9,
         handlelength=1.5 if crowded else 2.0, handletextpad=0.4,
     )  # fmt: skip

@@ -52,6 +52,9 @@ AXIS, POINT, LINEAR, ANGULAR, TURN = 0, 3, 6, 9, 12
 """Columns of ``Workspace.momenta``: axis of a joint and a point on it; P, and L about the origin of
 the spacecraft frame; the spacecraft's angular velocity per joint rate."""
 
+INERTIA, OWN_MOMENTUM, CELL = 12.0, 36.0, 48.0
+"""Places in a cell of ``Arms.cells``, behind the first moment, and its length."""
+
 
 class Inertia(NamedTuple):
     """A symmetric matrix: its diagonal, and the elements yz, zx, xy."""
@@ -143,7 +146,9 @@ def inverse(I: Inertia) -> tuple[Inertia, Float]:
 
 
 @inlined
-def spacecraft(robot: Robot, arms: Arms | None, q: Table, work: Workspace) -> tuple[Vector, Inertia]:
+def spacecraft(
+    robot: Robot, arms: Arms | None, q: Table, work: Workspace
+) -> tuple[Vector, Inertia]:
     """First moment and inertia of the spacecraft with its further arms, in link frame 0.
 
     Their momenta are written to ``work.carried``: the linear one is the derivative of the first
@@ -156,16 +161,16 @@ def spacecraft(robot: Robot, arms: Arms | None, q: Table, work: Workspace) -> tu
         return get_vector(bodies, 0, MOMENT), I
     place = q[robot.n] * (1.0 * arms.number)
     cell = maximum(minimum(floor(place), arms.number - 1.0), 0.0)
-    x, first = place - cell, cell * 48.0
-    a, b, c, d = (cubic_column(arms.cells, first, 0), cubic_column(arms.cells, first, 1),
-                  cubic_column(arms.cells, first, 2), cubic_column(arms.cells, first, 3))  # fmt: skip
-    u = ((a * x + b) * x + c) * x + d
-    a, b, c = components(((a * (3.0 * x) + b * 2.0) * x + c) * arms.density)
+    x, first, cells = place - cell, cell * CELL, arms.cells
+    slope = cubic_column(cells, first, 0) * (3.0 * x) + cubic_column(cells, first, 1) * 2.0
+    slope = (slope * x + cubic_column(cells, first, 2)) * arms.density
     base = below(robot.properties, BASE, 3)
-    P = get_vector(base, 0, 0) * a + get_vector(base, 1, 0) * b + get_vector(base, 2, 0) * c
+    px, py, pz = components(slope)
+    P = get_vector(base, 0, 0) * px + get_vector(base, 1, 0) * py + get_vector(base, 2, 0) * pz
     set_vector(work.carried, 0, 0, P)
-    set_vector(work.carried, 1, 0, cubics(arms.cells, first + 36.0, x))
-    return u, Inertia(cubics(arms.cells, first + 12.0, x), cubics(arms.cells, first + 24.0, x))
+    set_vector(work.carried, 1, 0, cubics(cells, first + OWN_MOMENTUM, x))
+    I = Inertia(cubics(cells, first + INERTIA, x), cubics(cells, first + (INERTIA + 12.0), x))
+    return cubics(cells, first, x), I
 
 
 @inlined

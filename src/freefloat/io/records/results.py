@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from freefloat.errors import InputError
-from freefloat.io.records.differences import differences
 from freefloat.io.hdf5 import AlteredFileError, read_hdf5, write_hdf5
+from freefloat.io.records.differences import differences
 from freefloat.io.records.kinds import CODEC, KINDS, Result
 from freefloat.io.records.manoeuvres import decode_manoeuvre
 from freefloat.io.scenario.scenario import Scenario, parse_scenario

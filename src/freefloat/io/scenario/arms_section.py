@@ -35,7 +35,9 @@ class JointsLaw(Section):
     times: list[Number] | None = None
     """Times of the waypoints [s], rising from 0 to the duration; equal intervals when left out."""
 
-    def to_curve(self, key: str, joints: tuple[str, ...], folder: Path, duration: float) -> ArmCurve:
+    def to_curve(
+        self, key: str, joints: tuple[str, ...], folder: Path, duration: float
+    ) -> ArmCurve:
         """The curve of joints with these names along a path of a duration [s]."""
         if isinstance(self.joints, str):
             if self.times is not None:
@@ -46,7 +48,7 @@ class JointsLaw(Section):
         for number, point in enumerate(self.joints):
             if len(point) != len(joints):
                 problem = f"{len(point)} values were given"
-                raise InputError(f"{key}.joints.{number}", problem, f"of {', '.join(joints)}")
+                raise InputError(f"{key}.joints.{number}", problem, f"one of each: {', '.join(joints)}")
         with file_keys(waypoints=f"{key}.joints", times=f"{key}.times"):
             if self.times is None:
                 return ArmCurve.evenly(self.joints, duration)
@@ -65,9 +67,7 @@ class ArmSection(Section):
 
 def moving_arms(arms: Mapping[str, ArmSection]) -> dict[str, str]:
     """End-effector links of the arms that move along joint curves, by name."""
-    return {
-        name: arm.end_effector for name, arm in arms.items() if isinstance(arm.law, JointsLaw)
-    }
+    return {name: arm.end_effector for name, arm in arms.items() if isinstance(arm.law, JointsLaw)}
 
 
 def curves_of(
@@ -104,7 +104,7 @@ def _saved_curve(path: Path, key: str, joints: tuple[str, ...]) -> ArmCurve:
     try:
         tree = read_hdf5(path, _SAVED)
     except InputError as error:
-        raise InputError(key, error.problem, error.accepted) from None
+        raise InputError(key, f"{path}: {error.problem}", error.accepted) from None
     times, values = next(_motions(tree), (np.zeros(0), np.zeros((0, 0))))
     names = [str(name) for name in getattr(tree.get("joint_names"), "values", np.zeros(0))]
     missing = [joint for joint in joints if joint not in names]

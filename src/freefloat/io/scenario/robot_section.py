@@ -25,8 +25,8 @@ from freefloat.io.scenario.field_types import (
 from freefloat.io.scenario.yaml import error_context, file_keys
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_robot
-from freefloat.robot.rigid_bodies import joints_of_arms
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
+from freefloat.robot.rigid_bodies import joints_of_arms
 from freefloat.robot.source import RobotSource
 
 
@@ -198,7 +198,9 @@ class RobotSection(Section):
             if arm.end_effector == self.path_link and arm.law is not None:
                 law = "joints" if isinstance(arm.law, JointsLaw) else arm.law
                 problem = f"{law} was given, but the arm follows the path"
-                raise InputError(f"arms.{name}.law", problem, "no such key, or another end_effector")
+                raise InputError(
+                    f"arms.{name}.law", problem, "no such key, or another end_effector"
+                )
 
 
 class RobotFile(Section):

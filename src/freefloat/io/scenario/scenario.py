@@ -181,6 +181,8 @@ class Scenario:
         """
         problem = self.problem()
         with self.error_context():
+            if self.content.phases:
+                problem.model.require_one_arm("phases")
             return phases_of(self.content.phases, problem, self.source.parent)
 
     @property

@@ -256,10 +256,10 @@ def _order(robot: ET.Element, model: FreeFloatingModel) -> None:
         while link in model.description.parent_joints:
             carrier = model.description.parent_joints[link]
             first[carrier.name], link = number, carrier.parent
-    joints = robot.findall("joint")
-    for joint in joints:
-        robot.remove(joint)
-    robot.extend(sorted(joints, key=lambda joint: first.get(joint.get("name", ""), model.dof)))
+    elements = robot.findall("joint")
+    for element in elements:
+        robot.remove(element)
+    robot.extend(sorted(elements, key=lambda entry: first.get(entry.get("name", ""), model.dof)))
 
 
 def _fix(joint: ET.Element, value: float) -> None:
