@@ -96,6 +96,11 @@ class ArmCurves:
 
     Attributes:
         curves: Curves by the names of the arms, in the order of the model's.
+
+    Example:
+        >>> left = ff.ArmCurve([[0.0, 0.0], [0.4, -0.2]], [0.0, 10.0])
+        >>> ff.ArmCurves({"left": left}).at(10.0)
+        array([ 0.4, -0.2])
     """
 
     curves: Mapping[str, ArmCurve] = field(default_factory=dict)

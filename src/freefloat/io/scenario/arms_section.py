@@ -48,7 +48,9 @@ class JointsLaw(Section):
         for number, point in enumerate(self.joints):
             if len(point) != len(joints):
                 problem = f"{len(point)} values were given"
-                raise InputError(f"{key}.joints.{number}", problem, f"one of each: {', '.join(joints)}")
+                raise InputError(
+                    f"{key}.joints.{number}", problem, f"one of each: {', '.join(joints)}"
+                )
         with file_keys(waypoints=f"{key}.joints", times=f"{key}.times"):
             if self.times is None:
                 return ArmCurve.evenly(self.joints, duration)
