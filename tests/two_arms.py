@@ -40,7 +40,7 @@ class Case:
 
 
 def random_case(rng: np.random.Generator) -> Case:
-    """A case with 4 to 14 joints, a fifth of them prismatic, half of them with momenta and drift."""
+    """A case with 4 to 14 joints, a fifth of them prismatic; half of the cases have momenta."""
     task = str(rng.choice(["pose", "position"]))
     count = int(rng.integers(6, 9) if task == "pose" else rng.integers(3, 7))
     other = int(rng.integers(1, min(7, 15 - count)))
