@@ -94,7 +94,7 @@ def _describe(result: Any, scenario: Scenario | None) -> Scenario:
     described = scenario_of(problem, search, limits)
     if scenario is None or scenario.content.goal is not None:
         return described
-    if scenario.model() is not problem.model or scenario.content.robot.reads_joints:
+    if scenario.model() is not problem.model or not scenario.content.robot.has_own_curves:
         return described
     posed = scenario_of(
         scenario.problem(),

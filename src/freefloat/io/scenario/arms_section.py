@@ -10,11 +10,12 @@ import numpy as np
 from pydantic import Field
 from scipy.interpolate import CubicSpline
 
-from freefloat.errors import InputError
+from freefloat.errors import InputError, finite_vector
 from freefloat.io.hdf5 import read_hdf5
-from freefloat.io.scenario.field_types import Name, Number, Section
+from freefloat.io.scenario.field_types import Name, Number, Section, Seed
 from freefloat.io.scenario.yaml import error_context, file_keys
 from freefloat.motion.arm_curves import ArmCurve, ArmCurves
+from freefloat.planning.balance_settings import BalanceSettings
 from freefloat.records import Tree
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
@@ -57,25 +58,72 @@ class JointsLaw(Section):
             return ArmCurve(np.array(self.joints), np.array(self.times))
 
 
+class BalanceSection(Section):
+    """How an arm balances."""
+
+    axes: Literal["xyz", "xy", "yz", "zx"] = "xyz"
+    """Spacecraft axes about which the attitude is kept; about the one left out it may turn."""
+    start: list[Number] | None = None
+    """Joint values with which the arm begins [rad, m]; zero when left out."""
+    starts: Annotated[int, Field(strict=True, ge=1, le=1000)] = 8
+    """Number of configurations with which it may begin that are tried: ``start`` and others."""
+    seed: Seed = 0
+    """Seed of the others."""
+
+
+class BalanceLaw(Section):
+    """The arm keeps the attitude of the spacecraft."""
+
+    balance: BalanceSection
+    """Which axes are balanced, and from where."""
+
+
 class ArmSection(Section):
     """An arm beside others."""
 
     end_effector: Name
     """Its last link."""
-    law: Literal["held"] | JointsLaw | None = None
+    law: Literal["held", "balance"] | JointsLaw | BalanceLaw | None = None
     """What moves it: ``held``, the default, nothing: its joints keep the values of ``robot.held``,
-    or zero; ``{joints: ...}``, a joint curve. The arm that follows the path has no law here."""
+    or zero; ``{joints: ...}``, a joint curve; ``balance`` or ``{balance: ...}``, the one that keeps
+    the spacecraft's attitude, which ``plan`` finds. The arm that follows the path has no law."""
+
+    @property
+    def balancing(self) -> BalanceSection | None:
+        """How it balances; None where it does not."""
+        if self.law == "balance":
+            return BalanceSection()
+        return self.law.balance if isinstance(self.law, BalanceLaw) else None
 
 
 def moving_arms(arms: Mapping[str, ArmSection]) -> dict[str, str]:
-    """End-effector links of the arms that move along joint curves, by name."""
-    return {name: arm.end_effector for name, arm in arms.items() if isinstance(arm.law, JointsLaw)}
+    """End-effector links of the arms that move beside the one on the path, by name."""
+    return {name: arm.end_effector for name, arm in arms.items() if arm.law not in (None, "held")}
+
+
+def balance_of(arms: Mapping[str, ArmSection]) -> BalanceSettings | None:
+    """How an arm balances; None where none does.
+
+    Raises:
+        InputError: If two arms do.
+    """
+    sections = {name: arm.balancing for name, arm in arms.items()}
+    balancing = [
+        BalanceSettings(name, section.axes, section.starts, section.seed)
+        for name, section in sections.items() if section is not None
+    ]  # fmt: skip
+    if len(balancing) > 1:
+        key, problem = f"robot.arms.{balancing[1].arm}.law", "balance was given for two arms"
+        raise InputError(key, problem, "held or joints for all but one")
+    return balancing[0] if balancing else None
 
 
 def curves_of(
     arms: Mapping[str, ArmSection], model: FreeFloatingModel, scenario: Path, duration: float
 ) -> ArmCurves:
     """The joint curves of a robot's arms along a path of a duration [s].
+
+    An arm that balances rests at its start.
 
     Raises:
         InputError: If a curve is invalid; it names the scenario file and the key.
@@ -87,6 +135,12 @@ def curves_of(
             if isinstance(law, JointsLaw):
                 joints = model.joints_of_arm(name)
                 curves[name] = law.to_curve(key, joints, scenario.parent, duration)
+            section = arms[name].balancing
+            if section is not None:
+                count = len(model.joints_of_arm(name))
+                values = np.zeros(count) if section.start is None else section.start
+                start = finite_vector(f"{key}.balance.start", values, count)
+                curves[name] = ArmCurve.evenly(np.array([start, start]), duration)
     return ArmCurves(curves)
 
 

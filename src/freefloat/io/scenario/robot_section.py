@@ -140,10 +140,10 @@ class RobotSection(Section):
         return moving_arms(self.arms)
 
     @property
-    def reads_joints(self) -> bool:
-        """Whether the joints of an arm are those of a file."""
-        laws = (arm.law for arm in self.arms.values())
-        return any(isinstance(law, JointsLaw) and isinstance(law.joints, str) for law in laws)
+    def has_own_curves(self) -> bool:
+        """Whether the text of the scenario has the joint curves of all arms, if any moves."""
+        laws = [arm.law for arm in self.arms.values() if arm.law not in (None, "held")]
+        return all(isinstance(law, JointsLaw) and not isinstance(law.joints, str) for law in laws)
 
     def source(self, scenario: Path) -> RobotSource:
         """The file of the robot, before anything is assembled with it.
@@ -196,7 +196,7 @@ class RobotSection(Section):
         """Raise an InputError if the arm that follows the path has a law of its own."""
         for name, arm in self.arms.items():
             if arm.end_effector == self.path_link and arm.law is not None:
-                law = "joints" if isinstance(arm.law, JointsLaw) else arm.law
+                law = arm.law if isinstance(arm.law, str) else "a law"
                 problem = f"{law} was given, but the arm follows the path"
                 raise InputError(
                     f"arms.{name}.law", problem, "no such key, or another end_effector"
