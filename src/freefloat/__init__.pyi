@@ -51,6 +51,8 @@ from .planning.space.mapping import attitude_map as attitude_map
 from .planning.settings import Search as Search
 from .planning.objectives.objectives import Weights as Weights
 from .planning.planner import plan as plan
+from .planning.balance_settings import BalanceSettings as BalanceSettings
+from .planning.balance import balance as balance
 from .planning.timing.retiming import retime as retime
 from .planning.goals.reorientation import reorient as reorient
 from .planning.goals.goal import Goal as Goal

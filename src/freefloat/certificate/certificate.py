@@ -103,7 +103,7 @@ class Certificate:
         momentum: Deviation of the angular momentum from the prescribed one [N m s]; not evaluated
             where time nearly stands still, or in panels without motion.
         momentum_scale: Scale of that deviation [N m s]: the largest angular momentum of the arm
-            relative to the spacecraft, or the prescribed one if larger.
+            on the path relative to the spacecraft, or the prescribed one if larger.
         rates: Joint rates differentiated from the panels' polynomials, minus those of (4), relative
             to the largest rate; not evaluated where time nearly stands still, or just before a
             singularity.
@@ -195,11 +195,11 @@ def _regular_panels(motion: Motion) -> int:
 
 def _momentum_scale(motion: Motion) -> float:
     """See :attr:`Certificate.momentum_scale`."""
-    scale = motion.problem.system.momentum_bound
+    scale, n = motion.problem.system.momentum_bound, motion.problem.model.arm_dof
     _, states, slopes = _with_slopes(motion)
     for joints, rates in zip(states[:, 5:], slopes[:, 5:], strict=True):
         _, Dq = inertia_matrices(motion.problem.model, joints)
-        scale = max(scale, float(np.linalg.norm(Dq @ rates)))
+        scale = max(scale, float(np.linalg.norm(Dq[:, :n] @ rates[:n])))
     return scale
 
 

@@ -1,10 +1,10 @@
 """Balance: the joint curve of an arm that keeps the spacecraft's attitude while another one works.
 
-At an instant, the spacecraft's angular velocity is w0 + G z, with the joint rates z of the balancing
-arm: w0 and G follow from equation (4), with which the arm on the path keeps following it. In steps
-of fixed length, a quadratic program chooses the z within ranges and rates that brings the velocity
-nearest to one that also takes back the turn so far. The joints between the steps are a joint
-curve, and the motion along it is integrated and checked like any other.
+At an instant, the spacecraft's angular velocity is w0 + G z, z being the joint rates of the
+balancing arm: w0 and G follow from equation (4), with which the arm on the path keeps following it.
+In steps of fixed length, a quadratic program chooses the z within ranges and rates that brings the
+velocity nearest to one that also takes back the turn so far. The joints between the steps are a
+joint curve, and the motion along it is integrated and checked like any other.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from freefloat.concurrency import Progress, step_of
 from freefloat.errors import InputError, finite_vector
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits
+from freefloat.limits.pairs import CollisionPairs
 from freefloat.limits.result import violated
 from freefloat.motion.arm_curves import ArmCurve, ArmCurves
 from freefloat.motion.integration import integrate_motion
@@ -31,10 +32,21 @@ from freefloat.planning.balance_settings import AXES, BalanceSettings
 from freefloat.planning.objectives.objectives import objective_of
 from freefloat.planning.plan import Plan
 from freefloat.planning.planner import plan
-from freefloat.planning.settings import Search
+from freefloat.planning.settings import FEWEST_SAMPLES, Search
 from freefloat.so3 import Array
 
-_STEPS = 100
+_STEPS = 64
+_CHANGE = 0.05
+"""Fraction of the duration in which rates change by their limit, and the distance to the end of a
+range falls to 1 / e: so the rates of the joint curve stay within their limits."""
+_EXCURSIONS = np.inf, 1.5, 1.0, 0.7, 0.45, 0.3, 0.15
+"""Largest excursions of the joints from their start, tried until nothing is too near [rad, m]."""
+_ROOM, _DRAWN = 0.02, 50
+"""Distance beyond the clearance that starts have [m], and how many are drawn for each."""
+_LOOKS = 4
+"""Steps between two looks at clearances."""
+_CHECKED = 6
+"""Candidates that are integrated and checked before giving up."""
 _TAKEN_BACK = 20.0
 """Rate at which the turn so far is taken back, per path: within a twentieth of it."""
 _SMALL_RATES, _STEADY_RATES = 1e-4, 3e-3
@@ -42,6 +54,8 @@ _SMALL_RATES, _STEADY_RATES = 1e-4, 3e-3
 _SPARE = 0.05
 """Part of rates and ranges left to what the spline adds between steps."""
 _AT_LIMIT = 0.999
+_NEARBY = np.radians(0.1)
+"""Where the plan is sought if the motion found breaks a limit, to say which [rad]."""
 _FIRST_PLAN, _BALANCED = 0.4, 0.5
 """Parts of the time that the first plan takes, and with the balance."""
 
@@ -53,8 +67,8 @@ class Balance:
     Attributes:
         settings: What was asked for.
         curve: The joint curve.
-        turn: Largest turn of the spacecraft along the motion [rad], of two balanced axes the tilt of
-            the third.
+        turn: Largest turn of the spacecraft along the motion [rad], of two balanced axes the tilt
+            of the third.
         held_turn: The same with the arm held where its joint curve began.
         at_rate: Fraction of the time at which a joint of the arm is at its rate limit.
         at_range: The same at the end of its range.
@@ -129,8 +143,10 @@ def plan_balanced(
     arms = ArmCurves({**problem.arms.curves, settings.arm: balanced.curve})
     again = replace(
         search, objective=objective_of("nearest"), from_attitude=start, spare=0.0,
-        joints=first.chosen.branch.joints,
+        joints=first.chosen.branch.joints, within=search.within if balanced.kept else _NEARBY,
     )  # fmt: skip
+    if not balanced.kept:
+        again = replace(again, samples=FEWEST_SAMPLES)
     found = plan(
         replace(problem, arms=arms),
         again,
@@ -168,28 +184,48 @@ def balance(
     Raises:
         InputError: If there is no such arm, or its rates have no limits.
         UnreachableError: If the arm does not reach the start of the path.
+
+    Example:
+        >>> import yaml
+        >>> document = yaml.safe_load(ff.load_scenario("planar_2dof/line").text)
+        >>> other = {"urdf": "planar_2dof", "prefix": "left_", "mount": {"rpy": [0, 0, 3.1416]}}
+        >>> law = {"joints": [[0.5, 1.0], [0.5, 1.0]]}
+        >>> arms = {"left": {"end_effector": "left_end_effector", "law": law}}
+        >>> robot = {"urdf": "planar_2dof", "end_effector": "end_effector", "attached": [other]}
+        >>> document |= {"robot": robot | {"arms": arms}, "limits": {}}
+        >>> document |= {"margin": {"measure": "gjm", "value": 0.0}}
+        >>> document["path"]["line"] = {"from": [0.9, 0.2, 0.0], "to": [0.6, 0.7, 0.0]}
+        >>> problem, attitude = ff.load_scenario(document).problem(), [0.0, 0.0, 0.0, 1.0]
+        >>> joints = problem.branches(attitude)[0].joints
+        >>> limits = ff.Limits(joint_rate=[1.0] * 4)
+        >>> found = ff.balance(problem, attitude, joints, ff.BalanceSettings("left"), limits)
+        >>> found.kept, found.ratio < 0.01
+        (True, True)
     """
     limits, attitude = limits or Limits(), problem.attitude(attitude)
     steps = _Steps(problem, settings, limits)
     near = finite_vector("joints", joints, problem.model.arm_dof)
     held = _motion(steps.with_curve(steps.constant), attitude, near)
     held_turn = np.inf if held is None else _turn(held, settings.axes)
-    runs: list[tuple[float, _Run]] = []
-    for number, start in enumerate(steps.starts()):
-        run = steps.run(attitude, near, start)
+    checker = LimitChecker(steps.with_curve(steps.constant), limits)
+    runs: list[_Run] = []
+    for number, start in enumerate(steps.starts(attitude, near, checker.pairs)):
+        for excursion in _EXCURSIONS:
+            run = steps.run(attitude, near, start, excursion, checker.pairs)
+            if run is None or run.clear:
+                break
         if run is not None:
-            runs.append((run.turn, run))
+            runs.append(run)
         if progress is not None:
             progress((number + 1) / settings.starts)
-    turns = [turn for turn, _ in runs] + [np.inf] * (settings.starts - len(runs))
-    checker: LimitChecker | None = None
+    turns = [run.turn for run in runs] + [np.inf] * (settings.starts - len(runs))
     best: Balance | None = None
-    for _, run in sorted(runs, key=lambda entry: entry[0]):
+    runs.sort(key=lambda run: (not run.clear, run.turn))
+    for run in runs[:_CHECKED]:
         balanced = steps.with_curve(run.curve)
         motion = _motion(balanced, attitude, near)
         if motion is None:
             continue
-        checker = checker or LimitChecker(balanced, limits)
         margins = [abs(problem.margin.measure(q)) for q in motion.joints]
         kept = motion.completed and not violated(checker.results(motion))
         kept = kept and bool(problem.margin.keeps(np.array(min(margins))))
@@ -241,6 +277,7 @@ class _Run:
     turn: float
     at_rate: float
     at_range: float
+    clear: bool
 
 
 class _Steps:
@@ -262,7 +299,7 @@ class _Steps:
         low, high = (ends[first] for ends in model.joint_ranges)
         spare = np.where(np.isfinite(high - low), _SPARE * np.minimum(high - low, 1.0), 0.0)
         self._rates, self._low, self._high = (1.0 - _SPARE) * rates, low + spare, high - spare
-        self._problem, self._settings = problem, settings
+        self._problem, self._settings, self._clearance = problem, settings, limits.clearance or 0.0
         self._solver = problem.resolved_rate_solver()
         self._times = np.linspace(0.0, problem.path.duration, _STEPS + 1)
 
@@ -277,16 +314,36 @@ class _Steps:
         curves = {**self._problem.arms.curves, self._settings.arm: curve}
         return replace(self._problem, arms=ArmCurves(curves))
 
-    def starts(self) -> Iterator[Array]:
-        """Configurations of the arm at the start."""
+    def starts(self, attitude: Array, near: Array, pairs: CollisionPairs | None) -> Iterator[Array]:
+        """Configurations of the arm at the start, all but the first with room around the bodies."""
         yield self.constant.waypoints[0]
         low, high = np.maximum(self._low, -np.pi), np.minimum(self._high, np.pi)
         shift = np.random.default_rng(self._settings.seed).random(len(low))
-        for fraction in low_discrepancy(self._settings.starts - 1, len(low)):
-            yield low + (high - low) * ((fraction + shift) % 1.0)
+        count, n = self._settings.starts - 1, self._problem.model.arm_dof
+        left, joints = count, self._problem.all_joints(near, 0.0)
+        for number, fraction in enumerate(low_discrepancy(_DRAWN * count, len(low))):
+            start = low + (high - low) * ((fraction + shift) % 1.0)
+            joints[n + self._own] = start
+            last = _DRAWN * count - number <= left
+            if last or pairs is None or self._room(0.0, attitude, joints, pairs) > _ROOM:
+                left -= 1
+                yield start
+            if not left:
+                return
 
-    def run(self, attitude: Array, near: Array, start: Array) -> _Run | None:
-        """Steps from a start; None where the arm on the path cannot follow it."""
+    def _room(self, t: float, attitude: Array, joints: Array, pairs: CollisionPairs) -> float:
+        """Smallest distance of bodies in a state beyond the clearance [m]."""
+        every, poses = np.arange(len(pairs.pairs)), pairs.scene.poses(t, self._problem.path)
+        return float(pairs.distances(joints, every, attitude, poses).min()) - self._clearance
+
+    def run(
+        self, attitude: Array, near: Array, start: Array, excursion: float,
+        pairs: CollisionPairs | None,
+    ) -> _Run | None:  # fmt: skip
+        """Steps from a start, no farther from it than an excursion of the joints [rad or m].
+
+        None where the arm on the path cannot follow it.
+        """
         problem, n = self._problem, self._problem.model.arm_dof
         curve = ArmCurve.evenly(np.array([start, start]), problem.path.duration)
         branches = self.with_curve(curve).branches(attitude)
@@ -298,12 +355,16 @@ class _Steps:
         joints = np.concatenate([arm, problem.arms.at(0.0)])
         joints[n + self._own] = start
         rates, path, turns, limited = np.zeros(len(start)), [start], [0.0], []
+        clear = pairs is None or self._room(0.0, attitude, joints, pairs) >= 0.0
         step = self._times[1]
+        ends = np.maximum(self._low, start - excursion), np.minimum(self._high, start + excursion)
         for t in self._times[:-1].tolist():
             omega, joint_rates = self._rates_at(t, now, joints, rates)
             ahead = now * Rotation.from_rotvec(step / 2.0 * omega)
             middle = joints + step / 2.0 * joint_rates
-            rates, bounds = self._chosen(t + step / 2.0, first, ahead, middle, joints, rates)
+            own = joints[n + self._own]
+            low, high = ((end - own) / (_CHANGE * self._times[-1]) for end in ends)
+            rates, bounds = self._chosen(t + step / 2.0, first, ahead, middle, (low, high), rates)
             omega, joint_rates = self._rates_at(t + step / 2.0, ahead, middle, rates)
             if not np.isfinite(joint_rates).all():
                 return None
@@ -311,9 +372,11 @@ class _Steps:
             path.append(joints[n + self._own].copy())
             turns.append(float(np.linalg.norm(_error(first, now, self._settings.axes))))
             limited.append(bounds)
+            if pairs is not None and clear and len(limited) % _LOOKS == 0:
+                clear = self._room(t + step, now.as_quat(), joints, pairs) >= 0.0
         at_rate, at_range = np.mean(limited, axis=0)
         curve = ArmCurve(np.array(path), self._times)
-        return _Run(curve, max(turns), float(at_rate), float(at_range))
+        return _Run(curve, max(turns), float(at_rate), float(at_range), clear)
 
     def _rates_at(
         self, t: float, attitude: Rotation, joints: Array, rates: Array
@@ -325,16 +388,25 @@ class _Steps:
         return self._solver.rates(attitude.as_quat(), joints, twist, speed, arms)
 
     def _chosen(
-        self, t: float, first: Rotation, attitude: Rotation, middle: Array, joints: Array,
-        last: Array,
+        self, t: float, first: Rotation, attitude: Rotation, joints: Array,
+        ends: tuple[Array, Array], last: Array,
     ) -> tuple[Array, Sequence[bool]]:  # fmt: skip
-        """Rates of the arm in a step, and whether they are at limits of rates and of ranges."""
+        """Rates of the arm in a step, and whether they are at limits of rates and of ranges.
+
+        Args:
+            t: Time [s].
+            first: Attitude at the start of the motion.
+            attitude: The present one.
+            joints: Joint values, shape (n,).
+            ends: Smallest and largest rates that the ends of the ranges permit.
+            last: Rates in the last step.
+        """
         from scipy.optimize import lsq_linear  # imported late: it takes a third of a second
 
         rows = AXES[self._settings.axes]
         count = len(last)
         units = np.vstack([np.zeros(count), np.eye(count)])
-        velocities = np.array([self._rates_at(t, attitude, middle, z)[0] for z in units])[:, rows]
+        velocities = np.array([self._rates_at(t, attitude, joints, z)[0] for z in units])[:, rows]
         G, w0 = (velocities[1:] - velocities[0]).T, velocities[0]
         if not np.isfinite(G).all():
             return last, (False, False)
@@ -342,14 +414,16 @@ class _Steps:
         wanted = back * _error(first, attitude, self._settings.axes)[rows] - w0
         size = float(np.linalg.norm(G, 2))
         small, steady = _SMALL_RATES * size * np.eye(count), _STEADY_RATES * size * np.eye(count)
-        own, step = joints[self._problem.model.arm_dof + self._own], self._times[1]
-        low = np.clip((self._low - own) / step, -self._rates, 0.0)
-        high = np.clip((self._high - own) / step, 0.0, self._rates)
-        wide = np.maximum(high, low + 1e-9 * self._rates)
+        change = self._rates / (_CHANGE * _STEPS)
+        low = np.clip(ends[0], -self._rates, 0.0)
+        high = np.clip(ends[1], 0.0, self._rates)
+        slow, fast = np.maximum(low, last - change), np.minimum(high, last + change)
+        slow = np.minimum(slow, fast)
+        wide = np.maximum(fast, slow + 1e-9 * self._rates)
         matrix = np.vstack([G, small, steady])
         right = np.concatenate([wanted, np.zeros(count), _STEADY_RATES * size * last])
-        rates = np.clip(lsq_linear(matrix, right, (low, wide), method="bvls").x, low, high)
+        rates = np.clip(lsq_linear(matrix, right, (slow, wide), method="bvls").x, slow, fast)
         at_rate = bool((np.abs(rates) >= _AT_LIMIT * self._rates).any())
-        stopped = (np.abs(low) < self._rates) & (rates <= _AT_LIMIT * low)
+        stopped = (low > -self._rates) & (rates <= _AT_LIMIT * low)
         stopped |= (high < self._rates) & (rates >= _AT_LIMIT * high)
         return rates, (at_rate, bool(stopped.any()))

@@ -21,6 +21,10 @@ class BalanceSettings:
         starts: Number of initial configurations of the arm that are tried: the one with which its
             joint curve begins, and others in its ranges.
         seed: Seed of these.
+
+    Example:
+        >>> ff.BalanceSettings("left", "xy").starts
+        8
     """
 
     arm: str
