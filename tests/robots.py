@@ -100,13 +100,16 @@ def random_inertia(rng: np.random.Generator, scale: float) -> np.ndarray:
     return R @ np.diag([b + c, a + c, a + b]) @ R.T
 
 
-def random_robot(rng: np.random.Generator, chain: str = "RRRRRR", branch: str = "") -> Robot:
+def random_robot(
+    rng: np.random.Generator, chain: str = "RRRRRR", branch: str = "", on_bus: bool = False
+) -> Robot:
     """A robot with random masses, inertias, offsets and frames; names in no order.
 
     Args:
         rng: Source of randomness.
         chain: Structure of the arm to the end-effector.
         branch: Structure of a second arm, mounted on a random body.
+        on_bus: Mount it on the root link.
     """
     names = iter(rng.permutation(100))
 
@@ -138,7 +141,7 @@ def random_robot(rng: np.random.Generator, chain: str = "RRRRRR", branch: str = 
     parts, bodies = [link_text("bus", bus)], ["bus"]
     joints, centre = arm(chain, bodies, "bus")
     end_effector = bodies[-1]
-    others, _ = arm(branch, bodies, bodies[rng.integers(len(chain) + 1)])
+    others, _ = arm(branch, bodies, bodies[0 if on_bus else rng.integers(len(chain) + 1)])
     text = '<?xml version="1.0"?>\n<robot name="random">\n' + "".join(parts) + "</robot>"
     return Robot(text, end_effector, tuple(joints), tuple(others), centre)
 

@@ -25,6 +25,8 @@ from .scene.scene import Corridor as Corridor
 from .scene.scene import Scene as Scene
 from .scene.scene_body import SceneBody as SceneBody
 from .scene.tumbling import Tumbling as Tumbling
+from .motion.arm_curves import ArmCurve as ArmCurve
+from .motion.arm_curves import ArmCurves as ArmCurves
 from .motion.margin import Margin as Margin
 from .motion.problem import Problem as Problem
 from .io.scenario.scenario import load_scenario as load_scenario
@@ -49,6 +51,8 @@ from .planning.space.mapping import attitude_map as attitude_map
 from .planning.settings import Search as Search
 from .planning.objectives.objectives import Weights as Weights
 from .planning.planner import plan as plan
+from .planning.balance_settings import BalanceSettings as BalanceSettings
+from .planning.balance import balance as balance
 from .planning.timing.retiming import retime as retime
 from .planning.goals.reorientation import reorient as reorient
 from .planning.goals.goal import Goal as Goal

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.errors import InputError
 from freefloat.io.files import written_beside
-from freefloat.io.records.hdf5 import AlteredFileError
+from freefloat.io.hdf5 import AlteredFileError
 from freefloat.robot.names import find_robot
 from tests.result_files import altered, replaced, with_digest
 from tests.samples import plans

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.io.records.hdf5 import AlteredFileError
+from freefloat.io.hdf5 import AlteredFileError
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.singularities.singularity_map import Kind, SingularityMap
 from tests.result_files import altered, replaced

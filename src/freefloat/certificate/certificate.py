@@ -21,6 +21,7 @@ from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES, with_slopes
+from freefloat.motion.problem import Prescribed
 from freefloat.motion.residuals import path_errors
 from freefloat.so3 import Array, IntArray, angle_between, cross
 
@@ -102,7 +103,7 @@ class Certificate:
         momentum: Deviation of the angular momentum from the prescribed one [N m s]; not evaluated
             where time nearly stands still, or in panels without motion.
         momentum_scale: Scale of that deviation [N m s]: the largest angular momentum of the arm
-            relative to the spacecraft, or the prescribed one if larger.
+            on the path relative to the spacecraft, or the prescribed one if larger.
         rates: Joint rates differentiated from the panels' polynomials, minus those of (4), relative
             to the largest rate; not evaluated where time nearly stands still, or just before a
             singularity.
@@ -167,8 +168,8 @@ def _with_slopes(motion: Motion) -> tuple[IntArray, Array, Array]:
 
 def _rate_errors(motion: Motion) -> Worst:
     """The largest of :attr:`Certificate.rates`."""
-    path = motion.problem.path
-    solver = motion.problem.resolved_rate_solver()
+    problem = motion.problem
+    solver = problem.resolved_rate_solver()
     segments = [motion.timing_segment(panel) for panel in range(motion.panels)]
     panels, states, slopes = _with_slopes(motion)
     regular = panels < _regular_panels(motion)
@@ -178,8 +179,8 @@ def _rate_errors(motion: Motion) -> Worst:
         return Worst(0.0, float(motion.times[0]))
     exact = []
     for panel, state in zip(panels, states, strict=True):
-        twist, speed = path.twist_and_speed(float(state[0]), segments[panel])
-        exact.append(solver.rates(state[1:5], state[5:], twist, speed)[1])
+        prescribed = problem.prescribed(float(state[0]), segments[panel])
+        exact.append(solver.rates(state[1:5], state[5:], *prescribed)[1])
     return _worst(np.abs(slopes[:, 5:] - exact).max(axis=1) / fastest, states[:, 0])
 
 
@@ -194,11 +195,11 @@ def _regular_panels(motion: Motion) -> int:
 
 def _momentum_scale(motion: Motion) -> float:
     """See :attr:`Certificate.momentum_scale`."""
-    scale = motion.problem.system.momentum_bound
+    scale, n = motion.problem.system.momentum_bound, motion.problem.model.arm_dof
     _, states, slopes = _with_slopes(motion)
     for joints, rates in zip(states[:, 5:], slopes[:, 5:], strict=True):
         _, Dq = inertia_matrices(motion.problem.model, joints)
-        scale = max(scale, float(np.linalg.norm(Dq @ rates)))
+        scale = max(scale, float(np.linalg.norm(Dq[:, :n] @ rates[:n])))
     return scale
 
 
@@ -251,12 +252,12 @@ def integrate_again(motion: Motion) -> Comparison:
 
 def _integrated(motion: Motion, panels: int, parts: int) -> tuple[Array, Array]:
     """Attitudes (N, 4) and joints (N, n) at the nodes, with ``parts`` steps between nodes."""
-    path = motion.problem.path
-    solver = motion.problem.resolved_rate_solver()
+    problem = motion.problem
+    solver = problem.resolved_rate_solver()
 
-    def rates(attitude: Array, z: Array, twist: tuple[Array, float]) -> Array:
+    def rates(attitude: Array, z: Array, prescribed: Prescribed) -> Array:
         """Rates of z: the rotation vector (the exponential's derivative inverted) and joints."""
-        omega, joint_rates = solver.rates(_rotated(attitude, z[:3]), z[3:], *twist)
+        omega, joint_rates = solver.rates(_rotated(attitude, z[:3]), z[3:], *prescribed)
         first = cross(z[:3], omega)
         return np.concatenate([omega + first / 2.0 + cross(z[:3], first) / 12.0, joint_rates])
 
@@ -264,15 +265,15 @@ def _integrated(motion: Motion, panels: int, parts: int) -> tuple[Array, Array]:
     for panel in range(panels):
         nodes = motion.times[DEGREE * panel : DEGREE * (panel + 1) + 1]
         segment = motion.timing_segment(panel)
-        last = path.twist_and_speed(float(nodes[0]), segment)
+        last = problem.prescribed(float(nodes[0]), segment)
         for start, end in pairwise(nodes.tolist()):
             h = (end - start) / parts
             attitude = attitudes[-1]
             z = np.append(np.zeros(3), joints[-1])
             for part in range(parts):
                 t = start + part * h
-                before, middle = last, path.twist_and_speed(t + h / 2.0, segment)
-                last = path.twist_and_speed(t + h, segment)
+                before, middle = last, problem.prescribed(t + h / 2.0, segment)
+                last = problem.prescribed(t + h, segment)
                 k1 = np.concatenate(solver.rates(attitude, z[3:], *before))
                 k2 = rates(attitude, z + h / 2.0 * k1, middle)
                 k3 = rates(attitude, z + h / 2.0 * k2, middle)

@@ -21,6 +21,9 @@ sqrt(2) |u| |v| at most. As the mu_i sum up to one, the weights of the pairs sum
 
     m_2 = (1 - sum_i mu_i^2) / 2.
 
+Where further arms move, w and L add up the rates and links of all arms, and the columns are those
+of the arm that follows the path.
+
 An inertia R I R^T is a product of two rotations; its isotropic part is constant, the rest counts
 with its Frobenius norm.
 
@@ -45,9 +48,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from freefloat.dynamics.measures import unit_factors
+from freefloat.dynamics.measures import unit_factors, unit_of_length
 from freefloat.dynamics.momentum import Task, system_matrix, system_matrix_derivative
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.extrema import joint_extents
 from freefloat.motion.motion import Motion
 from freefloat.so3 import Array
@@ -92,7 +94,7 @@ class ScaledSystem:
     def __init__(self, motion: Motion) -> None:
         """Prepare the robot of a motion, with its strokes of prismatic joints."""
         model, task = motion.problem.model, motion.problem.task
-        reach = VirtualManipulator.of(model).reach
+        reach = unit_of_length(model)
         m = model.total_mass
         L = max(_chain_length(motion), reach) / reach
         unit = m * reach**2
@@ -104,7 +106,8 @@ class ScaledSystem:
                  for body, inertia in zip(model.bodies[1:], inertias[1:], strict=True)]  # fmt: skip
         self._model, self._task, self._length = model, task, L
         self._locked = float(np.sqrt(2.0) * pairs * L**2 + spread.sum())
-        self._moving = np.cumsum(moved[::-1])[::-1]
+        self._moving = np.cumsum(moved[::-1])[::-1][: model.arm_dof]
+        self._joint_units = np.where(model.prismatic, reach, 1.0)
         self.base = 1 if task.planar else 3
         rows, columns = unit_factors(model, task)
         self.rows = np.append(np.full(self.base, 1.0 / unit), rows)
@@ -123,7 +126,7 @@ class ScaledSystem:
 
     def joint_speed(self, rates: Array) -> float:
         """w: the sum of magnitudes of joint rates (n,), prismatic ones in units of the reach."""
-        return float(np.abs(rates / self.columns[self.base :]).sum())
+        return float(np.abs(rates / self._joint_units).sum())
 
     def second_derivatives(self, w: float, change: float) -> SecondDerivatives:
         """Bounds on second derivatives.

@@ -52,7 +52,7 @@ def check(
 
     Example: freefloat check plan.h5 --engine mujoco --gravity 6778
     """
-    from freefloat.io.records.hdf5 import AlteredFileError
+    from freefloat.io.hdf5 import AlteredFileError
     from freefloat.io.records.results import load
     from freefloat.verification.check import check as verify
     from freefloat.verification.comparisons import Check

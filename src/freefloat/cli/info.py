@@ -133,7 +133,7 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
     from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 
     model, measure, extremes = summary.model, summary.measure, summary.extremes
-    virtual = VirtualManipulator.of(model)
+    virtual = VirtualManipulator.of(model.with_arms_at_zero)
     yield f"{model.description.source}: {model.total_mass:.6g} kg"
     bodies = table(
         "moved by", "mass [kg]", "range", "centre of mass [m]", "moments of inertia [kg m²]"
@@ -146,7 +146,9 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
         )  # fmt: skip
     yield bodies
     default = " (the last link; --end-effector names another)" if default_link else ""
-    yield f"end-effector {model.end_effector}{default}, task {summary.task}, {model.dof} joints"
+    yield f"end-effector {model.end_effector}{default}, task {summary.task}, {model.arm_dof} joints"
+    for name, link in model.arms.items():
+        yield f"arm {name}, to {link}, moves along a joint curve; lengths and reach are for zero"
     yield (
         f"barycentric lengths {decimals(virtual.lengths)} m; no configuration puts the "
         f"end-effector farther than {virtual.reach:.4f} m from the centre of mass"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated
@@ -29,6 +30,7 @@ from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.io.scenario.scenario import Scenario
+    from freefloat.planning.balance import Balance
     from freefloat.planning.goals.goal import Goal
     from freefloat.planning.goals.goal_motion import GoalMotion
     from freefloat.planning.phases.manoeuvre import Manoeuvre
@@ -85,6 +87,10 @@ def plan(
         feasible = manoeuvre.feasible
         tables = manoeuvre_tables(scenario, manoeuvre, verbose)
         delivery.deliver(manoeuvre, tables, scenario, loaded)
+    elif loaded.balance() is not None:
+        if stretch:
+            raise InputError("stretch", "an arm balances", "longer durations in the scenario")
+        feasible = _plan_balanced(delivery, loaded, scenario)
     else:
         found = _plan_path(delivery, loaded, stretch)
         feasible = found.feasible
@@ -104,6 +110,45 @@ def _plan_path(delivery: Delivery, loaded: Scenario, stretch: bool) -> Plan:
             problem, loaded.search(), limits, stretch=stretch, threads=delivery.threads,
             progress=update,
         )  # fmt: skip
+
+
+def _plan_balanced(delivery: Delivery, loaded: Scenario, name: str) -> bool:
+    """Plan a path while an arm balances, and deliver the plan; whether it is feasible."""
+    from freefloat.planning.balance import plan_balanced
+
+    problem, limits, settings = loaded.problem_at_rest(), loaded.limits(), loaded.balance()
+    if settings is None:
+        return False
+    delivery.prepare(loaded.source)
+    progress = delivery.console.progress("integrating motions")
+    with loaded.error_context(), progress as update:
+        found, balanced = plan_balanced(
+            problem, settings, loaded.search(), limits, threads=delivery.threads, progress=update
+        )
+    document = {**found.to_dict(), "balance": balanced and balanced.to_dict()}
+    tables = itertools.chain(_balance_lines(balanced), _tables(name, found))
+    delivery.deliver(found, tables, name, loaded, document)
+    return found.feasible
+
+
+def _balance_lines(balanced: Balance | None) -> Iterator[str]:
+    """What a balancing arm achieves."""
+    if balanced is None:
+        return
+    settings, axes = balanced.settings, balanced.settings.axes
+    motion = "turns" if axes == "xyz" else f"tilts about {axes}"
+    yield (
+        f"Arm {settings.arm} balances: the spacecraft {motion} by up to "
+        f"{math.degrees(balanced.turn):.4f} deg, by {math.degrees(balanced.held_turn):.4f} deg "
+        f"with the arm held, a ratio of {balanced.ratio:.4f}."
+    )
+    tried = " ".join(f"{ratio:.3f}" for ratio in balanced.tried)
+    yield (
+        f"  {balanced.at_rate:.0%} of the time at a rate limit, {balanced.at_range:.0%} at the end "
+        f"of a range; ratios of all starts: {tried}"
+    )
+    first = " ".join(f"{value:.4f}" for value in balanced.curve.waypoints[0].tolist())
+    yield f"  The arm begins at {first}."
 
 
 def _reach(delivery: Delivery, loaded: Scenario, goal: Goal) -> GoalMotion:

@@ -141,6 +141,7 @@ def capture(
     """
     require_type("system", system, System, "System(model, momentum)")
     require_type("client", client, Client, "Client(mass, inertia, grapple)")
+    system.model.require_one_arm("captures")
     model, h, v = system.model, system.momentum, system.drift
     a = unit_quaternion("attitude", attitude)
     q, rates = model.joint_vector(joints), model.joint_vector(joint_rates, "joint_rates")

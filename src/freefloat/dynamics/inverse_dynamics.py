@@ -62,19 +62,27 @@ class InverseDynamics:
         return self._effort(q, v, np.concatenate([base, accelerations]))
 
     def of_end_effector(
-        self, attitude: Array, joints: Array, rates: Array, twist_rate: Array, rows: list[int]
+        self,
+        attitude: Array,
+        joints: Array,
+        rates: Array,
+        twist_rate: Array,
+        rows: list[int],
+        further: Array,
     ) -> Effort:
         """Forces for the derivative of the end-effector's twist (6,), of which some rows count.
 
-        The arm has as many joints as these rows.
+        The arm has as many joints as these rows; those of further arms that move have prescribed
+        accelerations, shape (dof - arm_dof,).
         """
         A, q, v, drift = self._moving(attitude, joints, rates)
         bias = pin.getFrameClassicalAcceleration(
             self._weightless, self._scratch, self._model.frame_id, pin.LOCAL_WORLD_ALIGNED
         ).vector[rows]
         J = end_effector_jacobian(self._model, joints, attitude)[rows]
-        right = np.concatenate([-drift, twist_rate[rows] - bias])
-        return self._effort(q, v, np.linalg.solve(np.vstack([A, J]), right))
+        own = np.eye(len(v))[6 + self._model.arm_dof :]
+        right = np.concatenate([-drift, twist_rate[rows] - bias, further])
+        return self._effort(q, v, np.linalg.solve(np.vstack([A, J, own]), right))
 
     def _moving(
         self, attitude: Array, joints: Array, rates: Array

@@ -37,7 +37,8 @@ class LinkFrames(NamedTuple):
 
 
 def link_frames(model: FreeFloatingModel) -> LinkFrames:
-    """Choose the link frames of a robot."""
+    """Choose the link frames of a robot with one moving arm."""
+    model.require_one_arm("ensembles and maps of the joint space")
     axes, points, rotations = joints_at_zero(model)
     n = len(axes)
     x, origin = _perpendicular(axes[0]), points[0]

@@ -81,9 +81,11 @@ def singularity_measure(
     """
     require_type("model", model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
     task = Task.of(task)
-    m, n = len(task.rows), model.dof
+    if name == "arm" and model.arms:
+        raise InputError("measure", "arm, but another arm moves", "gjm, system or sigma")
+    m, n = len(task.rows), model.arm_dof
     require_enough_joints(model, task)
-    lengths = sum(row < 3 for row in task.rows) - int(model.prismatic.sum())
+    lengths = sum(row < 3 for row in task.rows) - int(model.prismatic[:n].sum())
     gjm_definition = "det S* (6)" if m == n else "sqrt(det(S* S*^T)) of S* (7)"
     if name == "gjm":
         return SingularityMeasure(name, gjm_definition, _unit(lengths), partial(_gjm, model, task))
@@ -93,7 +95,7 @@ def singularity_measure(
         unit = f"{_unit(lengths + 2 * k)} kg" + ("^3" if k == 3 else "")
         return SingularityMeasure(name, definition, unit, partial(_system, model, task))
     if name == "sigma":
-        reach = VirtualManipulator.of(model).reach
+        reach = unit_of_length(model)
         definition = f"smallest singular value of S* (7), in units of the reach {reach:.4g} m"
         factors = unit_factors(model, task)
         return SingularityMeasure(name, definition, "1", partial(_sigma, model, task, factors))
@@ -110,7 +112,7 @@ def _unit(power: int) -> str:
 
 
 def _gjm(model: FreeFloatingModel, task: Task, joints: Array) -> float:
-    if len(task.rows) == model.dof:
+    if len(task.rows) == model.arm_dof:
         return generalized_determinant(model, joints, task)
     S = generalized_jacobian(model, joints, task)
     return float(np.prod(np.linalg.svd(S, compute_uv=False)))
@@ -126,9 +128,14 @@ def _system(model: FreeFloatingModel, task: Task, joints: Array) -> float:
 
 def unit_factors(model: FreeFloatingModel, task: Task) -> tuple[Array, Array]:
     """Factors of the rows (m,) and columns (n,) of S* that put lengths in units of the reach."""
-    reach = VirtualManipulator.of(model).reach
+    reach = unit_of_length(model)
     rows = np.where(np.array(task.rows) < 3, 1.0 / reach, 1.0)
-    return rows, np.where(model.prismatic, reach, 1.0)
+    return rows, np.where(model.prismatic[: model.arm_dof], reach, 1.0)
+
+
+def unit_of_length(model: FreeFloatingModel) -> float:
+    """The reach that is the measures' unit of length [m], further arms fixed at zero."""
+    return VirtualManipulator.of(model.with_arms_at_zero).reach
 
 
 def _sigma(

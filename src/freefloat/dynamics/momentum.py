@@ -86,11 +86,11 @@ _ROWS = {
 
 def require_enough_joints(model: FreeFloatingModel, task: Task) -> None:
     """Raise an InputError if a task prescribes more rates than the arm has joints."""
-    if len(task.rows) > model.dof:
-        feasible = [str(other) for other in Task if len(other.rows) <= model.dof]
+    if len(task.rows) > model.arm_dof:
+        feasible = [str(other) for other in Task if len(other.rows) <= model.arm_dof]
         raise InputError(
             "task",
-            f"{task} prescribes {len(task.rows)} rates, the arm has {model.dof} joints",
+            f"{task} prescribes {len(task.rows)} rates, the arm has {model.arm_dof} joints",
             ", ".join(feasible) or "a robot with more joints",
         )
 
@@ -153,9 +153,10 @@ def system_matrix(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = 
     """The matrix A of (5), which maps the rates to angular momentum and end-effector twist.
 
     Rows: angular momentum about the centre of mass, then the task's rows of the end-effector twist.
-    Columns: spacecraft angular velocity, then joint rates. All are in the spacecraft frame, except
-    the end-effector twist of ``pointing``, which is in the end-effector's. The linear velocity of
-    the spacecraft is eliminated by zero linear momentum. Planar tasks keep only the z components of
+    Columns: spacecraft angular velocity, then rates of the arm that follows the path. All are in
+    the spacecraft frame, except the end-effector twist of ``pointing``, which is in the
+    end-effector's. The linear velocity of the spacecraft is eliminated by zero linear momentum.
+    Planar tasks keep only the z components of
     the angular momentum and of the spacecraft's angular velocity.
 
     Args:
@@ -197,7 +198,8 @@ def generalized_jacobian(
 
     Returns:
         The task's rows, shape (m, n), of the end-effector twist [m/s; rad/s], in the spacecraft
-        frame (``pointing``: in the end-effector's), per joint rate, while the momentum is zero.
+        frame (``pointing``: in the end-effector's), per joint rate of the arm that follows the
+        path, while the momentum is zero.
 
     Raises:
         InputError: If there is no such task, or the joints are not those of the robot.
@@ -244,10 +246,15 @@ def generalized_determinant(
 
 
 def _maps(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task) -> tuple[Array, Array]:
-    """The momentum matrix in the spacecraft frame and the end-effector Jacobian for the task."""
+    """The momentum matrix in the spacecraft frame and the end-effector Jacobian for the task.
+
+    Their columns are those of the spacecraft and of the arm that follows the path.
+    """
     q = np.concatenate((_BASE, joints))
     A_G = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
     J = pin.getFrameJacobian(model.pin_model, model.scratch, model.frame_id, task.reference_frame)
+    if model.arms:
+        return A_G[:, : 6 + model.arm_dof], J[:, : 6 + model.arm_dof]
     return A_G, J
 
 
@@ -257,12 +264,14 @@ def _map_derivatives(
     """The matrices of :func:`_maps` and their time derivatives."""
     robot, data = model.pin_model, model.scratch
     q, v = np.concatenate((_BASE, joints)), np.concatenate((np.zeros(6), rates))
+    columns = slice(6 + model.arm_dof)
     dJ = pin.frameJacobianTimeVariation(robot, data, q, v, model.frame_id, task.reference_frame)
     A_G, J = (np.array(matrix) for matrix in _maps(model, joints, task))
+    momentum = data.Ag[:3] @ v
     dA_G = np.array(pin.computeCentroidalMapTimeVariation(robot, data, q, v))
     # Pinocchio differentiates about a fixed point; the centre of mass moves in the spacecraft frame
-    dA_G[3:] -= pin.skew(A_G[:3] @ v / model.total_mass) @ A_G[:3]
-    return A_G, J, dA_G, dJ
+    dA_G[3:, columns] -= pin.skew(momentum / model.total_mass) @ A_G[:3]
+    return A_G, J, dA_G[:, columns], dJ[:, columns]
 
 
 def _stacked(

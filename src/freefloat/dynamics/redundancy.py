@@ -103,35 +103,39 @@ class Redundancy:
 
     def require_applicable(self, model: FreeFloatingModel, task: Task) -> None:
         """Raise an InputError if the settings do not apply to an arm and a task."""
-        if model.dof <= len(task.rows):
+        arm = model.joint_names[: model.arm_dof]
+        if len(arm) <= len(task.rows):
             raise InputError(
                 "redundancy",
-                f"the task prescribes {len(task.rows)} rates and the arm has {model.dof} joints: "
+                f"the task prescribes {len(task.rows)} rates and the arm has {len(arm)} joints: "
                 "not redundant",
                 "no such key, or a task that prescribes less",
             )
         for joint in self.weights:
-            if joint not in model.joint_names:
+            if joint not in arm:
                 raise InputError(
                     f"redundancy.metric.{joint}",
-                    f"there is no such moving joint{did_you_mean(joint, model.joint_names)}",
-                    ", ".join(model.joint_names),
+                    f"there is no such moving joint{did_you_mean(joint, arm)}",
+                    ", ".join(arm),
                 )
+        if model.arms and self.metric is Metric.ENERGY:
+            problem = "energy, but another arm moves along a joint curve"
+            raise InputError("redundancy.metric", problem, "joints, base or weights of joints")
         of_masses = self.metric in (Metric.ENERGY, Metric.BASE)
-        if of_masses and not any(body.mass for body in model.bodies[1:]):
+        if of_masses and not any(body.mass for body in model.bodies[1 : 1 + len(arm)]):
             accepted = "joints, or an arm with mass"
             raise InputError(
                 "redundancy.metric", f"{self.metric}, but the arm has no mass", accepted
             )
         needed = len(task.rows) + (1 if task.planar else 3)
-        if self.metric is Metric.BASE and self.toward is not Toward.NONE and model.dof <= needed:
+        if self.metric is Metric.BASE and self.toward is not Toward.NONE and len(arm) <= needed:
             raise InputError(
                 "redundancy.toward",
                 f"{self.toward}, but the metric base leaves no freedom: task and attitude take "
-                f"{needed} rates and the arm has {model.dof} joints",
+                f"{needed} rates and the arm has {len(arm)} joints",
                 "none, or another metric",
             )
-        if self.toward is Toward.MIDDLE and not np.isfinite(range_centres(model)).any():
+        if self.toward is Toward.MIDDLE and not np.isfinite(range_centres(model)[: len(arm)]).any():
             raise InputError(
                 "redundancy.toward", "middle, but no joint of this arm has a range", "none or sigma"
             )
@@ -159,6 +163,6 @@ def range_centres(model: FreeFloatingModel) -> Array:
 
 
 def joint_weights(model: FreeFloatingModel, redundancy: Redundancy) -> Array:
-    """Weights of the squared joint rates, divided by their mean, shape (n,)."""
+    """Weights of the squared joint rates, divided by the mean of the arm's, shape (n,)."""
     weights = np.array([redundancy.weights.get(joint, 1.0) for joint in model.joint_names])
-    return np.asarray(weights / weights.mean())
+    return np.asarray(weights / weights[: model.arm_dof].mean())

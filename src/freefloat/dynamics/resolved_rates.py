@@ -63,7 +63,7 @@ class ResolvedRateSolver:
         task: Task,
         redundancy: Redundancy | None = None,
     ) -> None:
-        """Prepare the equation.
+        """Prepare the equation, with a row for the rate of each joint of further arms that move.
 
         Args:
             system: Robot, momentum and wheels.
@@ -75,7 +75,7 @@ class ResolvedRateSolver:
                 not apply to the arm.
         """
         model = system.model
-        m, n = len(task.rows), model.dof
+        m, n, k = len(task.rows), model.dof, model.dof - model.arm_dof
         require_enough_joints(model, task)
         if redundancy is not None:
             redundancy.require_applicable(model, task)
@@ -83,8 +83,10 @@ class ResolvedRateSolver:
         self._selected = slice(None) if m == 6 else task.rows
         self._frame, self._own_axes = task.reference_frame, task is Task.POINTING
         self._q = np.zeros(7 + n)
-        self._M = np.zeros((6 + m, 6 + n), order="F")
-        self._b = np.zeros(6 + m)
+        self._M = np.zeros((6 + m + k, 6 + n), order="F")
+        self._M[6 + m :, 6 + model.arm_dof :] = np.eye(k)
+        self._task = slice(6, 6 + m)
+        self._b = np.zeros(6 + m + k)
         self._b[3:6] = system.momentum
         self._system, self._wheels = system, bool(system.wheels.any())
         self._redundancy = redundancy or Redundancy()
@@ -92,7 +94,12 @@ class ResolvedRateSolver:
         self._centres = range_centres(model)
 
     def rates(
-        self, attitude: Array, joints: Array, twist: Array, speed: float = 0.0
+        self,
+        attitude: Array,
+        joints: Array,
+        twist: Array,
+        speed: float = 0.0,
+        arm_rates: Array | None = None,
     ) -> tuple[Array, Array]:
         """Solve (4) at a configuration.
 
@@ -101,6 +108,7 @@ class ResolvedRateSolver:
             joints: Joint values, shape (n,).
             twist: End-effector twist, inertial frame, shape (6,).
             speed: Path speed ds/dt [1/s], which scales the attraction of a redundant arm.
+            arm_rates: Joint rates of further arms that move, shape (dof - arm_dof,).
 
         Returns:
             Spacecraft angular velocity in the spacecraft frame [rad/s], shape (3,), and joint
@@ -109,13 +117,17 @@ class ResolvedRateSolver:
         model, q, M, b = self._model, self._q, self._M, self._b
         q[3:7], q[7:] = attitude, joints
         M[:6] = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
-        M[6:] = pin.getFrameJacobian(model.pin_model, model.scratch, model.frame_id, self._frame)[
-            self._selected
-        ]
+        M[self._task] = pin.getFrameJacobian(
+            model.pin_model, model.scratch, model.frame_id, self._frame
+        )[self._selected]
         if self._own_axes:
             placement = pin.updateFramePlacement(model.pin_model, model.scratch, model.frame_id)
             twist = (twist.reshape(2, 3) @ placement.rotation).ravel()
-        b[6:] = twist[self._selected]
+        b[self._task] = twist[self._selected]
+        if model.arms:
+            if arm_rates is None:
+                model.require_one_arm("these joint rates")
+            b[self._task.stop :] = arm_rates
         if self._wheels:
             b[3:6] = self._system.body_momentum(attitude)
         if M.shape[0] == M.shape[1]:
@@ -168,7 +180,8 @@ class ResolvedRateSolver:
         """
         rows = base[5:] if self._planar else base[3:]
         G = rows @ N
-        inverse = damped_inverse(G, float(np.linalg.norm(rows)))
+        size = float(np.linalg.norm(rows[:, : self._model.arm_dof]))
+        inverse = damped_inverse(G, size)
         return inverse @ omega[-len(rows) :], N.T - inverse @ (G @ N.T)
 
     def _attraction(self, base: Array, S: Array, P: Array) -> Array:

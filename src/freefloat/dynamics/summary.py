@@ -139,14 +139,14 @@ class RobotSummary:
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``freefloat info``."""
         model, measure = self.model, self.measure
-        virtual = VirtualManipulator.of(model)
+        virtual = VirtualManipulator.of(model.with_arms_at_zero)
         return {
             "urdf": model.description.source,
             "end_effector": model.end_effector,
             "total_mass": model.total_mass,
             "dof": model.dof,
             "task": str(self.task),
-            "spare_joints": model.dof - len(self.task.rows),
+            "spare_joints": model.arm_dof - len(self.task.rows),
             "joints": [
                 {
                     "name": body.joint,
@@ -180,6 +180,9 @@ class RobotSummary:
 
 def natural_task(model: FreeFloatingModel) -> Task:
     """The task with the most rows that an arm can do without a chosen axis, planar if it is."""
-    planar, others = VirtualManipulator.of(model).is_planar, set(Task) - {Task.POINTING}
-    tasks = [task for task in others if task.planar is planar and len(task.rows) <= model.dof]
+    planar, others = (
+        VirtualManipulator.of(model.with_arms_at_zero).is_planar,
+        set(Task) - {Task.POINTING},
+    )
+    tasks = [task for task in others if task.planar is planar and len(task.rows) <= model.arm_dof]
     return max(tasks, key=lambda task: len(task.rows), default=Task.PLANAR_POSITION)

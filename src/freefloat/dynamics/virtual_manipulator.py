@@ -49,7 +49,8 @@ class VirtualManipulator:
     @classmethod
     @lru_cache(maxsize=16)
     def of(cls, model: FreeFloatingModel) -> VirtualManipulator:
-        """The virtual manipulator of a robot."""
+        """The virtual manipulator of a robot with one moving arm."""
+        model.require_one_arm("reach and regions")
         bodies = model.bodies
         arm = bodies[1:]
         fractions = np.array([body.mass for body in bodies]) / model.total_mass

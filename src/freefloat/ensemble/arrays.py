@@ -8,7 +8,7 @@ import numpy as np
 
 from freefloat.dynamics.arm_factor import ArmPlane
 from freefloat.dynamics.link_frames import LinkFrames, frames_at_zero, link_frames
-from freefloat.dynamics.measures import NAMES
+from freefloat.dynamics.measures import NAMES, unit_of_length
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.redundancy import (
     DAMPED_BELOW,
@@ -20,10 +20,12 @@ from freefloat.dynamics.redundancy import (
     range_centres,
 )
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.ensemble.arm_moments import kernel_arms
 from freefloat.ensemble.kernels.cones import AXIS, ORIGIN, TARGET
 from freefloat.ensemble.kernels.null_space import ENERGY, MIDDLE_OF_RANGE, SIGMA, WEIGHTED
 from freefloat.ensemble.kernels.records import (
     CONE_COLUMNS,
+    REACH,
     Cones,
     Course,
     Measure,
@@ -33,6 +35,7 @@ from freefloat.ensemble.kernels.records import (
 from freefloat.ensemble.kernels.records import Problem as KernelProblem
 from freefloat.ensemble.kernels.steps import TABLEAU
 from freefloat.ensemble.robots import robot_properties
+from freefloat.errors import InputError
 from freefloat.motion.pointing import AttitudeLimits, Keep
 from freefloat.motion.problem import Problem
 from freefloat.paths.path import EndEffectorPath
@@ -52,11 +55,14 @@ _THROUGH_NODES = np.linalg.inv(np.vander(_NODES[:4], increasing=True))
 @lru_cache(maxsize=8)
 def kernel_problem(problem: Problem, limits: AttitudeLimits | None = None) -> KernelProblem:
     """The arrays that the kernels read of a problem and of limits of attitude."""
-    model = problem.model
+    model = problem.chain()
     frames = link_frames(model)
     robot, measure = kernel_robot(model, problem.task, problem.margin.measure.name, frames)
+    if problem.arms:
+        robot = _with_arms(problem, robot, frames)
     cones = None
     if limits is not None:
+        _require_own_bodies(problem.model, limits)
         cones = _cones(model, frames, limits, problem.path.duration)
     null_space = _null_space(problem)
     return KernelProblem(robot, _course(problem), measure, null_space, TABLEAU, cones)
@@ -74,9 +80,25 @@ def kernel_robot(
     robot = Robot(
         frames.joints, robot_properties(frames.base, frames.bodies, reach, coefficients),
         frames.tool, np.array(task.rows, dtype=float), model.dof, len(task.rows), task.planar,
-        SPINNING_SPEED if pointing else SINGULAR_SPEED, frames.across if pointing else None,
+        SPINNING_SPEED if pointing else SINGULAR_SPEED, frames.across if pointing else None, None,
     )  # fmt: skip
     return robot, Measure(NAMES.index(name), len(multiples), multiples)
+
+
+def _with_arms(problem: Problem, robot: Robot, frames: LinkFrames) -> Robot:
+    """The arrays of a robot with its further arms."""
+    properties = robot.properties.copy()
+    properties[REACH] = unit_of_length(problem.model)
+    return robot._replace(properties=properties, arms=kernel_arms(problem, frames))
+
+
+def _require_own_bodies(model: FreeFloatingModel, limits: AttitudeLimits) -> None:
+    """Raise an InputError if limits of attitude are those of bodies of further arms."""
+    for number, limit in enumerate(limits.pointing):
+        if model.link_places[limit.body][0] > model.arm_dof:
+            problem = f"{limit.body} is part of an arm that moves along a joint curve"
+            accepted = "a link of the spacecraft or of the arm that follows the path"
+            raise InputError(f"limits.pointing.{number}.body", problem, accepted)
 
 
 def _cones(
@@ -119,12 +141,12 @@ def _null_space(problem: Problem) -> NullSpace | None:
     redundancy = problem.redundancy
     if redundancy is None or redundancy.minimum_norm:
         return None
-    centres = range_centres(problem.model)
+    centres = range_centres(problem.chain())
     toward = {Toward.NONE: 0, Toward.MANIPULABILITY: SIGMA, Toward.MIDDLE: MIDDLE_OF_RANGE}
     return NullSpace(
         ENERGY if redundancy.metric is Metric.ENERGY else WEIGHTED, toward[redundancy.toward],
         float(redundancy.gain), float(redundancy.bound),
-        np.array(joint_weights(problem.model, redundancy), dtype=float),
+        np.array(joint_weights(problem.chain(), redundancy), dtype=float),
         np.nan_to_num(centres), np.isfinite(centres).astype(float),
         DAMPED_BELOW if redundancy.metric is Metric.BASE else None,
     )  # fmt: skip

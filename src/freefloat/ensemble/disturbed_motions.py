@@ -125,7 +125,7 @@ def simulate_many(
     required = problem.margin.threshold if thresholds is None else thresholds
     required = broadcast("thresholds", required, (count,), "magnitudes, 0 or more", 0.0, np.inf)
     if joints is not None:
-        joints = problem.model.joint_vector(joints)
+        joints = problem.model.joint_vector(joints)[: problem.model.arm_dof]
     q0 = broadcast("attitudes", q0, (count, 4))
     return integrate_disturbed(disturbed, q0, required, branch, joints, threads, progress)
 
@@ -212,14 +212,14 @@ def integrate_disturbed(
     )
     chosen = _best(owners, motions, len(attitudes))
     found = chosen >= 0
-    table = EnsembleResult.empty((len(attitudes),), problem.model.dof)
+    table = EnsembleResult.empty((len(attitudes),), problem.model.arm_dof)
     table.assign(found, EnsembleResult._make(values[chosen[found]] for values in motions))
     first, branches = np.full((2, len(attitudes)), -1)
     first[found] = columns[chosen[found]]
     branches[found] = starts.branches[np.arange(len(attitudes)), first][found]
     by = np.zeros(len(attitudes), np.int8)
     by[found] = deciders[chosen[found]]
-    initial = np.full((len(attitudes), problem.model.dof), np.nan)
+    initial = np.full((len(attitudes), problem.model.arm_dof), np.nan)
     initial[found] = begun[chosen[found]]
     shifts = _shifts_into_ranges(problem, table.lower, table.upper)
     return ManyMotions(
@@ -327,7 +327,7 @@ def _shifts_into_ranges(problem: Problem, low: Array, high: Array) -> Array:
 
     The rule is that of :func:`~freefloat.motion.extrema.unwrapped`.
     """
-    lower, upper = problem.model.joint_ranges
+    lower, upper = problem.chain().joint_ranges
     first, last = np.ceil((lower - low) / tau), np.floor((upper - high) / tau)
     inside = np.minimum(np.maximum(0.0, first), last)
     with np.errstate(invalid="ignore"):  # of joints without range
@@ -336,5 +336,5 @@ def _shifts_into_ranges(problem: Problem, low: Array, high: Array) -> Array:
         excesses = np.maximum(lower - low - tau * choices, high + tau * choices - upper)
     outside = np.take_along_axis(choices, excesses.argmin(axis=0)[None], axis=0)[0]
     shifts = np.where(first <= last, inside, np.nan_to_num(outside))
-    shifts = np.where(problem.model.prismatic | ~np.isfinite(low), 0.0, shifts)
+    shifts = np.where(problem.chain().prismatic | ~np.isfinite(low), 0.0, shifts)
     return np.asarray(tau * shifts)

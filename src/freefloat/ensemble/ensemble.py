@@ -80,7 +80,8 @@ class EnsembleIntegrator:
 
         Args:
             attitudes: Initial attitudes, unit quaternions x, y, z, w, shape (K, 4).
-            joints: Initial joint values, with the end-effector on the path, shape (K, n).
+            joints: Initial joint values, with the end-effector on the path, shape (K, n). Those of
+                further arms that move, behind the n of the arm, may be given, too.
             systems: Momenta, drifts and robots; the problem's when left out.
             starts: Initial times [s], shape (K,); 0 when left out.
             ends: Final times [s], shape (K,); the duration when left out. With an end before its
@@ -92,15 +93,16 @@ class EnsembleIntegrator:
             InputError: If an array has another shape, a number is not finite, or a time is not on
                 the path.
         """
-        K, n = len(joints), self.problem.model.dof
+        K, n = len(joints), self.problem.model.arm_dof
         systems = systems or Systems.of(self.problem)
         robots, measure = None, self.problem.margin.measure.name
         if systems.robots is not None:
+            self.problem.model.require_one_arm("robots that differ")
             robots = systems.robots.properties(measure)
         duration = self.problem.path.duration
         motions = Motions(
             _checked("attitudes", attitudes, (K, 4)),
-            _checked("joints", joints, (K, n)),
+            _checked("joints", joints[:, :n] if self.problem.arms else joints, (K, n)),
             systems.columns(K),
             robots,
             _checked("starts", np.zeros(K) if starts is None else starts, (K,), duration),

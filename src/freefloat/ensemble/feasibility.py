@@ -63,7 +63,7 @@ class FeasibilityEvaluator:
             problem, threads, tolerance=tolerance, limits=self.limits
         )
         self.wrist_flipped = has_wrist_flipped_branches(problem) and not self._on_wrist()
-        self.sample_reduction = 1 if closed_form(problem.model, problem.task) else _REDUCTION
+        self.sample_reduction = 1 if closed_form(problem.chain(), problem.task) else _REDUCTION
 
     def _on_wrist(self) -> bool:
         """Whether an axis moves differently along wrist-flipped branches."""

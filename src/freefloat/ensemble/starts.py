@@ -77,7 +77,10 @@ def _starts_of_robots(
     others with another robot.
     """
     if joints is None and (branch is None or problem.redundant):
-        certain, found = np.zeros(len(robots), dtype=bool), _none(len(robots), problem.model.dof)
+        certain, found = (
+            np.zeros(len(robots), dtype=bool),
+            _none(len(robots), problem.model.arm_dof),
+        )
     else:
         found = starts_at(problem, attitudes, branch, joints)
         begun = found.joints[:, 0]
@@ -99,7 +102,8 @@ def _starts_of_robots(
     }  # fmt: skip
     width = max([1, *(starts.branches.shape[1] for starts in exact.values())])
     every = Starts(
-        np.full((len(robots), width, problem.model.dof), np.nan), np.full((len(robots), width), -1)
+        np.full((len(robots), width, problem.model.arm_dof), np.nan),
+        np.full((len(robots), width), -1),
     )
     every.joints[:, :1], every.branches[:, :1] = found.joints, found.branches
     for k, starts in exact.items():
@@ -116,7 +120,7 @@ def _near_starts(
 ) -> tuple[Array, BoolArray]:
     """The configurations (K, n) of robots near joint values (K, n), and whether they are."""
     if not len(robots):
-        return np.empty((0, problem.model.dof)), np.zeros(0, dtype=bool)
+        return np.empty((0, problem.model.arm_dof)), np.zeros(0, dtype=bool)
     pose = problem.path.pose(0.0)
     to_base = robots.base[:, :3] @ Rotation.from_quat(attitudes).as_matrix().swapaxes(1, 2)
     position = (to_base @ pose.position).T
@@ -143,7 +147,7 @@ def _distinct_starts(
             return Starts(sets.joints, numbers)
         column = slice(branch, branch + 1)
         if not numbers[:, column].size:
-            return _none(len(attitudes), problem.model.dof)
+            return _none(len(attitudes), problem.model.arm_dof)
         return Starts(sets.joints[:, column], numbers[:, column])
     if problem.redundant:
         sets = problem.replace(start_joints=joints).many_branches(attitudes)

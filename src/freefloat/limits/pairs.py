@@ -245,9 +245,10 @@ class CollisionPairs:
         reach = np.array([self._reach(shape, strokes) for shape in self._shapes])
         first, second = self.pairs.T
         bodies = np.array([shape.body for shape in self._shapes])
-        joints = np.arange(1, self._model.dof + 1)
-        between = (joints > bodies[first][:, None]) & (joints <= bodies[second][:, None])
-        between &= (bodies[second] <= self._model.dof)[:, None]
+        moved = self._model.moved_by
+        own = bodies[second] <= self._model.dof
+        between = np.zeros((len(bodies[first]), self._model.dof), dtype=bool)
+        between[own] = moved[bodies[first][own]] ^ moved[bodies[second][own]]
         revolute = np.minimum(reach[first], reach[second])
         return np.where(between, np.where(self._model.prismatic, 1.0, revolute), 0.0)
 
@@ -275,16 +276,18 @@ class CollisionPairs:
         steps = np.array([np.linalg.norm(body.placement.position) for body in arm])
         lengths = steps + np.where(self._model.prismatic, strokes, 0.0)
         radius = np.linalg.norm(shape.points, axis=1).max()
+        moved = np.vstack([self._model.moved_by, np.zeros(len(arm), dtype=bool)])
+        own = moved[min(shape.body, len(arm) + 1)]
         reach = np.empty(len(arm))
         for k, body in enumerate(arm, start=1):
             if k == shape.body:
                 reach[k - 1] = _from_axis(shape.points, body.axis)
-            elif k == shape.body + 1:
+            elif body.parent == shape.body:
                 pose = body.placement
                 points = shape.points - pose.position
                 reach[k - 1] = _from_axis(points, pose.rotation @ body.axis)
             else:
-                reach[k - 1] = radius + lengths[min(k, shape.body) : max(k, shape.body)].sum()
+                reach[k - 1] = radius + lengths[own ^ moved[k]].sum()
         return reach
 
 

@@ -105,6 +105,7 @@ def hold_attitude(problem: Problem, attitude: npt.ArrayLike) -> HeldAttitude:
         True
     """
     require_problem(problem)
+    problem.model.require_one_arm("held attitudes")
     attitude = problem.attitude(attitude)
     branches = problem.branches(attitude)
     if not branches:

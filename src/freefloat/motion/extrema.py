@@ -264,15 +264,17 @@ def joint_extents(motion: Motion) -> JointExtents:
 
 
 def unwrapped(motion: Motion) -> Motion:
-    """The same motion with revolute joints shifted by multiples of 2 pi into their ranges.
+    """The same motion with its revolute joints shifted by multiples of 2 pi into their ranges.
 
     A joint is shifted by as few revolutions as put all of the motion inside its range; where none
-    do, by those that leave the smallest excess. Nothing else of the motion changes.
+    do, by those that leave the smallest excess. Nothing else of the motion changes, nor do joint
+    curves of further arms.
     """
     extents = joint_extents(motion)
     model = motion.problem.model
     joints = zip(model.bodies[1:], extents.low, extents.high, *model.joint_ranges, strict=True)
     shifts = [0 if body.prismatic else _revolutions(*values) for body, *values in joints]
+    shifts[model.arm_dof :] = [0] * (model.dof - model.arm_dof)  # joint curves are kept
     if not any(shifts):
         return motion
     return replace(motion, joints=motion.joints + tau * np.array(shifts, dtype=float))

@@ -22,9 +22,8 @@ from freefloat.errors import InputError, IntegrationError, finite_number
 from freefloat.motion.extrema import first_crossing
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import NODES
-from freefloat.motion.problem import Problem, require_problem
+from freefloat.motion.problem import Leg, Problem, require_problem
 from freefloat.motion.residuals import path_errors
-from freefloat.paths.timing import Leg
 from freefloat.so3 import Array
 
 _TIME_UNITS = 10.0
@@ -85,6 +84,7 @@ def integrate_motion(
     end = problem.path.duration if end is None else end
     first = _first_node(problem, attitude, joints, start, end)
     rows, ending = _integrate(problem, ArcFlow(problem), first, end, tolerance)
+    rows[:, 5 + problem.model.arm_dof :] = problem.arms.at(rows[:, 0])
     motion = Motion(problem, ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])
     if not problem.redundant:  # det S* has a sign
         determinant = partial(generalized_determinant, problem.model, task=problem.task)
@@ -99,10 +99,13 @@ def _first_node(
 ) -> Array:
     """Time, attitude and joints of a checked start, shape (5 + n,)."""
     attitude = problem.attitude(attitude)
-    joints = problem.model.joint_vector(joints)
+    values = problem.model.joint_vector(joints)
     duration = problem.path.duration
     for key, time in (("start", start), ("end", end)):
         finite_number(key, time, f"a time from 0 to {duration:g} s", 0.0, duration)
+    joints = problem.all_joints(values, start)
+    if len(values) == len(joints) and problem.model.arms:
+        _require_on_curves(problem, np.abs(values - joints), start)
     offset, angle = path_errors(problem, np.array([start]), attitude[None], joints[None])[0]
     if max(offset, angle) > _ON_PATH:
         raise InputError(
@@ -112,6 +115,15 @@ def _first_node(
             "joints that meet the path; Problem.branches(attitude) lists them",
         )
     return np.concatenate([[start], attitude, joints])
+
+
+def _require_on_curves(problem: Problem, errors: Array, t: float) -> None:
+    """Raise an InputError unless the joints of further arms are on their curves."""
+    k = int(errors.argmax())
+    if errors[k] > _ON_PATH:
+        name = problem.model.joint_names[k]
+        problem_text = f"{name} is {errors[k]:.3g} off the joint curve of its arm at t = {t:g} s"
+        raise InputError("joints", problem_text, "the joints of the arm that follows the path")
 
 
 def _cut(motion: Motion, f: Callable[[Array], float], level: float, ending: Ending) -> Motion:
@@ -131,16 +143,18 @@ def _integrate(
         return row[None], Ending.SINGULAR
     if start == end:
         return row[None], Ending.COMPLETED
-    breaks, (low, high) = problem.path.breaks, sorted((start, end))
+    breaks, (low, high) = problem.breaks, sorted((start, end))
     direction = int(np.sign(end - start))
     between = breaks[(breaks > low) & (breaks < high)][::direction]
     times = [start, *between.tolist(), end]
     panels = [row[None]]
     reference = np.zeros(len(row))
     reference[0] = direction
-    stepper = _Stepper(flow, tolerance, reference, bool(len(problem.path.path.breaks)))
+    stepper = _Stepper(
+        flow, tolerance, reference, bool(len(problem.path.path.breaks) or problem.arms)
+    )
     for leg_start, leg_end in pairwise(times):
-        leg = problem.path.leg(leg_start, leg_end)
+        leg = problem.leg(leg_start, leg_end)
         for panel, singular in stepper.panels(panels[-1][-1], leg, leg_end):
             panels.append(panel[1:])
             if singular:
@@ -165,6 +179,7 @@ class ArcFlow:
             pointing = problem.task is Task.POINTING
             self.stalled = _TIME_UNITS / SPINNING_SPEED if pointing else _STALLED
         self._solver = problem.resolved_rate_solver()
+        self._arm = slice(5, 5 + problem.model.arm_dof)
 
     def __call__(self, y: Array, leg: Leg, reference: Array) -> Array:
         """The tangent at a point (5 + n,) of the curve, whose attitude may have any length.
@@ -173,10 +188,11 @@ class ArcFlow:
         singularity, where time reverses.
         """
         t = float(y[0]) * self.unit
-        twist, speed = leg(t)
+        twist, speed, *further = leg(t)
         attitude = y[1:5]
         attitude = attitude / math.sqrt(attitude @ attitude)
-        omega, rates = self._solver.rates(attitude, y[5:], twist, speed)
+        joints = np.concatenate([y[self._arm], further[0]]) if further else y[5:]
+        omega, rates = self._solver.rates(attitude, joints, twist, speed, *further[1:])
         (a, b, c, w), (x, y_, z) = attitude.tolist(), (0.5 * omega).tolist()
         tangent = np.array([
             1.0 / self.unit,

@@ -25,6 +25,7 @@ def integrate_spline(problem: Problem, spline: JointSpline, attitude: Array) -> 
         spline: The joints.
         attitude: Attitude of the spacecraft at the start, unit quaternion x, y, z, w.
     """
+    problem.model.require_one_arm("joint motions")
     panels = _PANELS * spline.spans
     timing, system = problem.path.timing, problem.system
     inner = (np.arange(panels)[:, None] + (NODES[:DEGREE] + 1.0) / 2.0) / panels

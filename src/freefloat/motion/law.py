@@ -87,8 +87,8 @@ class PathLaw:
 
     def rates(self, t: float, attitude: Array, joints: Array, segment: int | None = None) -> Rates:
         """See :class:`Law`."""
-        twist, speed = self._problem.path.twist_and_speed(t, segment)
-        return Rates(*self._solver.rates(attitude, joints, twist, speed))
+        prescribed = self._problem.prescribed(t, segment)
+        return Rates(*self._solver.rates(attitude, joints, *prescribed))
 
     def effort(
         self, t: float, attitude: Array, joints: Array, segment: int | None = None
@@ -97,7 +97,8 @@ class PathLaw:
         path = self._problem.path
         prescribed = path.twist_and_speed(t, segment)
         change = path.twist_rate(t, segment), path.timing.s(t, 2, segment)
-        return self.effort_of(attitude, joints, prescribed, change)
+        further = self._problem.arms.at(t, 1), self._problem.arms.at(t, 2)
+        return self.effort_of(attitude, joints, prescribed, change, further)
 
     def target(self, t: float, attitude: Array, joints: Array) -> Pose:
         """See :class:`Law`."""
@@ -109,19 +110,28 @@ class PathLaw:
         joints: Array,
         prescribed: tuple[Array, float],
         change: tuple[Array, float],
+        further: tuple[Array, Array] | None = None,
     ) -> Effort:
-        """The same for an end-effector twist (6,) with ds/dt, and for their derivatives."""
+        """The same for an end-effector twist (6,) with ds/dt, and for their derivatives.
+
+        Further arms that move have given joint rates and accelerations.
+        """
         twist, speed = prescribed
-        omega, joint_rates = self._solver.rates(attitude, joints, twist, speed)
+        arm_rates, arm_accelerations = further or (None, np.zeros(0))
+        omega, joint_rates = self._solver.rates(attitude, joints, twist, speed, arm_rates)
         if not np.isfinite(joint_rates).all():
             return Effort.unknown(len(joints))
         problem, rates = self._problem, np.concatenate([omega, joint_rates])
         if not problem.redundant and problem.task is not Task.POINTING:
             rows = problem.task.rows
-            return self._dynamics.of_end_effector(attitude, joints, rates, change[0], rows)
+            return self._dynamics.of_end_effector(
+                attitude, joints, rates, change[0], rows, arm_accelerations
+            )
         accelerations = self._differentiated(
-            attitude, joints, rates, np.append(*prescribed), np.append(*change)
-        )
+            attitude, joints, rates,
+            np.concatenate([twist, [speed], rates[3 + problem.model.arm_dof :]]),
+            np.concatenate([change[0], [change[1]], arm_accelerations]),
+        )  # fmt: skip
         return self._dynamics.of_joints(attitude, joints, rates, accelerations)
 
     @cached_property
@@ -137,8 +147,9 @@ class PathLaw:
             attitude: Unit quaternion x, y, z, w.
             joints: Joint values, shape (n,).
             rates: Angular velocity of the base and joint rates, shape (3 + n,).
-            prescribed: Twist of the end-effector and ds/dt, shape (7,).
-            change: Its time derivative, shape (7,).
+            prescribed: Twist of the end-effector, ds/dt, and joint rates of further arms that
+                move, shape (7 + dof - arm_dof,).
+            change: Its time derivative.
         """
         largest = max(float(np.abs(rates).max()), _EXCURSION / self._problem.path.duration)
         step, now = _EXCURSION / largest, Rotation.from_quat(attitude)
@@ -148,7 +159,7 @@ class PathLaw:
                 rotated = (now * Rotation.from_rotvec(ahead * rates[:3])).as_quat()
                 later = prescribed + ahead * change
                 solved = self._solver.rates(
-                    rotated, joints + ahead * rates[3:], later[:6], float(later[6])
+                    rotated, joints + ahead * rates[3:], later[:6], float(later[6]), later[7:]
                 )
                 total += weight * solved[1]
         return np.asarray(total / step)

@@ -34,7 +34,7 @@ def require_planar(system: System, path: TimedPath, task: Task) -> None:
     require_in_plane("wheels.momentum", system.wheels)
     require_level("drift", system.drift)
     model = system.model
-    virtual = VirtualManipulator.of(model)
+    virtual = VirtualManipulator.of(model.with_arms_at_zero)
     if not (virtual.is_planar and _drifts_in_plane(model)):
         raise InputError(
             "task",
@@ -42,7 +42,7 @@ def require_planar(system: System, path: TimedPath, task: Task) -> None:
             "pose, pointing or position; planar tasks require joint axes along z and a mass "
             "distribution symmetric about z = 0",
         )
-    straight = virtual.pose(np.zeros(model.dof))
+    straight = virtual.pose(np.zeros(model.arm_dof))
     level = float(straight.position[2])
     heights = [path.path.curve(float(s))[2] for s in np.linspace(0.0, 1.0, 21)]
     if np.abs(np.array(heights) - level).max() > 1e-6:

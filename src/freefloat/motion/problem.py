@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -19,6 +19,7 @@ from freefloat.dynamics.system import System
 from freefloat.errors import InputError, finite_number, require_type
 from freefloat.ik.branches import ArmBranch, BranchSets, arm_branches, many_arm_branches
 from freefloat.ik.nearest import closest_branches, newton_configuration
+from freefloat.motion.arm_curves import ArmCurves
 from freefloat.motion.margin import Margin
 from freefloat.motion.planar_requirements import require_planar
 from freefloat.paths.orientation import FreeOrientation
@@ -27,8 +28,14 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.scene.scene import Scene
 from freefloat.so3 import Array, frozen, heading_quaternion, rotation_matrix, unit_quaternion, zeros
 
+Prescribed = tuple[Array, float, Array | None]
+"""Twist of the end-effector, path speed ds/dt, joint rates of further arms that move."""
+Leg = Callable[[float], tuple[Any, ...]]
+"""By time: twist, path speed, and joint values and rates of further arms that move."""
 MAX_REVOLUTIONS = 50
 """Most rotations of the system along a path: the time of an integration depends on them."""
+_APART = 1e-6
+"""Smallest distance of breaks, as a fraction of the duration."""
 _NEAR = 0.05
 """Largest difference of joint values from those of a branch [rad, m]."""
 
@@ -51,6 +58,7 @@ class Problem:
         wheel_momentum: Part of the momentum that wheels store, constant in the spacecraft frame
             [N m s], shape (3,): the wheels turn with constant rates relative to the spacecraft, and
             their masses and inertias belong to it.
+        arms: Joint curves of further arms that move.
 
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
@@ -71,6 +79,7 @@ class Problem:
     start_joints: Array | None = None
     scene: Scene = field(default=Scene(), repr=False)
     wheel_momentum: Array = field(default_factory=zeros, repr=False)
+    arms: ArmCurves = field(default=ArmCurves(), repr=False)
 
     def __post_init__(self) -> None:
         require_type("path", self.path, TimedPath, "TimedPath(EndEffectorPath(...), Timing(...))")
@@ -80,9 +89,11 @@ class Problem:
         object.__setattr__(self, "momentum", self.system.momentum)
         object.__setattr__(self, "wheel_momentum", self.system.wheels)
         require_enough_joints(self.model, self.task)
+        require_type("arms", self.arms, ArmCurves, "ArmCurves({name: ArmCurve(...)})")
+        self.arms.require_applicable(self.model, self.path.duration)
         if self.start_joints is not None:
             joints = frozen(self.model.joint_vector(self.start_joints, "start_joints"))
-            object.__setattr__(self, "start_joints", joints)
+            object.__setattr__(self, "start_joints", frozen(joints[: self.model.arm_dof]))
         if self.redundancy is not None:
             accepted = "Redundancy, such as Redundancy(metric='energy')"
             require_type("redundancy", self.redundancy, Redundancy, accepted)
@@ -109,7 +120,7 @@ class Problem:
     @property
     def redundant(self) -> bool:
         """Whether the arm has more joints than the task has rows."""
-        return self.model.dof > len(self.task.rows)
+        return self.model.arm_dof > len(self.task.rows)
 
     @property
     def depends_on_timing(self) -> bool:
@@ -121,8 +132,8 @@ class Problem:
         return self.system.rotates or self.path.depends_on_time
 
     def stretched(self, factor: float) -> Problem:
-        """The same problem, all times of its path multiplied by a factor."""
-        return replace(self, path=self.path.stretched(factor))
+        """The same problem, all times of its path and its joint curves multiplied by a factor."""
+        return replace(self, path=self.path.stretched(factor), arms=self.arms.stretched(factor))
 
     def replace(self, **changes: Any) -> Problem:
         """The same problem with other attributes, checked again.
@@ -146,6 +157,47 @@ class Problem:
         return self.replace(
             model=system.model, momentum=system.momentum, wheel_momentum=system.wheels, path=path
         )
+
+    def chain(self, t: float = 0.0) -> FreeFloatingModel:
+        """The robot with the arm that follows the path, further arms fixed as at a time [s]."""
+        if not self.arms:
+            return self.model
+        if t not in self._chains:
+            self._chains[t] = self.model.with_arms_at(self.arms.at(t))
+        return self._chains[t]
+
+    @cached_property
+    def _chains(self) -> dict[float, FreeFloatingModel]:
+        return {}
+
+    @cached_property
+    def breaks(self) -> Array:
+        """Times [s], rising, at which high derivatives of the path or of joint curves jump."""
+        if not self.arms:
+            return self.path.breaks
+        both, apart = np.union1d(self.path.breaks, self.arms.breaks), _APART * self.path.duration
+        both = both[(both > apart) & (both < self.path.duration - apart)]
+        return frozen(both[np.diff(both, prepend=0.0) > apart])
+
+    def prescribed(self, t: float, segment: int | None = None) -> Prescribed:
+        """What the rates at a time [s] have to be, with the segment of :meth:`.Timing.s`."""
+        twist, speed = self.path.twist_and_speed(t, segment)
+        return twist, speed, self.arms.at(t, 1) if self.arms else None
+
+    def leg(self, start: float, end: float) -> Leg:
+        """What is prescribed between two times [s] without a break between them.
+
+        It is also valid a little beyond.
+        """
+        twist_and_speed = self.path.leg(start, end)
+        if not self.arms:
+            return twist_and_speed
+        further = self.arms.leg(start, end)
+        return lambda t: (*twist_and_speed(t), *further(t))
+
+    def all_joints(self, joints: Array, t: float) -> Array:
+        """Values of all moving joints (n,) for those of the arm, further arms as at a time [s]."""
+        return np.concatenate([joints[: self.model.arm_dof], self.arms.at(t)])
 
     def resolved_rate_solver(self) -> ResolvedRateSolver:
         """Solver of equation (4) for this problem."""
@@ -216,7 +268,7 @@ class Problem:
         if self.start_joints is not None:
             return self.many_branches(attitude[None], t)[0]
         R0 = rotation_matrix(attitude)
-        return arm_branches(self.model, self.path.pose(t).seen_from(R0), self.task)
+        return arm_branches(self.chain(t), self.path.pose(t).seen_from(R0), self.task)
 
     def many_branches(self, attitudes: Array, t: float = 0.0) -> BranchSets:
         """The same for many attitudes (K, 4)."""
@@ -224,8 +276,8 @@ class Problem:
         positions = np.einsum("kji,j->ki", R0, pose.position)
         rotations = np.einsum("kji,jl->kil", R0, pose.rotation)
         if self.start_joints is None or t != 0.0:
-            return many_arm_branches(self.model, positions, rotations, self.task)
-        return closest_branches(self.model, positions, rotations, self.task, self.start_joints)
+            return many_arm_branches(self.chain(t), positions, rotations, self.task)
+        return closest_branches(self.chain(t), positions, rotations, self.task, self.start_joints)
 
     def closest_start(self, attitude: npt.ArrayLike) -> Array | None:
         """Joints (n,) at the start closest to ``start_joints``; None without, or out of reach."""
@@ -252,11 +304,11 @@ class Problem:
         Raises:
             InputError: Listing the branches when the joints lie near none.
         """
-        values = self.model.joint_vector(joints)
+        values = self.model.joint_vector(joints)[: self.model.arm_dof]
         candidates = list(branches)
         if self.redundant:
             target = self.path.pose(0.0).seen_from(rotation_matrix(attitude))
-            configuration = newton_configuration(self.model, target, self.task, values)
+            configuration = newton_configuration(self.chain(), target, self.task, values)
             candidates += [] if configuration is None else [configuration]
         near = self.first_near(values, candidates)
         if near is not None:

@@ -20,9 +20,10 @@ def out_of_reach(problem: Problem) -> float | None:
     Returns:
         0 where the path begins out of reach, None where all of it lies within the reach.
     """
-    reach = VirtualManipulator.of(problem.model).reach
 
     def excess(s: float) -> float:
+        t = problem.path.timing.time_at(s) if problem.arms else 0.0
+        reach = VirtualManipulator.of(problem.chain(t)).reach
         return float(np.linalg.norm(problem.path.pose_at(s).position)) - reach
 
     samples = np.linspace(0.0, 1.0, _SAMPLES).tolist()

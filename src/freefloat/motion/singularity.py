@@ -101,7 +101,7 @@ def singularity_kind(model: FreeFloatingModel, task: Task, joints: Array) -> Sin
     )
     lost = rows * left[:, -1]
     change = [lost @ system_matrix_derivative(model, joints, e, task)[k:, k:]
-              for e in np.eye(model.dof)]  # fmt: skip
+              for e in np.eye(model.dof)[: model.arm_dof]]  # fmt: skip
     second = columns[:, None] * np.array(change) * columns
     slope = float(np.linalg.norm(second @ right[m - 1]))
     null = right[m - 1 :]

@@ -75,7 +75,7 @@ class SearchDomain:
 
 def require_radians(model: FreeFloatingModel, joints: Array) -> None:
     """Raise an InputError where present joints (n,) are so large that they must be degrees."""
-    largest = np.where(model.prismatic, 0.0, np.abs(joints)).max()
+    largest = np.where(model.prismatic[: len(joints)], 0.0, np.abs(joints)).max()
     if largest > _LARGEST_ANGLE:
         accepted = "radians of at most two full rotations; 90 degrees are 1.5708"
         raise InputError("search.joints", f"{largest:g} rad was given", accepted)

@@ -64,6 +64,7 @@ def plan(
     timing = problem.path.timing
     to_retime = timing.law is TimeLaw.OPTIMAL and not timing.speeds
     if to_retime:
+        problem.model.require_one_arm("fastest timings")
         require_considered(limits or Limits())
     plan_problem = partial(
         plan_path, search=search, limits=limits, threads=threads, progress=progress,

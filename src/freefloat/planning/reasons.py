@@ -138,7 +138,7 @@ def reach_message(problem: Problem) -> str | None:
     s = out_of_reach(problem)
     if s is None:
         return None
-    reach = VirtualManipulator.of(problem.model).reach
+    reach = VirtualManipulator.of(problem.chain()).reach
     hint = light_spacecraft_hint(problem)
     if s > 0.0:
         return f"the path leaves the reach of {reach:.4g} m at s = {s:.3g}{hint}"
@@ -158,7 +158,7 @@ def unreached_start_message(problem: Problem, origin: str) -> str:
         problem: The problem.
         origin: Attitudes from which it does not, such as ``"no heading"``.
     """
-    start, reach = problem.path.pose(0.0).position, VirtualManipulator.of(problem.model).reach
+    start, reach = problem.path.pose(0.0).position, VirtualManipulator.of(problem.chain()).reach
     return (
         f"the arm reaches the start of the path, {np.round(start, 6).tolist()} m, from {origin}; "
         f"it is {np.linalg.norm(start):.4g} m from the centre of mass, and no configuration gets "

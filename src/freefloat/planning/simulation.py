@@ -246,7 +246,8 @@ def integrate_from(
     """The motion from an arm branch at an attitude (4,); see :func:`integrate_motion`."""
     motion = unwrapped(integrate_motion(problem, attitude, start.joints, **options))
     approach = closest_approach(motion, problem.margin.measure)
-    return SimulatedBranch(replace(start, joints=motion.initial.joints), motion, approach)
+    joints = motion.initial.joints[: problem.model.arm_dof]
+    return SimulatedBranch(replace(start, joints=joints), motion, approach)
 
 
 def _branches(

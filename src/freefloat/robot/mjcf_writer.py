@@ -38,16 +38,18 @@ def robot_mjcf(model: FreeFloatingModel, *, shapes: bool = True) -> ET.Element:
         boundmass=_LIGHTEST, boundinertia=_LIGHTEST,
     )  # fmt: skip
     _add(root, "option", gravity="0 0 0", timestep=_STEP, integrator="RK4")
-    assets, parent = _add(root, "asset"), _add(root, "worldbody")
+    assets, world = _add(root, "asset"), _add(root, "worldbody")
+    elements: list[ET.Element] = []
     motors = _add(root, "actuator")
     for number, (name, body) in enumerate(zip(model.body_names, model.bodies, strict=True)):
-        parent = _body(parent, name, body, free=number == 0)
+        parent = _body(elements[body.parent] if elements else world, name, body, not elements)
+        elements.append(parent)
         for link, (place_number, place) in model.link_places.items():
             if shapes and place_number == number:
                 _add_shapes(model, link, place, parent, assets)
         if number > 0:
             _add(motors, "motor", name=body.joint, joint=body.joint)
-    _add(parent, "site", name="end_effector", size="0.01", **_place(model.tool))
+    _add(elements[model.arm_dof], "site", name="end_effector", size="0.01", **_place(model.tool))
     return root
 
 

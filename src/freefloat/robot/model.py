@@ -18,7 +18,14 @@ from freefloat.robot.assembly import assemble, end_effector_link, scaled
 from freefloat.robot.description import Joint, RobotDescription, UrdfDiagnostic
 from freefloat.robot.names import find_robot
 from freefloat.robot.parts import Attachment, Payload, Spacecraft
-from freefloat.robot.rigid_bodies import Body, body_of, build_model, moving_joints, pose_of
+from freefloat.robot.rigid_bodies import (
+    Body,
+    body_of,
+    build_model,
+    joints_of_arms,
+    moving_joints,
+    pose_of,
+)
 from freefloat.robot.source import RobotSource
 from freefloat.so3 import Array, Pose, frozen, wrapped
 
@@ -33,15 +40,18 @@ class FreeFloatingModel:
     """A spacecraft with an arm: no external force, no actuation of the base.
 
     The joints between the spacecraft and the end-effector move, except those that are fixed by
-    name; all other joints of the robot are fixed. Joint vectors list the moving joints from the
-    spacecraft to the end-effector, see :attr:`joint_names`.
+    name, and those of further arms that are named; all other joints of the robot are fixed. Joint
+    vectors list the moving joints from the spacecraft to the end-effector, then those of the
+    further arms, see :attr:`joint_names`.
 
     Attributes:
         description: The valid URDF.
         end_effector: Name of the link, or of the joint that moves it, that follows the path.
         fixed_joints: Values of joints that are fixed, by name [rad or m]; zero for joints off the
             chain that are not named.
-        moving_joints: The joints that move, from the spacecraft to the end-effector.
+        arms: End-effector links of further arms that move, by the arm's name.
+        moving_joints: The joints that move, from the spacecraft to the end-effector, then those of
+            the further arms.
 
     Raises:
         ModelError: If the robot has no such end-effector, no joint moves it, or it resists no
@@ -58,10 +68,14 @@ class FreeFloatingModel:
     description: RobotDescription
     end_effector: str
     fixed_joints: Mapping[str, float]
+    arms: Mapping[str, str] = field(default_factory=dict)
     moving_joints: tuple[Joint, ...] = field(init=False, repr=False)
+    arm_dof: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         joints = moving_joints(self.description, self.end_effector_link, self.fixed_joints)
+        object.__setattr__(self, "arm_dof", len(joints))
+        joints += joints_of_arms(self.description, self.arms, joints, self.fixed_joints)
         object.__setattr__(self, "moving_joints", joints)
         self._require_inertia()
 
@@ -73,6 +87,7 @@ class FreeFloatingModel:
         *,
         scale_mass: float | Mapping[str, float] = 1.0,
         fixed_joints: Mapping[str, float] | None = None,
+        arms: Mapping[str, str] | None = None,
         spacecraft: Spacecraft | None = None,
         payload: Payload | None = None,
         attached: Sequence[Attachment] = (),
@@ -88,6 +103,7 @@ class FreeFloatingModel:
             scale_mass: Factor on every mass and inertia, or a map from link to factor.
             fixed_joints: Values of joints that do not move, by name [rad or m]; zero for joints off
                 the chain that are not named.
+            arms: End-effector links of further arms that move, by the arm's name.
             spacecraft: Carries the arm, see :func:`~freefloat.robot.assembly.assemble`.
             payload: Fixed to the end-effector.
             attached: Further URDFs, fixed to links.
@@ -101,6 +117,7 @@ class FreeFloatingModel:
         require_type("end_effector", end_effector, str | None, "the name of a link")
         accepted = "a map from joint to value"
         require_type("fixed_joints", fixed_joints, Mapping | None, accepted)
+        require_type("arms", arms, Mapping | None, "a map from the name of an arm to a link")
         if not source.exists:
             try:
                 source = replace(source, urdf=find_robot(str(source.urdf), Path()))
@@ -111,12 +128,39 @@ class FreeFloatingModel:
             description = scaled(description, scale_mass)
         if end_effector is None:
             end_effector = end_effector_link(description, None)
-        return cls(description, end_effector, dict(fixed_joints or {}))
+        return cls(description, end_effector, dict(fixed_joints or {}), dict(arms or {}))
 
     def scaled(self, scale_mass: float | Mapping[str, float]) -> FreeFloatingModel:
         """The robot with a factor on every mass and inertia, or on those of named links."""
         description = scaled(self.description, scale_mass)
-        return FreeFloatingModel(description, self.end_effector, self.fixed_joints)
+        return FreeFloatingModel(description, self.end_effector, self.fixed_joints, self.arms)
+
+    def with_arms_at(self, joints: Array) -> FreeFloatingModel:
+        """The robot whose further arms are fixed at joint values, shape (dof - arm_dof,)."""
+        if not self.arms:
+            return self
+        names = self.joint_names[self.arm_dof :]
+        fixed = {**self.fixed_joints, **dict(zip(names, joints.tolist(), strict=True))}
+        return FreeFloatingModel(self.description, self.end_effector, fixed)
+
+    def joints_of_arm(self, name: str) -> tuple[str, ...]:
+        """Names of the joints that move one of the further arms."""
+        link = self.arms[name]
+        joints = moving_joints(self.description, link, self.fixed_joints)
+        return tuple(joint.name for joint in joints)
+
+    def require_one_arm(self, what: str) -> None:
+        """Raise an InputError if further arms move, naming what considers one arm only."""
+        if self.arms:
+            problem = (
+                f"{', '.join(self.arms)} moves along a joint curve; {what} need one moving arm"
+            )
+            raise InputError("robot.arms", problem, "the law held for the other arms")
+
+    @cached_property
+    def with_arms_at_zero(self) -> FreeFloatingModel:
+        """The robot whose further arms are fixed at zero."""
+        return self.with_arms_at(np.zeros(self.dof - self.arm_dof))
 
     def _require_inertia(self) -> None:
         for joints in 2.0 * low_discrepancy(_CONFIGURATIONS, self.dof) - 1.0:
@@ -177,7 +221,7 @@ class FreeFloatingModel:
 
     @property
     def dof(self) -> int:
-        """Number of moving joints."""
+        """Number of moving joints; those of the arm that follows the path are ``arm_dof``."""
         return len(self.moving_joints)
 
     @cached_property
@@ -190,6 +234,16 @@ class FreeFloatingModel:
         """The spacecraft and the bodies moved by each joint, in order."""
         joints = (None, *self.moving_joints)
         return tuple(body_of(self.pin_model, k + 1, joint) for k, joint in enumerate(joints))
+
+    @cached_property
+    def moved_by(self) -> npt.NDArray[np.bool_]:
+        """Which joints move each body relative to the spacecraft, shape (1 + n, n)."""
+        moved = np.zeros((1 + self.dof, self.dof), dtype=bool)
+        for number, body in enumerate(self.bodies[1:], start=1):
+            moved[number] = moved[body.parent]
+            moved[number, number - 1] = True
+        moved.setflags(write=False)
+        return moved
 
     @cached_property
     def joint_ranges(self) -> tuple[Array, Array]:
@@ -249,19 +303,29 @@ class FreeFloatingModel:
     ) -> Array:
         """Joint values as a vector, from a map by joint name or a sequence in chain order.
 
+        They are those of all moving joints, or of the arm that follows the path.
+
         Raises:
             InputError: Naming ``key``, if a joint is missing or unknown, or a value is not finite.
         """
+        names = self.joint_names
+        count = len(joints) if isinstance(joints, Mapping) else np.size(joints)
+        if count == self.arm_dof or not self.arms:
+            names = names[: self.arm_dof]
         if isinstance(joints, Mapping):
-            if set(joints) != set(self.joint_names):
+            if set(joints) != set(names):
                 problem = f"values of {', '.join(map(str, joints)) or 'no joint'} were given"
-                raise InputError(key, problem, f"values of {', '.join(self.joint_names)}")
-            joints = [joints[name] for name in self.joint_names]
+                raise InputError(key, problem, f"values of {', '.join(names)}")
+            joints = [joints[name] for name in names]
         values: Any = [joints] if np.isscalar(joints) else joints
-        return finite_vector(key, values, self.dof)
+        return finite_vector(key, values, len(names))
 
     def joint_distance(self, first: npt.ArrayLike, second: npt.ArrayLike) -> Array:
-        """Largest differences (...) of joint values (..., n), modulo 2 pi for revolute joints."""
-        difference = np.subtract(first, second)
-        modulo = np.where(self.prismatic, difference, wrapped(difference))
+        """Largest differences (...) of joint values (..., n), modulo 2 pi for revolute joints.
+
+        Those of the arm that follows the path count.
+        """
+        arm = slice(self.arm_dof)
+        difference = np.asarray(first)[..., arm] - np.asarray(second)[..., arm]
+        modulo = np.where(self.prismatic[arm], difference, wrapped(difference))
         return np.asarray(np.abs(modulo).max(axis=-1))

@@ -29,7 +29,9 @@ class Body:
 
     Attributes:
         joint: Name of the joint that moves it; ``"root_joint"`` for the spacecraft.
-        placement: The joint's frame in the previous body's frame, the joint at zero.
+        parent: Number of the body that carries the joint, 0 is the spacecraft; -1 for that. In an
+            arm it is the previous body.
+        placement: The joint's frame in the parent's frame, the joint at zero.
         axis: Unit vector of the joint in its own frame, shape (3,); zeros for the spacecraft.
         prismatic: Whether the joint is prismatic and not revolute.
         lower: Lower end of the joint's range [rad or m]; minus infinity where there is none, or one
@@ -43,6 +45,7 @@ class Body:
     """
 
     joint: str
+    parent: int
     placement: Pose
     axis: Array
     prismatic: bool
@@ -56,9 +59,15 @@ class Body:
 
 
 def moving_joints(
-    robot: RobotDescription, link: str, fixed_joints: Mapping[str, float]
+    robot: RobotDescription, link: str, fixed_joints: Mapping[str, float], key: str = "end_effector"
 ) -> tuple[Joint, ...]:
     """The joints that move a link, from the root link outwards, without those fixed by name.
+
+    Args:
+        robot: Robot.
+        link: Name of the link.
+        fixed_joints: Values of joints that do not move, by name.
+        key: Named in errors of the link.
 
     Raises:
         ModelError: If no joint or too many joints move the link, there is no moving joint of a
@@ -81,7 +90,7 @@ def moving_joints(
         fixed = {name for root in robot.roots for name in robot.rigid_groups[root].links}
         moved = [name for name in robot.links_by_name if name not in fixed]
         problem = f"{link!r} is fixed to the spacecraft, no joint moves it"
-        raise ModelError("end_effector", problem, f"one of {', '.join(moved)}")
+        raise ModelError(key, problem, f"one of {', '.join(moved)}")
     moving = tuple(joint for joint in chain if joint.moving and joint.name not in fixed_joints)
     if not moving:
         problem = f"all joints that move {link!r} are fixed"
@@ -93,15 +102,57 @@ def moving_joints(
     return moving
 
 
+def joints_of_arms(
+    robot: RobotDescription,
+    arms: Mapping[str, str],
+    moving: tuple[Joint, ...],
+    fixed_joints: Mapping[str, float],
+) -> tuple[Joint, ...]:
+    """The joints of arms beside those that move already, arm after arm.
+
+    Args:
+        robot: Robot.
+        arms: End-effector links of the arms by name.
+        moving: The joints of the arm that follows the path.
+        fixed_joints: Values of joints that do not move, by name.
+
+    Raises:
+        ModelError: If no joint moves an arm, or two arms have a joint in common.
+    """
+    joints = moving
+    for name, link in arms.items():
+        key = f"arms.{name}.end_effector"
+        if link not in robot.links_by_name:
+            problem = f"the robot has no link {link!r}{did_you_mean(link, robot.links_by_name)}"
+            raise ModelError(key, problem, "one of its links")
+        own = moving_joints(robot, link, fixed_joints, key)
+        common = [joint.name for joint in own if joint in joints]
+        if common:
+            problem = f"joint {common[0]!r} moves another arm, too"
+            raise ModelError(key, problem, "arms that branch off the spacecraft")
+        joints += own
+    return joints[len(moving) :]
+
+
 def build_model(
     robot: RobotDescription, moving: Sequence[Joint], fixed_joints: Mapping[str, float]
 ) -> tuple[Any, Mapping[str, tuple[int, Pose]]]:
-    """The Pinocchio model with the moving joints; body and pose of every link, see ``Body``."""
+    """The Pinocchio model with the moving joints; body and pose of every link, see ``Body``.
+
+    Its joints are in the order of the moving joints, arm after arm.
+    """
     model = pin.Model()
     model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint")
     places = {robot.roots[0]: (0, IDENTITY)}
     links = list(places)
-    for name in links:
+    waiting: dict[int, tuple[Joint, int, Pose]] = {}
+    while links or waiting:
+        if not links:
+            joint, body, at = waiting.pop(min(waiting))
+            index = model.addJoint(body + 1, _joint_model(joint), se3_of(at), joint.name)
+            places[joint.child] = (index - 1, IDENTITY)
+            links.append(joint.child)
+        name = links.pop(0)
         body, pose = places[name]
         inertial = robot.links_by_name[name].inertial
         if inertial is not None:
@@ -111,11 +162,10 @@ def build_model(
         for joint in robot.children.get(name, ()):
             at = pose @ joint.origin
             if joint in moving:
-                index = model.addJoint(body + 1, _joint_model(joint), se3_of(at), joint.name)
-                places[joint.child] = (index - 1, IDENTITY)
-            else:
-                value = fixed_joints.get(joint.name, 0.0)
-                places[joint.child] = (body, at @ _displacement(joint, value))
+                waiting[moving.index(joint)] = joint, body, at
+                continue
+            value = fixed_joints.get(joint.name, 0.0)
+            places[joint.child] = (body, at @ _displacement(joint, value))
             links.append(joint.child)
     for name, (body, pose) in places.items():
         model.addFrame(pin.Frame(name, body + 1, 0, se3_of(pose), pin.BODY), False)
@@ -151,6 +201,7 @@ def body_of(model: Any, index: int, joint: Joint | None) -> Body:
     speed, effort = (value if value and 0.0 < value < UNLIMITED else np.inf for value in rated)
     return Body(
         joint=model.names[index],
+        parent=int(model.parents[index]) - 1,
         placement=pose_of(model.jointPlacements[index]),
         axis=frozen(np.zeros(3) if joint is None else joint.axis / np.linalg.norm(joint.axis)),
         prismatic=joint is not None and joint.type == "prismatic",

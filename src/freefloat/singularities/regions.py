@@ -91,6 +91,7 @@ def workspace_regions(problem: Problem) -> Workspace:
                [1.436, 2.287]])
     """
     require_problem(problem)
+    problem.model.require_one_arm("reach and regions")
     workspace = exact_workspace(problem) or _general_workspace(problem)
     return replace(workspace, path=_path_areas(problem, workspace))
 
@@ -105,8 +106,10 @@ def exact_workspace(problem: Problem) -> Workspace | None:
     vanishes; that can happen at almost any radius.
 
     Returns:
-        None for other arms.
+        None for other arms, and where further arms move.
     """
+    if problem.arms:
+        return None
     virtual = VirtualManipulator.of(problem.model)
     name = "system"
     offset = np.zeros(3)

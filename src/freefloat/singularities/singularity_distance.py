@@ -98,6 +98,7 @@ def distance_to_singularity(
         0.598 0.599 [0.432 0.116]
     """
     task = Task.of(task)
+    model.require_one_arm("distances to singularities")
     q = model.joint_vector(joints)
     R = rotation_matrix(unit_quaternion("attitude", attitude))
     if model.dof > len(task.rows):

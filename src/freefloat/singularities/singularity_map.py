@@ -205,6 +205,7 @@ def singularity_map(
         True
     """
     task = Task.of(task)
+    model.require_one_arm("maps of the joint space")
     values = dict(fixed or {})
     if model.dof > len(task.rows) and model.dof - len(values) > _MOST_JOINTS:
         problem = f"its arm is redundant and {model.dof - len(values)} joints are not fixed"

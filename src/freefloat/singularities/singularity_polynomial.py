@@ -74,6 +74,7 @@ class SingularityPolynomial(JointPolynomial):
                 everywhere, has more than five million coefficients or cannot be represented.
         """
         task = Task.of(task)
+        model.require_one_arm("polynomials of the joints")
         require_enough_joints(model, task)
         values = dict(_fixed_joint(model, *pair) for pair in (fixed or {}).items())
         _require_freedom(model, task, values)

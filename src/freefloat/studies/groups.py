@@ -143,6 +143,8 @@ def _group(study: Study, number: int) -> Group | None:
     document = with_values(study.base, own)
     scenario = scenario_from(document, study.base_source.absolute())
     problem, timing, margin = scenario.problem(), scenario.content.timing, scenario.content.margin
+    if problem.arms:
+        return None
     stretched = not (timing.stops or timing.speeds or problem.path.frame)
     if "timing.duration" in parameters and not stretched:
         return None

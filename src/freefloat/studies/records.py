@@ -84,10 +84,10 @@ def branch_choice(
     if not branches:
         return {}  # which is an error of simulate
     joints = _undisturbed_joints(json.dumps(base), source, tuple(attitude))
-    if len(joints) != problem.model.dof:
+    if len(joints) != problem.model.arm_dof:
         raise InputError(
             "branch", f"the arm of the base scenario has {len(joints)} joints, this one "
-            f"{problem.model.dof}", "branch: best, or the number of an arm branch"
+            f"{problem.model.arm_dof}", "branch: best, or the number of an arm branch"
         )  # fmt: skip
     if problem.redundant:
         return {"joints": joints}

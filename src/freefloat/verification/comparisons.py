@@ -134,7 +134,7 @@ def path_tolerances(motion: Motion) -> tuple[float, float]:
 
 def _reach(motion: Motion) -> float:
     """Reach of the arm, or one metre if that is more."""
-    return max(1.0, VirtualManipulator.of(motion.problem.model).reach)
+    return max(1.0, VirtualManipulator.of(motion.problem.chain()).reach)
 
 
 def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool) -> list[Check]:

@@ -64,8 +64,8 @@ _STYLE: Any = {
 }
 _SCREEN = 130.0
 """Resolution of figures in notebooks [dots per inch]."""
-_CROWDED = 6
-"""Number of entries above which a one-line legend is set tighter."""
+_CROWDED, _LONGEST_LINE = 6, 8
+"""Number of entries above which a legend's lines are set tighter, and the most in a line."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -129,12 +129,14 @@ def draw_point(axes: Any, position: Array, marker: str, size: float, **style: An
 
 
 def legend_above(axes: Any, columns: int | None = None) -> None:
-    """Put the legend above the axes: in a single line, or centred in columns."""
+    """Put the legend above the axes: in lines of at most eight names, or centred in columns."""
     count = len(axes.get_legend_handles_labels()[0])
+    lines = max(1, -(-count // _LONGEST_LINE))
+    columns_needed = columns or max(1, -(-count // lines))
     crowded = columns is None and count > _CROWDED
     axes.legend(
         loc="lower left" if columns is None else "lower center",
-        bbox_to_anchor=(0.0 if columns is None else 0.5, 1.0), ncols=columns or max(1, count),
+        bbox_to_anchor=(0.0 if columns is None else 0.5, 1.0), ncols=columns_needed,
         borderaxespad=0.1, columnspacing=0.6 if crowded else 0.9,
         handlelength=1.5 if crowded else 2.0, handletextpad=0.4,
     )  # fmt: skip

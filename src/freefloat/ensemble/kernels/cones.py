@@ -18,6 +18,7 @@ from freefloat.ensemble.kernels.equation import (
     MOMENT,
     PRISMATIC,
     SINE,
+    spacecraft,
 )
 from freefloat.ensemble.kernels.flow import to_spacecraft
 from freefloat.ensemble.kernels.records import (
@@ -119,7 +120,7 @@ def slack(robot: Robot, cones: Cones, i: int, y: Table, work: Workspace) -> Floa
     axis = to_base(robot, body, get_vector(table, i, AXIS), 0.0, y)
     if table[i, OF_POINT] != 0.0:
         origin = to_base(robot, body, get_vector(table, i, ORIGIN), 1.0, y)
-        target = target - origin + centre_of_mass(robot, y)
+        target = target - origin + centre_of_mass(robot, y, work)
         target = target * (1.0 / sqrt(dot(target, target)))
     return (dot(axis, target) - table[i, BOUND]) * table[i, SIDE]
 
@@ -158,11 +159,15 @@ def to_previous(robot: Robot, k: int, v: Vector, point: Float, y: Table) -> Vect
 
 
 @inner
-def centre_of_mass(robot: Robot, y: Table) -> Vector:
+def centre_of_mass(robot: Robot, y: Table, work: Workspace) -> Vector:
     """Centre of mass of the whole system in the spacecraft frame."""
     bodies = bodies_of(robot)
     M, u = bodies[robot.n, MASS], get_vector(bodies, robot.n, MOMENT)
     for k in range(robot.n, 0, -1):
-        u = to_previous(robot, k, u, M, y) + get_vector(bodies, k - 1, MOMENT)
+        u = to_previous(robot, k, u, M, y)
+        if k > 1:
+            u = u + get_vector(bodies, k - 1, MOMENT)
         M += bodies[k - 1, MASS]
+    moment, _ = spacecraft(robot, robot.arms, below(y, 4, 1), work)
+    u = u + moment
     return in_spacecraft(robot, u, M + 0.0 * y[0]) * (1.0 / robot.properties[TOTAL_MASS])

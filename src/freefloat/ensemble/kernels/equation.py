@@ -22,11 +22,18 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from freefloat.ensemble.kernels.records import BASE, TOTAL_MASS, Robot, Workspace, bodies_of
+from freefloat.ensemble.kernels.records import (
+    BASE,
+    TOTAL_MASS,
+    Arms,
+    Robot,
+    Workspace,
+    bodies_of,
+)
 from freefloat.lockstep.compilation import inlined, inner
-from freefloat.lockstep.lanes import Float, sine_cosine
+from freefloat.lockstep.lanes import Float, floor, maximum, minimum, sine_cosine
 from freefloat.lockstep.reflections import factorize, solve_least_norm
-from freefloat.lockstep.tables import Table, below, get_vector, set_vector
+from freefloat.lockstep.tables import Table, below, get_vector, pick, set_vector
 from freefloat.lockstep.vectors import (
     Vector,
     components,
@@ -44,6 +51,9 @@ MASS, MOMENT, DIAGONAL, PRODUCTS = 0, 1, 4, 7
 AXIS, POINT, LINEAR, ANGULAR, TURN = 0, 3, 6, 9, 12
 """Columns of ``Workspace.momenta``: axis of a joint and a point on it; P, and L about the origin of
 the spacecraft frame; the spacecraft's angular velocity per joint rate."""
+
+INERTIA, OWN_MOMENTUM, CELL = 12.0, 36.0, 48.0
+"""Places in a cell of ``Arms.cells``, behind the first moment, and its length."""
 
 
 class Inertia(NamedTuple):
@@ -136,6 +146,60 @@ def inverse(I: Inertia) -> tuple[Inertia, Float]:
 
 
 @inlined
+def spacecraft(
+    robot: Robot, arms: Arms | None, q: Table, work: Workspace
+) -> tuple[Vector, Inertia]:
+    """First moment and inertia of the spacecraft with its further arms, in link frame 0.
+
+    Their momenta are written to ``work.carried``: the linear one is the derivative of the first
+    moment. Where such arms move, the element of ``q`` behind the joints is the time in units of the
+    duration.
+    """
+    if arms is None:
+        bodies = bodies_of(robot)
+        I = Inertia(get_vector(bodies, 0, DIAGONAL), get_vector(bodies, 0, PRODUCTS))
+        return get_vector(bodies, 0, MOMENT), I
+    place = q[robot.n] * (1.0 * arms.number)
+    cell = maximum(minimum(floor(place), arms.number - 1.0), 0.0)
+    x, first, cells = place - cell, cell * CELL, arms.cells
+    slope = cubic_column(cells, first, 0) * (3.0 * x) + cubic_column(cells, first, 1) * 2.0
+    slope = (slope * x + cubic_column(cells, first, 2)) * arms.density
+    base = below(robot.properties, BASE, 3)
+    px, py, pz = components(slope)
+    P = get_vector(base, 0, 0) * px + get_vector(base, 1, 0) * py + get_vector(base, 2, 0) * pz
+    set_vector(work.carried, 0, 0, P)
+    set_vector(work.carried, 1, 0, cubics(cells, first + OWN_MOMENTUM, x))
+    I = Inertia(cubics(cells, first + INERTIA, x), cubics(cells, first + (INERTIA + 12.0), x))
+    return cubics(cells, first, x), I
+
+
+@inlined
+def cubic_column(cells: Table, first: Float, power: int) -> Vector:
+    """Coefficients of three cubics that follow one another."""
+    return vector(pick(cells, first + power), pick(cells, first + (4.0 + power)),
+                  pick(cells, first + (8.0 + power)))  # fmt: skip
+
+
+@inlined
+def cubics(cells: Table, first: Float, x: Float) -> Vector:
+    """The values of three cubics at the fraction ``x`` of their cell."""
+    value = cubic_column(cells, first, 0) * x + cubic_column(cells, first, 1)
+    return (value * x + cubic_column(cells, first, 2)) * x + cubic_column(cells, first, 3)
+
+
+@inlined
+def without_arms(
+    arms: Arms | None, h: Vector, v: Vector, share: Float, work: Workspace
+) -> tuple[Vector, Vector]:
+    """Angular momentum and end-effector velocity that further arms leave to spacecraft and arm."""
+    if arms is None:
+        return h, v
+    P = get_vector(work.carried, 0, 0)
+    moment = get_vector(work.carried, 1, 0) - cross(get_vector(work.centre, 0, 0), P)
+    return h - moment, v + P * share
+
+
+@inlined
 def place_bodies(robot: Robot, q: Table, work: Workspace) -> tuple[Vector, Vector, Inertia, Vector]:
     """Write axis, point, P and L about the spacecraft's origin of each joint to ``work.momenta``.
 
@@ -151,8 +215,7 @@ def place_bodies(robot: Robot, q: Table, work: Workspace) -> tuple[Vector, Vecto
     ex, ey, ez, p = (get_vector(base, 0, 0), get_vector(base, 1, 0), get_vector(base, 2, 0),
                      get_vector(base, 3, 0))  # fmt: skip
     M = bodies[0, MASS]
-    u = get_vector(bodies, 0, MOMENT)
-    I = Inertia(get_vector(bodies, 0, DIAGONAL), get_vector(bodies, 0, PRODUCTS))
+    u, I = spacecraft(robot, robot.arms, q, work)
     for k in range(1, robot.n + 1):
         s, c, d = joints[k - 1, SINE], joints[k - 1, COSINE], joints[k - 1, ALONG_X]
         p = p + ex * d
@@ -256,7 +319,7 @@ def solve_rates(
 
     Args:
         robot: Data of the robot.
-        q: Joint values.
+        q: Joint values, and the time in units of the duration where further arms move.
         v: End-effector velocity.
         omega: Its angular velocity.
         h: Angular momentum about the centre of mass.
@@ -267,6 +330,7 @@ def solve_rates(
         :func:`determinants`.
     """
     r, inverse_D, det_D = form_jacobian(robot, q, work)
+    h, v = without_arms(robot.arms, h, v, 1.0 / robot.properties[TOTAL_MASS], work)
     drift = times(inverse_D, h)
     turn = rotational_rows(robot.across, work.across, omega - drift)
     twist = (*components(v - cross(drift, r)), *components(turn))

@@ -26,6 +26,15 @@ the last step; signs of det S* and of the measure at the beginning; measure at t
 minimum and the time of it, its maximum; smallest and largest magnitude of det S*; largest rate."""
 
 
+class Arms(NamedTuple):
+    """Further arms that move along joint curves, as part of the spacecraft."""
+
+    number: int  # of cells of equal duration
+    density: float  # cells per second
+    cells: Table  # cubics of each cell, highest power first: first moment and inertia in link frame
+    # 0, then the angular momentum relative to the spacecraft and about its origin, in its frame
+
+
 class Robot(NamedTuple):
     """A robot and its task, see :class:`freefloat.ensemble.link_frames.LinkFrames`."""
 
@@ -38,6 +47,7 @@ class Robot(NamedTuple):
     planar: bool
     singular_speed: float  # of joints per duration, above which a redundant arm is singular
     across: Table | None  # x and y axes of the end-effector, for the task ``pointing`` only, (2, 3)
+    arms: Arms | None  # None where no further arm moves
 
 
 @inlined
@@ -137,6 +147,7 @@ class Workspace(NamedTuple):
     slacks: Table
     across: Table  # x and y axes of the end-effector, for the task ``pointing``
     properties: Table  # of the motions' robots, see ``Robot.properties``; empty where all are equal
+    carried: Table  # linear and angular momentum of further arms, relative to the spacecraft
 
 
 def make_workspace(n: int, m: int, cones: int = 0, properties: int = 0) -> Workspace:
@@ -153,7 +164,7 @@ def make_workspace(n: int, m: int, cones: int = 0, properties: int = 0) -> Works
         (5 + n,), (5 + n,), (5 + n, 7), (1 + n,), (7,), (STATUS_ROWS,), (9,), (3 * n,),
         (n, JOINT_COLUMNS), (3,), (n, 6), (6,), (6,), (n,), (n * n,), (n * r,), (r * r,), (2 * r,),
         (n,), (n,), (4,), (5 + n,), (2 * cones,),
-        (2, 3), (properties,),
+        (2, 3), (properties,), (2, 3),
     )  # fmt: skip
     return Workspace(*(np.zeros((*shape, WIDTH)) for shape in shapes))
 
@@ -169,6 +180,7 @@ def workspace_in_tables(work: Workspace) -> Workspace:
         lanes(work.basis, 1), lanes(work.normal, 1), lanes(work.right, 1), lanes(work.column, 1),
         lanes(work.gradient, 1), lanes(work.initial, 1), lanes(work.inside, 1),
         lanes(work.slacks, 1), lanes(work.across, 3), lanes(work.properties, 1),
+        lanes(work.carried, 3),
     )  # fmt: skip
 
 
@@ -179,7 +191,7 @@ def robot_in_tables(robot: Robot, robots: Array | None, work: Workspace) -> Robo
         floats(robot.joints, FRAME_COLUMNS),
         first_if_none(robots, floats(robot.properties, 1), work.properties),
         floats(robot.tool, 1), floats(robot.rows, 1), robot.n, robot.m, robot.planar,
-        robot.singular_speed, _axes_in_table(robot.across),
+        robot.singular_speed, _axes_in_table(robot.across), _arms_in_tables(robot.arms),
     )  # fmt: skip
 
 
@@ -219,6 +231,11 @@ def _settings_in_tables(null_space: Any) -> Any:
 @inner
 def _axes_in_table(across: Any) -> Any:
     return None if across is None else floats(across, 3)
+
+
+@inner
+def _arms_in_tables(arms: Any) -> Any:
+    return None if arms is None else Arms(arms.number, arms.density, floats(arms.cells, 1))
 
 
 @inner

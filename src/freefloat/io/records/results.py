@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from freefloat.errors import InputError
+from freefloat.io.hdf5 import AlteredFileError, read_hdf5, write_hdf5
 from freefloat.io.records.differences import differences
-from freefloat.io.records.hdf5 import AlteredFileError, read_hdf5, write_hdf5
 from freefloat.io.records.kinds import CODEC, KINDS, Result
 from freefloat.io.records.manoeuvres import decode_manoeuvre
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
@@ -94,7 +94,7 @@ def _describe(result: Any, scenario: Scenario | None) -> Scenario:
     described = scenario_of(problem, search, limits)
     if scenario is None or scenario.content.goal is not None:
         return described
-    if scenario.model() is not problem.model:
+    if scenario.model() is not problem.model or not scenario.content.robot.has_own_curves:
         return described
     posed = scenario_of(
         scenario.problem(),
@@ -120,6 +120,7 @@ def _origin(model: FreeFloatingModel, scenario: Scenario | None) -> dict[str, An
         "robot": model.description.text,
         "robot_file": os.path.abspath(model.description.source),
         "held": json.dumps(dict(model.fixed_joints)),
+        "arms": json.dumps(dict(model.arms)),
     }
     if scenario is None:
         return robot
@@ -206,7 +207,8 @@ def _read_robot(tree: Tree) -> FreeFloatingModel:
     """The robot of a file."""
     description = replace(read_urdf(_text(tree, "robot")), source=_text(tree, "robot_file"))
     held = {str(name): float(value) for name, value in json.loads(_text(tree, "held")).items()}
-    return FreeFloatingModel(description, _text(tree, "end_effector"), held)
+    arms = {str(name): str(link) for name, link in json.loads(_text(tree, "arms")).items()}
+    return FreeFloatingModel(description, _text(tree, "end_effector"), held, arms)
 
 
 def _read_scenario(tree: Tree, model: FreeFloatingModel) -> Scenario:
@@ -215,7 +217,8 @@ def _read_scenario(tree: Tree, model: FreeFloatingModel) -> Scenario:
     samples = _text(tree, "samples")
     scenario = parse_scenario(_text(tree, "scenario"), source, samples, model, shapes)
     robot = scenario.content.robot
-    if (robot.end_effector, robot.held) != (model.end_effector, dict(model.fixed_joints)):
+    stated = robot.path_link, robot.held, robot.moving_arms
+    if stated != (model.end_effector, dict(model.fixed_joints), dict(model.arms)):
         raise ValueError("its robot is not that of its scenario")
     return scenario
 

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
+from freefloat.errors import InputError
+from freefloat.io.scenario.arms_section import ArmSection, JointsLaw, moving_arms
 from freefloat.io.scenario.field_types import (
     Factor,
     Inertia,
@@ -24,6 +26,7 @@ from freefloat.io.scenario.yaml import error_context, file_keys
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_robot
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
+from freefloat.robot.rigid_bodies import joints_of_arms
 from freefloat.robot.source import RobotSource
 
 
@@ -104,7 +107,7 @@ class RobotSection(Section):
     """A URDF, xacro or MJCF file, relative to the scenario file, the name of a bundled robot,
     ``example-robot-data:NAME`` or ``robot_descriptions:NAME``."""
     end_effector: Name
-    """The link that follows the path."""
+    """The link that follows the path, or the name of its arm."""
     root: Name | None = None
     """Of a model of MuJoCo, the body that is the spacecraft; default: the only body in the world,
     else the only one with a free joint and bodies that move on it."""
@@ -120,7 +123,27 @@ class RobotSection(Section):
     attached: list[AttachedSection] = Field(default=[], max_length=100)
     """Further URDFs, fixed to links one after the other."""
     held: dict[Name, Number] = Field(default={})
-    """Values [rad, m] of fixed joints; joints off the chain to the end-effector never move."""
+    """Values [rad, m] of fixed joints; joints off the chain to the end-effector, and off those of
+    arms with a law that moves them, never move."""
+    arms: dict[Name, ArmSection] = Field(default={}, max_length=20)
+    """Arms by name, which have no joint in common."""
+
+    @property
+    def path_link(self) -> str:
+        """The link that follows the path."""
+        arm = self.arms.get(self.end_effector)
+        return self.end_effector if arm is None else arm.end_effector
+
+    @property
+    def moving_arms(self) -> dict[str, str]:
+        """End-effector links of further arms that move, by name."""
+        return moving_arms(self.arms)
+
+    @property
+    def has_own_curves(self) -> bool:
+        """Whether the text of the scenario has the joint curves of all arms, if any moves."""
+        laws = [arm.law for arm in self.arms.values() if arm.law not in (None, "held")]
+        return all(isinstance(law, JointsLaw) and not isinstance(law.joints, str) for law in laws)
 
     def source(self, scenario: Path) -> RobotSource:
         """The file of the robot, before anything is assembled with it.
@@ -150,11 +173,13 @@ class RobotSection(Section):
         payload = self.payload
         source = self.source(scenario)
         with error_context(scenario, "robot."), file_keys(fixed_joints="held"):
-            return FreeFloatingModel.from_urdf(
+            self._require_laws()
+            model = FreeFloatingModel.from_urdf(
                 source,
-                self.end_effector,
+                self.path_link,
                 scale_mass=self.scale_mass,
                 fixed_joints=self.held,
+                arms=self.moving_arms,
                 spacecraft=None if craft is None else Spacecraft(**craft.values(folder)),
                 payload=None if payload is None else Payload(**payload.values(folder)),
                 attached=[
@@ -162,6 +187,20 @@ class RobotSection(Section):
                     for index, part in enumerate(self.attached)
                 ],
             )
+            held = {name: arm.end_effector for name, arm in self.arms.items()
+                    if name not in model.arms and arm.end_effector != self.path_link}  # fmt: skip
+            joints_of_arms(model.description, held, model.moving_joints, {})
+            return model
+
+    def _require_laws(self) -> None:
+        """Raise an InputError if the arm that follows the path has a law of its own."""
+        for name, arm in self.arms.items():
+            if arm.end_effector == self.path_link and arm.law is not None:
+                law = arm.law if isinstance(arm.law, str) else "a law"
+                problem = f"{law} was given, but the arm follows the path"
+                raise InputError(
+                    f"arms.{name}.law", problem, "no such key, or another end_effector"
+                )
 
 
 class RobotFile(Section):

@@ -17,6 +17,7 @@ from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.system import System
 from freefloat.errors import InputError
+from freefloat.io.scenario.arms_section import balance_of, curves_of
 from freefloat.io.scenario.limits_section import limits_of
 from freefloat.io.scenario.path_section import frame_of, path_of
 from freefloat.io.scenario.phase_section import phases_of
@@ -30,6 +31,7 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.samples import samples_text
 from freefloat.paths.timing import TimedPath
+from freefloat.planning.balance_settings import BalanceSettings
 from freefloat.planning.goals.goal import Goal
 from freefloat.planning.objectives.objective import Objective
 from freefloat.planning.objectives.objectives import Weights, objective_of
@@ -80,8 +82,23 @@ class Scenario:
         """The problem that the scenario poses.
 
         Raises:
-            InputError: If it is invalid; it names the file and the key.
+            InputError: If it is invalid, or an arm balances, whose motion ``plan`` has to find; it
+                names the file and the key.
         """
+        balance = self.balance()
+        if balance is not None:
+            with self.error_context():
+                accepted = "held or joints; plan finds the joints of an arm that balances"
+                raise InputError(f"robot.arms.{balance.arm}.law", "balance was given", accepted)
+        return self._problem
+
+    def balance(self) -> BalanceSettings | None:
+        """How an arm balances; None where none does."""
+        with self.error_context():
+            return balance_of(self.content.robot.arms)
+
+    def problem_at_rest(self) -> Problem:
+        """The problem that the scenario poses, an arm that balances at rest at its start."""
         return self._problem
 
     @cached_property
@@ -89,6 +106,7 @@ class Scenario:
         content = self.content
         model = self.model()
         folder = self.source.parent
+        arms = curves_of(content.robot.arms, model, self.source, content.timing.duration)
         if content.goal is not None:
             with self.error_context():
                 problem = "the scenario has a goal in place of a path"
@@ -116,7 +134,7 @@ class Scenario:
             momentum, margin = np.array(content.momentum), Margin(measure, value)
             return Problem(
                 model, timed, content.task, momentum, margin, redundancy, scene=scene,
-                wheel_momentum=np.array(content.wheels.momentum),
+                wheel_momentum=np.array(content.wheels.momentum), arms=arms,
             )  # fmt: skip
 
     def system(self) -> System:
@@ -135,12 +153,15 @@ class Scenario:
         """The goal that the scenario has in place of a path; None where it has a path."""
         with self.error_context():
             section = self.content.goal
-            return None if section is None else section.to_goal(self.model())
+            if section is None:
+                return None
+            self.model().require_one_arm("motions to a goal")
+            return section.to_goal(self.model())
 
     def _largest_magnitude(self, measure: SingularityMeasure) -> float:
         """Largest magnitude of a measure, guaranteed for det A unless the arm is redundant."""
         model, task = self.model(), self.content.task
-        if measure.name == "system" and model.dof == len(task.rows):
+        if measure.name == "system" and not model.arms and model.dof == len(task.rows):
             return guaranteed_magnitude(model, task, measure.name).value
         return largest_magnitude(model, measure)
 
@@ -176,6 +197,8 @@ class Scenario:
         """
         problem = self.problem()
         with self.error_context():
+            if self.content.phases:
+                problem.model.require_one_arm("phases")
             return phases_of(self.content.phases, problem, self.source.parent)
 
     @property

@@ -8,6 +8,7 @@ from typing import Any
 import yaml
 
 from freefloat.dynamics.redundancy import Toward
+from freefloat.io.scenario.arms_section import arms_content
 from freefloat.io.scenario.limits_section import limits_content
 from freefloat.io.scenario.path_section import section_of
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
@@ -41,6 +42,7 @@ def scenario_of(
             "urdf": model.description.source,
             "end_effector": model.end_effector,
             "held": {name: float(value) for name, value in model.fixed_joints.items()},
+            "arms": arms_content(model, problem.arms) or None,
         },
         "path": path,
         "timing": {

@@ -115,6 +115,7 @@ def goal_problem(
 ) -> Problem:
     """A problem whose path, from the end-effector toward the axis of z, is not followed."""
     model = system.model
+    model.require_one_arm("motions to a goal")
     axes = np.array([body.axis for body in model.bodies[1:]])
     planar = model.dof <= 3 and bool(np.abs(axes[:, :2]).max() == 0.0)
     task = Task.PLANAR_POSITION if planar else Task.POSE if model.dof >= 6 else Task.POSITION
@@ -149,6 +150,7 @@ def move_from(
         seed: Seed of the random paths.
         progress: Called with the fraction done, in [0, 1].
     """
+    problem.model.require_one_arm("motions to a goal")
     goal.require_applicable(problem)
     if goal.duration is None and not limits.timed:
         accepted = "a goal.duration, or limits.joint_rate, base_rate or joint_torque"

@@ -63,6 +63,7 @@ def reorient(
     from freefloat.planning.goals.mover import Start, move_from  # compiled kernels
 
     require_problem(problem)
+    problem.model.require_one_arm("reorientations")
     limits = Limits() if limits is None else limits
     begin, end = problem.attitude(start, key="from"), problem.attitude(goal, key="to")
     if angle_between(begin, end) < _SAME:

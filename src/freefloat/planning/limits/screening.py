@@ -75,8 +75,9 @@ def _screened(
     entries = rows.ravel(), branches
     violations = {JointRangeLimit.name: _out_of_range(evaluator.problem, results, entries)}
     rate_ratios, deficits = np.zeros((2, len(attitudes)))
+    arm = slice(evaluator.problem.model.arm_dof)
     if limits.joint_rate is not None:
-        rate_ratios = (results.motions.rates[entries] / limits.joint_rate).max(axis=1)
+        rate_ratios = (results.motions.rates[entries] / limits.joint_rate[arm]).max(axis=1)
     violations[JointRateLimit.name] = rate_ratios > 1.0 + _SLACK
     if limits.clearance is not None and pairs is not None:
         left = ~np.any([*violations.values()], axis=0)
@@ -95,12 +96,12 @@ def _out_of_range(
 ) -> npt.NDArray[np.bool_]:
     """Where no multiple of a full rotation puts a joint's values inside its range, shape (K,)."""
     low, high = results.motions.lower[entries], results.motions.upper[entries]
-    lower, upper = problem.model.joint_ranges
+    lower, upper = problem.chain().joint_ranges
     lower, upper = lower - _SLACK, upper + _SLACK
     with np.errstate(invalid="ignore"):
         fewest, most = np.ceil((lower - low) / tau), np.floor((upper - high) / tau)
     inside = (low >= lower) & (high <= upper)
-    fits = np.where(problem.model.prismatic, inside, fewest <= most)
+    fits = np.where(problem.chain().prismatic, inside, fewest <= most)
     return np.asarray(~fits.all(axis=1))
 
 
@@ -119,14 +120,17 @@ def clearance_deficits(
         [m], one for each entry of the results; zero where the clearance is kept at every instant.
     """
     attitudes, joints = results.attitudes[entries[0]], results.joints[entries]
-    path, every = evaluator.problem.path, np.arange(len(pairs.pairs))
+    problem, every = evaluator.problem, np.arange(len(pairs.pairs))
+    path = problem.path
     deficits = np.zeros(len(joints))
 
     def deficits_at(t: float, attitudes: Array, joints: Array) -> list[float]:
         """Those of states (K, 4), (K, n) at a time."""
         poses = pairs.scene.poses(t, path)
         states = zip(attitudes, joints, strict=True)
-        distances = [pairs.distances(q, every, a, poses).min() for a, q in states]
+        distances = [
+            pairs.distances(problem.all_joints(q, t), every, a, poses).min() for a, q in states
+        ]
         return [max(0.0, clearance - float(distance) - _SLACK) for distance in distances]
 
     deficits[:] = deficits_at(0.0, attitudes, joints)

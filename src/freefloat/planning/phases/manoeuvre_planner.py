@@ -72,6 +72,7 @@ def plan_manoeuvre(
     require_type("search", search, Search, "a Search, such as Search(samples=1024)")
     limits = Limits() if limits is None else limits
     require_problem(problem)
+    problem.model.require_one_arm("phases")
     following = checked_phases(problem, phases)
     present = None
     if reorient:

@@ -21,7 +21,7 @@ def continued(problem: Problem, attitudes: Array, joints: Array) -> Array:
     pose, R0 = problem.path.pose(0.0), Rotation.from_quat(attitudes).as_matrix()
     positions = np.einsum("kji,j->ki", R0, pose.position)
     rotations = np.einsum("kji,jl->kil", R0, pose.rotation)
-    return newton_solutions(problem.model, positions, rotations, problem.task, joints)
+    return newton_solutions(problem.chain(), positions, rotations, problem.task, joints)
 
 
 def continued_motions(

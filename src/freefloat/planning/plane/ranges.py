@@ -142,7 +142,7 @@ def _integrated(problem: Problem, motions: list[_Planned]) -> EnsembleResult:
     columns = list(zip(*motions, strict=True)) or [()] * 4
     headings, joints, starts, ends = (np.array(column, dtype=float) for column in columns)
     return _integrator(problem).integrate(
-        heading_quaternion(headings), joints.reshape(-1, problem.model.dof),
+        heading_quaternion(headings), joints.reshape(-1, problem.model.arm_dof),
         starts=starts, ends=ends,
     )  # fmt: skip
 

@@ -61,7 +61,7 @@ def tolerance(integrator: EnsembleIntegrator, attitude: Array, joints: Array) ->
         slacks = np.column_stack([result.minimum - threshold, values[:, 1] - 1.0])
         return slacks, is_kept(values)
 
-    D, _ = inertia_matrices(problem.model, joints)
+    D, _ = inertia_matrices(problem.chain(), joints)
     limit = float(np.trace(D)) / 3.0 * 2.0 * np.pi / duration
     deviation = _momentum_tolerance(lambda added: regularity(motions(h + added), threshold), limit)
     powers = np.log(_LONGEST) * np.array([-1.0, 1.0])

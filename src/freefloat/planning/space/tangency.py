@@ -147,6 +147,7 @@ def boundary_attitude(problem: Problem, point: TangencyPoint) -> State | None:
 def require_tangency_arm(problem: Problem) -> None:
     """Raise an InputError unless the task and arm suit :func:`tangency_points`."""
     arm = "six revolute joints, the second and third parallel, the last three intersecting"
+    problem.model.require_one_arm("tangency points")
     if problem.task is not Task.POSE:
         raise InputError(
             "task", f"{problem.task} has no tangency points in space",

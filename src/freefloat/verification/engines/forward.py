@@ -79,7 +79,7 @@ class Reference:
         first, last = known_span(motion)
         required_steps = max(
             _STEPS_PER_RADIAN * displacements(motion).sum(),
-            _STEPS_PER_SEGMENT * len(motion.problem.path.breaks),
+            _STEPS_PER_SEGMENT * len(motion.problem.breaks),
         )
         steps = steps or int(np.clip(required_steps, _STEPS, _MAX_STEPS))
         nodes = np.linspace(first, last, round(_SPLINE * steps) + 1)

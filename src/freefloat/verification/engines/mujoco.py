@@ -61,7 +61,7 @@ def inverse_run(motion: Motion, engine: Engine) -> InverseRun:
     """Inverse dynamics of the recorded positions, differentiated twice."""
     first, last = known_span(motion)
     problem, window = motion.problem, _window(motion, first, last)
-    reach = VirtualManipulator.of(problem.model).reach
+    reach = VirtualManipulator.of(problem.chain()).reach
     rows = []
     for t, half in _instants(motion, first, last, window):
         wrench, torque = engine.inverse(*_differentiated(motion, t, half))
@@ -94,7 +94,7 @@ def _instants(
     Accelerations, or their slopes, jump where segments of the time law or of the path meet; an
     instant keeps to one segment.
     """
-    breaks = motion.problem.path.breaks
+    breaks = motion.problem.breaks
     edges = np.array([first, *breaks[(breaks > first) & (breaks < last)], last])
     instants = []
     for t in np.linspace(first, last, _INSTANTS).tolist():

@@ -240,7 +240,26 @@ def _urdf_without_shapes(model: FreeFloatingModel) -> str:
             joint.remove(friction)
         if joint.get("name") not in model.joint_names:
             _fix(joint, float(model.fixed_joints.get(joint.get("name", ""), 0.0)))
+    if model.arms:
+        _order(robot, model)
     return ET.tostring(robot, encoding="unicode")
+
+
+def _order(robot: ET.Element, model: FreeFloatingModel) -> None:
+    """Put the joints into the order of the moving joints to which they lead.
+
+    MuJoCo numbers joints depth first; so those of one arm follow those of another.
+    """
+    first: dict[str, int] = {}
+    for number, joint in reversed([*enumerate(model.moving_joints)]):
+        link = joint.child
+        while link in model.description.parent_joints:
+            carrier = model.description.parent_joints[link]
+            first[carrier.name], link = number, carrier.parent
+    elements = robot.findall("joint")
+    for element in elements:
+        robot.remove(element)
+    robot.extend(sorted(elements, key=lambda entry: first.get(entry.get("name", ""), model.dof)))
 
 
 def _fix(joint: ET.Element, value: float) -> None:

@@ -28,7 +28,7 @@ from freefloat.planning.plane.heading_search import sample_headings
 from freefloat.planning.simulation import Simulation, simulate
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.singularities.planar_regions import has_two_angle_form
-from freefloat.singularities.regions import workspace_regions
+from freefloat.singularities.regions import Workspace, workspace_regions
 from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.so3 import heading_of, heading_quaternion
 from freefloat.visualization.figure_style import Figures, styled
@@ -108,9 +108,14 @@ def _motion_figures(
     motion: Motion, threads: int | None, progress: Progress | None
 ) -> dict[str, Figure]:
     drawn = with_drawn_path(motion)
-    areas = workspace_regions(drawn.problem)
+    areas = _areas(drawn.problem)
     closest = closest_approach(drawn, drawn.problem.margin.measure)
     return {"snapshots": snapshots_figure(drawn, areas)} | motion_figures(drawn, closest)
+
+
+def _areas(problem: Problem) -> Workspace | None:
+    """Reach and areas of a robot; None where further arms move, with which they change."""
+    return None if problem.arms else workspace_regions(problem)
 
 
 def _simulation_figures(
@@ -168,8 +173,8 @@ def _map_figures(
 
 def _plan_figures(plan: Plan, threads: int | None, progress: Progress | None) -> dict[str, Figure]:
     problem, chosen = plan.problem, plan.chosen
-    areas = workspace_regions(problem)
-    drawn = {"workspace": workspace_figure(problem, areas)}
+    areas = _areas(problem)
+    drawn = {} if areas is None else {"workspace": workspace_figure(problem, areas)}
     marks = []
     heading = None
     if chosen is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -61,10 +62,12 @@ class Outline:
     Attributes:
         spacecraft: Corners of the box [m], z changing fastest, then y, shape (8, 3).
         arm: Mount on the box, joints, end-effector [m], shape (n + 2, 3).
+        others: Joints of each further arm that moves [m], shape (n, 3).
     """
 
     spacecraft: Array
     arm: Array
+    others: tuple[Array, ...] = ()
 
 
 def outlines(motion: Motion, times: npt.ArrayLike) -> list[Outline]:
@@ -79,10 +82,16 @@ def outlines(motion: Motion, times: npt.ArrayLike) -> list[Outline]:
     fractions = edges @ (model.bodies[1].placement.position - box[0]) / (edges**2).sum(axis=1)
     mount = box[0] + np.clip(fractions, 0.0, 1.0) @ edges  # point nearest to the first joint
     positions, rotations = body_poses(motion, motion.coordinates_at(times))
+    arm = [*range(1, model.arm_dof + 1), -1]
+    starts = [k for k, body in enumerate(model.bodies) if k > model.arm_dof and body.parent == 0]
+    others = [slice(*ends) for ends in pairwise([*starts, len(model.bodies)])]
     return [
-        Outline(base + box @ R.T, np.vstack([base + R @ mount, arm]))
-        for (base, *arm), R in zip(positions, rotations[:, 0], strict=True)
-    ]
+        Outline(
+            points[0] + box @ R.T, np.vstack([points[0] + R @ mount, points[arm]]),
+            tuple(points[other] for other in others),
+        )
+        for points, R in zip(positions, rotations[:, 0], strict=True)
+    ]  # fmt: skip
 
 
 @styled
@@ -160,7 +169,9 @@ def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figu
         axes.set_title(f"{digits(time)} s", y=1.0)
     _mark_singular(views[-1], motion, 3)
     bodies = np.array([[robot.spacecraft.mean(axis=0), *robot.arm[1:]] for robot in robots])
-    points = np.vstack([np.vstack([robot.spacecraft, robot.arm]) for robot in robots])
+    points = np.vstack([
+        points for robot in robots for points in (robot.spacecraft, robot.arm, *robot.others)
+    ])  # fmt: skip
     others = [p for time in times for _, p in outline_points(motion.problem, float(time))]
     points = np.vstack([points, *others])
     eye = view_direction([bodies], [np.mean(other, axis=0) for other in others])
@@ -186,7 +197,8 @@ def draw_snapshots(axes: Any, motion: Motion, workspace: Workspace | None) -> No
         corners = robots[k].spacecraft[_FROM_ABOVE, :2]
         axes.add_patch(Polygon(corners, closed=True, fill=False, edgecolor=shades[k]))
     for robot, shade in zip(robots, shades, strict=True):
-        _draw_arm(axes, robot.arm[:, :2], shade)
+        for points in (robot.arm, *robot.others):
+            _draw_arm(axes, points[:, :2], shade)
     _mark_singular(axes, motion, 2)
 
 
@@ -244,7 +256,8 @@ def _draw_in_space(axes: Any, problem: Problem, robot: Outline) -> None:
     faces = robot.spacecraft[_FACES]
     style = {"facecolors": _DEPENDENT, "edgecolors": GREY, "linewidths": 0.6, "alpha": 0.45}
     axes.add_collection3d(Poly3DCollection(faces, **style))
-    _draw_arm(axes, robot.arm, BLACK)
+    for points in (robot.arm, *robot.others):
+        _draw_arm(axes, points, BLACK)
 
 
 def _set_equal_cubes(views: Any, points: Array, eye: Array) -> None:

@@ -36,7 +36,7 @@ _AROUND = 64
 
 def thickness(problem: Problem) -> float:
     """Return the radius of lines [m]."""
-    return 0.006 * VirtualManipulator.of(problem.model).reach
+    return 0.006 * VirtualManipulator.of(problem.chain()).reach
 
 
 def draw_path(builder: SceneBuilder, root: str, problem: Problem) -> list[Label]:

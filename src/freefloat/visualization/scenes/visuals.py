@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -63,7 +64,7 @@ def body_poses(motion: Motion, parameters: Array) -> tuple[Array, Array]:
     model = motion.problem.model
     _, attitudes, joints = motion.evaluate(parameters)
     poses = [model.body_poses(a, q) for a, q in zip(attitudes, joints, strict=True)]
-    poses = [(*row, row[-1] @ model.tool) for row in poses]
+    poses = [(*row, row[model.arm_dof] @ model.tool) for row in poses]
     positions = np.array([[pose.position for pose in row] for row in poses])
     return positions, np.array([[pose.rotation for pose in row] for row in poses])
 
@@ -160,8 +161,11 @@ def _default_visuals(
     The spacecraft becomes the uniform box of its mass and inertia, an arm body a cylinder about
     its joint axis; a rod connects either with the next joint.
     """
-    ends = [*(body.placement.position for body in model.bodies[1:]), model.tool.position]
-    size = float(sum(np.linalg.norm(end) for end in ends[1:])) or 1.0
+    ends: list[list[Array]] = [[] for _ in model.bodies]
+    for body in model.bodies[1:]:
+        ends[body.parent].append(body.placement.position)
+    ends[model.arm_dof].append(model.tool.position)
+    size = float(sum(np.linalg.norm(end) for end in itertools.chain(*ends[1:]))) or 1.0
     for index, (body, name) in enumerate(zip(model.bodies, model.body_names, strict=True)):
         if index in drawn:
             continue
@@ -175,11 +179,11 @@ def _default_visuals(
             hub = Cylinder(_HUB * size, 2.5 * _HUB * size)
             yield Visual(f"{name} joint", index, _along(np.zeros(3), body.axis), hub, _JOINT)
             start = np.zeros(3)
-        step = ends[index] - start
-        length = float(np.linalg.norm(step))
-        if length > _ROD * size:
-            rod = Cylinder(_ROD * size, length)
-            yield Visual(name, index, _along(start + step / 2.0, step), rod, _LINK)
+        for step in (end - start for end in ends[index]):
+            length = float(np.linalg.norm(step))
+            if length > _ROD * size:
+                rod = Cylinder(_ROD * size, length)
+                yield Visual(name, index, _along(start + step / 2.0, step), rod, _LINK)
 
 
 def _along(position: Array, direction: Array) -> Pose:

@@ -1,0 +1,181 @@
+"""The key ``robot.arms`` of scenario files: further arms, and what moves them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+from scipy.interpolate import CubicSpline
+
+from freefloat.errors import InputError, finite_vector
+from freefloat.io.hdf5 import read_hdf5
+from freefloat.io.scenario.field_types import Name, Number, Section, Seed
+from freefloat.io.scenario.yaml import error_context, file_keys
+from freefloat.motion.arm_curves import ArmCurve, ArmCurves
+from freefloat.planning.balance_settings import BalanceSettings
+from freefloat.records import Tree
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array
+
+_SAMPLES = 101
+"""Waypoints of the joints of a saved motion."""
+_SAVED = "a motion file of freefloat (-o)"
+
+Waypoints = Annotated[list[list[Number]], Field(min_length=2, max_length=10_000)]
+
+
+class JointsLaw(Section):
+    """The arm's joints are prescribed."""
+
+    joints: Name | Waypoints
+    """Waypoints, each with a value for each joint [rad, m], on a spline from rest to rest; or a
+    file with a motion of these joints, relative to the scenario file."""
+    times: list[Number] | None = None
+    """Times of the waypoints [s], rising from 0 to the duration; equal intervals when left out."""
+
+    def to_curve(
+        self, key: str, joints: tuple[str, ...], folder: Path, duration: float
+    ) -> ArmCurve:
+        """The curve of joints with these names along a path of a duration [s]."""
+        if isinstance(self.joints, str):
+            if self.times is not None:
+                problem = "it is given for the joints of a file, which have times"
+                raise InputError(f"{key}.times", problem, "no such key, or waypoints")
+            with file_keys(waypoints=f"{key}.joints", times=f"{key}.joints"):
+                return _saved_curve(folder / self.joints, f"{key}.joints", joints)
+        for number, point in enumerate(self.joints):
+            if len(point) != len(joints):
+                problem = f"{len(point)} values were given"
+                raise InputError(
+                    f"{key}.joints.{number}", problem, f"one of each: {', '.join(joints)}"
+                )
+        with file_keys(waypoints=f"{key}.joints", times=f"{key}.times"):
+            if self.times is None:
+                return ArmCurve.evenly(self.joints, duration)
+            return ArmCurve(np.array(self.joints), np.array(self.times))
+
+
+class BalanceSection(Section):
+    """How an arm balances."""
+
+    axes: Literal["xyz", "xy", "yz", "zx"] = "xyz"
+    """Spacecraft axes about which the attitude is kept; about the one left out it may turn."""
+    start: list[Number] | None = None
+    """Joint values with which the arm begins [rad, m]; zero when left out."""
+    starts: Annotated[int, Field(strict=True, ge=1, le=1000)] = 8
+    """Number of configurations with which it may begin that are tried: ``start`` and others."""
+    seed: Seed = 0
+    """Seed of the others."""
+
+
+class BalanceLaw(Section):
+    """The arm keeps the attitude of the spacecraft."""
+
+    balance: BalanceSection
+    """Which axes are balanced, and from where."""
+
+
+class ArmSection(Section):
+    """An arm beside others."""
+
+    end_effector: Name
+    """Its last link."""
+    law: Literal["held", "balance"] | JointsLaw | BalanceLaw | None = None
+    """What moves it: ``held``, the default, nothing: its joints keep the values of ``robot.held``,
+    or zero; ``{joints: ...}``, a joint curve; ``balance`` or ``{balance: ...}``, the one that keeps
+    the spacecraft's attitude, which ``plan`` finds. The arm that follows the path has no law."""
+
+    @property
+    def balancing(self) -> BalanceSection | None:
+        """How it balances; None where it does not."""
+        if self.law == "balance":
+            return BalanceSection()
+        return self.law.balance if isinstance(self.law, BalanceLaw) else None
+
+
+def moving_arms(arms: Mapping[str, ArmSection]) -> dict[str, str]:
+    """End-effector links of the arms that move beside the one on the path, by name."""
+    return {name: arm.end_effector for name, arm in arms.items() if arm.law not in (None, "held")}
+
+
+def balance_of(arms: Mapping[str, ArmSection]) -> BalanceSettings | None:
+    """How an arm balances; None where none does.
+
+    Raises:
+        InputError: If two arms do.
+    """
+    sections = {name: arm.balancing for name, arm in arms.items()}
+    balancing = [
+        BalanceSettings(name, section.axes, section.starts, section.seed)
+        for name, section in sections.items() if section is not None
+    ]  # fmt: skip
+    if len(balancing) > 1:
+        key, problem = f"robot.arms.{balancing[1].arm}.law", "balance was given for two arms"
+        raise InputError(key, problem, "held or joints for all but one")
+    return balancing[0] if balancing else None
+
+
+def curves_of(
+    arms: Mapping[str, ArmSection], model: FreeFloatingModel, scenario: Path, duration: float
+) -> ArmCurves:
+    """The joint curves of a robot's arms along a path of a duration [s].
+
+    An arm that balances rests at its start.
+
+    Raises:
+        InputError: If a curve is invalid; it names the scenario file and the key.
+    """
+    curves = {}
+    with error_context(scenario):
+        for name in model.arms:
+            law, key = arms[name].law, f"robot.arms.{name}.law"
+            if isinstance(law, JointsLaw):
+                joints = model.joints_of_arm(name)
+                curves[name] = law.to_curve(key, joints, scenario.parent, duration)
+            section = arms[name].balancing
+            if section is not None:
+                count = len(model.joints_of_arm(name))
+                values = np.zeros(count) if section.start is None else section.start
+                start = finite_vector(f"{key}.balance.start", values, count)
+                curves[name] = ArmCurve.evenly(np.array([start, start]), duration)
+    return ArmCurves(curves)
+
+
+def arms_content(model: FreeFloatingModel, curves: ArmCurves) -> dict[str, Any]:
+    """The content of the key for arms that move along joint curves."""
+    return {
+        name: {
+            "end_effector": model.arms[name],
+            "law": {"joints": curve.waypoints.tolist(), "times": curve.times.tolist()},
+        }
+        for name, curve in curves.curves.items()
+    }
+
+
+def _saved_curve(path: Path, key: str, joints: tuple[str, ...]) -> ArmCurve:
+    """Joints of a saved motion, by name."""
+    try:
+        tree = read_hdf5(path, _SAVED)
+    except InputError as error:
+        raise InputError(key, f"{path}: {error.problem}", error.accepted) from None
+    times, values = next(_motions(tree), (np.zeros(0), np.zeros((0, 0))))
+    names = [str(name) for name in getattr(tree.get("joint_names"), "values", np.zeros(0))]
+    missing = [joint for joint in joints if joint not in names]
+    if missing or len(times) < 2 or not (np.diff(times) > 0.0).all():
+        problem = f"{path} has no motion of {', '.join(missing or joints)}"
+        raise InputError(key, problem, _SAVED)
+    spline = CubicSpline(times, values[:, [names.index(joint) for joint in joints]])
+    instants = np.linspace(0.0, float(times[-1]), _SAMPLES)
+    return ArmCurve(spline(instants), instants)
+
+
+def _motions(tree: Tree) -> Iterator[tuple[Array, Array]]:
+    """Times and joints of the motions in a tree of a result, the outermost first."""
+    if "times" in tree and "joints" in tree and "attitudes" in tree:
+        yield tree["times"].values, tree["joints"].values
+    for part in tree.values():
+        if isinstance(part, dict):
+            yield from _motions(part)

@@ -1,0 +1,234 @@
+"""Motions of robots with a second arm on a joint curve."""
+
+from __future__ import annotations
+
+import copy
+import json
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import freefloat as ff
+from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.limits.limits import Limits
+from freefloat.limits.pairs import CollisionPairs
+from freefloat.robot.mjcf_writer import robot_mjcf
+from freefloat.so3 import angle_between
+from freefloat.verification.engines.mujoco import forward_run
+from freefloat.verification.engines.mujoco_model import Engine, engine_module
+from tests.commands import document, error
+from tests.errors import error_key
+from tests.two_arms import own_motion, random_case, tip_errors
+
+WAYPOINTS = [[0.3, 0.4], [0.9, -0.6], [-0.5, 1.2]]
+ARM = {"end_effector": "left_end_effector", "law": {"joints": WAYPOINTS}}
+PLANAR = {
+    "robot": {
+        "urdf": "planar_2dof",
+        "end_effector": "right",
+        "attached": [{
+            "urdf": "planar_2dof", "prefix": "left_",
+            "mount": {"xyz": [0.1, 0.0, 0.0], "rpy": [0.0, 0.0, np.pi]},
+        }],
+        "arms": {"right": {"end_effector": "end_effector"}, "left": ARM},
+    },
+    "task": "planar-position",
+    "momentum": [0.0, 0.0, 1.5],
+    "path": {"line": {"from": [0.9, 0.2, 0.0], "to": [0.6, 0.7, 0.0]}},
+    "timing": {"duration": 20.0},
+    "margin": {"measure": "gjm", "value": 0.85},
+    "search": {"objective": "robust"},
+}  # fmt: skip
+
+
+def changed(*keys, value):
+    """The planar scenario with another value."""
+    scenario = copy.deepcopy(PLANAR)
+    place = scenario
+    for key in keys[:-1]:
+        place = place[key]
+    place[keys[-1]] = value
+    return scenario
+
+
+@pytest.fixture
+def problem():
+    return ff.load_scenario(PLANAR).problem()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [4, 17])  # position with a redundant arm, pose, both loaded
+def test_motions_agree_with_an_integration_of_our_own_and_with_mujoco(seed):
+    case = random_case(np.random.default_rng(seed))
+    problem, n = case.problem, case.problem.model.arm_dof
+    motion = ff.integrate_motion(problem, case.attitude, case.joints)
+    assert motion.completed
+    attitude, joints = own_motion(case)
+    np.testing.assert_allclose(motion.final.joints[:n], joints, atol=1e-8)
+    assert angle_between(motion.final.attitude, attitude) < 1e-8
+    assert max(tip_errors(case, motion)) < 1e-9
+    assert forward_run(motion, Engine(problem.system), steps=4000).attitude < 1e-5
+    states = case.attitude[None], case.joints[None]
+    ensemble = EnsembleIntegrator(problem, 1, tolerance=1e-10).integrate(*states)
+    np.testing.assert_allclose(ensemble.joints[0], joints, atol=1e-7)
+    back = ff.integrate_motion(problem, attitude, joints, start=problem.path.duration, end=0.0)
+    np.testing.assert_allclose(back.final.joints[:n], case.joints, atol=1e-7)
+    forces = motion.law.effort(7.0, *(getattr(motion.sample(7.0)[0], key) for key in
+                                      ("attitude", "joints")))  # fmt: skip
+    assert np.abs(forces.base_wrench).max() < 1e-9 * np.abs(forces.joint_torques).max()
+
+
+def test_measures_are_those_of_the_robot_with_the_other_arm_fixed():
+    case = random_case(np.random.default_rng(3))
+    model, task = case.problem.model, case.problem.task
+    q = np.random.default_rng(0).uniform(-2.0, 2.0, model.dof)
+    fixed, own = model.with_arms_at(q[model.arm_dof :]), q[: model.arm_dof]
+    S = ff.generalized_jacobian(model, q, task)
+    np.testing.assert_allclose(S, ff.generalized_jacobian(fixed, own, task), rtol=0, atol=1e-13)
+    for name in ("gjm", "system"):
+        value = ff.singularity_measure(model, task, name)(q)
+        assert value == pytest.approx(ff.singularity_measure(fixed, task, name)(own), rel=1e-10)
+
+
+def test_a_momentum_free_motion_keeps_its_shape_at_another_speed(problem):
+    still = problem.replace(momentum=np.zeros(3))
+    attitude = [0.0, 0.0, 0.0, 1.0]
+    joints = still.branches(attitude)[0].joints
+    motions = [ff.integrate_motion(p, attitude, joints) for p in (still, still.stretched(3.0))]
+    np.testing.assert_allclose(motions[0].final.attitude, motions[1].final.attitude, atol=1e-9)
+    assert motions[1].final.time == 60.0
+
+
+def test_plans_are_saved_loaded_and_checked(tmp_path, problem):
+    plan = ff.plan(problem, ff.Search("robust"), Limits(joint_rate=[1.0] * 4))
+    assert plan.feasible
+    widths = [part.width for entry in plan.ranges for part in entry.ranges]
+    assert 0.5 < min(widths) < max(widths) < 2.0
+    ff.save(plan, tmp_path / "plan.h5")
+    loaded = ff.load(tmp_path / "plan.h5")
+    assert loaded.problem.model.joint_names[2:] == ("left_q1", "left_q2")
+    assert ff.check(loaded, "mujoco").passed
+    assert {result.where for result in loaded.limit_results} & {"left_q1", "left_q2"}
+    times = np.linspace(0.0, 20.0, 41)
+    left = np.array([state.joints[2:] for state in loaded.chosen.motion.sample(times)])
+    np.testing.assert_allclose(left, problem.arms.at(times), atol=1e-9)
+    # what one motion of this arm does, another one may take from its file
+    drawn = document("simulate", _written(tmp_path, _saved(tmp_path, "plan.h5")), "--heading", 190)
+    assert drawn["final"]["joints"][2:] == pytest.approx(WAYPOINTS[-1], abs=1e-6)
+
+
+def _saved(folder, name):
+    law = {"joints": str(folder / name)}
+    return changed("robot", "arms", "left", "law", value=law)
+
+
+def _written(folder, scenario):
+    (folder / "scenario.yaml").write_text(json.dumps(scenario))
+    return folder / "scenario.yaml"
+
+
+def test_an_altered_joint_of_the_other_arm_is_found(problem):
+    simulation = ff.simulate(problem, heading=np.radians(190.0))
+    motion = simulation.chosen.motion
+    joints = motion.joints.copy()
+    joints[:, 3] += 1e-4 * np.sin(np.linspace(0.0, np.pi, len(joints)))
+    altered = type(motion)(motion.problem, motion.ending, motion.times, motion.attitudes, joints)
+    report = ff.check(_with_motion(simulation, altered))
+    assert not report.passed
+
+
+def _with_motion(simulation, motion):
+    chosen = replace(simulation.chosen, motion=motion)
+    return replace(simulation, branches=(chosen,), chosen=chosen)
+
+
+def test_a_held_arm_is_part_of_the_spacecraft():
+    held = changed("robot", "arms", "left", "law", value="held")
+    held["robot"]["held"] = {"left_q1": 0.3, "left_q2": 0.4}
+    problem, moving = ff.load_scenario(held).problem(), ff.load_scenario(PLANAR).problem()
+    assert problem.model.dof == 2
+    chain = moving.chain()
+    heading = [0.0, 0.0, 0.0, 1.0]
+    np.testing.assert_allclose(
+        [b.joints for b in problem.branches(heading)], [b.joints for b in moving.branches(heading)]
+    )
+    assert chain.bodies[0].mass == pytest.approx(problem.model.bodies[0].mass)
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "key"),
+    [
+        (("robot", "arms", "left", "end_effector"), "lef", "robot.arms.left.end_effector"),
+        (("robot", "arms", "left", "end_effector"), "link_1", "robot.arms.left.end_effector"),
+        (("robot", "arms", "right", "law"), "held", "robot.arms.right.law"),
+        (("robot", "arms", "left", "law"), {"joints": [[1.0], [2.0]]},
+         "robot.arms.left.law.joints.0"),
+        (("robot", "arms", "left", "law"), {"joints": "none.h5"}, "robot.arms.left.law.joints"),
+        (("robot", "arms", "left", "law"), {"joints": WAYPOINTS, "times": [0.0, 5.0, 30.0]},
+         "robot.arms.left.law.times"),
+        (("robot", "arms", "left", "law"), {"joints": WAYPOINTS, "times": [0.0, 20.0]},
+         "robot.arms.left.law.times"),
+        (("margin",), {"measure": "arm", "value": 1.0}, "margin.measure"),
+        (("timing", "law"), "optimal", "robot.arms"),
+        (("phases",), [{"joints": [0.1, 0.2], "duration": 10}], "robot.arms"),
+    ],
+)  # fmt: skip
+def test_errors_name_the_key(tmp_path, keys, value, key):
+    scenario = changed(*keys, value=value)
+    scenario["limits"] = {"joint_rate": 1.0}
+    assert error("plan", _written(tmp_path, scenario))["key"] == key
+
+
+def test_what_needs_one_moving_arm_refuses_others(tmp_path, problem):
+    model, joints = problem.model, [0.5, 1.0, 0.3, 0.4]
+    system = problem.system
+    for call, *arguments in (
+        (ff.workspace_regions, problem),
+        (ff.singularity_map, model, "planar-position"),
+        (ff.distance_to_singularity, model, joints, "planar-position"),
+        (ff.hold_attitude, problem, [0.0, 0.0, 0.0, 1.0]),
+        (ff.reorient, problem, [0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.1, 0.995]),
+        (ff.move, system, ([0.0, 0.0, 0.0, 1.0], joints), ff.Goal(joints=joints), Limits()),
+        (ff.capture, system, ff.Client(1.0, [1.0] * 3), [0.0, 0.0, 0.0, 1.0], joints, [0.0] * 4),
+        (ff.plan_manoeuvre, problem),
+        (ff.track, ff.simulate(problem, heading=3.3)),
+    ):
+        try:
+            key = error_key(call, *arguments)
+        except ff.InputError:
+            key = ""
+        assert key == "robot.arms", call
+    varied = {"headings": [3.3], "scale_mass": {"link_1": [1.1]}}
+    assert error_key(ff.simulate_many, problem, **varied) == "robot.arms"
+
+
+def test_distances_between_arms_change_no_faster_than_their_levers():
+    rng = np.random.default_rng(2)
+    text = ff.load_scenario(PLANAR).model().description.text
+    model = ff.FreeFloatingModel.from_urdf(text, "end_effector", arms={"left": "left_end_effector"})
+    pairs = CollisionPairs(model)
+    levers, numbers = pairs.levers(np.zeros(4)), np.arange(len(pairs.pairs))
+    across = [k for k in numbers if sum(name.startswith("left") for name in pairs.links(k)) == 1]
+    assert levers[across].all(axis=1).any()  # joints of both arms move some of these
+    for q in rng.uniform(-3.0, 3.0, (20, 4)):
+        for step in 1e-3 * np.eye(4):
+            change = np.abs(pairs.distances(q + step, numbers) - pairs.distances(q, numbers))
+            assert (change <= levers @ step + 1e-9).all()
+
+
+def test_mjcf_has_both_arms_where_they_are():
+    mujoco = engine_module()
+    case = random_case(np.random.default_rng(5))
+    model = case.problem.model
+    simulated = mujoco.MjModel.from_xml_string(ET.tostring(robot_mjcf(model), encoding="unicode"))
+    data, q = mujoco.MjData(simulated), np.random.default_rng(1).uniform(-1.0, 1.0, model.dof)
+    attitude = Rotation.random(rng=np.random.default_rng(2)).as_quat()
+    data.qpos[:] = [*model.base_position(attitude, q), *np.roll(attitude, 1), *q]
+    mujoco.mj_kinematics(simulated, data)
+    for name, pose in zip(model.body_names, model.body_poses(attitude, q), strict=True):
+        np.testing.assert_allclose(data.body(name).xpos, pose.position, atol=1e-12)
+    tip = model.end_effector_pose(attitude, q).position
+    np.testing.assert_allclose(data.site("end_effector").xpos, tip, atol=1e-12)

@@ -1,0 +1,122 @@
+"""Arms that keep the spacecraft's attitude while another arm works."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import freefloat as ff
+from freefloat.robot.names import find_robot
+from freefloat.robot.parts import Attachment, Mount
+from tests.commands import document, error
+from tests.errors import error_key
+from tests.motion.test_two_arms import PLANAR, _written, changed
+
+RATE, DURATION = 0.5, 20.0
+
+
+def balancing(settings):
+    scenario = changed("robot", "arms", "left", "law", value=settings)
+    scenario = copy.deepcopy(scenario)
+    scenario |= {"momentum": [0.0, 0.0, 0.0], "margin": {"measure": "gjm", "value": 0.1}}
+    return scenario | {"limits": {"joint_rate": 1.0}}
+
+
+@pytest.fixture(scope="module")
+def two_ur5():
+    urdf = find_robot("example-robot-data:ur5", Path())
+    mounts = [Mount([0.5, side, 0.0], [0.0, np.pi / 2.0, 0.0]) for side in (-0.35, 0.35)]
+    craft = ff.Spacecraft(300.0, 50.0 * np.eye(3), mount=mounts[0])
+    return ff.FreeFloatingModel.from_urdf(
+        urdf, "tool0", spacecraft=craft, attached=[Attachment(urdf, None, mounts[1], "left_")],
+        arms={"left": "left_tool0"},
+    )  # fmt: skip
+
+
+def line(model, rng):
+    """A line of half a metre in 20 s, from a random posture of both arms."""
+    joints, other, direction = (
+        rng.uniform(-2.0, 2.0, 6),
+        rng.uniform(-2.0, 2.0, 6),
+        rng.normal(size=3),
+    )
+    pose = model.end_effector_pose([0.0, 0.0, 0.0, 1.0], np.concatenate([joints, other]))
+    end = pose.position + 0.5 * direction / np.linalg.norm(direction)
+    curve = ff.paths.PolynomialCurve.line(pose.position, end)
+    path = ff.EndEffectorPath(curve, ff.paths.FixedOrientation(pose.rotation))
+    arms = ff.ArmCurves({"left": ff.ArmCurve([other, other], [0.0, DURATION])})
+    margin = ff.Margin(ff.singularity_measure(model, "pose", "gjm"), 0.0)
+    timed = ff.TimedPath(path, ff.Timing(DURATION))
+    return ff.Problem(model, timed, "pose", np.zeros(3), margin, arms=arms), joints
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("axes", "seed"), [("xyz", 4), ("zx", 10)])
+def test_the_spacecraft_keeps_its_attitude(two_ur5, axes, seed):
+    problem, joints = line(two_ur5, np.random.default_rng(seed))
+    limits = ff.Limits(joint_rate=np.full(12, RATE))
+    settings = ff.BalanceSettings("left", axes, starts=4)
+    found = ff.balance(problem, [0.0, 0.0, 0.0, 1.0], joints, settings, limits)
+    assert found.held_turn > np.radians(0.3)
+    assert found.ratio < (0.1 if axes == "xyz" else 0.03)
+    assert min(found.tried) == pytest.approx(found.ratio, abs=0.01)
+    times = np.linspace(0.0, DURATION, 401)
+    assert np.abs(found.curve.at(times, 1)).max() < RATE
+    assert np.abs(found.curve.at(times)).max() < 2.0 * np.pi
+    motion = ff.integrate_motion(
+        problem.replace(arms=ff.ArmCurves({"left": found.curve})), [0.0, 0.0, 0.0, 1.0],
+        _nearest(problem, found, joints),
+    )  # fmt: skip
+    turns = Rotation.from_quat(motion.attitudes)
+    if axes == "xyz":
+        assert turns.magnitude().max() == pytest.approx(found.turn, rel=1e-6)
+    else:  # the axis that is not balanced keeps its direction
+        assert np.arccos(turns.apply([0.0, 1.0, 0.0])[:, 1]).max() == pytest.approx(
+            found.turn, rel=1e-3
+        )
+
+
+def _nearest(problem, found, joints):
+    balanced = problem.replace(arms=ff.ArmCurves({"left": found.curve}))
+    branches = balanced.branches([0.0, 0.0, 0.0, 1.0])
+    return min((b.joints for b in branches), key=lambda q: problem.model.joint_distance(q, joints))
+
+
+def test_a_plan_while_an_arm_balances_is_saved_and_checked(tmp_path):
+    law = {"balance": {"start": [0.5, 1.0], "starts": 1}}
+    file = _written(tmp_path, balancing(law))
+    planned = document("plan", file, "-o", tmp_path / "plan.h5")
+    assert planned["feasible"]
+    assert planned["balance"]["ratio"] < 0.05
+    final = Rotation.from_quat(planned["final"]["attitude"])
+    turn = (Rotation.from_quat(planned["initial"]["attitude"]).inv() * final).magnitude()
+    assert np.degrees(turn) <= planned["balance"]["turn_deg"] * (1.0 + 1e-9)
+    assert document("check", tmp_path / "plan.h5")["proved"]
+    assert ff.load(tmp_path / "plan.h5").problem.arms.curves["left"].waypoints.shape == (65, 2)
+
+
+@pytest.mark.parametrize(
+    ("law", "command", "key"),
+    [
+        ("balance", ("simulate", "--heading", 20), "robot.arms.left.law"),
+        ("balance", ("map",), "robot.arms.left.law"),
+        ("balance", ("plan", "--stretch"), "stretch"),
+        ({"balance": {"axes": "z"}}, ("plan",), "robot.arms.left.law.balance.axes"),
+        ({"balance": {"start": [1.0]}}, ("plan",), "robot.arms.left.law.balance.start"),
+        ({"balance": {"starts": 0}}, ("plan",), "robot.arms.left.law.balance.starts"),
+    ],
+)
+def test_errors_name_the_key(tmp_path, law, command, key):
+    word, *options = command
+    assert error(word, _written(tmp_path, balancing(law)), *options)["key"] == key
+
+
+def test_an_arm_without_rates_or_of_another_name_is_refused(two_ur5):
+    problem = ff.load_scenario(PLANAR).problem()
+    start = [0.0, 0.0, 0.0, 1.0], [0.5, 1.0]
+    for name, key in (("right", "balance.arm"), ("left", "limits.joint_rate")):
+        assert error_key(ff.balance, problem, *start, ff.BalanceSettings(name)) == key

@@ -1,0 +1,157 @@
+"""Random robots with two arms, and their motions by an integration of our own.
+
+One arm follows a line, the other a joint curve. The robot is read by Pinocchio's own URDF reader,
+equation (4) is solved by pseudoinverses, and SciPy integrates it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
+
+import freefloat as ff
+from freefloat.motion.motion import Motion
+from tests.robots import Robot, random_robot
+
+DURATION = 20.0
+ROWS = {"pose": slice(0, 6), "position": slice(0, 3)}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A problem with two arms, a state at its start, and what an integration needs of both."""
+
+    robot: Robot
+    problem: ff.Problem
+    attitude: np.ndarray
+    joints: np.ndarray
+    line: tuple[np.ndarray, np.ndarray]
+
+    @property
+    def other_end(self) -> str:
+        """Last link of the other arm."""
+        return self.problem.model.arms["other"]
+
+
+def random_case(rng: np.random.Generator) -> Case:
+    """A case with 4 to 14 joints, a fifth of them prismatic; half of the cases have momenta."""
+    task = str(rng.choice(["pose", "position"]))
+    count = int(rng.integers(6, 9) if task == "pose" else rng.integers(3, 7))
+    other = int(rng.integers(1, min(7, 15 - count)))
+
+    def structure(number: int) -> str:
+        return "".join(rng.choice([*"RRCCP"], number))
+
+    robot = random_robot(rng, structure(count), structure(other), on_bus=True)
+    last = f"link_{robot.others[-1].removeprefix('joint_')}"
+    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector, arms={"other": last})
+    times = np.array([0.0, *np.sort(rng.uniform(0.2, 0.8, 2)), 1.0]) * DURATION
+    curve = ff.ArmCurve(np.cumsum(rng.normal(0.0, 0.4, (4, other)), axis=0), times)
+    joints, attitude = rng.uniform(-2.0, 2.0, count), Rotation.random(rng=rng).as_quat()
+    loaded = rng.random() < 0.5
+    h, w, drift = rng.normal(size=(3, 3)) * [[2.0], [1.0], [0.003]] * loaded
+    start = model.end_effector_pose(attitude, np.concatenate([joints, curve.waypoints[0]]))
+    end = start.position + rng.normal(0.0, 0.12, 3)
+    path = ff.EndEffectorPath(
+        ff.paths.PolynomialCurve.line(start.position, end),
+        ff.paths.FixedOrientation(start.rotation),
+    )
+    margin = ff.Margin(ff.singularity_measure(model, task, "gjm"), 0.0)
+    problem = ff.Problem(
+        model, ff.TimedPath(path, ff.Timing(DURATION), drift), task, h, margin,
+        wheel_momentum=w, arms=ff.ArmCurves({"other": curve}),
+    )  # fmt: skip
+    return Case(robot, problem, attitude, joints, (start.position, end))
+
+
+def own_motion(case: Case) -> tuple[np.ndarray, np.ndarray]:
+    """Attitude and joints of the arm at the end."""
+    problem, curve = case.problem, case.problem.arms.curves["other"]
+    spline = CubicSpline(curve.times, curve.waypoints, bc_type="clamped")
+    model = pin.buildModelFromXML(case.robot.text, pin.JointModelFreeFlyer())
+    data, frame = model.createData(), model.getFrameId(case.robot.end_effector)
+    own, other = (
+        [model.joints[model.getJointId(name)].idx_v for name in names]
+        for names in (case.robot.joints, case.robot.others)
+    )
+    rows = ROWS[str(problem.task)]
+    h, w, drift = problem.momentum, problem.wheel_momentum, problem.path.drift
+
+    def configuration(attitude, joints, others):
+        q = pin.neutral(model)
+        q[3:7] = attitude
+        for names, values in ((case.robot.joints, joints), (case.robot.others, others)):
+            for name, value in zip(names, values, strict=True):
+                joint = model.joints[model.getJointId(name)]
+                q[joint.idx_q : joint.idx_q + joint.nq] = (
+                    [np.cos(value), np.sin(value)] if joint.nq == 2 else [value]
+                )
+        return q
+
+    def slopes(t, y):
+        attitude, joints = y[:4] / np.linalg.norm(y[:4]), y[4:]
+        q = configuration(attitude, joints, spline(t))
+        A = pin.computeCentroidalMap(model, data, q)
+        J = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[rows]
+        tau = t / DURATION
+        speed = 30.0 * tau**2 * (1.0 - tau) ** 2 / DURATION
+        twist = np.append((case.line[1] - case.line[0]) * speed - drift, np.zeros(3))[rows]
+        R = Rotation.from_quat(attitude).as_matrix()
+        prescribed = np.append(np.zeros(3), h - R @ w) - A[:, other] @ spline(t, 1)
+        base = np.linalg.inv(A[:, :6])
+        S = J[:, own] - J[:, :6] @ base @ A[:, own]
+        rates = np.linalg.pinv(S) @ (twist - J[:, :6] @ base @ prescribed)
+        omega = (base @ (prescribed - A[:, own] @ rates))[3:]
+        spin = np.append(omega, 0.0)
+        x, y_, z, s = attitude
+        product = np.array([[s, -z, y_, x], [z, s, -x, y_], [-y_, x, s, z], [-x, -y_, -z, s]])
+        return np.concatenate([product @ spin / 2.0, rates])
+
+    state = np.concatenate([case.attitude, case.joints])
+    for start, end in pairwise(curve.times):
+        state = solve_ivp(
+            slopes, (start, end), state, method="DOP853", rtol=1e-12, atol=1e-13
+        ).y[:, -1]  # fmt: skip
+    return state[:4] / np.linalg.norm(state[:4]), state[4:]
+
+
+def tip_errors(case: Case, motion: Motion) -> tuple[float, float]:
+    """Distances of both tips from where they belong, at 21 instants [m].
+
+    That of the arm on the path is found by Pinocchio's own model; that of the other one is seen
+    from the spacecraft, with the joints of the curve.
+    """
+    problem, model = case.problem, case.problem.model
+    curve = problem.arms.curves["other"]
+    pinocchio = pin.buildModelFromXML(case.robot.text, pin.JointModelFreeFlyer())
+    data = pinocchio.createData()
+    worst = [0.0, 0.0]
+    for state in motion.sample(np.linspace(0.0, DURATION, 21)):
+        q = pin.neutral(pinocchio)
+        q[3:7] = state.attitude
+        spline = CubicSpline(curve.times, curve.waypoints, bc_type="clamped")
+        exact = [*state.joints[: model.arm_dof], *spline(state.time)]
+        for name, value in zip((*case.robot.joints, *case.robot.others), exact, strict=True):
+            joint = pinocchio.joints[pinocchio.getJointId(name)]
+            place = slice(joint.idx_q, joint.idx_q + joint.nq)
+            q[place] = [np.cos(value), np.sin(value)] if joint.nq == 2 else [value]
+        com = pin.centerOfMass(pinocchio, data, q)
+        pin.framesForwardKinematics(pinocchio, data, q)
+        ends = [
+            data.oMf[pinocchio.getFrameId(link)].translation - com
+            for link in (case.robot.end_effector, case.other_end)
+        ]
+        tau = state.time / DURATION
+        s = tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)
+        wanted = case.line[0] + s * (case.line[1] - case.line[0])
+        body, place = model.link_places[case.other_end]
+        found = (model.body_poses(state.attitude, state.joints)[body] @ place).position
+        errors = (ends[0] - wanted + state.time * problem.path.drift, ends[1] - found)
+        worst = [max(w, float(np.linalg.norm(e))) for w, e in zip(worst, errors, strict=True)]
+    return worst[0], worst[1]
