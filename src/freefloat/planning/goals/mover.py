@@ -29,7 +29,7 @@ from freefloat.paths.timing import TimedPath, Timing
 from freefloat.planning.goals.certification import Certification
 from freefloat.planning.goals.clearances import Clearances
 from freefloat.planning.goals.goal import Goal
-from freefloat.planning.goals.goal_motion import GoalMotion
+from freefloat.planning.goals.goal_motion import GoalMotion, earlier
 from freefloat.planning.goals.joint_paths import Ends, JointPaths
 from freefloat.planning.goals.placements import Arm
 from freefloat.planning.goals.relaxation import Relaxation
@@ -158,11 +158,14 @@ def move_from(
     limits = limits.without_turn
     checker = LimitChecker(problem, limits)
     outcome = GoalMotion(problem, goal, limits, False, "")
-    violation = violation_at_rest(problem, checker, start.attitude, start.joints)
-    if violation is not None:
-        value, allowed = f"{violation.worst:.4g}", f"{violation.allowed:.4g} is allowed"
-        reason = f"where it begins {violation.limit} of {violation.where} is {value}, {allowed}"
-        return replace(outcome, reason=reason)
+    for there, attitude, joints in _known_states(problem, start, goal):
+        seen = limits.seen_from((goal.duration or 0.0) * problem.path.drift)
+        known = checker if there is problem else LimitChecker(there, seen)
+        violation = violation_at_rest(there, known, attitude, joints)
+        if violation is not None:
+            values = ", ".join(f"{value:.4g}" for value in joints)
+            reason = f"the {violation.label} of {violation.where} is violated with joints {values}"
+            return replace(outcome, reason=f"{reason}, {violation.sentence}")
     shapes: list[ShapeLimits] = [StateLimits(problem, limits)]
     clearances = None
     if checker.pairs is not None:
@@ -182,6 +185,19 @@ def move_from(
     if found is None:
         return _why_not(outcome, start, search, seed)
     return outcome.with_motion(found.motion, found.results)
+
+
+def _known_states(
+    problem: Problem, start: Start, goal: Goal
+) -> Iterator[tuple[Problem, Array, Array]]:
+    """The states at both ends, if known, with the problem from the centre of mass at their time."""
+    yield problem, start.attitude, start.joints
+    if goal.attitude is None or goal.joints is None:
+        return
+    if not (problem.scene.tumbles or problem.path.drifts):
+        yield problem, goal.attitude, goal.joints
+    elif goal.duration is not None:
+        yield earlier(problem, -goal.duration), goal.attitude, goal.joints
 
 
 def _families(

@@ -20,6 +20,8 @@ _STEP = 1e-6
 """Step of the differences [rad, m]."""
 _MARGIN = 2e-3
 """Margin of angles and deviations, for the instants between those that are looked at [rad, m]."""
+_MOST = 64
+"""Instants of a limit that count, the worst of those that are looked at."""
 _SCALE = 0.02
 """Violation that counts as one [rad, m]."""
 
@@ -94,17 +96,18 @@ class StateLimits:
 
     def violations(self, paths: JointPaths, course: Course) -> Violations:
         """See :class:`ShapeLimits`."""
-        rows = []
-        if self._excesses:
-            attitudes = Rotation.from_matrix(course.attitudes)
-            times = course.duration * paths.times
-            for edge, (t, R, q) in enumerate(zip(times, attitudes, course.joints, strict=True)):
-                rows += [
-                    (edge, *self._row(excess, t, R, q, paths.times[edge]))
-                    for excess in self._excesses
-                    if edge and excess(t, R.as_quat(), q) > -_MARGIN
-                ]
-        n = paths.joint_count
+        rows, n = [], paths.joint_count
+        attitudes = Rotation.from_matrix(course.attitudes)
+        quaternions, times = attitudes.as_quat(), course.duration * paths.times
+        for excess in self._excesses:
+            states = zip(times[1:], quaternions[1:], course.joints[1:], strict=True)
+            values = np.array([excess(*state) for state in states])
+            worst = np.argsort(-values)[:_MOST]
+            rows += [
+                (edge, *self._row(excess, times[edge], attitudes[edge], course.joints[edge], s))
+                for edge in worst[values[worst] > -_MARGIN] + 1
+                for s in (paths.times[edge],)
+            ]
         table = np.array(rows).reshape(-1, n + 6)
         return Violations(
             table[:, 0].astype(np.int64), table[:, 1], table[:, 2 : n + 2],
