@@ -207,6 +207,20 @@ def rotated(attitudes: npt.ArrayLike, rotation_vectors: npt.ArrayLike) -> Array:
     return np.asarray((Rotation.from_rotvec(np.atleast_2d(rotation_vectors)) * q).as_quat())
 
 
+def turned(attitude: Array, vector: Array) -> Array:
+    """An attitude rotated about spacecraft axes by a rotation vector [rad]."""
+    half = math.sqrt(vector @ vector) / 2.0
+    p, q, r = (vector * (math.sin(half) / half / 2.0 if half else 0.5)).tolist()
+    s = math.cos(half)
+    x, y, z, w = attitude.tolist()
+    return np.array([
+        w * p + x * s + y * r - z * q,
+        w * q - x * r + y * s + z * p,
+        w * r + x * q - y * p + z * s,
+        w * s - x * p - y * q - z * r,
+    ])  # fmt: skip
+
+
 def rotation_vector_between(start: npt.ArrayLike, end: npt.ArrayLike) -> Array:
     """The rotation vectors [rad] from rotations (3, 3) or (K, 3, 3) to others, (3,) or (K, 3)."""
     difference = np.asarray(end) @ np.asarray(start).swapaxes(-1, -2)

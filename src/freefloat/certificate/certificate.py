@@ -8,7 +8,6 @@ along the arc length, in quaternions.
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
@@ -23,7 +22,7 @@ from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES, with_slopes
 from freefloat.motion.problem import Prescribed
 from freefloat.motion.residuals import path_errors
-from freefloat.so3 import Array, IntArray, angle_between, cross
+from freefloat.so3 import Array, IntArray, angle_between, cross, turned
 
 _INTEGRATOR = "Munthe-Kaas Runge-Kutta of fourth order on SO(3), fixed steps in time"
 _BEFORE_SINGULAR, _MOMENT = 2, 1e-3
@@ -257,7 +256,7 @@ def _integrated(motion: Motion, panels: int, parts: int) -> tuple[Array, Array]:
 
     def rates(attitude: Array, z: Array, prescribed: Prescribed) -> Array:
         """Rates of z: the rotation vector (the exponential's derivative inverted) and joints."""
-        omega, joint_rates = solver.rates(_rotated(attitude, z[:3]), z[3:], *prescribed)
+        omega, joint_rates = solver.rates(turned(attitude, z[:3]), z[3:], *prescribed)
         first = cross(z[:3], omega)
         return np.concatenate([omega + first / 2.0 + cross(z[:3], first) / 12.0, joint_rates])
 
@@ -279,21 +278,7 @@ def _integrated(motion: Motion, panels: int, parts: int) -> tuple[Array, Array]:
                 k3 = rates(attitude, z + h / 2.0 * k2, middle)
                 k4 = rates(attitude, z + h * k3, last)
                 z = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-                attitude, z[:3] = _rotated(attitude, z[:3]), 0.0
+                attitude, z[:3] = turned(attitude, z[:3]), 0.0
             attitudes.append(attitude)
             joints.append(z[3:])
     return np.array(attitudes), np.array(joints)
-
-
-def _rotated(attitude: Array, vector: Array) -> Array:
-    """An attitude rotated about spacecraft axes by a rotation vector [rad]."""
-    half = math.sqrt(vector @ vector) / 2.0
-    p, q, r = (vector * (math.sin(half) / half / 2.0 if half else 0.5)).tolist()
-    s = math.cos(half)
-    x, y, z, w = attitude.tolist()
-    return np.array([
-        w * p + x * s + y * r - z * q,
-        w * q - x * r + y * s + z * p,
-        w * r + x * q - y * p + z * s,
-        w * s - x * p - y * q - z * r,
-    ])  # fmt: skip
