@@ -76,6 +76,8 @@ def plan(
     loaded = load_scenario(scenario)
     goal = loaded.goal()
     if goal is not None:
+        if stretch:
+            raise InputError("stretch", "the goal determines the duration", "a goal without one")
         result = _reach(delivery, loaded, goal)
         feasible = result.feasible
         delivery.deliver(result, goal_tables(scenario, result), scenario, loaded)

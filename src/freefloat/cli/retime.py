@@ -50,7 +50,7 @@ def retime(
     delivery = Delivery(console, output, plots=plots, threads=threads)
     delivery.prepare(plan)
     loaded: Any = load(plan)
-    require_type("plan", loaded, Plan, "a file of freefloat plan -o")
+    require_type("plan", loaded, Plan, "a file of freefloat plan -o, of a path")
     with console.progress("planning again") as progress:
         result = find_timing(loaded, threads=threads, progress=progress)
     tables = _tables(str(plan), loaded, result)

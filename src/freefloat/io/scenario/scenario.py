@@ -289,10 +289,11 @@ def parse_scenario(
     data = parse_yaml(text, source)
     content = validated(ScenarioFile, data, source, text)
     if content.goal is not None:
-        for key in OF_PATHS:
-            if key in data:
+        given = [*data, *(f"search.{key}" for key in data.get("search") or ())]
+        for key in given:
+            if key in OF_PATHS:
                 with error_context(source):
-                    raise InputError(key, "the scenario has a goal", "no goal, or no path")
+                    raise InputError(key, "the scenario has a goal", "no goal, or no such key")
     if content.path.samples is not None and samples is None:
         samples = samples_text(source.parent / content.path.samples)
     return Scenario(source, text, content, samples, robot, shapes or {})

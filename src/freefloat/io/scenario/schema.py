@@ -119,7 +119,10 @@ class WheelsSection(Section):
     """Angular momentum stored in them x, y, z, axes of the spacecraft [N m s]."""
 
 
-OF_PATHS = ("path", "timing", "task", "margin", "redundancy", "phases")
+OF_PATHS = (
+    "path", "timing", "task", "margin", "redundancy", "phases", "search.objective",
+    "search.samples", "search.within_deg", "search.spare_deg", "search.reorient",
+)  # fmt: skip
 """Keys that scenarios with a goal do not have."""
 _NOT_FOLLOWED: dict[str, Any] = {
     "task": "position", "timing": {"duration": 1.0},

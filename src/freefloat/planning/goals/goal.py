@@ -73,6 +73,8 @@ class Goal:
             object.__setattr__(self, "duration", duration)
         if self.pose is None and self.attitude is None and self.joints is None:
             raise InputError("goal", "nothing is to be reached", "pose, attitude or joints")
+        if self.pose is None and self.frame != "inertial":
+            raise InputError("goal.pose.frame", "there is no pose", "a pose in this frame")
         if self.pose is not None and self.joints is not None:
             raise InputError("goal", "pose and joints were given", "one of them")
 

@@ -15,7 +15,6 @@ from freefloat.dynamics.inverse_dynamics import InverseDynamics
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.system import System
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError, require_type, seed_number
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits
@@ -28,6 +27,7 @@ from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import TimedPath, Timing
 from freefloat.planning.goals.certification import Certification
 from freefloat.planning.goals.clearances import Clearances
+from freefloat.planning.goals.failure import why_not
 from freefloat.planning.goals.goal import Goal
 from freefloat.planning.goals.goal_motion import GoalMotion, earlier
 from freefloat.planning.goals.joint_paths import Ends, JointPaths
@@ -35,6 +35,7 @@ from freefloat.planning.goals.placements import Arm
 from freefloat.planning.goals.relaxation import Relaxation
 from freefloat.planning.goals.resting import violation_at_rest
 from freefloat.planning.goals.search import GoalSearch
+from freefloat.planning.goals.target import EndState
 from freefloat.planning.goals.violations import ShapeLimits, StateLimits
 from freefloat.scene.scene import Scene
 from freefloat.so3 import Array, unit_quaternion
@@ -45,6 +46,8 @@ _TURNING = ((8, 1), (8, 2), (8, 4), (8, 8), (8, 16), (8, 32))
 """Those of paths that turn it: small loops turn it with their area, and fit where large do not."""
 _USED = 0.99
 """Fraction of limits of rates that paths in a given duration use."""
+_SAME = 1e-9
+"""Distance from a goal that is the state at the start [rad, m]."""
 _UNKNOWN = 60.0
 """Duration of the path of a problem that has none, which is not followed [s]."""
 
@@ -103,6 +106,8 @@ def move(
     require_type("system", system, System, "a System, such as System(model)")
     require_type("goal", goal, Goal, "a Goal, such as Goal(joints=joints)")
     limits, scene = Limits() if limits is None else limits, Scene() if scene is None else scene
+    if len(state) != 2:
+        raise InputError("state", f"{len(state)} entries were given", "attitude and joints")
     attitude = unit_quaternion("state.attitude", state[0])
     joints = system.model.joint_vector(state[1], "state.joints")
     problem = goal_problem(system, attitude, joints, goal, scene)
@@ -155,6 +160,7 @@ def move_from(
     if goal.duration is None and not limits.timed:
         accepted = "a goal.duration, or limits.joint_rate, base_rate or joint_torque"
         raise InputError("goal.duration", "nothing determines the duration", accepted)
+    _require_sense(problem, start, goal, limits)
     limits = limits.without_turn
     checker = LimitChecker(problem, limits)
     outcome = GoalMotion(problem, goal, limits, False, "")
@@ -183,8 +189,26 @@ def move_from(
     search = GoalSearch(families, certification, step_of(progress, 0.0, 1.0))
     found = search.shortest(seed_number("seed", seed))
     if found is None:
-        return _why_not(outcome, start, search, seed)
+        free = replace(goal, duration=None)
+        return why_not(outcome, search, seed, lambda: move_from(problem, start, free, limits))
     return outcome.with_motion(found.motion, found.results)
+
+
+def _require_sense(problem: Problem, start: Start, goal: Goal, limits: Limits) -> None:
+    """Raise an InputError for a goal that is the state at the start, or too fast at its end."""
+    if goal.joint_rates is not None and limits.joint_rate is not None:
+        rates = zip(problem.model.joint_names, goal.joint_rates, limits.joint_rate, strict=True)
+        for name, rate, most in rates:
+            if abs(rate) > most:
+                given, accepted = f"{name} moves at {rate:g}", f"at most {most:g}, its limit"
+                raise InputError("goal.joint_rates", given, accepted)
+    target = goal.target(problem, start.attitude, start.joints)
+    attitude = Rotation.from_quat(start.attitude).as_matrix()
+    away = [target.residuals(EndState(0.0, attitude, start.joints, start.joint_rates))]
+    away += [] if goal.joints is None else [goal.joints - start.joints]
+    moves = start.joint_rates.any() or goal.joint_rates is not None
+    if goal.duration is None and not moves and np.abs(np.concatenate(away)).max() < _SAME:
+        raise InputError("goal", "it is the state at the start", "another one, or goal.duration")
 
 
 def _known_states(
@@ -241,32 +265,3 @@ def _accelerations(problem: Problem, start: Start, limits: Limits) -> Array:
         for axis in np.eye(n)
     ]
     return np.asarray(limits.joint_torque / np.abs(np.diag(torques)))
-
-
-def _why_not(outcome: GoalMotion, start: Start, search: GoalSearch, seed: int) -> GoalMotion:
-    """The outcome with the reason why no motion was found."""
-    goal, target = outcome.goal, search.families[0].target
-    reach = VirtualManipulator.of(outcome.problem.model).reach
-    if target.pose is not None:
-        distance = float(np.linalg.norm(target.pose_at(search.families[0].reference).position))
-        if distance > reach:
-            reason = (
-                f"the pose is {distance:.4g} m from the centre of mass, the reach {reach:.4g} m"
-            )
-            return replace(outcome, reason=reason)
-    if goal.duration is not None and outcome.limits.timed:
-        free = replace(goal, duration=None)
-        longer = move_from(outcome.problem, start, free, outcome.limits)
-        if longer.duration is not None and longer.feasible:
-            least = longer.duration
-            reason = f"no motion in {goal.duration:g} s was found, but one in {least:.4g} s"
-            return replace(outcome, reason=reason, needed={"duration": least})
-    nearest = search.nearest()
-    if nearest is None or nearest.violation is None:
-        reason = "no motion that ends at the goal was found within the joint ranges"
-        if target.size:
-            away = target.distance_text(search.nearest_end(seed))
-            reason += f"; the nearest one ends with {away} away"
-        return replace(outcome, reason=reason)
-    results = search.certification.checker.results(nearest.motion)
-    return outcome.with_motion(nearest.motion, results)

@@ -11,7 +11,6 @@ from freefloat.concurrency import Progress
 from freefloat.planning.goals.certification import FINAL, Certification, CertifiedMotion
 from freefloat.planning.goals.relaxation import Quadratic, Relaxation, Weights
 from freefloat.planning.goals.starts import random_path, starts, timed
-from freefloat.so3 import Array
 
 _STAGES = ((Weights(1.0, 1.0), 25), (Weights(0.1, 100.0), 40), (FINAL, 40))
 """Weights and iterations: first a short path without deep violations, then one without any."""
@@ -27,7 +26,7 @@ _PENALTY = 2.0
 """Largest penalty of violations of a path that is certified."""
 _FEWEST, _FRACTION = 2, 0.75
 """Fewest loops that larger ones make of many, and their number over the number before."""
-_CLOSED = 1e-4
+REACHED = 1e-4
 """Largest residual of the end of a path that is certified [rad, m]."""
 
 
@@ -57,13 +56,14 @@ class GoalSearch:
             return None if result is None or result.violation is None else result
         return min(self.failures, key=_ratio, default=None)
 
-    def nearest_end(self, seed: int) -> Array:
-        """Residuals of the end nearest to the goal, of some paths that move toward it."""
-        family, rng = self.families[0].coarse, np.random.default_rng(seed)
+    def nearest_ends(self, seed: int) -> list[Quadratic]:
+        """Paths without limits of shape, those that end nearest to the goal first."""
+        rng = np.random.default_rng(seed)
+        family = replace(self.families[0].coarse, shapes=())
         random = (random_path(family, rng) for _ in range(_RANDOM))
         weights, iterations = _STAGES[1]
         found = [family.relaxed(timed(family, path), weights, iterations) for path in random]
-        return min((path.error for path in found), key=lambda error: float(np.abs(error).sum()))
+        return sorted(found, key=lambda path: float(np.abs(path.error).sum()))
 
     def shortest(self, seed: int) -> CertifiedMotion | None:
         """The shortest of some motions that keep all limits; None where none was found."""
@@ -98,7 +98,7 @@ class GoalSearch:
         for some, stage in zip((family.coarse, family), _STAGES[1:], strict=True):
             if path.penalty < _HOPELESS:
                 path = some.relaxed(timed(some, path.course.unknowns), *stage)
-        if np.abs(path.error).max(initial=0.0) > _CLOSED:
+        if np.abs(path.error).max(initial=0.0) > REACHED:
             return None
         if path.penalty > _PENALTY:
             self.rejected.append((path, family))

@@ -1,0 +1,77 @@
+"""Why no motion to a goal was found, and what would be enough."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.limits.check import LimitChecker
+from freefloat.limits.result import LimitResult
+from freefloat.planning.goals.goal_motion import GoalMotion, earlier
+from freefloat.planning.goals.joint_paths import Course
+from freefloat.planning.goals.resting import violation_at_rest
+from freefloat.planning.goals.search import REACHED, GoalSearch
+
+
+def why_not(
+    outcome: GoalMotion, search: GoalSearch, seed: int, unlimited: Callable[[], GoalMotion]
+) -> GoalMotion:
+    """The outcome of a search that found no motion, with the reason.
+
+    Args:
+        outcome: The outcome.
+        search: The search.
+        seed: Seed of random paths.
+        unlimited: Finds a motion to the same goal without the duration that was asked for.
+    """
+    goal, target = outcome.goal, search.families[0].target
+    reach = VirtualManipulator.of(outcome.problem.model).reach
+    if target.pose is not None:
+        distance = float(np.linalg.norm(target.pose_at(search.families[0].reference).position))
+        if distance > reach:
+            reason = (
+                f"the pose is {distance:.4g} m from the centre of mass, the reach {reach:.4g} m"
+            )
+            return replace(outcome, reason=reason)
+    if goal.duration is not None and outcome.limits.timed:
+        longer = unlimited()
+        if longer.duration is not None and longer.feasible:
+            least = longer.duration
+            reason = f"no motion in {goal.duration:g} s was found, but one in {least:.4g} s"
+            return replace(outcome, reason=reason, needed={"duration": least})
+    nearest = search.nearest()
+    if nearest is None or nearest.violation is None:
+        return replace(outcome, reason=_at_the_goal(outcome, search, seed))
+    results = search.certification.checker.results(nearest.motion)
+    return outcome.with_motion(nearest.motion, results)
+
+
+def _at_the_goal(outcome: GoalMotion, search: GoalSearch, seed: int) -> str:
+    """Why no path was found that ends at the goal: what it violates there, or how far it gets."""
+    target = search.families[0].target
+    nearest, *others = search.nearest_ends(seed)
+    if np.abs(nearest.error).max(initial=0.0) > REACHED:
+        reason = "no motion that ends at the goal was found within the joint ranges"
+        return f"{reason}; the nearest one ends with {target.distance_text(nearest.error)} away"
+    ends = [nearest, *(path for path in others if np.abs(path.error).max() <= REACHED)]
+    violations = [_violation(outcome, path.course) for path in ends]
+    least = min(filter(None, violations), key=lambda found: abs(found.worst - found.allowed),
+                default=None)  # fmt: skip
+    if least is None or None in violations:
+        return "the goal is reached, but by no motion that was found within the limits"
+    where = f"the {least.label} of {least.where} is violated"
+    return f"where the nearest motion reaches the goal, {where}, {least.sentence}"
+
+
+def _violation(outcome: GoalMotion, course: Course) -> LimitResult | None:
+    """The limit that the state at the end of a path violates at rest; None where it keeps all."""
+    duration = float(course.duration)
+    there = earlier(outcome.problem, -duration)
+    limits = outcome.limits.seen_from(duration * outcome.problem.path.drift)
+    attitude = Rotation.from_matrix(course.attitudes[-1]).as_quat()
+    checker = LimitChecker(there, limits)
+    return violation_at_rest(there, checker, attitude, course.joints[-1])
