@@ -174,6 +174,10 @@ def test_a_corridor_remains_after_a_capture_unless_it_is_that_of_the_captured_bo
         scene = ff.Scene(BODIES, corridor)
         motion = ff.simulate(replace(problem, scene=scene), heading=0.45).chosen.motion
         before = SystemState.at_start(motion).after(motion)
-        state = CAPTURE.end(before, CAPTURE.run(before, ff.Limits()))
+        result = CAPTURE.run(before, ff.Limits())
+        state = CAPTURE.end(before, result)
         assert (state.problem.scene.corridor is not None) is remains
         state.problem.scene.require_applicable(state.problem.model, 1.0)
+        held, there = state.pose @ state.problem.scene.bodies[-1].pose, before.scene.bodies[0].pose
+        np.testing.assert_allclose(held.position + result.centre_of_mass, there.position, atol=1e-9)
+        np.testing.assert_allclose(held.rotation, there.rotation, atol=1e-9)
