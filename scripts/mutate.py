@@ -32,9 +32,11 @@ from mutants import Mutant, mutants_of
 ROOT = Path(__file__).parents[1]
 RANGES = "tests/validation/test_brute_force.py::test_random_ranges_agree_with_brute_force"
 KINDS = "tests/test_result_kinds.py -k 'not page and not figure'"
+LOADED = "tests/cli/test_manoeuvre.py::test_a_loaded_motion_knows_what_moves_its_arm"
 TESTS = {
     "dynamics.momentum": "tests/dynamics/test_momentum.py tests/validation/test_planar_golden.py",
-    "io.records": f"tests/io/test_results.py {KINDS}",
+    "io.records": "tests/io/test_results.py tests/io/test_scene_section.py "
+    f"tests/io/test_singularity_file.py {LOADED} {KINDS}",
     "limits": f"tests/limits tests/planning/test_goals.py::test_gradients_of_clearances {KINDS}",
     "motion.integration": "tests/motion/test_integration.py tests/motion/test_motion.py "
     "tests/motion/test_extrema.py",

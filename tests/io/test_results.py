@@ -45,6 +45,7 @@ def test_plain_hdf5_tools_can_read_it(saved):
         assert file["joint_names"].asstr()[()].tolist() == ["q1", "q2", "q3"]
         assert json.loads(file["document"].asstr()[()])["feasible"] is True
         assert file.attrs["software_freefloat"] == version("freefloat")
+        assert (file.attrs["format"], file.attrs["version"]) == ("freefloat plan", 3)
 
 
 CARRIED = """\
@@ -125,7 +126,7 @@ BROKEN = {
     "document": replaced("document", lambda _: "[1, 2"),
     "scenario": replaced("scenario", lambda _: "task: dance"),
     "robot": replaced("robot", lambda _: "<robot/>"),
-    "number": replaced("scenario", lambda _: 3.0),
+    "number": replaced("samples", lambda _: 3.0),
 }
 
 
@@ -173,6 +174,19 @@ def test_a_document_that_contradicts_the_arrays_is_altered(saved, tmp_path, key)
     with pytest.raises(AlteredFileError) as caught:
         ff.load(path)
     assert caught.value.key == key
+    if key == "feasible":
+        assert caught.value.problem.index("True") < caught.value.problem.index("False")
+
+
+def test_numbers_of_a_document_agree_with_the_arrays_up_to_rounding(saved, tmp_path):
+    def loaded(factor):
+        change = restated("min_margin", "value", by=lambda value: factor * value)
+        (tmp_path / "rounded.h5").write_bytes(altered(saved.read_bytes(), change))
+        return ff.load(tmp_path / "rounded.h5")
+
+    assert loaded(1.0 + 5e-7).feasible
+    with pytest.raises(AlteredFileError):
+        loaded(1.0 + 2e-6)
 
 
 def test_a_file_is_not_parsed_unless_its_digest_is_right(saved, tmp_path, monkeypatch):

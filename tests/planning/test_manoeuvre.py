@@ -37,12 +37,21 @@ def problem() -> ff.Problem:
 
 
 @pytest.fixture(scope="module")
-def manoeuvre(problem: ff.Problem) -> Manoeuvre:
-    return ff.plan_manoeuvre(problem, PHASES, SEARCH, LIMITS, reorient=True)
+def progress() -> list[float]:
+    """The fractions that were reported while the manoeuvre was planned."""
+    return []
 
 
-def test_a_manoeuvre_leads_from_the_present_state_through_all_phases(manoeuvre) -> None:
+@pytest.fixture(scope="module")
+def manoeuvre(problem: ff.Problem, progress: list[float]) -> Manoeuvre:
+    report = progress.append
+    return ff.plan_manoeuvre(problem, PHASES, SEARCH, LIMITS, reorient=True, progress=report)
+
+
+def test_a_manoeuvre_leads_from_the_present_state_through_all_phases(manoeuvre, progress) -> None:
     assert manoeuvre.feasible
+    assert progress == sorted(progress)
+    assert 0.0 < progress[-1] < 1.0
     names = ["reorientation", "path", "capture", "berth", "back"]
     assert [phase.name for phase in manoeuvre.phases] == names
     first, last = manoeuvre.phases[0].motion, manoeuvre.phases[-1].motion

@@ -8,9 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError
+from freefloat.planning.phases.prescribed_path import moved_to_begin_at, require_continuous
 from freefloat.planning.phases.state import SystemState
 from freefloat.so3 import Pose
 
@@ -77,6 +80,7 @@ OFF_PLANE = ff.TimedPath(line(GRAPPLE, [1.0, 0.0, 0.5]), ff.Timing(9.0))
     ([ff.PathPhase(AWAY)], "phases.0.path"),
     ([ff.PathPhase(MOVING)], "phases.0.path"),
     ([ff.PathPhase(OFF_PLANE)], "phases.0.path"),
+    ([goal(1.0, 0.5, 0.5)], "phases.0.path"),
     ([path_in(BODIES[0])], "phases.0.path"),  # the client tumbles, the end-effector rests
     ([replace(goal(1.0, 0.5, 0.0), redundancy=ff.Redundancy())], "phases.0.redundancy"),
     ([replace(REST, name="a"), goal(1.0, 0.5, 0.0), replace(REST, name="a")], "phases.2.name"),
@@ -151,6 +155,23 @@ def test_a_path_that_begins_within_rounding_is_moved_there(problem: ff.Problem) 
     np.testing.assert_allclose(path.pose(10.0).position, [0.9, 1.0, 0.0], atol=1e-6)
 
 
+def test_a_path_begins_with_what_a_task_prescribes() -> None:
+    """Up to rounding; the rotation about the axis that points is free."""
+    pose = Pose(GRAPPLE, Rotation.from_rotvec([0.4, -0.7, 0.2]).as_matrix())
+    turned = pose.rotation @ Rotation.from_rotvec([3e-7, -2e-7, 4e-7]).as_matrix()
+    there = ff.EndEffectorPath(
+        line(GRAPPLE, [0.9, 1.0, 0.3]).curve, ff.paths.FixedOrientation(turned)
+    )
+    path = ff.TimedPath(there, ff.Timing(10.0))
+    moved = moved_to_begin_at(path, pose, Task.POSE)
+    np.testing.assert_allclose(moved.pose(0.0).rotation, pose.rotation, atol=1e-14)
+    twist = np.concatenate([np.zeros(3), 0.1 * pose.rotation[:, 2]])
+    require_continuous(path, pose, twist, Task.POINTING)
+    with pytest.raises(InputError) as raised:
+        require_continuous(path, pose, twist, Task.POSE)
+    assert raised.value.key == "path"
+
+
 @pytest.mark.slow
 def test_joint_rates_of_a_redundant_arm_do_not_jump() -> None:
     """The end-effector may go on as before while the arm would have to change its rates at once."""
@@ -174,6 +195,10 @@ def test_a_corridor_remains_after_a_capture_unless_it_is_that_of_the_captured_bo
         scene = ff.Scene(BODIES, corridor)
         motion = ff.simulate(replace(problem, scene=scene), heading=0.45).chosen.motion
         before = SystemState.at_start(motion).after(motion)
-        state = CAPTURE.end(before, CAPTURE.run(before, ff.Limits()))
+        result = CAPTURE.run(before, ff.Limits())
+        state = CAPTURE.end(before, result)
         assert (state.problem.scene.corridor is not None) is remains
         state.problem.scene.require_applicable(state.problem.model, 1.0)
+        held, there = state.pose @ state.problem.scene.bodies[-1].pose, before.scene.bodies[0].pose
+        np.testing.assert_allclose(held.position + result.centre_of_mass, there.position, atol=1e-9)
+        np.testing.assert_allclose(held.rotation, there.rotation, atol=1e-9)

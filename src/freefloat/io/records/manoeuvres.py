@@ -57,11 +57,11 @@ def _following(
 
 def _before(tree: Tree, problem: Problem, limits: Limits) -> PhaseResult:
     """A phase before the first path."""
-    if "motion" not in tree["result"]:
-        return _decoded(tree, problem, limits)
-    duration = _duration(tree)
-    limits = limits.seen_from(-duration * problem.path.drift)
-    return _decoded(tree, _timed(earlier(problem, duration), duration), limits)
+    if "motion" in tree["result"]:
+        duration = _duration(tree)
+        limits = limits.seen_from(-duration * problem.path.drift)
+        problem = _timed(earlier(problem, duration), duration)
+    return _decoded(tree, problem, limits)
 
 
 def _duration(tree: Tree) -> float:

@@ -82,7 +82,7 @@ class ExpectedState:
         """
         time = self.time + path.duration
         Scene(self.bodies).require_applicable(self.problem.model, time)
-        self.problem.replace(path=path, redundancy=redundancy, scene=Scene(), start_joints=None)
+        self.problem.replace(path=path, redundancy=redundancy, scene=Scene())
         return replace(self, time=time, pose=pose, twist=twist)
 
     def without(self, body: SceneBody) -> ExpectedState:

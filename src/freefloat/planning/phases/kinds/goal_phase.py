@@ -44,7 +44,7 @@ class GoalPhase(Phase):
     def expected_after(self, state: ExpectedState) -> ExpectedState:
         """See :class:`~freefloat.planning.phases.phase.Phase`."""
         goal = self.goal
-        goal.require_applicable(state.problem.replace(start_joints=None))
+        goal.require_applicable(state.problem)
         if goal.duration is None:
             return replace(state, pose=None, twist=None)
         known = goal.frame == "inertial"

@@ -110,9 +110,7 @@ class PathPhase(Phase):
             InputError: If the end-effector would jump, or change its twist at once.
         """
         margin = Margin(state.problem.margin.measure, self.margin)
-        return state.problem_for(
-            self._path_at(state), margin=margin, redundancy=self.redundancy, start_joints=None
-        )
+        return state.problem_for(self._path_at(state), margin=margin, redundancy=self.redundancy)
 
     def _path_at(self, state: SystemState) -> TimedPath:
         """The path from the present centre of mass."""
