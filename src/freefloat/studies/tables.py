@@ -33,10 +33,11 @@ def save_tables(folder: Path, rows: StudyRows) -> dict[str, Path | None]:
     query = f"{rows.selection(rows.types)} ORDER BY number"
     with written_beside(folder / CSV) as beside:
         with beside.open("w", encoding="utf-8", newline="") as stream:
-            stream.write(",".join(_cells(list(types), TEXT)) + "\n")
+            stream.write(",".join(_cells(list(types), TEXT)))
             for block in rows.blocks(query):
                 columns = map(_cells, zip(*block, strict=True), types.values())
-                stream.writelines(f"{','.join(row)}\n" for row in zip(*columns, strict=True))
+                stream.write("\n" + "\n".join(map(",".join, zip(*columns, strict=True))))
+            stream.write("\n")
         try:
             require_extra("parquet", "pyarrow")
         except MissingExtraError:
