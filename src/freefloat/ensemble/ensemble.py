@@ -28,6 +28,8 @@ _PLANAR_TOLERANCE = 1e-9
 """Tolerance of planar tasks: limits of ranges are then exact to 1e-7 rad."""
 _CHUNK = 1024
 """Largest number of motions between two reports of progress or checks for an interruption."""
+_CHUNKS = 2
+"""Chunks for each thread of few motions: at the end of each, lanes are idle."""
 
 
 def step_tolerance(problem: Problem) -> float:
@@ -111,7 +113,7 @@ class EnsembleIntegrator:
         )
         properties = 0 if robots is None else robots.shape[1]
         result = EnsembleResult.empty((K,), n, len(self._spares))
-        chunk = min(_CHUNK, max(-(-K // (4 * self.threads)), 4 * WIDTH))
+        chunk = min(_CHUNK, max(-(-K // (_CHUNKS * self.threads)), 4 * WIDTH))
 
         def integrate_chunk(first: int) -> None:
             integrate_many(

@@ -78,7 +78,8 @@ class Robots:
         if mounts is not None:
             base = _moved(frames.base, *mounts)
         bodies = np.tile(frames.bodies, (count, 1, 1))
-        for name in {*factors, *rows, *(() if mounts is None else (root,))}:
+        moved = () if mounts is None else (root,)
+        for name in dict.fromkeys([*factors, *rows, *moved]):  # in the same order in each process
             body, rotation, position = _link_in_frame(nominal, frames, name)
             row = _link_row(nominal, name)
             bodies[:, body] -= in_frame(row, rotation, position)

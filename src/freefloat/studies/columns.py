@@ -27,6 +27,8 @@ _LAST = {"decided_by": TEXT, "seconds": REAL, "began": TEXT, "file": TEXT, "byte
          "error": TEXT}  # fmt: skip
 RESULTS = _FIRST | _LAST
 """Types of the results that every study has, empty where its command does not compute them."""
+BOOLEANS = {name for name, kind in RESULTS.items() if kind == BOOLEAN}
+"""Names of the results that are true or false, which the database stores as integers."""
 _FAMILIES = {"joints": REAL, "residuals": REAL, "limits": REAL, "attitude_ranges_deg": TEXT}
 """Types of results that a study has by joint, quantity, limit and arm branch, such as joints.0."""
 

@@ -17,7 +17,9 @@ import numpy as np
 from freefloat.errors import InputError
 from freefloat.io.files import make_folder, written_beside
 from freefloat.studies.columns import (
+    BOOLEAN,
     FOUND,
+    INTEGER,
     NUMBER,
     REAL,
     RESULTS,
@@ -36,8 +38,6 @@ DATABASE, _LOCK, _FILES = "study.sqlite", "study.lock", "cases"
 _SOFTWARE = ("freefloat", "pin", "numpy", "scipy", "numba")
 _FORMAT = 2
 """Number of the format of the database."""
-_STORAGE = {"INTEGER": "integer", "TEXT": "text", "REAL": "real", "BOOLEAN": "integer"}
-"""Storage classes of SQLite by type of a column."""
 
 
 class StudyDatabase:
@@ -113,8 +113,8 @@ class StudyDatabase:
 
 
 def _definition(name: str, kind: str) -> str:
-    """Definition of a column, which refuses values of another type."""
-    return f"{quoted(name)} {kind} CHECK (typeof({quoted(name)}) IN ('null', '{_STORAGE[kind]}'))"
+    """Definition of a column of a strict table, which has no type of its own for booleans."""
+    return f"{quoted(name)} {INTEGER if kind == BOOLEAN else kind}"
 
 
 @contextmanager
@@ -155,7 +155,7 @@ def _create(connection: sqlite3.Connection, study: Study) -> None:
         *(_definition(name, kind) for name, kind in (types | results).items()),
         f"CHECK (verdict IN ({verdicts}))",
     ]
-    connection.execute(f"CREATE TABLE IF NOT EXISTS runs ({', '.join(definitions)})")
+    connection.execute(f"CREATE TABLE IF NOT EXISTS runs ({', '.join(definitions)}) STRICT")
     connection.execute(
         "CREATE TABLE IF NOT EXISTS study (digest TEXT, content JSON, software JSON)"
     )

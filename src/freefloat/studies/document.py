@@ -45,8 +45,7 @@ def with_values(document: dict[str, Any], values: dict[str, Any]) -> dict[str, A
 
 def _default(keys: Sequence[str]) -> Any:
     """Return the default of a list in a scenario, else an empty section."""
-    section, _ = section_at(ScenarioFile, keys[:-1])
-    field = section.model_fields.get(keys[-1])
+    field = section_at(ScenarioFile, keys[:-1]).model_fields.get(keys[-1])
     default = None if field is None else field.get_default(call_default_factory=True)
     return list(default) if isinstance(default, tuple | list) else {}
 

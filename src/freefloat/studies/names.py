@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from freefloat.io.scenario.schema import ScenarioFile
-from freefloat.io.scenario.yaml import section_at
+from freefloat.io.scenario.yaml import description_at
 from freefloat.studies.study import StudyFile
 from freefloat.studies.track_section import TRACK
 
@@ -33,6 +33,6 @@ def readable_name(key: str) -> str:
 def heading(key: str) -> str:
     """The name of a varied key with its unit, which the schema describes."""
     schema, name = StudyFile if key.startswith(TRACK) else ScenarioFile, readable_name(key)
-    description = section_at(schema, key.split("."))[1] or ""
+    description = description_at(schema, key.split(".")) or ""
     unit = re.search(r"\[[^\]]*\]", description)
     return name if unit is None or "[" in name else f"{name} {unit[0]}"

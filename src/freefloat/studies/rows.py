@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.errors import InputError
-from freefloat.studies.columns import BOOLEAN, NUMBER, TEXT, in_order
+from freefloat.studies.columns import BOOLEAN, BOOLEANS, FOUND, NUMBER, TEXT, in_order
 
 BLOCK = 10_000
 """Rows that are read at a time."""
@@ -58,6 +59,7 @@ class StudyRows:
     def types(self) -> dict[str, str]:
         """Types of the columns by name, in the order of tables."""
         types = {name: kind for _, name, kind, *_ in self.query("PRAGMA table_info(runs)")}
+        types |= {name: BOOLEAN for name in types if name.removeprefix(FOUND) in BOOLEANS}
         return {name: types[name] for name in in_order(types, self.parameters)}
 
     def selection(self, names: Sequence[str] | Mapping[str, str]) -> str:
@@ -73,10 +75,14 @@ class StudyRows:
 
     def query(self, query: str, *values: Any) -> Iterator[tuple[Any, ...]]:
         """Yield the rows of a query."""
+        return chain.from_iterable(self.blocks(query, *values))
+
+    def blocks(self, query: str, *values: Any) -> Iterator[list[tuple[Any, ...]]]:
+        """Yield the rows of a query, many at a time."""
         with database_errors(self._file), closing(sqlite3.connect(self._file)) as connection:
             cursor = connection.execute(query, values)
             while block := cursor.fetchmany(BLOCK):
-                yield from block
+                yield block
 
 
 def quoted(name: str) -> str:

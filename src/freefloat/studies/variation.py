@@ -91,8 +91,10 @@ class Variation:
                 columns |= {name: column[places[key]] for name, column in values}
                 continue
             draws = section.draws(self.seed, key, first, count)
-            entries = {f"{key}.{index}": column for index, column in enumerate(draws.T)}
-            columns |= {key: draws} if draws.ndim == 1 else entries
+            if draws.ndim == 1:
+                columns[key] = draws
+            else:
+                columns |= {f"{key}.{index}": column for index, column in enumerate(draws.T)}
         return columns
 
     def parameters(self, number: int) -> dict[str, Any]:

@@ -202,11 +202,11 @@ def _first_error(
             first, keys = entry, path
     kind, location, value = first["type"], first["loc"], first["input"]
     if kind == "extra_forbidden":
-        fields = section_at(schema, keys[:-1])[0].model_fields
+        fields = section_at(schema, keys[:-1]).model_fields
         known = [info.alias or name for name, info in fields.items()]
         hint = did_you_mean(str(keys[-1]), known)
         return keys, f"there is no such key{hint}", ", ".join(known)
-    description = section_at(schema, location)[1]
+    description = description_at(schema, location)
     if kind == "missing" and isinstance(location[-1], str):
         return [*keys, location[-1]], "it is missing", description or "a value"
     alternatives = [entry for entry, path in zip(errors, paths, strict=True) if path == keys]
@@ -239,18 +239,32 @@ def _keys_in(data: Any, location: Sequence[str | int]) -> list[str | int]:
     return keys
 
 
-def section_at(
-    schema: type[BaseModel], location: Sequence[str | int]
-) -> tuple[type[BaseModel], str | None]:
-    """The section that a location leads to, and the description of the innermost field on it."""
+def section_at(schema: type[BaseModel], location: Sequence[str | int]) -> type[BaseModel]:
+    """The section that a location leads to."""
+    for *_, below in _fields_on(schema, location):
+        schema = below
+    return schema
+
+
+def description_at(schema: type[BaseModel], location: Sequence[str | int]) -> str | None:
+    """The description of the innermost field on a location, in the source of its section."""
     description = None
+    for section, name, _ in list(_fields_on(schema, location))[-1:]:
+        description = descriptions(section).get(name)
+    return None if description is None else " ".join(description.replace("``", "").split())
+
+
+def _fields_on(
+    schema: type[BaseModel], location: Sequence[str | int]
+) -> Iterator[tuple[type[BaseModel], str, type[BaseModel]]]:
+    """Section and name of each field on a location, and the section to which it leads."""
     for key in location:
         for name, info in schema.model_fields.items():
             if key in (name, info.alias):
-                description = descriptions(schema).get(name)
-                schema = next(_sections_in(info.annotation), schema)
+                below = next(_sections_in(info.annotation), schema)
+                yield schema, name, below
+                schema = below
                 break
-    return schema, None if description is None else " ".join(description.replace("``", "").split())
 
 
 def _sections_in(annotation: Any) -> Iterator[type[BaseModel]]:
