@@ -103,11 +103,9 @@ class StateLimits:
             states = zip(times[1:], quaternions[1:], course.joints[1:], strict=True)
             values = np.array([excess(*state) for state in states])
             worst = np.argsort(-values)[:_MOST]
-            rows += [
-                (edge, *self._row(excess, times[edge], attitudes[edge], course.joints[edge], s))
-                for edge in worst[values[worst] > -_MARGIN] + 1
-                for s in (paths.times[edge],)
-            ]
+            for edge in worst[values[worst] > -_MARGIN] + 1:
+                state = times[edge], attitudes[edge], course.joints[edge]
+                rows.append((edge, *self._row(excess, *state, paths.times[edge])))
         table = np.array(rows).reshape(-1, n + 6)
         return Violations(
             table[:, 0].astype(np.int64), table[:, 1], table[:, 2 : n + 2],
