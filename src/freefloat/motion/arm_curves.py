@@ -153,6 +153,6 @@ class ArmCurves:
             tolerance = _SPAN * duration
             finite_number(
                 f"robot.arms.{name}.law.times", curve.duration,
-                f"times up to {duration:g} s, the duration of the path",
+                f"a last time of {duration:g} s, the duration of the path",
                 duration - tolerance, duration + tolerance,
             )  # fmt: skip

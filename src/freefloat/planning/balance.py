@@ -110,6 +110,7 @@ def plan_balanced(
         The plan along the joint curve; where the first plan is not feasible, that and None.
     """
     search = search or Search()
+    BalanceSteps(problem, settings, limits or Limits())  # refuses what it cannot balance at once
     first = plan(
         problem, search, limits, threads=threads, progress=step_of(progress, 0.0, _FIRST_PLAN)
     )
@@ -137,6 +138,9 @@ def plan_balanced(
     if found.chosen is None:
         return found, balanced
     turn = _turn(found.chosen.motion, settings.axes)
+    if found.feasible:
+        where = f"as near as the limits permit to that of the plan with {settings.arm} at rest"
+        found = replace(found, reason=f"{where}: {first.reason}")
     return found, replace(balanced, turn=turn, kept=found.feasible)
 
 
@@ -151,7 +155,7 @@ def balance(
     """Find the joint curve with which an arm keeps the spacecraft's attitude.
 
     Of the starts, the one with the least turn is chosen whose motion keeps margin and limits; where
-    none does, the one with the least turn. With stored momentum the arm winds up to its limits.
+    none does, the arm stays where its joint curve begins. With stored momentum the arm winds up to its limits.
 
     Args:
         problem: Robot and path, with a joint curve of the arm, of which the first state counts.
@@ -201,7 +205,10 @@ def balance(
     turns = [run.turn for run in runs] + [np.inf] * (settings.starts - len(runs))
     best: Balance | None = None
     runs.sort(key=lambda run: (not run.clear, run.turn))
-    for run in runs[:_CHECKED]:
+    still = BalanceRun(
+        steps.constant, held_turn, 0.0, 0.0, True
+    )  # where no motion keeps the limits
+    for run in [*runs[:_CHECKED], still]:
         balanced = steps.with_curve(run.curve)
         motion = _motion(balanced, attitude, near)
         if motion is None:

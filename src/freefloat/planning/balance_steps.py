@@ -35,8 +35,8 @@ _TAKEN_BACK = 20.0
 """Rate at which the turn so far is taken back, per path: within a twentieth of it."""
 _SMALL_RATES, _STEADY_RATES = 1e-4, 3e-3
 """Weights of the rates and of their changes, relative to the largest singular value of G."""
-_SPARE = 0.05
-"""Part of rates and ranges left to what the spline adds between steps."""
+_SPARE, _SPARE_RATES = 0.05, 0.1
+"""Part of ranges, and of rates, left to what the spline adds between steps."""
 _AT_LIMIT = 0.999
 
 
@@ -79,8 +79,13 @@ class BalanceSteps:
             accepted = "limits.joint_rate for all joints of the arm that balances"
             raise InputError("limits.joint_rate", f"arm {name} has none", accepted)
         low, high = (ends[first] for ends in model.joint_ranges)
+        own = problem.arms.curves[name].waypoints[0]
+        for joint, value, *ends in zip(model.joints_of_arm(name), own, low, high, strict=True):
+            if not ends[0] <= value <= ends[1]:
+                accepted = f"{ends[0]:g} to {ends[1]:g} rad or m"
+                raise InputError("balance.start", f"{joint} is {value:g}", accepted)
         spare = np.where(np.isfinite(high - low), _SPARE * np.minimum(high - low, 1.0), 0.0)
-        self._rates, self._low, self._high = (1.0 - _SPARE) * rates, low + spare, high - spare
+        self._rates, self._low, self._high = (1.0 - _SPARE_RATES) * rates, low + spare, high - spare
         self._problem, self._settings, self._clearance = problem, settings, limits.clearance or 0.0
         self._solver = problem.resolved_rate_solver()
         self._times = np.linspace(0.0, problem.path.duration, _STEPS + 1)
