@@ -155,7 +155,8 @@ def balance(
     """Find the joint curve with which an arm keeps the spacecraft's attitude.
 
     Of the starts, the one with the least turn is chosen whose motion keeps margin and limits; where
-    none does, the arm stays where its joint curve begins. With stored momentum the arm winds up to its limits.
+    none does, the arm stays where its joint curve begins. With stored momentum the arm winds up to
+    its limits.
 
     Args:
         problem: Robot and path, with a joint curve of the arm, of which the first state counts.
