@@ -22,6 +22,11 @@ from tests.commands import document, run
 from tests.documents import PAGES, ROOT
 
 SCENARIO = PAGES["docs/reference/scenario.md"]
+GOAL = """
+robot: {urdf: planar_2dof, end_effector: end_effector}
+search: {from_attitude: [0, 0, 0, 1], joints: [0.3, 0.7]}
+goal: {pose: {position: [1.0, 0.6, 0]}, duration: 30}
+"""
 PHASES = """
 robot: {urdf: planar_2dof, end_effector: end_effector}
 task: planar-position
@@ -195,12 +200,18 @@ def documents_of_all_commands() -> dict[str, list[dict[str, Any]]]:
     plan, retimed = documents["plan"][1], document("retime", "line.h5")
     documents["retime"] = [{key: retimed[key] for key in retimed.keys() - plan.keys()}]
     turn = ("--from", 0, 0, 0, 1, "--to", 0, 0, 0.1305262, 0.9914449)
-    documents["reorient"] = [document("reorient", "planar_2dof/line", *turn)]
+    Path("goal.yaml").write_text(GOAL)
+    rates = ff.Goal(joints=[0.6, 0.2], joint_rates=[0.01, 0.0]).to_dict()
+    documents["plan, with a goal"] = [
+        document("reorient", "planar_2dof/line", *turn), document("plan", "goal.yaml"),
+        {"goal": rates},
+    ]  # fmt: skip
     Path("phases.yaml").write_text(PHASES)
     manoeuvre = document("plan", "phases.yaml", "-o", "manoeuvre.h5")
-    described_above = manoeuvre["phases"][0].keys() & plan.keys() - {"reason", "feasible"}
-    for key in described_above:
-        del manoeuvre["phases"][0][key]
+    above = {"path": plan, "goal": documents["plan, with a goal"][0], "capture": {}}
+    for phase in manoeuvre["phases"]:
+        for key in phase.keys() & above[phase["kind"]].keys() - {"reason", "feasible"}:
+            del phase[key]
     documents["plan, with phases"] = [manoeuvre]
     return documents
 
