@@ -207,8 +207,8 @@ def rotated(attitudes: npt.ArrayLike, rotation_vectors: npt.ArrayLike) -> Array:
     return np.asarray((Rotation.from_rotvec(np.atleast_2d(rotation_vectors)) * q).as_quat())
 
 
-def turned(attitude: Array, vector: Array) -> Array:
-    """An attitude rotated about spacecraft axes by a rotation vector [rad]."""
+def rotated_in_body(attitude: Array, vector: Array) -> Array:
+    """An attitude (4,) rotated by a rotation vector (3,) in spacecraft axes [rad]."""
     half = math.sqrt(vector @ vector) / 2.0
     p, q, r = (vector * (math.sin(half) / half / 2.0 if half else 0.5)).tolist()
     s = math.cos(half)
@@ -219,6 +219,15 @@ def turned(attitude: Array, vector: Array) -> Array:
         w * r + x * q - y * p + z * s,
         w * s - x * p - y * q - z * r,
     ])  # fmt: skip
+
+
+def rotation_vector_rate(vector: Array, omega: Array) -> Array:
+    """The rate (3,) of a small rotation vector in spacecraft axes at an angular velocity there.
+
+    The derivative of the exponential is inverted up to the second power of the vector.
+    """
+    first = cross(vector, omega)
+    return omega + first / 2.0 + cross(vector, first) / 12.0
 
 
 def rotation_vector_between(start: npt.ArrayLike, end: npt.ArrayLike) -> Array:

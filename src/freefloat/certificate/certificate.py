@@ -22,7 +22,7 @@ from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES, with_slopes
 from freefloat.motion.problem import Prescribed
 from freefloat.motion.residuals import path_errors
-from freefloat.so3 import Array, IntArray, angle_between, cross, turned
+from freefloat.so3 import Array, IntArray, angle_between, rotated_in_body, rotation_vector_rate
 
 _INTEGRATOR = "Munthe-Kaas Runge-Kutta of fourth order on SO(3), fixed steps in time"
 _BEFORE_SINGULAR, _MOMENT = 2, 1e-3
@@ -256,9 +256,8 @@ def _integrated(motion: Motion, panels: int, parts: int) -> tuple[Array, Array]:
 
     def rates(attitude: Array, z: Array, prescribed: Prescribed) -> Array:
         """Rates of z: the rotation vector (the exponential's derivative inverted) and joints."""
-        omega, joint_rates = solver.rates(turned(attitude, z[:3]), z[3:], *prescribed)
-        first = cross(z[:3], omega)
-        return np.concatenate([omega + first / 2.0 + cross(z[:3], first) / 12.0, joint_rates])
+        omega, joint_rates = solver.rates(rotated_in_body(attitude, z[:3]), z[3:], *prescribed)
+        return np.concatenate([rotation_vector_rate(z[:3], omega), joint_rates])
 
     attitudes, joints = [motion.attitudes[0]], [motion.joints[0]]
     for panel in range(panels):
@@ -278,7 +277,7 @@ def _integrated(motion: Motion, panels: int, parts: int) -> tuple[Array, Array]:
                 k3 = rates(attitude, z + h / 2.0 * k2, middle)
                 k4 = rates(attitude, z + h * k3, last)
                 z = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-                attitude, z[:3] = turned(attitude, z[:3]), 0.0
+                attitude, z[:3] = rotated_in_body(attitude, z[:3]), 0.0
             attitudes.append(attitude)
             joints.append(z[3:])
     return np.array(attitudes), np.array(joints)

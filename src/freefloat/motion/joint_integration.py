@@ -26,10 +26,8 @@ def integrate_spline(problem: Problem, spline: JointSpline, attitude: Array) -> 
         attitude: Attitude of the spacecraft at the start, unit quaternion x, y, z, w.
     """
     problem.model.require_one_arm("joint motions")
-    panels = _PANELS * spline.spans
     timing, system = problem.path.timing, problem.system
-    inner = (np.arange(panels)[:, None] + (NODES[:DEGREE] + 1.0) / 2.0) / panels
-    times = timing.duration * np.append(inner.ravel(), 1.0)
+    times = node_times(problem, spline)
 
     def change(t: float, quaternion: Array) -> Array:
         s, speed = timing.s(t), timing.s(t, 1)
@@ -51,3 +49,10 @@ def integrate_spline(problem: Problem, spline: JointSpline, attitude: Array) -> 
     attitudes = quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
     joints = spline.at([float(timing.s(t)) for t in times])
     return Motion(problem, Ending.COMPLETED, times, attitudes, joints, spline)
+
+
+def node_times(problem: Problem, spline: JointSpline) -> Array:
+    """Times of the nodes of the motion along a spline in the duration of a problem's path [s]."""
+    panels = _PANELS * spline.spans
+    inner = (np.arange(panels)[:, None] + (NODES[:DEGREE] + 1.0) / 2.0) / panels
+    return np.asarray(problem.path.duration * np.append(inner.ravel(), 1.0))

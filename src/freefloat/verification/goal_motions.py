@@ -9,10 +9,11 @@ from itertools import pairwise
 import numpy as np
 
 from freefloat.limits.check import LimitChecker
+from freefloat.motion.joint_integration import node_times
 from freefloat.motion.joint_spline import JointSpline
 from freefloat.motion.motion import Motion
 from freefloat.planning.goals.goal_motion import GoalMotion
-from freefloat.so3 import Array, angle_between, cross, turned
+from freefloat.so3 import Array, angle_between, rotated_in_body, rotation_vector_rate
 from freefloat.verification.comparisons import Check, completed, error_check
 from freefloat.verification.engine_runs import forward_checks
 from freefloat.verification.gravity import CircularOrbit
@@ -66,23 +67,20 @@ def _integrated_again(motion: Motion, spline: JointSpline) -> Motion:
         return system.base_rate(attitude, spline.at(s), spline.at(s, 1) * timing.s(t, 1))
 
     def change(t: float, attitude: Array, vector: Array) -> Array:
-        """The rate of a rotation vector: the derivative of the exponential, inverted."""
-        omega = rate(t, turned(attitude, vector))
-        first = cross(vector, omega)
-        return omega + first / 2.0 + cross(vector, first) / 12.0
+        return rotation_vector_rate(vector, rate(t, rotated_in_body(attitude, vector)))
 
-    attitudes = [motion.initial.attitude]
-    for start, end in pairwise(motion.times.tolist()):
+    attitudes, times = [motion.initial.attitude], node_times(motion.problem, spline)
+    for start, end in pairwise(times.tolist()):
         attitude, h = attitudes[-1], (end - start) / _PARTS
         for t in (start + h * np.arange(_PARTS)).tolist():
             k1 = rate(t, attitude)
             k2 = change(t + h / 2.0, attitude, h / 2.0 * k1)
             k3 = change(t + h / 2.0, attitude, h / 2.0 * k2)
             k4 = change(t + h, attitude, h * k3)
-            attitude = turned(attitude, h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
+            attitude = rotated_in_body(attitude, h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
         attitudes.append(attitude)
-    joints = spline.at([float(timing.s(t)) for t in motion.times])
-    return replace(motion, attitudes=np.array(attitudes), joints=joints)
+    joints = spline.at([float(timing.s(t)) for t in times])
+    return replace(motion, times=times, attitudes=np.array(attitudes), joints=joints)
 
 
 def _same_motion(again: Motion, motion: Motion) -> Check:
