@@ -34,6 +34,7 @@ from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Problem, require_problem
+from freefloat.robot.joint_ranges import largest_range_ratio
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, BoolArray, IntArray, heading_quaternion
 
@@ -258,7 +259,9 @@ def _decided(
     again |= _is_near(motions.minimum, required, _NEAR)
     if ranges:
         shifts = _shifts_into_ranges(disturbed.problem, motions.lower, motions.upper)
-        ratios = range_ratios(disturbed.problem, motions.lower + shifts, motions.upper + shifts)
+        ratios = largest_range_ratio(
+            disturbed.problem.model.joint_ranges, motions.lower + shifts, motions.upper + shifts
+        )
         again |= (motions.minimum >= required) & (ratios > SAFE_RANGE)
     strict = integrated(again, _STRICT_TOLERANCE, step_of(progress, _FIRST_PASS, 1.0))
     doubtful = np.zeros(len(joints), dtype=bool)
@@ -311,15 +314,6 @@ def _best(owners: IntArray, motions: EnsembleResult, count: int) -> IntArray:
     distinct, places = np.unique(owners[candidates], return_index=True)
     best[distinct] = candidates[places]
     return best
-
-
-def range_ratios(problem: Problem, low: Array, high: Array) -> Array:
-    """Ratios of joint ranges, as limits have them, of joint values from low to high, shape (K,)."""
-    lower, upper = problem.model.joint_ranges
-    bounded = np.isfinite(lower) & np.isfinite(upper)
-    half = np.where(bounded, (upper - lower) / 2.0, 1.0)
-    below, above = (lower - low) / half, (high - upper) / half
-    return np.asarray(np.maximum(below, above).max(axis=1) + 1.0)
 
 
 def _shifts_into_ranges(problem: Problem, low: Array, high: Array) -> Array:

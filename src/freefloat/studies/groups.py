@@ -12,7 +12,6 @@ from freefloat.ensemble.disturbed_motions import (
     SAFE_RANGE,
     STRICT_SAFE_RANGE,
     integrate_disturbed,
-    range_ratios,
 )
 from freefloat.ensemble.endings import NORMAL
 from freefloat.ensemble.equivalence import equivalents
@@ -21,6 +20,7 @@ from freefloat.errors import FreeFloatError
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.limits import GIVEN
 from freefloat.motion.problem import Problem
+from freefloat.robot.joint_ranges import largest_range_ratio
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, BoolArray, IntArray
 from freefloat.studies.document import scenario_from, with_values
@@ -105,7 +105,7 @@ class Group:
 
     def ratios_of_ranges(self, motions: ManyMotions) -> Array:
         """Ratios of joint ranges as limits have them, of the integrator's steps, shape (K,)."""
-        return range_ratios(self.problem, motions.lower, motions.upper)
+        return largest_range_ratio(self.problem.model.joint_ranges, motions.lower, motions.upper)
 
     def are_decided(self, motions: ManyMotions) -> BoolArray:
         """Whether motions have a verdict; those of others need a precise motion, shape (K,)."""

@@ -9,6 +9,7 @@ from freefloat.limits.result import LimitResult
 from freefloat.motion.extrema import joint_extents
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
+from freefloat.robot.joint_ranges import range_ratios
 from freefloat.so3 import Array
 
 Ranges = tuple[Array, Array]
@@ -31,10 +32,7 @@ class JointRangeLimit(JointLimit[Ranges]):
     def worst(self, motion: Motion) -> LimitResult:
         """The joint that is farthest out of its range, or nearest to an end of it."""
         extents, (lower, upper) = joint_extents(motion), self.bound
-        bounded = np.isfinite(lower) & np.isfinite(upper)
-        half = np.where(bounded, (upper - lower) / 2.0, 1.0)
-        below = (lower - extents.low) / half + 1.0
-        above = (extents.high - upper) / half + 1.0
+        below, above = range_ratios(self.bound, extents.low, extents.high)
         joint = int(np.maximum(below, above).argmax())
         if at_least := bool(below[joint] > above[joint]):
             ratio, worst, allowed, places = below, extents.low, lower, extents.low_places
