@@ -41,11 +41,16 @@ def few_tasks(
     """
     waiting, completed = deque(tasks), SimpleQueue[tuple[Task, Result]]()
 
+    def remaining() -> Iterator[Task]:
+        """Tasks that no process has begun, each for the one that takes it."""
+        with suppress(IndexError):
+            while True:
+                yield waiting.popleft()
+
     def feed(process: Connection) -> None:
         with suppress(EOFError, OSError):  # the process was killed
             process.send((work, study))
-            while waiting:
-                task = waiting.popleft()
+            for task in remaining():
                 process.send(task)
                 completed.put((task, process.recv()))
 
@@ -53,8 +58,7 @@ def few_tasks(
         threads = [Thread(target=feed, args=(process,), daemon=True) for process in processes]
         for thread in threads:
             thread.start()
-        while waiting:
-            task = waiting.popleft()
+        for task in remaining():
             yield task, work(study, task)
             while not completed.empty():
                 yield completed.get()
