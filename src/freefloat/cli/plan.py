@@ -31,6 +31,7 @@ from freefloat.errors import InputError
 if TYPE_CHECKING:
     from freefloat.io.scenario.scenario import Scenario
     from freefloat.planning.balance import Balance
+    from freefloat.planning.balance_settings import BalanceSettings
     from freefloat.planning.goals.goal import Goal
     from freefloat.planning.goals.goal_motion import GoalMotion
     from freefloat.planning.phases.manoeuvre import Manoeuvre
@@ -89,10 +90,10 @@ def plan(
         feasible = manoeuvre.feasible
         tables = manoeuvre_tables(scenario, manoeuvre, verbose)
         delivery.deliver(manoeuvre, tables, scenario, loaded)
-    elif loaded.balance() is not None:
+    elif (settings := loaded.balance()) is not None:
         if stretch:
             raise InputError("stretch", "an arm balances", "longer durations in the scenario")
-        feasible = _plan_balanced(delivery, loaded, scenario)
+        feasible = _plan_balanced(delivery, loaded, scenario, settings)
     else:
         found = _plan_path(delivery, loaded, stretch)
         feasible = found.feasible
@@ -114,13 +115,13 @@ def _plan_path(delivery: Delivery, loaded: Scenario, stretch: bool) -> Plan:
         )  # fmt: skip
 
 
-def _plan_balanced(delivery: Delivery, loaded: Scenario, name: str) -> bool:
+def _plan_balanced(
+    delivery: Delivery, loaded: Scenario, name: str, settings: BalanceSettings
+) -> bool:
     """Plan a path while an arm balances, and deliver the plan; whether it is feasible."""
     from freefloat.planning.balance import plan_balanced
 
-    problem, limits, settings = loaded.problem_at_rest(), loaded.limits(), loaded.balance()
-    if settings is None:
-        return False
+    problem, limits = loaded.problem_at_rest(), loaded.limits()
     delivery.prepare(loaded.source)
     progress = delivery.console.progress("integrating motions")
     with loaded.error_context(), progress as update:
