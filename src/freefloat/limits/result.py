@@ -85,6 +85,15 @@ class LimitResult:
         bound = self.shown_bound.replace("≤", "at most").replace("≥", "at least")
         return f"{bound} {self.shown_unit}".rstrip() + f": {self.shown(self.worst)}"
 
+    def violation(self, when: str = "") -> str:
+        """Such as ``"the joint rate of q1 is violated, at most 0.3 rad/s: 0.41"``.
+
+        Args:
+            when: Words that follow ``violated``, such as ``"at t = 2 s"``.
+        """
+        which = f"the {self.label} of {self.where} is violated {when}".rstrip()
+        return f"{which}, {self.sentence}"
+
     @property
     def timed(self) -> bool:
         """Whether the ratio depends on the speed of a motion, not on its shape alone."""

@@ -56,7 +56,7 @@ class Verdict:
         time: The instant [s].
         value: Value at that instant.
         allowed: Bound of a measure.
-        sentence: Bound and value of a limit in words.
+        sentence: How a limit is violated.
     """
 
     cause: Cause = Cause.KEPT
@@ -92,8 +92,7 @@ _SENTENCES = {
     Cause.SINGULAR: "the arm becomes singular at t = {verdict.time:.4g} s",
     Cause.MARGIN: "{verdict.name} falls to {verdict.value:.4g} at t = {verdict.time:.4g} s, "
     "{verdict.allowed:.4g} is required",
-    Cause.LIMIT: "the {verdict.label} of {verdict.where} is violated at t = {verdict.time:.4g} s, "
-    "{verdict.sentence}",
+    Cause.LIMIT: "{verdict.sentence}",
     Cause.JUMP: "joint rates would change by {verdict.value:.3g} rad/s or m/s where it begins; "
     "a phase of joints before it brings the arm to rest",
 }
@@ -128,7 +127,12 @@ def verdict_on(
     first = next(iter(violated(results)), None)
     if first is not None:
         return Verdict(
-            Cause.LIMIT, first.limit, first.where, first.time, first.worst, sentence=first.sentence
+            Cause.LIMIT,
+            first.limit,
+            first.where,
+            first.time,
+            first.worst,
+            sentence=first.violation(f"at t = {first.time:.4g} s"),
         )
     return Verdict()
 
@@ -262,8 +266,7 @@ def none_within_limits(
     reason = f"attitudes keep the margin, but every candidate violates a limit: {counts}"
     worst = max(violating, key=lambda result: result.ratio, default=None)
     if worst is not None:
-        reason += f"; the best of {count} integrated precisely violates the {worst.label} of "
-        reason += f"{worst.where}, {worst.sentence}"
+        reason += f"; in the best of {count} integrated precisely {worst.violation()}"
     if stretch is not None:
         return f"{reason}; {rounded_up(stretch):.4g} times the duration suffices"
     return f"{reason}; none of the longer durations tried suffices" if longer_tried else reason

@@ -63,8 +63,7 @@ def _at_the_goal(outcome: GoalMotion, search: GoalSearch, seed: int) -> str:
                 default=None)  # fmt: skip
     if least is None or None in violations:
         return "the goal is reached, but by no motion that was found within the limits"
-    where = f"the {least.label} of {least.where} is violated"
-    return f"where the nearest motion reaches the goal, {where}, {least.sentence}"
+    return f"where the nearest motion reaches the goal, {least.violation()}"
 
 
 def _violation(outcome: GoalMotion, course: Course) -> LimitResult | None:

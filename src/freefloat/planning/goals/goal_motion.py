@@ -78,10 +78,8 @@ class GoalMotion(Answer):
         violation = next(iter(violated(results)), None)
         reason = f"the goal is reached in {float(motion.times[-1]):.4g} s"
         if violation is not None:
-            reason = (
-                f"the best motion that was found violates the {violation.label} of "
-                f"{violation.where} at t = {violation.time:.4g} s, {violation.sentence}"
-            )
+            how = violation.violation(f"at t = {violation.time:.4g} s")
+            reason = f"along the best motion that was found {how}"
         return replace(
             self, problem=motion.problem, feasible=violation is None, reason=reason, motion=motion,
             limit_results=tuple(results),

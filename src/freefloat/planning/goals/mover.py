@@ -170,8 +170,7 @@ def move_from(
         violation = violation_at_rest(there, known, attitude, joints)
         if violation is not None:
             values = ", ".join(f"{value:.4g}" for value in joints)
-            reason = f"the {violation.label} of {violation.where} is violated with joints {values}"
-            return replace(outcome, reason=f"{reason}, {violation.sentence}")
+            return replace(outcome, reason=violation.violation(f"with joints {values}"))
     shapes: list[ShapeLimits] = [StateLimits(problem, limits)]
     clearances = None
     if checker.pairs is not None:

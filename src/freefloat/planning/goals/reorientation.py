@@ -90,9 +90,7 @@ def _rest(
         if violation is None:
             return candidate
         violations.append(violation)
-    last = violations[-1]
-    raise InputError("joints", f"{last.limit} of {last.where} is {last.worst:.4g} at these joints",
-                     f"joints that keep the limit {last.allowed:.4g}")  # fmt: skip
+    raise InputError("joints", violations[-1].violation("with them"), "joints that keep the limits")
 
 
 def _candidates(
