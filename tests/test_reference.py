@@ -203,7 +203,8 @@ def documents_of_all_commands() -> dict[str, list[dict[str, Any]]]:
     Path("goal.yaml").write_text(GOAL)
     rates = ff.Goal(joints=[0.6, 0.2], joint_rates=[0.01, 0.0]).to_dict()
     documents["plan, with a goal"] = [
-        document("reorient", "planar_2dof/line", *turn), document("plan", "goal.yaml"),
+        document("reorient", "planar_2dof/line", *turn),
+        document("plan", "goal.yaml", *pages),
         {"goal": rates},
     ]  # fmt: skip
     Path("phases.yaml").write_text(PHASES)

@@ -37,8 +37,9 @@ class RateCommands:
             speed: Path speed ds/dt [1/s], which scales the attraction of a redundant arm.
         """
         rates = np.empty(joints.shape)
-        # copies: other kernels would be compiled for read-only arrays
-        attitudes, joints, twists = (np.array(rows) for rows in (attitudes, joints, twists))
+        # copies: other kernels would be compiled for arrays that are read-only or of another order
+        given = attitudes, joints, twists
+        attitudes, joints, twists = (np.array(rows, order="C") for rows in given)
         measured = Measured(attitudes, joints, twists, self._momentum, speed)
         command(self._arrays, measured, self._workspace, rates)
         return rates

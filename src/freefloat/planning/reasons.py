@@ -94,7 +94,7 @@ _SENTENCES = {
     "{verdict.allowed:.4g} is required",
     Cause.LIMIT: "{verdict.sentence}",
     Cause.JUMP: "joint rates would change by {verdict.value:.3g} rad/s or m/s where it begins; "
-    "a phase of joints before it brings the arm to rest",
+    "a phase with joints before it brings the arm to rest",
 }
 _CELLS = {
     Cause.KEPT: "keeps margin and limits",
