@@ -24,7 +24,7 @@ from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
 from freefloat.so3 import heading_quaternion
-from freefloat.visualization.page.video import find_browser
+from freefloat.visualization.page.pictures import find_browser
 from tests.browser import FLAGS
 from tests.motions import bundled
 from tests.robots import ur5_on_spacecraft

@@ -15,7 +15,7 @@ import freefloat as ff
 from freefloat.errors import MissingExtraError
 from freefloat.studies.runner import run_study
 from freefloat.studies.study import load_study
-from freefloat.visualization.page.video import take_pictures
+from freefloat.visualization.page.pictures import take_pictures
 from tests.commands import error
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -74,7 +74,7 @@ from .visualization.page.playback import playback as playback
 from .visualization.page.playback import show as show
 
 # Many runs
-from .ensemble.disturbed_motions import simulate_many as simulate_many
+from .ensemble.simulate_many import simulate_many as simulate_many
 from .studies.study import load_study as load_study
 from .studies.runner import run_study as run_study
 

@@ -24,7 +24,7 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.visualization.figure_style import new_figure
 from freefloat.visualization.figures import figures
-from freefloat.visualization.page.video import find_browser
+from freefloat.visualization.page.pictures import find_browser
 from tests.commands import document, error, run, without_progress
 
 browser_only = pytest.mark.skipif(find_browser() is None, reason="no Chromium or Chrome here")

@@ -130,7 +130,8 @@ def view(
 
     Example: freefloat view feasible.h5 singular.h5 --html both.html --scene singular
     """
-    from freefloat.visualization.page.video import save_picture, save_snapshots, save_video
+    from freefloat.visualization.page.pictures import save_picture, save_snapshots
+    from freefloat.visualization.page.video import save_video
 
     picture = None
     if output is not None and snapshots is None:

@@ -74,7 +74,7 @@ def arrays_of(
         count: Number of runs.
 
     Returns:
-        Arrays by argument of :func:`~freefloat.ensemble.disturbed_motions.simulate_many`, shape
+        Arrays by argument of :func:`~freefloat.ensemble.simulate_many.simulate_many`, shape
         (K,) or (K, 3), and ``attitudes`` (K, 4) where the start varies; and whether a run fits,
         shape (K,). The values of others are harmless ones.
     """
