@@ -74,6 +74,7 @@ def run_chunks(
             finished, pending = wait(pending, _WAIT, FIRST_COMPLETED)
             for future in finished:
                 future.result()
-            report(1.0 - len(pending) / len(chunks))
+            if finished:
+                report(1.0 - len(pending) / len(chunks))
     finally:
         pool.shutdown(wait=False, cancel_futures=True)

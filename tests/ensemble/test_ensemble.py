@@ -436,7 +436,8 @@ def test_results_do_not_depend_on_threads_and_order(planar: ff.Problem) -> None:
 
 def test_progress_rises_to_one(planar: ff.Problem) -> None:
     fractions: list[float] = []
-    EnsembleIntegrator(planar, 2).integrate(*many(planar), progress=fractions.append)
+    starts = (np.tile(values, (4, 1)) for values in many(planar))  # many chunks, one at a time
+    EnsembleIntegrator(planar, 1).integrate(*starts, progress=fractions.append)
     assert len(fractions) >= 3
     assert fractions == sorted(set(fractions))
     assert fractions[0] > 0.0
