@@ -2,17 +2,20 @@
 
 In a page, ``<!-- keys: scenario -->`` becomes the table of the sections of a scenario file,
 ``<!-- keys: scenario.path -->`` that of all keys below one, ``<!-- commands -->`` the table of
-commands, ``<!-- command: plan -->`` the help of one, and ``<!-- bundled: robots -->`` the table of
-the robots (scenarios, studies) that come with freefloat.
+commands, ``<!-- command: plan -->`` the help of one, ``<!-- bundled: robots -->`` the table of the
+robots (scenarios, studies) that come with freefloat, and ``<!-- dependencies -->`` that of the
+packages that freefloat and its extras install.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from importlib.metadata import metadata, requires
 from typing import Any
 
 import typer
+from packaging.requirements import Requirement
 
 from freefloat.cli.app import app
 from freefloat.cli.models import catalogue
@@ -20,7 +23,9 @@ from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.studies.study import StudyFile
 
 SCHEMAS = {"scenario": ScenarioFile, "study": StudyFile}
-MARKER = re.compile(r"^<!-- (bundled|keys|command|commands)(?:: (\S+))? -->$", re.MULTILINE)
+MARKER = re.compile(
+    r"^<!-- (bundled|keys|command|commands|dependencies)(?:: (\S+))? -->$", re.MULTILINE
+)
 EVERYWHERE = ("--json", "--quiet")
 """Options that every command has; a page lists them once."""
 _LARGEST = 1e9
@@ -34,6 +39,7 @@ def filled(markdown: str) -> str:
         "keys": keys_table,
         "command": command_help,
         "commands": commands_table,
+        "dependencies": dependencies_table,
     }
     return MARKER.sub(lambda match: kinds[match[1]](*filter(None, [match[2]])), markdown)
 
@@ -207,6 +213,31 @@ def bundled_table(kind: str) -> str:
         for entry in entries
     ]
     return _table(("name", "description", *details), rows)
+
+
+# --- dependencies --------------------------------------------------------------------------------
+
+
+def dependencies_table() -> str:
+    """Return the table of required packages, those of users' extras included, and licences."""
+    rows = []
+    for requirement in map(Requirement, requires("freefloat") or ()):
+        marker = str(requirement.marker or "")
+        extra = "".join(re.findall('extra == "(.*)"', marker))
+        if extra not in ("docs", "test"):
+            name, bounds = requirement.name, str(requirement.specifier)
+            rows.append((f"`{name}`", f"`{bounds}`" * bool(bounds), extra, _licence(name)))
+    return _table(("package", "versions", "extra", "licence"), rows)
+
+
+def _licence(package: str) -> str:
+    """The licence that a package states: an SPDX expression, a classifier, or a short text."""
+    stated = metadata(package)
+    classes = [line.split(" :: ") for line in stated.get_all("Classifier", [])]
+    names = [words[-1] for words in classes if words[0] == "License" and len(words) > 2]
+    first = (stated["License"] or "").partition("\n")[0].strip()
+    text = "" if first.startswith("Copyright") else first
+    return stated["License-Expression"] or ", ".join(names) or text or "in its files"
 
 
 # --- Markdown -----------------------------------------------------------------------------------
