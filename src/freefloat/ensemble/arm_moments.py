@@ -18,19 +18,19 @@ from freefloat.so3 import Array
 _CELLS, _ERROR = (64, 256, 1024), 1e-10
 """Numbers of cubics that approximate the moments over the duration, and their relative error."""
 _NODES = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0, 0.5])
+NO_ARMS = Arms(0, 0.0, np.zeros((0, 0, 0)))
+"""Where no further arm moves."""
 _THROUGH_NODES = np.linalg.inv(np.vander(_NODES[:4], increasing=True))
 """Maps values at the first four nodes to the cubic's coefficients, lowest power first."""
 
 
-def kernel_arms(problem: Problem, frames: LinkFrames) -> Arms | None:
-    """Moments of the spacecraft with the further arms of a problem; None where none moves.
+def kernel_arms(problem: Problem, frames: LinkFrames) -> Arms:
+    """Moments of the spacecraft with the further arms of a problem.
 
     Args:
         problem: Robot and joint curves.
         frames: Link frames of the robot whose further arms are fixed.
     """
-    if not problem.arms:
-        return None
     axes, origin = frames.base[:3], frames.base[3]
     for number in _CELLS:
         times = (np.arange(number)[:, None] + _NODES) * (problem.path.duration / number)

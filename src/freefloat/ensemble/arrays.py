@@ -20,9 +20,15 @@ from freefloat.dynamics.redundancy import (
     range_centres,
 )
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ensemble.arm_moments import kernel_arms
+from freefloat.ensemble.arm_moments import NO_ARMS, kernel_arms
 from freefloat.ensemble.kernels.cones import AXIS, ORIGIN, TARGET
-from freefloat.ensemble.kernels.null_space import ENERGY, MIDDLE_OF_RANGE, SIGMA, WEIGHTED
+from freefloat.ensemble.kernels.null_space import (
+    BASE_RATE,
+    ENERGY,
+    MIDDLE_OF_RANGE,
+    SIGMA,
+    WEIGHTED,
+)
 from freefloat.ensemble.kernels.records import (
     CONE_COLUMNS,
     REACH,
@@ -60,10 +66,9 @@ def kernel_problem(problem: Problem, limits: AttitudeLimits | None = None) -> Ke
     robot, measure = kernel_robot(model, problem.task, problem.margin.measure.name, frames)
     if problem.arms:
         robot = _with_arms(problem, robot, frames)
-    cones = None
-    if limits is not None:
-        _require_own_bodies(problem.model, limits)
-        cones = _cones(model, frames, limits, problem.path.duration)
+    limits = limits or AttitudeLimits()
+    _require_own_bodies(problem.model, limits)
+    cones = _cones(model, frames, limits, problem.path.duration)
     null_space = _null_space(problem)
     return KernelProblem(robot, _course(problem), measure, null_space, TABLEAU, cones)
 
@@ -80,7 +85,7 @@ def kernel_robot(
     robot = Robot(
         frames.joints, robot_properties(frames.base, frames.bodies, reach, coefficients),
         frames.tool, np.array(task.rows, dtype=float), model.dof, len(task.rows), task.planar,
-        SPINNING_SPEED if pointing else SINGULAR_SPEED, frames.across if pointing else None, None,
+        pointing, SPINNING_SPEED if pointing else SINGULAR_SPEED, frames.across, NO_ARMS,
     )  # fmt: skip
     return robot, Measure(NAMES.index(name), len(multiples), multiples)
 
@@ -142,13 +147,14 @@ def _null_space(problem: Problem) -> NullSpace | None:
     if redundancy is None or redundancy.minimum_norm:
         return None
     centres = range_centres(problem.chain())
+    codes = ((Metric.ENERGY, ENERGY), (Metric.BASE, BASE_RATE))
+    metric = next((code for kind, code in codes if redundancy.metric is kind), WEIGHTED)
     toward = {Toward.NONE: 0, Toward.MANIPULABILITY: SIGMA, Toward.MIDDLE: MIDDLE_OF_RANGE}
     return NullSpace(
-        ENERGY if redundancy.metric is Metric.ENERGY else WEIGHTED, toward[redundancy.toward],
+        metric, toward[redundancy.toward],
         float(redundancy.gain), float(redundancy.bound),
         np.array(joint_weights(problem.chain(), redundancy), dtype=float),
-        np.nan_to_num(centres), np.isfinite(centres).astype(float),
-        DAMPED_BELOW if redundancy.metric is Metric.BASE else None,
+        np.nan_to_num(centres), np.isfinite(centres).astype(float), DAMPED_BELOW,
     )  # fmt: skip
 
 

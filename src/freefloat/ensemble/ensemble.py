@@ -64,7 +64,7 @@ class EnsembleIntegrator:
         self.problem = problem
         self.tolerance = finite_number("tolerance", tolerance, "1e-13 to 1e-2", 1e-13, 1e-2)
         limits = limits or AttitudeLimits()
-        self._arrays = kernel_problem(problem, limits if limits.number else None)
+        self._arrays = kernel_problem(problem, limits)
         self._spares = spare_slacks(limits)
 
     def integrate(

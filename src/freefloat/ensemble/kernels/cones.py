@@ -57,13 +57,9 @@ BEFORE, LOWEST = 0, 1
 
 
 @inner
-def note_slacks(
-    problem: Problem, cones: Cones | None, dt: Float, fresh: Mask, accepted: Mask, work: Workspace
-) -> None:
+def note_slacks(problem: Problem, dt: Float, fresh: Mask, accepted: Mask, work: Workspace) -> None:
     """Update the smallest slacks by those along a step; write the first ones of fresh motions."""
-    if cones is None:
-        return
-    robot, slacks = problem.robot, work.slacks
+    robot, cones, slacks = problem.robot, problem.cones, work.slacks
     for i in range(cones.number):
         after = slack(robot, cones, i, work.at, work)
         before = select(fresh, after, slacks[2 * i + BEFORE])
@@ -81,13 +77,10 @@ def note_slacks(
 
 
 @inner
-def store_slacks(
-    cones: Cones | None, k: int, lane: int, work: Workspace, out: EnsembleResult
-) -> None:
+def store_slacks(cones: Cones, k: int, lane: int, work: Workspace, out: EnsembleResult) -> None:
     """Write the smallest slacks of the motion in a lane."""
-    if cones is not None:
-        for i in range(cones.number):
-            out.slacks[k, i] = get_lane(work.slacks, 2 * i + LOWEST, lane)
+    for i in range(cones.number):
+        out.slacks[k, i] = get_lane(work.slacks, 2 * i + LOWEST, lane)
 
 
 @inlined
@@ -168,6 +161,6 @@ def centre_of_mass(robot: Robot, y: Table, work: Workspace) -> Vector:
         if k > 1:
             u = u + get_vector(bodies, k - 1, MOMENT)
         M += bodies[k - 1, MASS]
-    moment, _ = spacecraft(robot, robot.arms, below(y, 4, 1), work)
+    moment, _ = spacecraft(robot, below(y, 4, 1), work)
     u = u + moment
     return in_spacecraft(robot, u, M + 0.0 * y[0]) * (1.0 / robot.properties[TOTAL_MASS])

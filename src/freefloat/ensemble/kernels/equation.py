@@ -64,16 +64,15 @@ INERTIA, OWN_MOMENTUM, CELL = 12.0, 36.0, 48.0
 
 
 @inlined
-def spacecraft(
-    robot: Robot, arms: Arms | None, q: Table, work: Workspace
-) -> tuple[Vector, Inertia]:
+def spacecraft(robot: Robot, q: Table, work: Workspace) -> tuple[Vector, Inertia]:
     """First moment and inertia of the spacecraft with its further arms, in link frame 0.
 
     Their momenta are written to ``work.carried``: the linear one is the derivative of the first
     moment. Where such arms move, the element of ``q`` behind the joints is the time in units of the
     duration.
     """
-    if arms is None:
+    arms = robot.arms
+    if arms.number == 0:
         bodies = bodies_of(robot)
         I = Inertia(get_vector(bodies, 0, DIAGONAL), get_vector(bodies, 0, PRODUCTS))
         return get_vector(bodies, 0, MOMENT), I
@@ -107,10 +106,10 @@ def cubics(cells: Table, first: Float, x: Float) -> Vector:
 
 @inlined
 def without_arms(
-    arms: Arms | None, h: Vector, v: Vector, share: Float, work: Workspace
+    arms: Arms, h: Vector, v: Vector, share: Float, work: Workspace
 ) -> tuple[Vector, Vector]:
     """Angular momentum and end-effector velocity that further arms leave to spacecraft and arm."""
-    if arms is None:
+    if arms.number == 0:
         return h, v
     P = get_vector(work.carried, 0, 0)
     moment = get_vector(work.carried, 1, 0) - cross(get_vector(work.centre, 0, 0), P)
@@ -133,7 +132,7 @@ def place_bodies(robot: Robot, q: Table, work: Workspace) -> tuple[Vector, Vecto
     ex, ey, ez, p = (get_vector(base, 0, 0), get_vector(base, 1, 0), get_vector(base, 2, 0),
                      get_vector(base, 3, 0))  # fmt: skip
     M = bodies[0, MASS]
-    u, I = spacecraft(robot, robot.arms, q, work)
+    u, I = spacecraft(robot, q, work)
     for k in range(1, robot.n + 1):
         s, c, d = joints[k - 1, SINE], joints[k - 1, COSINE], joints[k - 1, ALONG_X]
         p = p + ex * d
@@ -166,23 +165,24 @@ def place_bodies(robot: Robot, q: Table, work: Workspace) -> tuple[Vector, Vecto
     x, y, z = components(u)
     u = ex * x + ey * y + ez * z
     I = in_axes(I, ex, ey, ez)
-    place_axes(robot.across, ex, ey, ez, work.across)
+    place_axes(robot, ex, ey, ez, work.across)
     x, y, z = robot.tool[0], robot.tool[1], robot.tool[2]
     return p + ex * x + ey * y + ez * z, u, I, p
 
 
 @inlined
-def place_axes(across: Table | None, ex: Vector, ey: Vector, ez: Vector, axes: Table) -> None:
+def place_axes(robot: Robot, ex: Vector, ey: Vector, ez: Vector, axes: Table) -> None:
     """Write the end-effector's x and y axes, given in the last frame, if the task needs them."""
-    if across is not None:
+    across = robot.across
+    if robot.pointing:
         for i in range(2):
             set_vector(axes, i, 0, ex * across[i, 0] + ey * across[i, 1] + ez * across[i, 2])
 
 
 @inlined
-def rotational_rows(across: Table | None, axes: Table, omega: Vector) -> Vector:
+def rotational_rows(robot: Robot, axes: Table, omega: Vector) -> Vector:
     """The components of an angular velocity from which the task takes its rows."""
-    if across is None:
+    if not robot.pointing:
         return omega
     return vector(dot(omega, get_vector(axes, 0, 0)), dot(omega, get_vector(axes, 1, 0)), 0.0)
 
@@ -211,7 +211,7 @@ def form_jacobian(robot: Robot, q: Table, work: Workspace) -> tuple[Vector, Iner
         L = get_vector(w, j, ANGULAR) - cross(c, P)
         y = times(inverse_D, L)
         set_vector(S, j, 0, P * share + cross(y, r))
-        set_vector(S, j, 3, rotational_rows(robot.across, work.across, y))
+        set_vector(S, j, 3, rotational_rows(robot, work.across, y))
         if robot.joints[j, PRISMATIC] == 0.0:
             y = y - get_vector(w, j, AXIS)
         set_vector(w, j, TURN, y)
@@ -250,7 +250,7 @@ def solve_rates(
     r, inverse_D, det_D = form_jacobian(robot, q, work)
     h, v = without_arms(robot.arms, h, v, 1.0 / robot.properties[TOTAL_MASS], work)
     drift = times(inverse_D, h)
-    turn = rotational_rows(robot.across, work.across, omega - drift)
+    turn = rotational_rows(robot, work.across, omega - drift)
     twist = (*components(v - cross(drift, r)), *components(turn))
     b = work.b
     for i in range(6):

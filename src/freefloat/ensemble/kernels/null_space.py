@@ -33,8 +33,8 @@ from freefloat.lockstep.reflections import reflect
 from freefloat.lockstep.tables import Table, below, get_vector
 from freefloat.lockstep.vectors import Vector, components, cross, dot
 
-WEIGHTED, ENERGY = 1, 2
-"""Codes of the metrics but ``base``, which has a limit of its own; others do not compile it."""
+WEIGHTED, ENERGY, BASE_RATE = 1, 2, 3
+"""Codes of the metrics."""
 SIGMA, MIDDLE_OF_RANGE = 1, 2
 """Codes of the objectives; 0 for none."""
 _STEP = 1e-4
@@ -75,7 +75,7 @@ def add_null_space_motion(
     """
     n, r = robot.n, robot.n - robot.m
     _basis(robot, work)
-    _components(robot, null_space, null_space.damped_below, drift, work)
+    _components(robot, null_space, drift, work)
     square = 0.0 * speed
     for i in range(n):
         toward = 0.0 * speed
@@ -90,14 +90,12 @@ def add_null_space_motion(
 
 
 @inner
-def _components(
-    robot: Robot, null_space: NullSpace, limit: float | None, drift: Vector, work: Workspace
-) -> None:
+def _components(robot: Robot, null_space: NullSpace, drift: Vector, work: Workspace) -> None:
     """Write both components c, in pairs, into ``work.right``."""
-    if limit is None:
-        _least_norm(robot, null_space, work)
+    if null_space.metric == BASE_RATE:
+        _least_base_rate(robot, null_space, drift, work)
     else:
-        _least_base_rate(robot, null_space, limit, drift, work)
+        _least_norm(robot, null_space, work)
 
 
 @inner
@@ -127,15 +125,13 @@ def _least_norm(robot: Robot, null_space: NullSpace, work: Workspace) -> None:
 
 
 @inner
-def _least_base_rate(
-    robot: Robot, null_space: NullSpace, limit: float, drift: Vector, work: Workspace
-) -> None:
+def _least_base_rate(robot: Robot, null_space: NullSpace, drift: Vector, work: Workspace) -> None:
     """The components for the metric ``base``."""
     n, r, right = robot.n, robot.n - robot.m, work.right
     first = 2 if robot.planar else 0  # of the components of angular velocities that count
     k, G, A = 3 - first, work.metric, work.normal
     omega = components(spacecraft_rate(robot, drift, work))
-    square = _base_rates(robot, first, work) * limit**2
+    square = _base_rates(robot, first, work) * null_space.damped_below**2
     if r <= k:
         for c in range(r):
             right[2 * c], right[2 * c + 1] = 0.0, 0.0

@@ -29,7 +29,7 @@ minimum and the time of it, its maximum; smallest and largest magnitude of det S
 class Arms(NamedTuple):
     """Further arms that move along joint curves, as part of the spacecraft."""
 
-    number: int  # of cells of equal duration
+    number: int  # of cells of equal duration; 0 where no further arm moves
     density: float  # cells per second
     cells: Table  # cubics of each cell, highest power first: first moment and inertia in link frame
     # 0, then the angular momentum relative to the spacecraft and about its origin, in its frame
@@ -45,9 +45,10 @@ class Robot(NamedTuple):
     n: int
     m: int
     planar: bool
+    pointing: bool
     singular_speed: float  # of joints per duration, above which a redundant arm is singular
-    across: Table | None  # x and y axes of the end-effector, for the task ``pointing`` only, (2, 3)
-    arms: Arms | None  # None where no further arm moves
+    across: Table  # x and y axes of the end-effector, for the task ``pointing``, (2, 3)
+    arms: Arms
 
 
 @inlined
@@ -85,13 +86,13 @@ class NullSpace(NamedTuple):
     weights: Table  # of the joints, (n,)
     middles: Table  # of the joint ranges, (n,)
     ranges: Table  # 1 where a joint has a range, otherwise 0, (n,)
-    damped_below: float | None  # of the metric ``base``, otherwise None
+    damped_below: float  # of the metric ``base``
 
 
 class Cones(NamedTuple):
     """Limits of attitude."""
 
-    number: int
+    number: int  # of the limits
     duration: float  # of the path
     table: Table  # see freefloat.ensemble.kernels.cones
 
@@ -104,7 +105,7 @@ class Problem(NamedTuple):
     measure: Measure
     null_space: NullSpace | None  # None for the joint rates of least Euclidean norm
     tableau: Table
-    cones: Cones | None  # None without limits of attitude
+    cones: Cones
 
 
 class Motions(NamedTuple):
@@ -191,7 +192,8 @@ def robot_in_tables(robot: Robot, robots: Array | None, work: Workspace) -> Robo
         floats(robot.joints, FRAME_COLUMNS),
         first_if_none(robots, floats(robot.properties, 1), work.properties),
         floats(robot.tool, 1), floats(robot.rows, 1), robot.n, robot.m, robot.planar,
-        robot.singular_speed, _axes_in_table(robot.across), _arms_in_tables(robot.arms),
+        robot.pointing, robot.singular_speed, floats(robot.across, 3),
+        Arms(robot.arms.number, robot.arms.density, floats(robot.arms.cells, 1)),
     )  # fmt: skip
 
 
@@ -204,7 +206,7 @@ def measure_in_tables(measure: Measure) -> Measure:
 @inner
 def problem_in_tables(problem: Problem, robots: Array | None, work: Workspace) -> Problem:
     """A problem's arrays as tables; the properties of robots that differ are those in the lanes."""
-    course = problem.course
+    course, cones = problem.course, problem.cones
     return Problem(
         robot_in_tables(problem.robot, robots, work),
         Course(
@@ -213,7 +215,7 @@ def problem_in_tables(problem: Problem, robots: Array | None, work: Workspace) -
         ),
         measure_in_tables(problem.measure),
         _settings_in_tables(problem.null_space), floats(problem.tableau, 7),
-        _cones_in_tables(problem.cones),
+        Cones(cones.number, cones.duration, floats(cones.table, CONE_COLUMNS)),
     )  # fmt: skip
 
 
@@ -226,20 +228,3 @@ def _settings_in_tables(null_space: Any) -> Any:
         floats(null_space.weights, 1), floats(null_space.middles, 1), floats(null_space.ranges, 1),
         null_space.damped_below,
     )  # fmt: skip
-
-
-@inner
-def _axes_in_table(across: Any) -> Any:
-    return None if across is None else floats(across, 3)
-
-
-@inner
-def _arms_in_tables(arms: Any) -> Any:
-    return None if arms is None else Arms(arms.number, arms.density, floats(arms.cells, 1))
-
-
-@inner
-def _cones_in_tables(cones: Any) -> Any:
-    if cones is None:
-        return None
-    return Cones(cones.number, cones.duration, floats(cones.table, CONE_COLUMNS))

@@ -86,7 +86,7 @@ def attempt(problem: Problem, work: Workspace) -> tuple[int, int]:
         begin_motions(fresh, determinant, value, work)
     value *= status[SIGN]
     note_minimum(problem, dt, value, accepted, work)
-    note_slacks(problem, problem.cones, dt, fresh, accepted, work)
+    note_slacks(problem, dt, fresh, accepted, work)
     status[VALUE] = select(accepted, value, status[VALUE])
     status[HIGHEST] = select(accepted, maximum(status[HIGHEST], value), status[HIGHEST])
     status[SMALLEST] = select(accepted, minimum(status[SMALLEST], size), status[SMALLEST])
