@@ -22,6 +22,7 @@ from tests.motions import (
     GOOD,
     PitchOrientation,
     from_here,
+    heading,
     on_side,
     problem_with,
     seven,
@@ -66,6 +67,23 @@ def test_a_motion_up_to_just_before_its_singularity_completes(spatial):
 
 
 # --- Example 1 --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("degrees", "momentum", "tolerance"),
+    [(150.57395234, 0.56086475, 1e-3), (169.66956925, 0.16948501, 1e-10)],
+)
+def test_a_step_that_crosses_a_singularity_twice_ends_at_the_first(degrees, momentum, tolerance):
+    """Near grazing time runs back inside a step, and on again before its end."""
+    problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
+    problem, attitude = problem.replace(momentum=[0.0, 0.0, momentum]), heading(degrees)
+    joints = problem.branches(attitude)[0].joints
+    motion, fine = (
+        ff.integrate_motion(problem, attitude, joints, tolerance=e) for e in (tolerance, 1e-13)
+    )
+    assert motion.ending is fine.ending is Ending.SINGULAR
+    assert (np.diff(motion.times) >= 0.0).all()
+    assert motion.final.time == pytest.approx(fine.final.time, abs=max(1e-6, 500.0 * tolerance))
 
 
 def test_example_1_passes_the_stop_at_rest(planar):

@@ -274,6 +274,17 @@ def test_a_singular_motion_cut_short_is_not_singular(simulated):
     assert "singular end" in failed(shortened(0, -40)(simulated))
 
 
+@pytest.mark.slow
+def test_a_motion_whose_last_joint_would_spin_is_verified_to_end_there():
+    """Wheels, momentum, another arm: det S* of a pointing arm need not vanish at its end."""
+    problem = ff.load_scenario("servicing/two_arms").problem()
+    problem = problem.replace(momentum=[1.0, -2.0, 1.5], wheel_momentum=[0.0, 4.0, 1.0])
+    simulation = ff.simulate(problem, [0, 0, 0, 1], branch=2)
+    assert simulation.chosen.motion.ending is Ending.SINGULAR
+    assert ff.check(simulation).discrepancies == ()
+    assert "singular end" in failed(shortened(0, -40)(simulation))
+
+
 def test_a_singular_motion_cut_short_is_not_complete(simulated):
     cut = shortened(0, -40, ending=Ending.COMPLETED)(simulated)
     assert failed(cut) == {"whole motion"}

@@ -30,6 +30,11 @@ NEARLY_DEPENDENT = 1e-10
 """Sum of the principal minors of a matrix relative to its squared trace that is rounding error."""
 
 
+def singular_speed(task: Task) -> float:
+    """Joint speed times duration from which a redundant arm counts as singular [rad, m]."""
+    return SPINNING_SPEED if task is Task.POINTING else SINGULAR_SPEED
+
+
 class Metric(StrEnum):
     """What the joint rates minimize.
 

@@ -12,12 +12,11 @@ from freefloat.dynamics.measures import NAMES, unit_of_length
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.redundancy import (
     DAMPED_BELOW,
-    SINGULAR_SPEED,
-    SPINNING_SPEED,
     Metric,
     Toward,
     joint_weights,
     range_centres,
+    singular_speed,
 )
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.arm_moments import NO_ARMS, kernel_arms
@@ -85,7 +84,7 @@ def kernel_robot(
     robot = Robot(
         frames.joints, robot_properties(frames.base, frames.bodies, reach, coefficients),
         frames.tool, np.array(task.rows, dtype=float), model.dof, len(task.rows), task.planar,
-        pointing, SPINNING_SPEED if pointing else SINGULAR_SPEED, frames.across, NO_ARMS,
+        pointing, singular_speed(task), frames.across, NO_ARMS,
     )  # fmt: skip
     return robot, Measure(NAMES.index(name), len(multiples), multiples)
 

@@ -26,6 +26,8 @@ from freefloat.motion.problem import Leg, Problem, require_problem
 from freefloat.motion.residuals import path_errors
 from freefloat.so3 import Array
 
+Dense = Callable[[npt.ArrayLike], Array]
+"""The curve inside a step, by its arc length."""
 _TIME_UNITS = 10.0
 """Length of the time axis, comparable with radians and metres."""
 _STALLED = 0.1 * _TIME_UNITS / SINGULAR_SPEED
@@ -234,6 +236,9 @@ class _Stepper:
         def tangent(_: float, y: Array) -> Array:
             return self._flow(y, leg, self._reference)
 
+        def pace_at(r: float, y: Dense) -> float:
+            return sign * float(tangent(r, y(r))[0])
+
         tolerance = self._tolerance
         if self._breaks:  # rates are differences of states by the leg's length, and as precise
             tolerance = max(tolerance * min(abs(goal - y[0]), 1.0), _FINEST)
@@ -251,13 +256,21 @@ class _Stepper:
             stop = solver.t
             pace = sign * solver.f[0]
             if pace < 0.0:
-                stop = brentq(lambda r, y: tangent(r, y(r))[0], solver.t_old, stop, (dense,))
-            if sign * dense(stop)[0] >= sign * goal:
+                stop = brentq(pace_at, solver.t_old, stop, (dense,))
+            rows = _nodes(dense, solver.t_old, stop)
+            if (np.diff(sign * rows[:, 0]) < 0.0).any():
+                if (r := _reversal(pace_at, sign, dense, solver.t_old, stop)) is not None:
+                    pace, stop = -1.0, brentq(pace_at, solver.t_old, r, (dense,))
+                    rows = _nodes(dense, solver.t_old, stop)
+                rows[:, 0] = sign * np.maximum.accumulate(sign * rows[:, 0])
+            if arrived := bool(sign * rows[-1, 0] >= sign * goal):
                 stop = brentq(lambda r, y: y(r)[0] - goal, solver.t_old, stop, (dense,))
-                yield _nodes(unit, dense, solver.t_old, stop), False
+                rows = _nodes(dense, solver.t_old, stop)
                 self._proposed = solver.h_abs if self._breaks else None
+            rows[:, 0] *= unit
+            yield rows, not arrived and bool(pace <= self._flow.stalled)
+            if arrived:
                 return
-            yield _nodes(unit, dense, solver.t_old, stop), bool(pace <= self._flow.stalled)
             self._reference = solver.f
         raise IntegrationError(
             float(solver.y[0] * unit),
@@ -266,8 +279,22 @@ class _Stepper:
         )
 
 
-def _nodes(unit: float, dense: Callable[[Array], Array], start: float, stop: float) -> Array:
+def _reversal(
+    pace_at: Callable[[float, Dense], float], sign: float, dense: Dense, start: float, stop: float
+) -> float | None:
+    """Where time runs back inside a step at whose ends it does not; None where it does not.
+
+    The interpolated time of a rough step may fall although that of the curve does not.
+    """
+    nodes = start + (stop - start) * (NODES + 1.0) / 2.0
+    for k in np.flatnonzero(sign * np.diff(dense(nodes)[0]) < 0.0):
+        for r in (nodes[k], (nodes[k] + nodes[k + 1]) / 2.0, nodes[k + 1]):
+            if pace_at(float(r), dense) < 0.0:
+                return float(r)
+    return None
+
+
+def _nodes(dense: Dense, start: float, stop: float) -> Array:
     values = dense(start + (stop - start) * (NODES + 1.0) / 2.0).T
-    values[:, 0] *= unit
     values[:, 1:5] /= np.linalg.norm(values[:, 1:5], axis=1, keepdims=True)
     return values

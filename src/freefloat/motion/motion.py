@@ -30,7 +30,7 @@ _LARGEST = 1e12
 """Largest number in a motion."""
 _ROUNDING = 1e-9
 """Deviation of the norm of a quaternion from 1."""
-_BACKWARD = 1e-4
+_BACKWARD = 1e-6
 """Largest step back in time over the duration, of motions that graze a singularity."""
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from freefloat.certificate.certificate import Certificate, CertifiedMinimum
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import inertia_matrices
+from freefloat.dynamics.redundancy import singular_speed
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import FreeFloatError
 from freefloat.motion.margin import keeps_threshold
@@ -39,6 +40,10 @@ _SMALL = 1e-7
 """Errors that are negligible."""
 _VANISHED = 1e-3
 """Fraction of its largest value that the smallest singular value may have at a singular end."""
+
+_FAST = 0.99
+"""Fraction of the speed at which redundant arms count as singular: an integrator adds the pace of
+time to it."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +171,7 @@ def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool)
     ]  # fmt: skip
     checks += [_margin_check(minimum, motion, feasible) for minimum in certificate.minima]
     if motion.ending is Ending.SINGULAR:
-        checks.append(_singular_end(motion))
+        checks.append(_fast_end(motion) if motion.problem.redundant else _singular_end(motion))
     if feasible and not motion.completed:
         checks.append(Check("whole path", False, motion.ending.value, time=motion.final.time))
     return checks
@@ -186,7 +191,7 @@ def _margin_check(minimum: CertifiedMinimum, motion: Motion, feasible: bool) -> 
     elif not minimum.bound and motion.completed:
         passed, detail = not feasible, "nothing is proven between the nodes"
     elif not minimum.bound:
-        detail = "the motion ends where it vanishes"
+        detail = "the motion ends singular"
     return Check(name, passed, detail, None, minimum.value, required, unit, minimum.time, "≥")
 
 
@@ -200,6 +205,22 @@ def _singular_end(motion: Motion) -> Check:
         "singular end", fraction, _VANISHED, "of the largest", motion.final.time,
         "the smallest singular value differs from zero",
     )  # fmt: skip
+
+
+def _fast_end(motion: Motion) -> Check:
+    """Check that a redundant arm is stated to end singular where its rates have no use any more.
+
+    Its measures need not vanish there, see
+    :data:`~freefloat.dynamics.redundancy.SPINNING_SPEED`.
+    """
+    final, problem = motion.final, motion.problem
+    base, joints = motion.law.rates(final.time, final.attitude, final.joints)
+    speed = float(np.hypot(np.linalg.norm(base) / 2.0, np.linalg.norm(joints)))
+    found, required = speed * problem.path.duration, _FAST * singular_speed(problem.task)
+    passed = bool(found >= required)
+    words = f"its speed is {found:.4g} rad per duration, below {required:.4g}"
+    return Check("singular end", passed, "" if passed else words, None, found, required,
+                 "rad per duration", final.time, "≥")  # fmt: skip
 
 
 def completed(
