@@ -60,7 +60,7 @@ def closest_branches(
         return BranchSets(chosen, np.where(closest, sets.names, -1), sets.labels)
     p, R = np.reshape(positions, (-1, 3)), np.reshape(rotations, (-1, 3, 3))
     lower, upper = model.joint_ranges
-    nearby, _ = _distances(model, newton_solutions(model, p, R, task, joints), joints)
+    nearby = newton_solutions(model, p, R, task, joints)
     (others,) = np.nonzero(~((nearby >= lower) & (nearby <= upper)).all(axis=1))
     spread = many_arm_branches(model, p[others], R[others], task).joints
     candidates = np.concatenate([spread, nearby[others, None]], axis=1)
@@ -77,11 +77,13 @@ def newton_solutions(
 ) -> Array:
     """The configurations (K, n) to which Newton's method converges, else NaN.
 
-    It starts from joints (n,), or from other ones at each of the K poses, (K, n).
+    It starts from joints (n,), or from other ones at each of the K poses, (K, n). Revolute joints
+    are shifted by full rotations toward these, within their ranges.
     """
     starts = np.broadcast_to(joints, (len(positions), model.dof)).T[:, None]
     target = positions.T, rotations.transpose(1, 2, 0)
-    return solutions(Chain.of(model), task, *target, starts)[:, 0].T
+    found = solutions(Chain.of(model), task, *target, starts)[:, 0].T
+    return _distances(model, found, joints)[0]
 
 
 def toward(model: FreeFloatingModel, q: Array, joints: Array) -> Array:
@@ -91,7 +93,7 @@ def toward(model: FreeFloatingModel, q: Array, joints: Array) -> Array:
 
 
 def _distances(model: FreeFloatingModel, q: Array, joints: Array) -> tuple[Array, Array]:
-    """Configurations (..., n) shifted toward joint values (n,), and their distances (...).
+    """Configurations (..., n) shifted toward joint values (..., n), and their distances (...).
 
     The distance of one that does not exist is infinite.
     """
