@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
@@ -283,6 +284,24 @@ def test_a_motion_whose_last_joint_would_spin_is_verified_to_end_there():
     assert simulation.chosen.motion.ending is Ending.SINGULAR
     assert ff.check(simulation).discrepancies == ()
     assert "singular end" in failed(shortened(0, -40)(simulation))
+
+
+def test_a_motion_that_ends_where_it_begins_is_verified_to_be_singular_there():
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    attitude, elbow = (
+        [0.0, 0.0, 0.0, 1.0],
+        brentq(lambda q: problem.margin.measure([0.3, q]), -1, 1),
+    )
+    start = problem.model.end_effector_pose(attitude, [0.3, elbow])
+    line = ff.paths.PolynomialCurve.line(start.position, 0.8 * start.position)
+    path = ff.EndEffectorPath(line, ff.paths.FixedOrientation(start.rotation))
+    problem = problem.replace(path=ff.TimedPath(path, problem.path.timing))
+    singular, regular = (ff.simulate(problem, attitude, branch=k) for k in (0, 1))
+    assert not singular.motion.panels
+    assert ff.check(singular).discrepancies == ()
+    stopped = regular.motion.cut(0.0, Ending.SINGULAR)
+    chosen = replace(regular.chosen, motion=stopped)
+    assert failed(replace(regular, chosen=chosen)) == {"singular start"}
 
 
 def test_a_singular_motion_cut_short_is_not_complete(simulated):

@@ -10,7 +10,7 @@ import numpy as np
 
 from freefloat.certificate.certificate import Certificate, CertifiedMinimum
 from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.momentum import inertia_matrices
+from freefloat.dynamics.momentum import generalized_jacobian, inertia_matrices
 from freefloat.dynamics.redundancy import singular_speed
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import FreeFloatError
@@ -41,6 +41,8 @@ _SMALL = 1e-7
 _VANISHED = 1e-3
 """Fraction of its largest value that the smallest singular value may have at a singular end."""
 
+_RANK_LOST = 1e-8
+"""The same of S* at the start of a motion that ends there, relative to its largest one."""
 _FAST = 0.99
 """Fraction of the speed at which redundant arms count as singular: an integrator adds the pace of
 time to it."""
@@ -205,6 +207,15 @@ def _singular_end(motion: Motion) -> Check:
         "singular end", fraction, _VANISHED, "of the largest", motion.final.time,
         "the smallest singular value differs from zero",
     )  # fmt: skip
+
+
+def singular_start_check(motion: Motion) -> Check:
+    """Check that the arm is singular at the start, where its motion is stated to end."""
+    problem, start = motion.problem, motion.initial
+    S = generalized_jacobian(problem.model, start.joints, problem.task)
+    values = np.linalg.svd(S, compute_uv=False)
+    fraction, words = float(values[-1] / values[0]), "the smallest singular value differs from zero"
+    return error_check("singular start", fraction, _RANK_LOST, "of the largest", start.time, words)
 
 
 def _fast_end(motion: Motion) -> Check:

@@ -8,6 +8,7 @@ from freefloat.certificate.certificate import Certificate, certify
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits
 from freefloat.motion.extrema import closest_approach
+from freefloat.motion.motion import Ending
 from freefloat.planning.phases.kinds.path_phase import branch_at
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import SimulatedBranch, Simulation
@@ -17,6 +18,7 @@ from freefloat.verification.comparisons import (
     comparison_check,
     completed,
     magnitude_range,
+    singular_start_check,
     span_check,
 )
 from freefloat.verification.engine_runs import EngineRuns, engine_checks, engine_runs
@@ -90,6 +92,8 @@ def _report(
         orbit: Report the effect of gravity gradient there.
     """
     motion = chosen.motion
+    if motion.ending is Ending.SINGULAR and not motion.panels:
+        return CheckReport(result.kind, (singular_start_check(motion),))
     if not (span := span_check(motion)).passed:
         return CheckReport(result.kind, (span,))
     runs = EngineRuns() if engine == PINOCCHIO else engine_runs(engine, motion, orbit)
