@@ -12,10 +12,6 @@ from freefloat.so3 import Array
 def base_rates(model: FreeFloatingModel, joints: Array, rates: Array) -> Array:
     """Angular velocity of the spacecraft without momentum, ``-D^-1 Dq q'`` of (1).
 
-    ``Dq q'`` is the angular momentum about the centre of mass while the spacecraft is fixed, so one
-    pass over the bodies gives it together with ``D``. See
-    :func:`freefloat.dynamics.momentum.inertia_matrices` for the matrices of one configuration.
-
     Args:
         model: Robot.
         joints: Joint values [rad or m], shape (..., n).
@@ -28,6 +24,27 @@ def base_rates(model: FreeFloatingModel, joints: Array, rates: Array) -> Array:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
         >>> base_rates(model, np.array([0.3, 0.7]), np.array([1.0, 0.0])).round(4)
         array([ 0.    ,  0.    , -0.4657])
+    """
+    D, momentum = inertia_and_momentum(model, joints, rates)
+    return np.asarray(-np.linalg.solve(D, momentum[..., None])[..., 0])
+
+
+def inertia_and_momentum(
+    model: FreeFloatingModel, joints: Array, rates: Array
+) -> tuple[Array, Array]:
+    """``D`` and ``Dq q'`` of (1), in many configurations at once.
+
+    ``Dq q'`` is the angular momentum about the centre of mass while the spacecraft is fixed, so one
+    pass over the bodies gives both. See :func:`freefloat.dynamics.momentum.inertia_matrices` for
+    the matrices of one configuration.
+
+    Args:
+        model: Robot.
+        joints: Joint values [rad or m], shape (..., n).
+        rates: Joint rates, of the same shape.
+
+    Returns:
+        In spacecraft axes [kg m², N m s], shapes (..., 3, 3) and (..., 3).
     """
     base, *arm = model.bodies
     zeros = np.zeros((*joints.shape[:-1], 3))
@@ -61,8 +78,7 @@ def base_rates(model: FreeFloatingModel, joints: Array, rates: Array) -> Array:
     spread = np.einsum("b...i,b...j->...ij", weighted, r)
     trace = np.trace(spread, axis1=-2, axis2=-1)[..., None, None]
     D = inertia + trace * np.eye(3) - spread
-    momentum = momentum + _cross(weighted, np.array(speed)).sum(axis=0)
-    return np.asarray(-np.linalg.solve(D, momentum[..., None])[..., 0])
+    return D, momentum + _cross(weighted, np.array(speed)).sum(axis=0)
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -3,52 +3,99 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from numpy.polynomial import chebyshev
+from scipy.spatial.transform import Rotation
 
+from freefloat.dynamics.base_rates import inertia_and_momentum
+from freefloat.errors import IntegrationError
 from freefloat.motion.joint_spline import JointSpline
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array
+from freefloat.so3 import Array, frozen
 
-_TOLERANCE = 1e-12
 _PANELS = 4
 """Panels of a motion in a span: their polynomials are exact to 1e-10."""
+_POINTS = frozen(chebyshev.chebpts2(2 * DEGREE + 1))
+"""Points of a panel at which the equation holds; every second one is a node of the motion."""
+_INTEGRALS = frozen(
+    chebyshev.chebvander(_POINTS, 2 * DEGREE + 1)
+    @ chebyshev.chebint(np.linalg.inv(chebyshev.chebvander(_POINTS, 2 * DEGREE)), lbnd=-1, axis=0)
+)
+"""Maps values at the points to the integrals from the first point to each."""
+_BY_RATE = np.zeros((4, 4, 3))
+for _k in range(3):
+    _i, _j = (_k + 1) % 3, (_k + 2) % 3
+    _BY_RATE[3, _k, _k], _BY_RATE[_k, 3, _k] = 0.5, -0.5
+    _BY_RATE[_i, _j, _k], _BY_RATE[_j, _i, _k] = -0.5, 0.5
+"""Derivative of element j of a quaternion by element i and the rate about axis k, by (8c)."""
+_CONVERGED, _ITERATIONS = 1e-14, 100
 
 
 def integrate_spline(problem: Problem, spline: JointSpline, attitude: Array) -> Motion:
     """The motion of spacecraft and arm along a spline, with the momentum of the problem.
+
+    Quaternions are polynomials in each panel that satisfy (8c) at its points (collocation), found
+    by Picard's iteration; what depends on the joints alone is computed for all points at once.
 
     Args:
         problem: Robot and momentum; the joints have the timing of its path, which itself is not
             followed.
         spline: The joints.
         attitude: Attitude of the spacecraft at the start, unit quaternion x, y, z, w.
+
+    Raises:
+        IntegrationError: If the spacecraft turns too fast for the panels.
     """
     problem.model.require_one_arm("joint motions")
-    timing, system = problem.path.timing, problem.system
-    times = node_times(problem, spline)
+    timing, system, panels = problem.path.timing, problem.system, _PANELS * spline.spans
+    half = problem.path.duration / panels / 2.0
+    times = (half * (2.0 * np.arange(panels)[:, None] + _POINTS + 1.0)).ravel()
+    s, speed = np.array([(timing.s(t), timing.s(t, 1)) for t in times.tolist()]).T
+    joints = spline.at(s)
+    rates, momentum = spline.at(s, 1) * speed[:, None], np.array(system.momentum, dtype=float)
+    D, carried = inertia_and_momentum(problem.model, joints, rates)
+    inverse_D = np.linalg.inv(D)
+    own = -np.einsum("kij,kj->ki", inverse_D, carried + system.wheels)
+    quaternions, last = [], attitude
+    for panel in np.split(np.arange(len(s)), panels):
+        found = _attitudes(last, half, inverse_D[panel], own[panel], momentum)
+        if found is None:
+            raise IntegrationError(
+                float(times[panel[0]]), "the spacecraft turns too fast", "a longer duration"
+            )
+        last = found[-1] / np.linalg.norm(found[-1])
+        quaternions.append(found[:-1:2])
+    rows = np.vstack([*quaternions, last])
+    attitudes = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+    nodes = np.append(np.arange(len(s)).reshape(panels, -1)[:, :-1:2].ravel(), len(s) - 1)
+    return Motion(problem, Ending.COMPLETED, times[nodes], attitudes, joints[nodes], spline)
 
-    def change(t: float, quaternion: Array) -> Array:
-        s, speed = timing.s(t), timing.s(t, 1)
-        unit = quaternion / np.linalg.norm(quaternion)
-        x, y, z = system.base_rate(unit, spline.at(s), spline.at(s, 1) * speed).tolist()
-        by_rate = [[0, z, -y, x], [-z, 0, x, y], [y, -x, 0, z], [-x, -y, -z, 0]]  # (8c)
-        return np.asarray(np.array(by_rate) @ quaternion / 2.0)
 
-    state, rows, size = attitude, list[Array](), (len(times) - 1) // spline.spans
-    for first in range(0, len(times) - 1, size):
-        chosen = times[first : first + size + 1]
-        solution = solve_ivp(
-            change, (chosen[0], chosen[-1]), state, method="DOP853", t_eval=chosen,
-            rtol=_TOLERANCE, atol=_TOLERANCE,
-        )  # fmt: skip
-        state = solution.y[:, -1]
-        rows.append(solution.y.T[: size + (first + size == len(times) - 1)])
-    quaternions = np.vstack(rows)
-    attitudes = quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
-    joints = spline.at([float(timing.s(t)) for t in times])
-    return Motion(problem, Ending.COMPLETED, times, attitudes, joints, spline)
+def _attitudes(
+    first: Array, half: float, inverse_D: Array, own: Array, momentum: Array
+) -> Array | None:
+    """Quaternions at the points of a panel, shape (17, 4); None without convergence.
+
+    Args:
+        first: The quaternion at its start.
+        half: Half of its duration [s].
+        inverse_D: Inverse of D at its points, shape (17, 3, 3).
+        own: Angular velocity of the spacecraft without momentum, its axes [rad/s], shape (17, 3).
+        momentum: Angular momentum, inertial axes [N m s], shape (3,).
+    """
+    quaternions, omega = np.tile(first, (len(own), 1)), own
+    for _ in range(_ITERATIONS):
+        if momentum.any():
+            h = Rotation.from_quat(quaternions).apply(momentum, inverse=True)
+            omega = own + np.einsum("kij,kj->ki", inverse_D, h)
+        rates = (np.tensordot(quaternions, _BY_RATE, 1) @ omega[:, :, None])[..., 0]  # (8c)
+        found = first + half * (_INTEGRALS @ rates)
+        change = np.abs(found - quaternions).max()
+        quaternions = found
+        if change < _CONVERGED:
+            return quaternions
+    return None
 
 
 def node_times(problem: Problem, spline: JointSpline) -> Array:

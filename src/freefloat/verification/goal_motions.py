@@ -59,7 +59,7 @@ def _checks(result: GoalMotion, engine: str) -> Iterator[Check]:
 
 
 def _integrated_again(motion: Motion, spline: JointSpline) -> Motion:
-    """The motion by Munthe-Kaas steps of fourth order; DOP853 with quaternions found it."""
+    """The motion by Munthe-Kaas steps of fourth order; quaternions that are collocated found it."""
     timing, system = motion.problem.path.timing, motion.problem.system
 
     def rate(t: float, attitude: Array) -> Array:
