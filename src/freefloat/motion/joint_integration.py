@@ -55,7 +55,7 @@ def integrate_spline(problem: Problem, spline: JointSpline, attitude: Array) -> 
     joints = spline.at(s)
     rates, momentum = spline.at(s, 1) * speed[:, None], np.array(system.momentum, dtype=float)
     D, carried = inertia_and_momentum(problem.model, joints, rates)
-    inverse_D = np.linalg.inv(D)
+    inverse_D = np.asarray(np.linalg.inv(D), dtype=float)
     own = -np.einsum("kij,kj->ki", inverse_D, carried + system.wheels)
     quaternions, last = [], attitude
     for panel in np.split(np.arange(len(s)), panels):
