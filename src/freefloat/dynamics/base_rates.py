@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.system import System
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
 
-def base_rates(model: FreeFloatingModel, joints: Array, rates: Array) -> Array:
-    """Angular velocity of the spacecraft without momentum, ``-D^-1 Dq q'`` of (1).
+def base_rates(system: System, attitudes: Array, joints: Array, rates: Array) -> Array:
+    """Angular velocity of the spacecraft, ``D^-1 (R0^T h - h_w - Dq q')``, (3) of the paper.
 
     Args:
-        model: Robot.
+        system: Robot and momenta.
+        attitudes: Unit quaternions x, y, z, w, shape (..., 4).
         joints: Joint values [rad or m], shape (..., n).
         rates: Joint rates, of the same shape.
 
@@ -21,12 +23,15 @@ def base_rates(model: FreeFloatingModel, joints: Array, rates: Array) -> Array:
         In the spacecraft frame [rad/s], shape (..., 3).
 
     Example:
-        >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
-        >>> base_rates(model, np.array([0.3, 0.7]), np.array([1.0, 0.0])).round(4)
+        >>> system = ff.System(ff.FreeFloatingModel.from_urdf("planar_2dof"))
+        >>> attitude, joints, rates = map(np.array, ([0, 0, 0, 1], [0.3, 0.7], [1.0, 0.0]))
+        >>> base_rates(system, attitude, joints, rates).round(4)
         array([ 0.    ,  0.    , -0.4657])
     """
-    D, momentum = inertia_and_momentum(model, joints, rates)
-    return np.asarray(-np.linalg.solve(D, momentum[..., None])[..., 0])
+    D, carried = inertia_and_momentum(system.model, joints, rates)
+    turned = Rotation.from_quat(attitudes.reshape(-1, 4))
+    h = turned.apply(np.array(system.momentum), inverse=True).reshape(carried.shape)
+    return np.asarray(np.linalg.solve(D, (h - system.wheels - carried)[..., None])[..., 0])
 
 
 def inertia_and_momentum(

@@ -30,15 +30,21 @@ def peak(motion: Motion, values: Function, nodes: Array | None = None) -> Extrem
     return maximum(at_nodes(motion, values) if nodes is None else nodes, values)
 
 
-def largest_magnitude(motion: Motion, vectors: Function) -> tuple[float, float]:
-    """The largest magnitude of a vector that depends on rates, and its time [s]."""
+def largest_magnitude(
+    motion: Motion, vectors: Function, nodes: Array | None = None
+) -> tuple[float, float]:
+    """The largest magnitude of a vector that depends on rates, and its time [s].
+
+    Arguments as of :func:`peak`.
+    """
 
     def squared(panel: int, x: float) -> Array:
         """Smooth also where the vector passes through zero."""
         vector = vectors(panel, x)
         return np.array([vector @ vector])
 
-    place = peak(motion, squared)
+    squares = None if nodes is None else (nodes * nodes).sum(axis=2, keepdims=True)
+    place = peak(motion, squared, squares)
     return float(np.sqrt(place.value)), motion.time_at(place.u)
 
 

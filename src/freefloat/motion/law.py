@@ -6,12 +6,14 @@ handed on, exports and checks ask the law of a motion.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from freefloat.dynamics.base_rates import base_rates
 from freefloat.dynamics.inverse_dynamics import Effort, InverseDynamics
 from freefloat.dynamics.momentum import Task
 from freefloat.motion.joint_spline import JointSpline
@@ -54,6 +56,12 @@ class Law(Protocol):
         """The rates at a state; infinite where the arm is exactly singular."""
         ...
 
+    def many_rates(
+        self, times: Array, attitudes: Array, joints: Array, segments: Sequence[int]
+    ) -> Array:
+        """Rates of spacecraft and joints at K states, shape (K, 3 + n)."""
+        ...
+
     def effort(
         self, t: float, attitude: Array, joints: Array, segment: int | None = None
     ) -> Effort:
@@ -89,6 +97,13 @@ class PathLaw:
         """See :class:`Law`."""
         prescribed = self._problem.prescribed(t, segment)
         return Rates(*self._solver.rates(attitude, joints, *prescribed))
+
+    def many_rates(
+        self, times: Array, attitudes: Array, joints: Array, segments: Sequence[int]
+    ) -> Array:
+        """See :class:`Law`."""
+        states = zip(times.tolist(), attitudes, joints, segments, strict=True)
+        return np.array([np.concatenate(self.rates(*state)) for state in states])
 
     def effort(
         self, t: float, attitude: Array, joints: Array, segment: int | None = None
@@ -190,6 +205,21 @@ class JointLaw:
         s, speed = self._timing.s(t, 0, segment), self._timing.s(t, 1, segment)
         rates = self._curve.at(s, 1) * speed
         return Rates(self._problem.system.base_rate(attitude, self._curve.at(s), rates), rates)
+
+    def many_rates(
+        self, times: Array, attitudes: Array, joints: Array, segments: Sequence[int]
+    ) -> Array:
+        """See :class:`Law`."""
+        s, speed = (
+            np.array([
+                self._timing.s(t, order, segment)
+                for t, segment in zip(times.tolist(), segments, strict=True)
+            ])
+            for order in (0, 1)
+        )  # fmt: skip
+        rates = self._curve.at(s, 1) * speed[:, None]
+        base = base_rates(self._problem.system, attitudes, self._curve.at(s), rates)
+        return np.concatenate([base, rates], axis=1)
 
     def effort(
         self, t: float, attitude: Array, joints: Array, segment: int | None = None

@@ -176,6 +176,17 @@ class Motion:
         inner = np.arange(self.panels)[:, None] + (NODES[:-1] + 1.0) / 2.0
         return frozen(np.append(inner.ravel(), self.panels))
 
+    @cached_property
+    def node_rates(self) -> Array:
+        """Rates of spacecraft and joints at the nodes of every panel, shape (panels, 9, 3 + n)."""
+        nodes = self.panel_nodes
+        segments = [k for panel in range(self.panels) for k in [self.timing_segment(panel)] * 9]
+        rates = self.law.many_rates(
+            self.times[nodes].ravel(), self.attitudes[nodes].reshape(-1, 4),
+            self.joints[nodes].reshape(-1, self.joints.shape[1]), segments,
+        )  # fmt: skip
+        return frozen(rates.reshape(*nodes.shape, -1))
+
     def at(self, panel: int, x: float) -> tuple[float, Array, Array]:
         """Time [s], attitude (4,) and joints (n,) in a panel, at its parameter from -1 to 1."""
         row = chebyshev.chebval(x, self.coefficients[panel])

@@ -21,5 +21,8 @@ class BaseRateLimit(Limit[float]):
     def worst(self, motion: Motion) -> LimitResult:
         """The largest angular velocity of the spacecraft."""
         rates = rates_along(motion)
-        ratio, time = largest_magnitude(motion, lambda panel, x: rates(panel, x).base / self.bound)
+        nodes = motion.node_rates[..., :3] / self.bound if motion.panels else None
+        ratio, time = largest_magnitude(
+            motion, lambda panel, x: rates(panel, x).base / self.bound, nodes
+        )
         return self.result(ratio * self.bound, self.bound, ratio, time, "spacecraft")

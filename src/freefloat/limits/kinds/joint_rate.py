@@ -25,4 +25,5 @@ class JointRateLimit(MagnitudeLimit):
     def worst(self, motion: Motion) -> LimitResult:
         """The joint whose rate is largest over its limit."""
         rates = rates_along(motion)
-        return self.largest(motion, lambda panel, x: rates(panel, x).joints)
+        nodes = motion.node_rates[..., 3:] if motion.panels else None
+        return self.largest(motion, lambda panel, x: rates(panel, x).joints, nodes)
