@@ -41,7 +41,11 @@ def test_altered_joints_are_a_discrepancy(file: Path) -> None:
 
 @pytest.mark.slow
 def test_too_short_a_time_ends_with_exit_code_1(tmp_path: Path) -> None:
-    found = document(*TURN, "--duration", 5, "-o", tmp_path / "late.h5", code=1)
+    text = run("models", "planar_2dof/line").stdout
+    scenario = tmp_path / "facing.yaml"
+    scenario.write_text(f"{text}search: {{from_attitude: [0, 0, 0, 1]}}\n")
+    turn = ("reorient", scenario, *TURN[TURN.index("--to") :], "--duration", 5)
+    found = document(*turn, "-o", tmp_path / "late.h5", code=1)
     assert found["needed"]["duration"] > 5.0
     assert not ff.load(tmp_path / "late.h5").feasible
     assert run("check", tmp_path / "late.h5").exit_code == 1

@@ -21,7 +21,10 @@ from freefloat.cli.options import (
 )
 
 _From = Annotated[
-    Quaternion, typer.Option("--from", metavar="X Y Z W", help="Attitude at the start.")
+    Quaternion | None,
+    typer.Option(
+        "--from", metavar="X Y Z W", help="Attitude at the start; default search.from_attitude."
+    ),
 ]
 _To = Annotated[Quaternion, typer.Option("--to", metavar="X Y Z W", help="Attitude at the end.")]
 _Joints = Annotated[
@@ -41,8 +44,8 @@ _Seed = Annotated[int, typer.Option(metavar="N", help="Seed of the random paths.
 
 def reorient(
     scenario: ScenarioName,
-    start: _From,
     goal: _To,
+    start: _From = None,
     joints: _Joints = None,
     duration: _Duration = None,
     seed: _Seed = 0,
@@ -61,18 +64,23 @@ def reorient(
 
     Example: freefloat reorient planar_2dof/line --from 0 0 0 1 --to 0 0 0.1305 0.9914
     """
+    from freefloat.errors import InputError
     from freefloat.io.scenario.scenario import load_scenario
     from freefloat.planning.goals.reorientation import reorient as find_motion
 
     console = Console(as_json, quiet)
     loaded = load_scenario(scenario)
-    problem = loaded.problem()
+    problem, search = loaded.problem(), loaded.search()
+    attitude = search.from_attitude if start is None else start
+    if attitude is None:
+        accepted = "--from X Y Z W, or search.from_attitude in the scenario"
+        raise InputError("from", "it is missing", accepted)
     delivery = Delivery(console, output, html, plots)
     delivery.prepare(loaded.source)
-    rest = loaded.search().joints if joints is None else comma_separated("joints", joints)
+    rest = search.joints if joints is None else comma_separated("joints", joints)
     with console.progress("looking for motions") as progress:
         result = find_motion(
-            problem, start, goal, loaded.limits(), joints=rest, duration=duration, seed=seed,
+            problem, attitude, goal, loaded.limits(), joints=rest, duration=duration, seed=seed,
             progress=progress,
         )  # fmt: skip
     delivery.deliver(result, goal_tables(scenario, result), scenario, loaded)
