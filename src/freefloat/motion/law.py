@@ -20,10 +20,10 @@ from freefloat.motion.joint_spline import JointSpline
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, Pose
 
-_STEPS = np.array([1.0, 2.0, 3.0])
-_WEIGHTS = np.array([45.0, -9.0, 1.0]) / 60.0
-"""Weights of central differences of sixth order."""
-_EXCURSION = 1e-3
+_STEPS = np.array([1.0, 2.0])
+_WEIGHTS = np.array([8.0, -1.0]) / 12.0
+"""Weights of central differences of fourth order."""
+_EXCURSION = 4e-4
 """Displacement of attitude and joints in a step of the differences [rad, m]."""
 
 
@@ -80,7 +80,7 @@ class PathLaw:
     """The end-effector follows the path of a problem: rates solve equation (4).
 
     Accelerations solve its time derivative. The joint rates of a redundant arm, and those of the
-    task ``pointing``, are differentiated along the motion by central differences of sixth order,
+    task ``pointing``, are differentiated along the motion by central differences of fourth order,
     which holds for every redundancy resolution.
     """
 
