@@ -43,6 +43,13 @@ def case(name: str, seed: int):
     return system, client, state
 
 
+def grasped(client, model, attitude, joints):
+    """Pose of the grapple, axes of the client, and its centre of mass from the grapple."""
+    pose = model.end_effector_pose(attitude, joints)
+    axes = pose.rotation @ client.grapple.pose.rotation.T
+    return pose, axes, axes @ (client.com - client.grapple.xyz)
+
+
 @pytest.mark.parametrize("name", ROBOTS)
 def test_linear_and_angular_momentum_are_conserved(name: str) -> None:
     """Sums over the bodies of both, by Pinocchio's centroidal map of the robot with payload."""
@@ -51,9 +58,8 @@ def test_linear_and_angular_momentum_are_conserved(name: str) -> None:
     after = ff.capture(system, client, **state)
     a, q = state["attitude"], state["joints"]
     R = rotation_matrix(a)
-    pose = model.end_effector_pose(a, q)
-    axes = pose.rotation @ client.grapple.pose.rotation.T
-    place = pose.position + axes @ (client.com - client.grapple.xyz)
+    pose, axes, arm = grasped(client, model, a, q)
+    place = pose.position + arm
     linear = model.total_mass * system.drift + client.mass * client.velocity
     about_origin = (
         system.momentum  # its own centre of mass is the origin
@@ -83,9 +89,7 @@ def test_the_impulse_makes_the_velocities_at_the_grapple_equal(name: str) -> Non
     model = system.model
     after = ff.capture(system, client, **state)
     a, q = state["attitude"], state["joints"]
-    pose = model.end_effector_pose(a, q)
-    axes = pose.rotation @ client.grapple.pose.rotation.T
-    arm = axes @ (client.com - client.grapple.xyz)
+    pose, axes, arm = grasped(client, model, a, q)
     omega = axes @ client.angular_velocity
     inertia = axes @ client.inertia @ axes.T
     velocity = client.velocity - after.impulse[:3] / client.mass
@@ -129,9 +133,8 @@ def test_mujoco_welds_the_client_to_the_end_effector(name: str) -> None:
     problem = bundled(name).replace(momentum=system.momentum)
     motion = first_motion(problem)
     root = ET.fromstring(mjcf_text(Trajectory.sampled(motion, 2)))
-    pose = model.end_effector_pose(a, q)
-    axes = pose.rotation @ client.grapple.pose.rotation.T
-    place = pose.position + axes @ (client.com - client.grapple.xyz)
+    pose, axes, arm = grasped(client, model, a, q)
+    place = pose.position + arm
     moments, principal = np.linalg.eigh(client.inertia)
     principal[:, 0] *= np.linalg.det(principal)
     turn = Rotation.from_matrix(axes @ principal)

@@ -135,6 +135,8 @@ def test_a_start_out_of_reach_is_no_motion() -> None:
         ({"headings": [[0.1], [0.2]]}, "headings"),
         ({"durations": 1e300}, "durations"),
         ({"scale_mass": {"link_2": 1e12}}, "scale_mass.link_2"),
+        ({"scale_mass": {"link_2": [1.0, -1.0]}}, "scale_mass.link_2"),
+        ({"scale_mass": {"link_9": 1.0}}, "scale_mass.link_9"),
         ({"joints": [1.0]}, "joints"),
         ({"branch": 2}, "branch"),
         ({"branch": 1, "joints": [0.1, 0.2, 0.3]}, "branch"),

@@ -11,7 +11,6 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.robots import Robots
 from freefloat.motion.problem import mean_inertia
 from freefloat.robot.parts import Mount
-from tests.errors import error_key
 from tests.motions import GOOD, bundled
 from tests.robots import random_robot
 
@@ -137,10 +136,3 @@ def test_results_depend_on_the_own_robot_alone(spatial: ff.Problem) -> None:
     fewer = ff.simulate_many(spatial, GOOD, branch=0, threads=1, **some)
     for name, array in vars(fewer).items():
         assert np.array_equal(array, getattr(every, name)[few], equal_nan=True), name
-
-
-def test_factors_are_checked() -> None:
-    problem = bundled("spatial_6dof/line")
-    for factors, key in (({"link_9": 1.0}, "scale_mass.link_9"),
-                         ({"link_2": [1.0, -1.0]}, "scale_mass.link_2")):  # fmt: skip
-        assert error_key(ff.simulate_many, problem, GOOD, scale_mass=factors) == key

@@ -102,14 +102,24 @@ KINDS = {
 }
 
 
+@pytest.fixture
+def refusal(saved, tmp_path):
+    """The error for the file with a change, which it names."""
+
+    def load(change):
+        path = tmp_path / "changed.h5"
+        path.write_bytes(altered(saved.read_bytes(), change))
+        with pytest.raises(InputError) as caught:
+            ff.load(path)
+        assert caught.value.source == str(path)
+        return caught.value
+
+    return load
+
+
 @pytest.mark.parametrize("name", KINDS)
-def test_files_of_another_kind_are_input_errors(saved, tmp_path, name):
-    path = tmp_path / "other.h5"
-    path.write_bytes(altered(saved.read_bytes(), KINDS[name]))
-    with pytest.raises(InputError) as caught:
-        ff.load(path)
-    assert not isinstance(caught.value, AlteredFileError)
-    assert caught.value.source == str(path)
+def test_files_of_another_kind_are_input_errors(refusal, name):
+    assert not isinstance(refusal(KINDS[name]), AlteredFileError)
 
 
 MOTION = "result/chosen/motion"
@@ -131,12 +141,8 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("name", BROKEN)
-def test_a_file_whose_parts_do_not_fit_together_is_altered(saved, tmp_path, name):
-    path = tmp_path / "broken.h5"
-    path.write_bytes(altered(saved.read_bytes(), BROKEN[name]))
-    with pytest.raises(AlteredFileError) as caught:
-        ff.load(path)
-    assert caught.value.source == str(path)
+def test_a_file_whose_parts_do_not_fit_together_is_altered(refusal, name):
+    assert isinstance(refusal(BROKEN[name]), AlteredFileError)
 
 
 def restated(*keys, by):
@@ -168,14 +174,12 @@ RESTATED = {
 
 
 @pytest.mark.parametrize("key", RESTATED)
-def test_a_document_that_contradicts_the_arrays_is_altered(saved, tmp_path, key):
-    path = tmp_path / "restated.h5"
-    path.write_bytes(altered(saved.read_bytes(), RESTATED[key]))
-    with pytest.raises(AlteredFileError) as caught:
-        ff.load(path)
-    assert caught.value.key == key
+def test_a_document_that_contradicts_the_arrays_is_altered(refusal, key):
+    error = refusal(RESTATED[key])
+    assert isinstance(error, AlteredFileError)
+    assert error.key == key
     if key == "feasible":
-        assert caught.value.problem.index("True") < caught.value.problem.index("False")
+        assert error.problem.index("True") < error.problem.index("False")
 
 
 def test_numbers_of_a_document_agree_with_the_arrays_up_to_rounding(saved, tmp_path):

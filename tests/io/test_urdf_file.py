@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +11,12 @@ import pinocchio as pin
 import pytest
 import yaml
 import yourdfpy
-from scipy.spatial.transform import Rotation
 
+from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_robot
+from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
 from freefloat.robot.robot_packages import EXAMPLE
 from tests import commands
 from tests.robots import inertial_text, joint_text, link_text
@@ -30,87 +30,43 @@ LOAD = ("--payload-mass", "50", "--payload-inertia", "3,0.1,0,0.1,3,0,0,0,2",
         "--payload-com", "0.1", "0", "0.4")  # fmt: skip
 
 
-@dataclass(frozen=True)
-class RigidBody:
-    """A rigid body: mass, centre of mass, inertia about it, all in one frame."""
-
-    mass: float
-    centre: np.ndarray
-    inertia: np.ndarray
-
-    def at(self, xyz: Any, R: np.ndarray) -> RigidBody:
-        """The body in a frame in which its frame has this pose."""
-        return RigidBody(self.mass, xyz + R @ self.centre, R @ self.inertia @ R.T)
-
-
-def combined(*bodies: RigidBody) -> RigidBody:
-    """Rigid bodies fixed to each other, by the parallel axis theorem."""
-    mass = sum(body.mass for body in bodies)
-    centre = sum(body.mass * body.centre for body in bodies) / mass
-    inertia = np.zeros((3, 3))
-    for body in bodies:
-        r = body.centre - centre
-        inertia += body.inertia + body.mass * (r @ r * np.eye(3) - np.outer(r, r))
-    return RigidBody(mass, centre, inertia)
-
-
-def rigid_body(urdf: str | Path) -> RigidBody:
-    """Rigid body of a URDF, joints at zero, by yourdfpy's kinematics."""
-    robot = yourdfpy.URDF.load(str(urdf), load_meshes=False)
-    bodies = []
-    for link in robot.robot.links:
-        if link.inertial is None or not link.inertial.mass:
-            continue
-        T = robot.get_transform(link.name)
-        if link.inertial.origin is not None:
-            T = T @ link.inertial.origin
-        body = RigidBody(link.inertial.mass, np.zeros(3), np.asarray(link.inertial.inertia))
-        bodies.append(body.at(T[:3, 3], T[:3, :3]))
-    return combined(*bodies)
-
-
-def craft() -> RigidBody:
-    """The spacecraft of CRAFT."""
-    inertia = np.array([[35, 1, -2], [1, 30, 0.5], [-2, 0.5, 28]])
-    return RigidBody(200.0, np.array([0.02, -0.03, 0.05]), inertia)
-
-
-def mount() -> tuple[np.ndarray, np.ndarray]:
-    """The mount of CRAFT."""
-    return np.array([0.1, 0.2, 0.5]), rpy(0.4, -0.7, 1.1)
-
-
-def rpy(roll: float, pitch: float, yaw: float) -> np.ndarray:
-    return np.asarray(Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix())
+MOUNT = Mount([0.1, 0.2, 0.5], [0.4, -0.7, 1.1])
+SPACECRAFT = Spacecraft(200.0, [[35, 1, -2], [1, 30, 0.5], [-2, 0.5, 28]], MOUNT,
+                        com=[0.02, -0.03, 0.05])  # fmt: skip
+PAYLOAD = Payload(50.0, [[3, 0.1, 0], [0.1, 3, 0], [0, 0, 2]], [0.1, 0, 0.4])
+"""What the options of CRAFT and LOAD say."""
 
 
 def assembled(*words: object) -> dict[str, Any]:
     return commands.document("assemble", *words)
 
 
-def assert_same(document: dict[str, Any], wanted: RigidBody) -> None:
-    assert np.isclose(document["total_mass"], wanted.mass, rtol=1e-12)
-    assert np.allclose(document["centre_of_mass"], wanted.centre, rtol=0, atol=1e-12)
-    scale = np.abs(wanted.inertia).max()
-    assert np.allclose(document["inertia"], wanted.inertia, rtol=0, atol=1e-12 * scale)
+def assert_same(document: dict[str, Any], wanted: FreeFloatingModel) -> None:
+    """Mass, centre of mass and inertia about it are those of a robot with its joints at zero."""
+    joints = np.zeros(wanted.dof)
+    centre = -wanted.base_position([0.0, 0.0, 0.0, 1.0], joints)
+    inertia, _ = inertia_matrices(wanted, joints)
+    assert np.isclose(document["total_mass"], wanted.total_mass, rtol=1e-12)
+    assert np.allclose(document["centre_of_mass"], centre, rtol=0, atol=1e-12)
+    scale = np.abs(inertia).max()
+    assert np.allclose(document["inertia"], inertia, rtol=0, atol=1e-12 * scale)
 
 
 def test_the_file_weighs_what_its_parts_weigh(tmp_path: Path) -> None:
-    """Total mass, centre of mass and inertia of the reloaded URDF are the sum of the parts'."""
+    """By yourdfpy's masses and Pinocchio's; the inertia is that of the robot made in Python."""
     file, arm = tmp_path / "servicer.urdf", find_robot(UR5, Path())
     document = assembled(UR5, "-o", str(file), "--end-effector", "tool0", *CRAFT, *LOAD)
-    bare = yourdfpy.URDF.load(str(arm), load_meshes=False)
-    flange = bare.get_transform("tool0", bare.base_link)
-    load = np.array([[3, 0.1, 0], [0.1, 3, 0], [0, 0, 2]])
-    payload = RigidBody(50.0, np.array([0.1, 0, 0.4]), load).at(flange[:3, 3], flange[:3, :3])
-    wanted = combined(craft(), rigid_body(arm).at(*mount()), payload.at(*mount()))
-    assert_same(document, wanted)
-    again = rigid_body(file)
-    model = pin.buildModelFromUrdf(str(file), pin.JointModelFreeFlyer())
-    assert np.isclose(pin.computeTotalMass(model), wanted.mass, rtol=1e-12)
-    assert np.isclose(again.mass, wanted.mass, rtol=1e-12)
-    assert np.allclose(again.centre, wanted.centre, rtol=0, atol=1e-12)
-    assert np.allclose(again.inertia, wanted.inertia, rtol=0, atol=1e-12 * 200.0)
+    wanted = FreeFloatingModel.from_urdf(arm, "tool0", spacecraft=SPACECRAFT, payload=PAYLOAD)
+    for robot in (wanted, FreeFloatingModel.from_urdf(file, "tool0")):
+        assert_same(document, robot)
+    whole = pin.buildModelFromUrdf(str(file), pin.JointModelFreeFlyer())
+    assert np.isclose(pin.computeTotalMass(whole), weight(arm) + 250.0, rtol=1e-12)
+
+
+def weight(urdf: str | Path) -> float:
+    """Mass of a URDF by yourdfpy."""
+    links = yourdfpy.URDF.load(str(urdf), load_meshes=False).robot.links
+    return sum(link.inertial.mass for link in links if link.inertial is not None)
 
 
 def test_a_scenarios_robot_is_written_as_its_commands_see_it(tmp_path: Path) -> None:
@@ -137,7 +93,7 @@ def test_a_file_may_say_nothing_but_its_robot(tmp_path: Path) -> None:
     document = assembled(str(alone), "-o", str(tmp_path / "out.urdf"))
     single = load_scenario("ur5_servicer/arc").model().total_mass
     assert np.isclose(document["total_mass"], single + 200.0, rtol=1e-12)
-    assert np.isclose(rigid_body(tmp_path / "out.urdf").mass, single + 200.0, rtol=1e-12)
+    assert np.isclose(weight(tmp_path / "out.urdf"), single + 200.0, rtol=1e-12)
     attached = [{"urdf": "planar_2dof", "link": "no_such"}]
     for change, key in (({"attached": attached}, "attached.0.link"), ({"weight": 3}, "weight")):
         alone.write_text(yaml.safe_dump({"robot": section | change}))
@@ -172,9 +128,13 @@ def test_a_second_arm_is_attached(tmp_path: Path) -> None:
     moves = {joint["name"]: joint["moves"] for joint in document["joints"]}
     assert sum(moves.values()) == 6
     assert all(name.startswith("second_") != moving for name, moving in moves.items())
-    arm = rigid_body(find_robot(UR5, Path()))
-    second_arm = arm.at(np.array([0.5, 0, 0]), rpy(0, 1.5, 0))
-    assert_same(document, combined(craft(), arm.at(*mount()), second_arm))
+    attached = Attachment(find_robot(UR5, Path()), None, Mount([0.5, 0, 0], [0, 1.5, 0]), "second_")
+    held = {name: 0.0 for name, moving in moves.items() if not moving}
+    wanted = FreeFloatingModel.from_urdf(
+        find_robot(UR5, Path()), "tool0", spacecraft=SPACECRAFT, attached=[attached],
+        fixed_joints=held,
+    )  # fmt: skip
+    assert_same(document, wanted)
 
 
 def test_a_tool_is_fixed_to_the_end_effector(tmp_path: Path) -> None:

@@ -9,16 +9,15 @@ import pytest
 
 from freefloat.errors import InputError
 from freefloat.io.formats.trajectory import Trajectory
-from freefloat.io.scenario.scenario import load_scenario
 from freefloat.limits.check import LimitChecker, check_limits
 from freefloat.limits.kinds import KINDS
 from freefloat.limits.limits import GIVEN, Limits
 from freefloat.limits.result import LimitResult, needed_stretch
 from freefloat.motion.integration import integrate_motion
-from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.motion import Ending
 from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import Stop, TimedPath, Timing
-from freefloat.so3 import heading_quaternion
+from tests.motions import BAD, GOOD, bundled, heading, lasting, simulated
 from tests.prismatic import (
     DURATION,
     LENGTH,
@@ -31,7 +30,6 @@ from tests.prismatic import (
 )
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
-GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
 WIDE = 1e3
 
 
@@ -110,25 +108,16 @@ def test_the_lower_end_of_a_range_is_a_lower_bound():
 
 
 def test_robots_without_ranges_have_no_such_result():
-    problem = load_scenario("planar_3dof/parabola").problem()
-    motion = planar_motion(problem)
-    assert check_limits(motion, Limits()) == ()
+    assert check_limits(planar_motion(bundled("planar_3dof/parabola")), Limits()) == ()
 
 
 def planar_motion(problem):
-    attitude = problem.attitude(heading_quaternion(np.deg2rad(200)))
-    return integrate_motion(problem, attitude, problem.branches(attitude)[0].joints)
-
-
-def spatial_motion():
-    problem = load_scenario("spatial_6dof/line").problem()
-    attitude = problem.attitude(GOOD)
-    return integrate_motion(problem, attitude, problem.branches(attitude)[2].joints)
+    return simulated(problem, heading(200.0), 0)
 
 
 @pytest.fixture(scope="module")
 def spatial():
-    return spatial_motion()
+    return simulated(bundled("spatial_6dof/line"), GOOD, 2)
 
 
 def test_rates_are_the_largest_of_fine_sampling(spatial):
@@ -175,7 +164,7 @@ def all_limits(motion):
 @pytest.mark.slow
 def test_each_limit_violated_alone():
     """A motion keeps limits equal to its largest values; each made tighter is violated alone."""
-    motion = planar_motion(load_scenario("planar_3dof/parabola").problem())
+    motion = planar_motion(bundled("planar_3dof/parabola"))
     just = all_limits(motion)
     checker = LimitChecker(motion.problem, just)
     assert [result.kept for result in checker.results(motion)] == [True] * 4
@@ -206,16 +195,15 @@ def test_contact_is_violated_even_where_no_distance_is_asked_for():
 @pytest.mark.parametrize("name", ["joint_rate", "base_rate", "joint_torque"])
 def test_the_stretched_motion_just_keeps_the_limit(name):
     """Without momentum: integrated again with the longer duration, the limit is used up to 1e-6."""
-    problem = replace(load_scenario("planar_3dof/parabola").problem(), momentum=np.zeros(3))
-    problem = replace(problem, path=TimedPath(problem.path.path, Timing(100.0)))
+    problem = lasting(bundled("planar_3dof/parabola"), 100.0, np.zeros(3))
     motion = planar_motion(problem)
     limits = {"joint_rate": np.array([0.1, 0.02, 0.05]), "base_rate": 0.01,
               "joint_torque": np.array([0.2, 0.01, 0.003])}  # fmt: skip
     checker = LimitChecker(problem, Limits(**{name: limits[name]}))
     factor = needed_stretch(checker.results(motion))
     assert factor > 1.2
-    longer = replace(problem, path=TimedPath(problem.path.path, Timing(100.0 * factor)))
-    (result,) = check_limits(planar_motion(longer), Limits(**{name: limits[name]}))
+    longer = planar_motion(lasting(problem, 100.0 * factor))
+    (result,) = check_limits(longer, Limits(**{name: limits[name]}))
     assert result.kept
     assert_close(result.ratio, 1.0, atol=1e-6)
 
@@ -233,23 +221,17 @@ def test_stretch_is_that_of_the_tightest_limit():
 
 
 def test_rates_towards_a_singularity_have_no_bound():
-    problem = load_scenario("spatial_6dof/line").problem()
-    attitude = problem.attitude([0.1, 0.5, 0.2, -0.8367])
-    motions = (
-        integrate_motion(problem, attitude, result.joints) for result in problem.branches(attitude)
-    )
-    motion = next(result for result in motions if result.ending is Ending.SINGULAR)
+    motion = simulated(bundled("spatial_6dof/line"), BAD, 2)
+    assert motion.ending is Ending.SINGULAR
     result = result_of(motion, Limits(joint_rate=np.full(6, 1.0)), "joint_rate")
     assert result.ratio > 1e3
     assert_close(result.time, motion.final.time, atol=1e-6)
     assert not result.kept
 
 
-def test_a_motion_that_ends_where_it_begins_keeps_no_rate():
-    motion = spatial_motion()
-    still = Motion(motion.problem, Ending.SINGULAR, motion.times[:1], motion.attitudes[:1],
-                   motion.joints[:1])  # fmt: skip
-    checker = LimitChecker(motion.problem, Limits(np.ones(6), np.ones(6), 1.0, 0.0))
+def test_a_motion_that_ends_where_it_begins_keeps_no_rate(spatial):
+    still = spatial.cut(0.0, Ending.SINGULAR)
+    checker = LimitChecker(spatial.problem, Limits(np.ones(6), np.ones(6), 1.0, 0.0))
     result = {result.limit: result for result in checker.results(still)}
     for kind in ("joint_rate", "base_rate", "joint_torque"):
         assert result[kind].worst == np.inf

@@ -123,19 +123,6 @@ def test_mujoco_ends_at_the_same_place_of_the_fixed_frame(name: str) -> None:
     np.testing.assert_allclose(engine.data.qpos[:3], moved, atol=1e-4)
 
 
-def test_the_same_motion_at_another_speed() -> None:
-    """Momentum and drift that are scaled with the speed leave the configurations as they are."""
-    problem = problem_of(SPATIAL, momentum=True)
-    slower = problem.stretched(2.0)
-    scaled = drifting(slower, problem.path.drift / 2.0, momentum=problem.momentum / 2.0)
-    first, second, third = (start_of(p, STARTS[SPATIAL]) for p in (problem, scaled, slower))
-    np.testing.assert_allclose(first.final.joints, second.final.joints, atol=1e-8)
-    assert np.abs(first.final.joints - third.final.joints).max() > 0.05
-    assert problem.depends_on_timing
-    assert problem_of(PLANAR).depends_on_timing
-    assert not bundled("planar_2dof/line").depends_on_timing
-
-
 def test_a_fixed_point_is_held() -> None:
     """The end-effector stays where it is while the centre of mass moves on."""
     point = np.array([1.2, 0.3, 0.2])

@@ -11,11 +11,10 @@ import freefloat as ff
 from freefloat.dynamics.joint_space import joint_space_extremes
 from freefloat.motion.motion import Ending
 from freefloat.paths import (
-    FixedOrientation,
     PolynomialCurve,
     SlerpOrientation,
 )
-from freefloat.so3 import heading_of, rotation_matrix
+from freefloat.so3 import heading_of
 from tests.errors import error_key
 from tests.motions import (
     BAD,
@@ -98,22 +97,6 @@ def test_example_1_passes_the_stop_at_rest(planar):
     assert 1e-4 < np.abs(rates).max() + drift < 5e-2
 
 
-# --- parts of a motion -----------------------------------------------------------------------
-
-
-def test_a_motion_may_begin_and_end_anywhere_on_its_way(spatial):
-    """In two parts, forwards or backwards, it is the motion in one."""
-    whole = simulated(spatial, GOOD, 2)
-    first = ff.integrate_motion(spatial, whole.initial.attitude, whole.initial.joints, end=37.0)
-    assert first.final.time == 37.0
-    second = ff.integrate_motion(spatial, first.final.attitude, first.final.joints, start=37.0)
-    assert_close(second.final.joints, whole.final.joints, atol=1e-7)
-    back = ff.integrate_motion(
-        spatial, second.final.attitude, second.final.joints, start=100.0, end=37.0
-    )
-    assert_close(back.final.joints, first.final.joints, atol=1e-7)
-
-
 # --- redundant arms ----------------------------------------------------------------------------
 
 
@@ -160,29 +143,6 @@ def test_the_error_shrinks_with_the_tolerance(spatial):
         assert (np.array(result[1:]) < 0.1 * np.array(result[:-1])).all()
         assert result[-1] < 1e-8
         assert result[0] > 1e-6  # it was not exact to begin with
-
-
-def test_rotating_the_whole_problem_rotates_the_motion(spatial):
-    rotation = Rotation.from_rotvec([0.7, -1.1, 0.4])
-    R = rotation.as_matrix()
-    path = spatial.path.path
-    line = PolynomialCurve(path.curve.coefficients @ R.T)
-    law = FixedOrientation(R @ path.orientation.rotation(0.0))
-    problem = replace(
-        spatial, momentum=R @ spatial.momentum,
-        path=ff.TimedPath(ff.EndEffectorPath(line, law), spatial.path.timing),
-    )  # fmt: skip
-    attitude = spatial.attitude(GOOD)
-    joints = spatial.branches(attitude)[2].joints
-    here = ff.integrate_motion(spatial, attitude, joints)
-    there = ff.integrate_motion(
-        problem, (rotation * Rotation.from_quat(attitude)).as_quat(), joints
-    )
-    for t in (25.0, 60.0, 100.0):
-        (a,), (b,) = here.sample(t), there.sample(t)
-        assert_close(a.joints, b.joints, atol=1e-8)
-        assert_close(R @ a.base_position, b.base_position, atol=1e-8)
-        assert_close(R @ rotation_matrix(a.attitude), rotation_matrix(b.attitude), atol=1e-8)
 
 
 def test_joints_off_the_path_raise(spatial):

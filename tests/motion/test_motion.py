@@ -76,14 +76,6 @@ def test_a_motion_is_sampled_in_the_order_asked_for(motion):
         assert error_key(motion.sample, outside) == "times"
 
 
-def test_a_reversed_motion_is_the_motion_at_every_time(motion, backwards):
-    """At equal times both are in the same state."""
-    times = np.linspace(0.0, 100.0, 41)
-    for there, back in zip(motion.sample(times), backwards.sample(times), strict=True):
-        assert_close(back.joints, there.joints, atol=1e-8)
-        assert_close(back.attitude, there.attitude, atol=1e-8)
-
-
 @pytest.mark.parametrize("place", [0.0, 0.3, 7.0, 12.9999])
 def test_a_cut_motion_is_the_motion_up_to_there(motion, place):
     """The rest is unchanged, the last state is the one at the place of the cut."""

@@ -1,4 +1,4 @@
-"""Arms with prismatic joints, second arms and fixed appendages, repeated by MuJoCo."""
+"""An arm with a prismatic joint and a fixed appendage, repeated by MuJoCo."""
 
 from __future__ import annotations
 
@@ -38,32 +38,6 @@ path:
 timing: {law: quintic, duration: 20}
 margin: {measure: system, value: 1.0}
 """
-RAIL = (
-    '<robot name="rail">'
-    + link_text("bus", inertial_text(150.0, 20.0 * np.eye(3)))
-    + joint_text("rail", "P", "bus", "cart", "0.5 0 0.1", axis="0 1 0", limits=(-0.6, 0.6))
-    + link_text("cart", inertial_text(10.0, 0.3 * np.eye(3)))
-    + "</robot>"
-)
-RAIL_SCENARIO = """\
-robot:
-  urdf: rail.urdf
-  end_effector: tool0
-  attached:
-    - urdf: example-robot-data:ur5
-      link: cart
-      mount: {xyz: [0.1, 0, 0], rpy: [0, 1.5707963268, 0]}
-    - {urdf: "example-robot-data:ur5", mount: {xyz: [-0.5, 0, 0]}, prefix: other_}
-  held: {other_shoulder_lift_joint: -1.2, other_elbow_joint: 1.0}
-task: pose
-momentum: [0.2, -0.1, 0.3]
-path:
-  line: {from: [1.1, -0.3, 0.3], to: [1.1, 0.5, 0.4]}
-  attitude: {fixed: {rpy: [0, 1.5707963268, 0]}}
-timing: {law: quintic, duration: 30}
-margin: {measure: gjm, value: 0.01}
-"""
-"""An arm of six joints on a rail, a second one fixed behind it."""
 
 
 @pytest.fixture
@@ -71,13 +45,6 @@ def slide(tmp_path: Path) -> Path:
     (tmp_path / "slide.urdf").write_text(SLIDE)
     (tmp_path / "slide.yaml").write_text(SLIDE_SCENARIO)
     return tmp_path / "slide.yaml"
-
-
-@pytest.fixture
-def rail(tmp_path: Path) -> Path:
-    (tmp_path / "rail.urdf").write_text(RAIL)
-    (tmp_path / "rail.yaml").write_text(RAIL_SCENARIO)
-    return tmp_path / "rail.yaml"
 
 
 def simulated(scenario: Path) -> Motion:
@@ -89,9 +56,6 @@ def simulated(scenario: Path) -> Motion:
     assert found
     assert all(entry.passed for entry in found)
     return simulation.chosen.motion
-
-
-# ------------------------------------------------------------------------------------ in the plane
 
 
 @pytest.mark.slow
@@ -121,14 +85,3 @@ def test_a_prismatic_arm_is_planned(slide: Path, tmp_path: Path) -> None:
     again = ff.load(tmp_path / "plan.h5").problem.model
     assert again.fixed_joints == {"hinge": 0.9}
     assert np.isclose(again.bodies[0].mass, 46.0, rtol=1e-12)
-
-
-# --------------------------------------------------------------------------------------- in space
-
-
-@pytest.mark.slow
-def test_an_arm_on_a_rail_with_a_fixed_arm_agrees_with_mujoco(rail: Path) -> None:
-    motion = simulated(rail)
-    assert motion.problem.model.joint_names[0] == "rail"
-    assert motion.problem.model.dof == 7
-    assert np.ptp(motion.joints[:, 0]) > 0.02

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.paths import FixedOrientation, PolynomialCurve
-from freefloat.so3 import heading_quaternion, rotation_vector_between
+from freefloat.so3 import heading_quaternion
 from tests.errors import error_key
 from tests.motions import GOOD
 
@@ -79,26 +78,6 @@ def test_a_planar_spacecraft_turns_about_z(planar):
     planar.attitude(heading_quaternion(2.0))
     with pytest.raises(ff.InputError):
         planar.attitude([0.6, 0.0, 0.0, 0.8])
-
-
-@pytest.mark.parametrize("heading", [0.0, 2.0, 4.5])
-def test_a_planar_arm_has_two_branches(planar, heading):
-    attitude = heading_quaternion(heading)
-    branches, target = planar.branches(attitude, 30.0), planar.path.pose(30.0)
-    assert [branch.label for branch in branches] == ["elbow+", "elbow-"]
-    for branch in branches:
-        pose = planar.model.end_effector_pose(attitude, branch.joints)
-        assert_close(pose.position[:2], target.position[:2], atol=1e-9)
-        assert np.linalg.norm(rotation_vector_between(pose.rotation, target.rotation)) < 1e-8
-
-
-def test_a_path_out_of_reach_has_no_branches(spatial):
-    """No arm is longer than its barycentric vectors together."""
-    far = ff.EndEffectorPath(
-        PolynomialCurve.line([4, 0, 0], [5, 0, 0]), FixedOrientation(np.eye(3))
-    )
-    problem = replace(spatial, path=ff.TimedPath(far, ff.Timing(10.0)))
-    assert problem.branches(problem.attitude(GOOD)) == ()
 
 
 def test_a_redundant_arm_can_be_asked_for_any_configuration_on_the_path(spatial):

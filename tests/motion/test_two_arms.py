@@ -102,6 +102,7 @@ def test_a_momentum_free_motion_keeps_its_shape_at_another_speed(problem):
     assert motions[1].final.time == 60.0
 
 
+@pytest.mark.slow
 def test_plans_are_saved_loaded_and_checked(tmp_path, problem):
     plan = ff.plan(problem, ff.Search("robust"), Limits(joint_rate=[1.0] * 4))
     assert plan.feasible

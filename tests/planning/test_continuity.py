@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -14,10 +13,9 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.certificate.certificate import certify
 from freefloat.errors import UnreachableError
-from freefloat.io.scenario.scenario import Scenario, parse_scenario
+from freefloat.io.scenario.scenario import Scenario
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
-from freefloat.robot.names import bundled_scenarios
 from freefloat.so3 import Array, Pose, angle_between
 from tests.robots import random_robot
 
@@ -160,17 +158,3 @@ def test_phases_of_random_manoeuvres_join(seed: int, tmp_path: Path, monkeypatch
     )  # fmt: skip
     assert found.feasible, found.reason
     assert joins(found) == joins(checked(found, scenario, tmp_path)) > 1
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [
-    name for name in bundled_scenarios() if ff.load_scenario(name).content.phases
-])  # fmt: skip
-def test_phases_of_bundled_scenarios_join(name: str, tmp_path: Path) -> None:
-    """From attitudes that are searched for in a few samples, without reorientation."""
-    scenario = ff.load_scenario(name)
-    text = re.sub(r"samples: \d+", "samples: 16", scenario.text)
-    few = parse_scenario(text.replace("reorient: true", "reorient: false"), scenario.source)
-    found = ff.plan_manoeuvre(few.problem(), few.phases(), few.search(), few.limits())
-    assert found.feasible
-    assert joins(checked(found, few, tmp_path)) > 1

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.ensemble.endings import COMPLETED, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.motion.margin import keeps_threshold
 from freefloat.planning.space import mapping
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.climbing import EXACT, bisect
@@ -16,21 +14,6 @@ from freefloat.planning.space.mapping import boundary_points, sample_attitudes, 
 from freefloat.so3 import angle_between, rotated
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
-
-
-@pytest.mark.slow
-def test_entries_of_a_map_are_those_of_simulations(samples: AttitudeMap) -> None:
-    for k in (3, 300):
-        simulation = ff.simulate(samples.problem, samples.attitudes[k])
-        numbers = [entry.branch.index for entry in simulation.branches]
-        assert np.flatnonzero(samples.results.motions.endings[k] != UNREACHED).tolist() == numbers
-        for entry in simulation.branches:
-            completed = samples.results.motions.endings[k, entry.branch.index] == COMPLETED
-            assert completed == entry.motion.completed
-            minimum = entry.closest_approach.value if completed else 0.0
-            assert samples.margins[k, entry.branch.index] == pytest.approx(minimum, rel=1e-3)
-            keeps = completed and keeps_threshold(entry.closest_approach.value, 30.0)
-            assert samples.feasible[k, entry.branch.index] == keeps
 
 
 def test_blocks_and_threads_change_nothing(

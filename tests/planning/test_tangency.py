@@ -12,7 +12,6 @@ from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.paths import FixedOrientation, PolynomialCurve
 from freefloat.planning.space.tangency import (
-    boundary_attitude,
     require_tangency_points,
     tangency_points,
 )
@@ -81,21 +80,6 @@ def test_printed_tangency_point_follows_from_q1_and_q2(printed):
     start = backward(printed, point).final
     assert start.time == 0.0
     assert sign * start.attitude == pytest.approx([0.46, 0.0935, 0.7352, -0.489], abs=2e-4)
-
-
-@pytest.mark.slow
-def test_printed_momentum_gives_printed_time_and_elbow(printed):
-    """(36) and (40) do not depend on momentum; by dS/dt = 0 the wrist differs by 0.03 rad."""
-    point = nearest_to_printed(printed)
-    assert point.tau == pytest.approx(0.4225, abs=2e-4)
-    assert gap(point.joints[:3], PRINTED_JOINTS[:3]) < 2e-4
-    assert 0.02 < gap(point.joints, PRINTED_JOINTS) < 0.03
-    there = boundary_attitude(printed, point)
-    motion = ff.integrate_motion(printed, there.attitude, there.joints)
-    approach = ff.closest_approach(motion, printed.margin.measure)
-    assert motion.completed
-    assert approach.sign * approach.value == pytest.approx(-5.0, abs=1e-6)
-    assert approach.time == pytest.approx(point.time, abs=1e-2)
 
 
 CASES = [

@@ -11,7 +11,6 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.dynamics.momentum import momentum_map
@@ -23,7 +22,6 @@ from tests.robots import (
     attitudes,
     inertial_text,
     joint_text,
-    joint_values,
     link_text,
     random_robot,
     robots,
@@ -127,31 +125,6 @@ def test_fixed_joints_are_as_if_glued() -> None:
 )
 def test_joints_that_cannot_be_fixed_are_refused(fixed: dict[str, float], key: str) -> None:
     assert error_key(ff.FreeFloatingModel.from_urdf, ELBOW, "fore", fixed_joints=fixed) == key
-
-
-# -------------------------------------------------------------------------------- where things are
-
-
-@given(data=st.data(), robot=robots(), attitude=attitudes)
-def test_the_centre_of_mass_is_the_origin(
-    data: st.DataObject, robot: Robot, attitude: np.ndarray
-) -> None:
-    """At every attitude and with every joint vector, summed over the bodies."""
-    model = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
-    q = data.draw(joint_values(model.dof))
-    p, R = model.base_position(attitude, q), rotation_matrix(attitude)
-    moment = model.bodies[0].mass * (p + R @ model.bodies[0].centre)
-    for value, body in zip(q, model.bodies[1:], strict=True):
-        p, R = p + R @ body.placement.position, R @ body.placement.rotation
-        if body.prismatic:
-            p = p + value * R @ body.axis
-        else:
-            R = R @ Rotation.from_rotvec(value * body.axis).as_matrix()
-        moment = moment + body.mass * (p + R @ body.centre)
-    assert np.abs(moment).max() < 1e-11 * model.total_mass
-    pose = model.end_effector_pose(attitude, q)
-    np.testing.assert_allclose(pose.position, p + R @ model.tool.position, atol=1e-12)
-    np.testing.assert_allclose(pose.rotation, R @ model.tool.rotation, atol=1e-12)
 
 
 # ---------------------------------------------------------------------------- joints by name

@@ -14,7 +14,6 @@ from scipy.optimize import brentq
 import freefloat as ff
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.momentum import system_matrix
-from freefloat.singularities.planar_regions import PlanarArm, two_angles
 from freefloat.singularities.singularity_polynomial import locked_inertia_polynomial
 from tests.errors import error_key
 from tests.motions import bundled
@@ -142,15 +141,6 @@ def test_the_zeros_are_the_singular_configurations_of_papadopoulos_and_dubowsky(
     assert np.linalg.norm(position[:2]) == pytest.approx(2.031705, abs=1e-6)
     (locked,) = locked_inertia_polynomial(model, ff.Task.PLANAR_POSITION).values(q[None])
     assert locked == pytest.approx(17.635783, abs=1e-6)
-
-
-@pytest.mark.parametrize("name", ["planar_2dof/line", "planar_3dof/parabola"])
-def test_values_are_those_of_the_papers_formula(name: str) -> None:
-    """S of (21a), which the paper writes by barycentric vectors and momentum coefficients."""
-    problem, polynomial = of_scenario(name)
-    arm, q = PlanarArm.of(problem.model), configurations(problem.model, 200)
-    exact = arm.determinant(two_angles(arm, q[:, :2]))
-    np.testing.assert_allclose(polynomial.values(q), exact, rtol=0.0, atol=1e-11 * exact.max())
 
 
 def test_arms_without_the_freedom_for_a_task_are_refused() -> None:

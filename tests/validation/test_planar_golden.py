@@ -9,9 +9,7 @@ from hypothesis import strategies as st
 
 import freefloat as ff
 from freefloat.dynamics.momentum import inertia_matrices, system_matrix
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from tests.motions import (
-    bundled,
     relative,
 )
 from tests.robots import joint_values, planar_robot
@@ -118,12 +116,3 @@ def test_planar_determinant_equals_the_closed_form(seed: int, q: np.ndarray) -> 
     ) == pytest.approx(S, abs=1e-9 * size)
     # joint j rotates bodies j and beyond
     assert relative(rates, np.cumsum(D[::-1])[::-1]) < 1e-12
-
-
-def test_the_bundled_planar_arm_is_the_published_one() -> None:
-    """Barycentric lengths and determinant of the arm of 40, 4 and 3 kg."""
-    model = bundled("planar_2dof/line").model
-    lengths = VirtualManipulator.of(model).lengths
-    assert_close(lengths, [20 / 47, 42 / 47, 45.5 / 47], atol=1e-12)
-    S = np.linalg.det(system_matrix(model, [0.3, 0.7], ff.Task.PLANAR_POSITION))
-    assert np.isclose(S, 3.753986067, rtol=0, atol=1e-9)
