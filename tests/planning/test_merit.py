@@ -21,7 +21,7 @@ def turn(motion) -> float:
 def test_still_in_the_plane_is_the_least_turn_of_a_sweep() -> None:
     problem = ff.load_scenario("planar_3dof/parabola").problem()
     least = np.inf
-    for heading in np.radians(np.arange(0.0, 360.0, 6.0)):
+    for heading in np.radians(np.arange(0.0, 360.0, 12.0)):
         attitude = heading_quaternion(heading)
         for start in problem.branches(attitude):
             branch = integrate_branch(problem, attitude, start.index)

@@ -85,7 +85,6 @@ def test_printed_tangency_point_follows_from_q1_and_q2(printed):
 CASES = [
     ("arm", 5.0, MOMENTUM, (0.1, 2.0)),
     ("arm", 5.0, STILL, (-1.0, 1.2)),
-    ("arm", 5.0, (-2.0, 1.0, 3.0), (2.0, -2.3)),
     pytest.param(("gjm", 0.004, MOMENTUM, (0.4, 2.2)), marks=pytest.mark.slow),
 ]
 
