@@ -36,6 +36,8 @@ def test_problems_state_and_take_a_system() -> None:
     for name in ("momentum", "wheels", "drift"):
         np.testing.assert_array_equal(getattr(changed.system, name), getattr(system, name))
     assert changed.margin is problem.margin
+    drifting = ff.System(problem.model, drift=[0.001, 0, 0])
+    assert problem.with_system(drifting).depends_on_timing
     assert changed.depends_on_timing
     assert not problem.with_system(system.scaled(0.0)).depends_on_timing
     for key, vectors in {

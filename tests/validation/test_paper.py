@@ -28,6 +28,7 @@ C = [0.1214, 0.4686, 0.1943]
 
 def test_example_2_completes_from_the_printed_attitude(spatial):
     """The branch with q1 near 1.25 follows the line from A to B, between nodes, too."""
+    assert (spatial.margin.measure.name, spatial.margin.threshold) == ("arm", 5.0)
     attitude = spatial.attitude(GOOD)
     near = [b for b in spatial.branches(attitude) if abs(b.joints[0] - 1.25) < 0.05]
     assert len(near) == 4  # elbow and wrist either way
@@ -137,6 +138,7 @@ def test_published_ranges_of_example_1(planar):
 
     At F [60.9, 298.7] for both segments, [60.9, 335.3] for the first alone.
     """
+    assert (planar.margin.measure.name, planar.margin.threshold) == ("system", 5.0)
     whole, first = (0.0, 100.0), (0.0, 69.73)
     for span, at, expected in (
         (whole, 0.0, (161.0, 423.0)), (whole, 69.73, (60.9, 298.7)), (first, 69.73, (60.9, 335.3)),
