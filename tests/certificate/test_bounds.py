@@ -158,7 +158,7 @@ def assert_holds(motion, bounds):
     places = np.linspace(0.0, motion.panels, 601)
     joints = motion.evaluate(places)[2]
     for name, bound in bounds.bounds.items():
-        values = np.abs([_measure(motion, name)(q) for q in joints])
+        values = np.abs([*map(_measure(motion, name), joints)])
         assert values.min() >= bound * (1.0 - 1e-9), name
 
 
