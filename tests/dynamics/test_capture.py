@@ -12,11 +12,10 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
-from freefloat.io.formats.mjcf_file import mjcf_text
-from freefloat.io.formats.trajectory import Trajectory
+from freefloat.robot.mjcf_writer import robot_mjcf
 from freefloat.robot.parts import Mount
 from freefloat.so3 import rotation_matrix
-from tests.motions import bundled, first_motion
+from tests.motions import bundled
 
 ROBOTS = ("spatial_6dof/line", "ets_vii/line", "ur5_servicer/arc", "ssrms/transfer")
 
@@ -127,12 +126,10 @@ def test_locked_joints_spin_at_inverse_inertia_times_momentum() -> None:
 def test_mujoco_welds_the_client_to_the_end_effector(name: str) -> None:
     system, client, state = case(name, 5)
     model = system.model
-    system = replace(system, drift=np.zeros(3))  # the trajectory's frame
+    system = replace(system, drift=np.zeros(3))  # the frame of the centre of mass
     after = ff.capture(system, client, **state)
     a, q = state["attitude"], state["joints"]
-    problem = bundled(name).replace(momentum=system.momentum)
-    motion = first_motion(problem)
-    root = ET.fromstring(mjcf_text(Trajectory.sampled(motion, 2)))
+    root = robot_mjcf(model, shapes=False)
     pose, axes, arm = grasped(client, model, a, q)
     place = pose.position + arm
     moments, principal = np.linalg.eigh(client.inertia)
@@ -156,7 +153,6 @@ def test_mujoco_welds_the_client_to_the_end_effector(name: str) -> None:
     equality = ET.SubElement(root, "equality")
     ET.SubElement(equality, "weld", site1="end_effector", site2="grapple",
                   solref="0.00002 1", solimp="0.9999 0.9999 0.001")  # fmt: skip
-    root.remove(root.find("keyframe"))
     simulated = mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
     simulated.opt.timestep = 1e-6
     data = mujoco.MjData(simulated)
