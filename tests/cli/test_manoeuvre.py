@@ -55,6 +55,19 @@ def changed(file: Path, old: str, new: str) -> Path:
 
 
 @pytest.mark.slow
+def test_a_loaded_motion_knows_what_moves_its_arm(file: Path) -> None:
+    """Its limits are those that were stated: of prescribed joints and of paths."""
+    moving = [phase for phase in ff.load(file).phases if phase.motion is not None]
+    assert len(moving) == 4
+    for phase in moving:
+        assert phase.motion.problem.path.duration == phase.motion.times[-1]
+        stated = {result.limit: result for result in phase.result.limit_results}
+        for found in ff.check_limits(phase.motion, phase.result.limits):
+            assert found.worst == pytest.approx(stated[found.limit].worst, rel=1e-9)
+            assert found.where == stated[found.limit].where
+
+
+@pytest.mark.slow
 def test_a_file_is_verified_with_mujoco(file: Path) -> None:
     assert document("check", file, "--engine", "mujoco")["proved"]
 
