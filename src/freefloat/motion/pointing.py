@@ -14,7 +14,7 @@ import numpy as np
 
 from freefloat.errors import InputError, did_you_mean, finite_number, finite_vector, member
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, frozen, unit_vector
+from freefloat.so3 import Array, frozen, rotation_matrix, unit_vector
 
 
 class Keep(StrEnum):
@@ -95,6 +95,8 @@ class PointingLimit:
         The origin (3,) is that of the path's frame from the centre of mass [m].
         """
         number, placement = model.link_places[self.body]
+        if number == 0 and self.direction is not None:
+            return rotation_matrix(attitude) @ placement.rotation @ self.axis, self.direction
         pose = model.body_poses(attitude, joints)[number]
         axis = pose.rotation @ placement.rotation @ self.axis
         if self.point is None:

@@ -25,6 +25,10 @@ FINAL = Weights(1e-3, 1e3)
 _EXACT = 5e-10
 """Largest residual of a precise motion at its end [rad, m]."""
 _CORRECTIONS, _TIMINGS, _EXCHANGES, _ITERATIONS = 8, 8, 6, 20
+_FINEST = 32
+"""Intervals of a span in which bodies are looked at where they are too near between others."""
+_WORK = 100
+"""Work of a precise motion and its limits for each span of its path."""
 _LESS = 1.02
 """Least factor by which accelerations are reduced where torques are too large."""
 _CLOSE, _SPARE = 0.999, 1.0 + 1e-7
@@ -83,7 +87,7 @@ class Certification:
             unknowns, motion = exact
             found = self._checked(unknowns, motion)
             demanding = self._demanding(relaxation, found.violation)
-            if demanding is None:
+            if demanding is None or relaxation.effort.spent:
                 return found
             relaxation = demanding
             unknowns = relaxation.relaxed(unknowns, FINAL, _ITERATIONS).course.unknowns
@@ -107,6 +111,9 @@ class Certification:
             least = relaxation.joint_acceleration / max(violation.ratio, _LESS)
             return replace(relaxation, joint_acceleration=least)
         if violation.limit == ClearanceLimit.name and self.clearances is not None:
+            paths = relaxation.paths
+            if paths.fineness < _FINEST:
+                return replace(relaxation, paths=replace(paths, fineness=_FINEST))
             self.clearances.widen(violation.where, violation.allowed - violation.worst)
             return relaxation
         return None
@@ -114,26 +121,27 @@ class Certification:
     def _exact(self, relaxation: Relaxation, unknowns: Array) -> tuple[Array, Motion] | None:
         """Unknowns and the motion along them, exact at its end and as short as limits permit."""
         close, spare = (_CLOSE_BY_TIME, _SPARE_BY_TIME) if self.by_time else (_CLOSE, _SPARE)
+        offset = np.zeros(relaxation.target.size)
         for _ in range(_TIMINGS):
-            ending = self._ending_at_goal(relaxation, unknowns)
+            ending = self._ending_at_goal(relaxation, unknowns, offset)
             if ending is None:
                 return None
-            unknowns, motion = ending
+            unknowns, motion, offset = ending
             timed = self.checker.timed(motion)
             usage = max((result.stretch for result in timed), default=1.0)
             if not self.timed or not timed or close < usage <= 1.0:
-                return ending
+                break
             unknowns = np.append(unknowns[:-1], unknowns[-1] * usage * spare)
-        return ending
+        return unknowns, motion
 
     def _ending_at_goal(
-        self, relaxation: Relaxation, unknowns: Array
-    ) -> tuple[Array, Motion] | None:
-        """Unknowns nearby whose precise motion ends at the goal, and that motion.
+        self, relaxation: Relaxation, unknowns: Array, offset: Array
+    ) -> tuple[Array, Motion, Array] | None:
+        """Unknowns nearby whose precise motion ends at the goal, that motion, and an offset.
 
-        Each time, the residuals that the path shall have are corrected by those of the motion.
+        It is that of the residuals that the path has at its end. Each time it is corrected by those
+        of the motion.
         """
-        offset = np.zeros(relaxation.target.size)
         for _ in range(_CORRECTIONS):
             closed = relaxation.closed(unknowns, FINAL, offset)
             if closed is None:
@@ -142,11 +150,12 @@ class Certification:
             motion = self._motion(relaxation, unknowns)
             residuals = relaxation.target.residuals(last_state(motion))
             if np.abs(residuals).max(initial=0.0) < _EXACT:
-                return unknowns, motion
+                return unknowns, motion, offset
             offset = offset - residuals
         return None
 
     def _motion(self, relaxation: Relaxation, unknowns: Array) -> Motion:
+        relaxation.effort.take(_WORK * relaxation.paths.all_spans)
         timing = Timing(float(unknowns[-1]), TimeLaw.UNIFORM)
         problem = replace(self.problem, path=replace(self.problem.path, timing=timing))
         return integrate_spline(problem, relaxation.paths.spline(unknowns), self.attitude)

@@ -103,6 +103,11 @@ class JointPaths:
         return self.spans * self.loops
 
     @property
+    def intervals(self) -> int:
+        """Number of intervals of the quadrature."""
+        return self.fineness * self.all_spans
+
+    @property
     def inner(self) -> int:
         """Number of rows of unknowns that are deviations; the free end is the row after them."""
         return self.spans - (self.loops == 1)
@@ -141,7 +146,7 @@ class JointPaths:
     @cached_property
     def gauss(self) -> Array:
         """Derivatives of joints and their slopes at the Gauss points by control points."""
-        N = self.fineness * self.all_spans
+        N = self.intervals
         places = (np.arange(N)[:, None] + 0.5 + np.array([-GAUSS, GAUSS])) / N
         return np.array([spline_basis(self.all_spans, places.ravel(), order) for order in (0, 1)])
 
@@ -166,7 +171,7 @@ class JointPaths:
     @cached_property
     def times(self) -> Array:
         """Values of s at the ends of the intervals, shape (N + 1,)."""
-        return np.linspace(0.0, 1.0, self.fineness * self.all_spans + 1)
+        return np.linspace(0.0, 1.0, self.intervals + 1)
 
     @cached_property
     def edges(self) -> Array:

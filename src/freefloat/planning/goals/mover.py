@@ -27,6 +27,7 @@ from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import TimedPath, Timing
 from freefloat.planning.goals.certification import Certification
 from freefloat.planning.goals.clearances import Clearances
+from freefloat.planning.goals.effort import Effort
 from freefloat.planning.goals.failure import why_not
 from freefloat.planning.goals.goal import Goal
 from freefloat.planning.goals.goal_motion import GoalMotion, earlier
@@ -177,7 +178,7 @@ def move_from(
         clearances = Clearances(problem, checker.pairs, limits.clearance or 0.0)
         clearances.at_rest(start.joints, Rotation.from_quat(start.attitude).as_matrix())
         shapes.append(clearances)
-    families = list(_families(problem, start, goal, limits, shapes))
+    families = list(_families(problem, start, goal, limits, shapes, Effort()))
     by_time = bool(
         problem.depends_on_timing or problem.scene.tumbles or start.joint_rates.any()
         or goal.joint_rates is not None or goal.body(problem) is not None
@@ -224,7 +225,12 @@ def _known_states(
 
 
 def _families(
-    problem: Problem, start: Start, goal: Goal, limits: Limits, shapes: Sequence[ShapeLimits]
+    problem: Problem,
+    start: Start,
+    goal: Goal,
+    limits: Limits,
+    shapes: Sequence[ShapeLimits],
+    effort: Effort,
 ) -> Iterator[Relaxation]:
     """Families of paths in the order in which they are tried."""
     model, n = problem.model, problem.model.dof
@@ -249,7 +255,7 @@ def _families(
             Arm.of(model), JointPaths(ends, spans, loops), target,
             Rotation.from_quat(start.attitude).as_matrix(), momenta, used * rates, accelerations,
             used * (limits.base_rate or np.inf), np.array([low, high]), shapes, timed,
-            goal.duration or problem.path.duration,
+            goal.duration or problem.path.duration, effort,
         )  # fmt: skip
 
 

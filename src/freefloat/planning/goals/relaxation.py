@@ -8,12 +8,13 @@ and S. J. Wright, Numerical Optimization, 2006, sections 10.3 and 17.1, 18.4).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
+from freefloat.planning.goals.effort import Effort
 from freefloat.planning.goals.joint_paths import COARSE_INTERVALS, Course, JointPaths
 from freefloat.planning.goals.placements import Arm
 from freefloat.planning.goals.target import Target
@@ -99,6 +100,7 @@ class Relaxation:
         shapes: Limits that do not depend on rates.
         timed: Whether the duration is an unknown.
         reference: Duration unless it is an unknown, else a guess [s].
+        effort: Work of the search; iterations end where it is spent.
     """
 
     arm: Arm
@@ -113,6 +115,7 @@ class Relaxation:
     shapes: Sequence[ShapeLimits] = ()
     timed: bool = True
     reference: float = 1.0
+    effort: Effort = field(default_factory=Effort)
 
     @cached_property
     def coarse(self) -> Relaxation:
@@ -149,6 +152,8 @@ class Relaxation:
                 damping *= 8.0
                 if damping > _MOST_DAMPING:
                     break
+            if self.effort.spent:
+                break
         return here
 
     def closed(
@@ -170,6 +175,7 @@ class Relaxation:
     ) -> Quadratic:
         """The problem at a path, with a duration that counts as one; without it is held."""
         course, paths = self.course(unknowns), self.paths
+        self.effort.take(paths.intervals)
         sums = _Sums(paths.size)
         rates = _JointValues.along(paths, unknowns, self.joint_rate, 1)
         bends = _JointValues.along(paths, unknowns, self.joint_acceleration, 2)

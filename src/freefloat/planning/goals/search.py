@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from freefloat.concurrency import Progress
 from freefloat.planning.goals.certification import FINAL, Certification, CertifiedMotion
+from freefloat.planning.goals.effort import Effort
 from freefloat.planning.goals.relaxation import Quadratic, Relaxation, Weights
 from freefloat.planning.goals.starts import random_path, starts, timed
+from freefloat.so3 import Array
 
 _STAGES = ((Weights(1.0, 1.0), 25), (Weights(0.1, 100.0), 40), (FINAL, 40))
 """Weights and iterations: first a short path without deep violations, then one without any."""
-_RANDOM = 6
-"""Random starts of a family."""
+_RANDOM, _RANDOM_LOOPS = 6, 3
+"""Random starts of a family without loops, and of one with loops, whose starts differ less."""
 _REFINED = 3
-"""Of the paths after the first stage those that are refined, at least."""
+"""Of the paths of a family after the first stage those that are refined before other families."""
 _ENOUGH = 2
-"""Certified motions among which the shortest is chosen."""
+"""Those that are refined where one of them leads to a motion."""
 _HOPELESS = 20.0
 """Penalty of violations from which a path is not improved."""
+_SHORTENED = 1.3
+"""Duration, over that of the best motion known, from which a path is not improved."""
 _PENALTY = 2.0
 """Largest penalty of violations of a path that is certified."""
 _FEWEST, _FRACTION = 2, 0.75
@@ -59,46 +63,86 @@ class GoalSearch:
     def nearest_ends(self, seed: int) -> list[Quadratic]:
         """Paths without limits of shape, those that end nearest to the goal first."""
         rng = np.random.default_rng(seed)
-        family = replace(self.families[0].coarse, shapes=())
+        family = replace(self.families[0].coarse, shapes=(), effort=Effort())
         random = (random_path(family, rng) for _ in range(_RANDOM))
         weights, iterations = _STAGES[1]
         found = [family.relaxed(timed(family, path), weights, iterations) for path in random]
         return sorted(found, key=lambda path: float(np.abs(path.error).sum()))
 
     def shortest(self, seed: int) -> CertifiedMotion | None:
-        """The shortest of some motions that keep all limits; None where none was found."""
+        """The shortest of some motions that keep all limits; None where none was found.
+
+        The most promising paths of every family come first, the others only if none of them leads
+        to a motion. The search ends where its effort is spent.
+        """
         rng = np.random.default_rng(seed)
         best: tuple[Relaxation, CertifiedMotion] | None = None
-        for number, family in enumerate(self.families):
-            self.progress(number / len(self.families))
-            shortest = min(self._certified(family, rng), key=_duration, default=None)
-            if best is not None and (shortest is None or _duration(shortest) > _duration(best[1])):
+        left: list[tuple[Relaxation, list[Quadratic]]] = []
+        rough: list[Quadratic] = []
+        for family in self.families:
+            rough = self._rough(family, rng, rough)
+            left.append((family, rough[_REFINED:]))
+            shortest = self._shortest(family, rough[:_REFINED], best and best[1])
+            if best is not None and shortest is None:
                 break
             if shortest is not None:
                 best = family, shortest
                 if family.paths.loops == 1:
                     break
+        for family, paths in left if best is None else ():
+            shortest = self._shortest(family, paths, None)
+            if shortest is not None:
+                best = family, shortest
+                break
         return None if best is None else self._with_fewer_loops(*best)
 
-    def _certified(self, family: Relaxation, rng: np.random.Generator) -> Iterator[CertifiedMotion]:
-        """Certified motions of a family."""
-        coarse = family.coarse
-        rough = [coarse.relaxed(start, *_STAGES[0]) for start in starts(coarse, rng, _RANDOM)]
-        count = 0
-        for number, path in enumerate(sorted(rough, key=lambda path: path.promise)):
-            if count >= _ENOUGH or (count and number >= _REFINED):
-                return
-            result = self._refined(family, path)
-            if result is not None:
-                count += 1
-                yield result
+    def _rough(
+        self, family: Relaxation, rng: np.random.Generator, before: Sequence[Quadratic]
+    ) -> list[Quadratic]:
+        """Paths of a family after the first stage, the most promising first.
 
-    def _refined(self, family: Relaxation, path: Quadratic) -> CertifiedMotion | None:
-        """The certified motion along a path that is improved before; None where there is none."""
+        Of the family before, with half as many loops, the best ones are among those they begin at.
+        """
+        if self._effort.spent:
+            return []
+        coarse, loops = family.coarse, family.paths.loops
+        begins = list(starts(coarse, rng, _RANDOM if loops == 1 else _RANDOM_LOOPS))
+        if loops > _FEWEST:
+            unknowns = (path.course.unknowns for path in before[:_RANDOM_LOOPS])
+            begins += (timed(coarse, _with_loops(coarse, each, 0.5)) for each in unknowns)
+        rough = [coarse.relaxed(begin, *_STAGES[0]) for begin in begins]
+        return sorted(rough, key=lambda path: path.promise)
+
+    def _shortest(
+        self, family: Relaxation, rough: Sequence[Quadratic], best: CertifiedMotion | None
+    ) -> CertifiedMotion | None:
+        """The shortest motion along rough paths that is shorter than the best one known."""
+        shortest = None
+        for number, path in enumerate(rough):
+            self.progress(self._effort.fraction)
+            if self._effort.spent or (shortest is not None and number >= _ENOUGH):
+                break
+            result = self._refined(family, path, best)
+            if result is not None and (best is None or _duration(result) < _duration(best)):
+                best = shortest = result
+        return shortest
+
+    @property
+    def _effort(self) -> Effort:
+        return self.families[0].effort
+
+    def _refined(
+        self, family: Relaxation, path: Quadratic, best: CertifiedMotion | None
+    ) -> CertifiedMotion | None:
+        """The certified motion along a path that is improved before; None where there is none.
+
+        A path that lasts longer than the best motion known is left out.
+        """
+        longest = _duration(best) if best is not None and family.timed else np.inf
         for some, stage in zip((family.coarse, family), _STAGES[1:], strict=True):
-            if path.penalty < _HOPELESS:
+            if path.penalty < _HOPELESS and path.course.duration < _SHORTENED * longest:
                 path = some.relaxed(timed(some, path.course.unknowns), *stage)
-        if np.abs(path.error).max(initial=0.0) > REACHED:
+        if path.course.duration > longest or np.abs(path.error).max(initial=0.0) > REACHED:
             return None
         if path.penalty > _PENALTY:
             self.rejected.append((path, family))
@@ -111,19 +155,24 @@ class GoalSearch:
 
     def _with_fewer_loops(self, family: Relaxation, best: CertifiedMotion) -> CertifiedMotion:
         """The shortest motion of fewer, larger loops, whose turn grows with their area."""
-        paths, count = family.paths, family.paths.joint_count * family.paths.inner
-        while paths.loops > _FEWEST:
+        paths = family.paths
+        while paths.loops > _FEWEST and not self._effort.spent:
             fewer = replace(paths, loops=max(_FEWEST, int(_FRACTION * paths.loops)))
-            unknowns = best.unknowns.copy()
-            unknowns[:count] *= np.sqrt(paths.loops / fewer.loops)
+            unknowns = _with_loops(family, best.unknowns, paths.loops / fewer.loops)
             family = replace(family, paths=fewer)
-            result = self._refined(
-                family, family.coarse.relaxed(timed(family, unknowns), *_STAGES[0])
-            )
+            rough = family.coarse.relaxed(timed(family, unknowns), *_STAGES[0])
+            result = self._refined(family, rough, best)
             if result is None or _duration(result) >= _duration(best):
                 break
             best, paths = result, fewer
         return best
+
+
+def _with_loops(family: Relaxation, unknowns: Array, ratio: float) -> Array:
+    """Unknowns of a path whose loops turn the spacecraft as much as those times a ratio."""
+    count, changed = family.paths.joint_count * family.paths.inner, unknowns.copy()
+    changed[:count] *= np.sqrt(ratio)
+    return changed
 
 
 def _duration(result: CertifiedMotion) -> float:

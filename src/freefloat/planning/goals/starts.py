@@ -15,8 +15,11 @@ _RANDOM = 300
 """Random paths, of which those that end nearest to the goal are kept."""
 _WIDEST = 1.5
 """Largest amplitude of a random deviation, but for its harmonics [rad, m]."""
-_ROUNDS = 4
-"""Most times that the attitude at the end of a straight way changes its arm branch."""
+_ATTITUDES, _ROUNDS = 16, 6
+"""Attitudes at the ends of random paths whose arm branches are looked at, and how often the
+attitude at the end of a straight way changes its arm branch."""
+_MOST_BRANCHES, _APART = 8, 0.01
+"""Most straight ways, and least difference of their ends [rad, m]."""
 _ERROR, _TIME = 3.0, 0.05
 """Weights of the error at the end [1/rad, 1/m] and of the duration over that of half a turn."""
 _MEAN_SQUARE, _LOOK = Weights(1.0, 0.0), Weights(1.0, 1.0)
@@ -34,11 +37,12 @@ def starts(relaxation: Relaxation, rng: np.random.Generator, most: int) -> Itera
     """
     paths = relaxation.paths
     blank = np.append(np.zeros((paths.spread.shape[1], paths.joint_count)), 1.0)
-    candidates = [_with_end(relaxation, blank, joints) for joints in _branches(relaxation)]
-    if paths.ends.end is not None and relaxation.target.attitude is None:
-        candidates.append(blank)
     random = [random_path(relaxation, rng) for _ in range(_RANDOM)]
     random.sort(key=lambda unknowns: _promise(relaxation, unknowns))
+    ends = _branches(relaxation, random[:_ATTITUDES])
+    candidates = [_with_end(relaxation, blank, joints) for joints in ends]
+    if paths.ends.end is not None and not paths.closed:
+        candidates.append(blank)
     yield from _closed(relaxation, candidates)
     closed = list(_closed(relaxation, random[: _CLOSED_PER_START * most]))
     looked_at = [relaxation.linearized(unknowns, _LOOK) for unknowns in closed]
@@ -97,31 +101,37 @@ def _with_end(relaxation: Relaxation, unknowns: Array, joints: Array) -> Array:
     return changed
 
 
-def _branches(relaxation: Relaxation) -> list[Array]:
-    """Ends (n,) of straight ways to the goal's pose, the shortest first."""
-    paths, target = relaxation.paths, relaxation.target
-    if paths.ends.end is not None or target.pose is None or target.task is None:
-        return []
+def _branches(relaxation: Relaxation, others: Sequence[Array]) -> list[Array]:
+    """Ends (n,) of straight ways to the goal's pose, the shortest first.
+
+    They are the arm branches at the goal's attitude or, where this is free, at the present one and
+    those at the ends of other paths, each followed to the attitude at which its straight way ends.
+    """
+    paths, target, (low, high) = relaxation.paths, relaxation.target, relaxation.ranges
     model, start, task = target.problem.model, paths.ends.start, target.task
+    if paths.ends.end is not None or target.pose is None or task is None:
+        return []
     blank = np.append(np.zeros((paths.spread.shape[1], len(start))), relaxation.reference)
-    at_end = relaxation.attitude if target.attitude is None else target.attitude
-    p, R = _seen(relaxation, at_end)
-    found = toward(model, many_arm_branches(model, p, R, task).joints[0], start)
-    ends = []
-    for joints in found[np.argsort(np.abs(found - start).max(axis=1))]:
-        for _ in range(_ROUNDS if target.attitude is None else 0):
-            course = relaxation.course(_with_end(relaxation, blank, joints), 0)
-            p, R = _seen(relaxation, course.attitudes[-1])
-            following = newton_solutions(model, p, R, task, joints)[0]
-            if not np.isfinite(following).all():
-                break
-            joints = following
-        if (joints >= relaxation.ranges[0]).all() and (joints <= relaxation.ranges[1]).all():
-            ends.append(joints)
-    return ends
+    attitudes = [relaxation.attitude if target.attitude is None else target.attitude]
+    if target.attitude is None:
+        attitudes += [relaxation.course(other, 0).attitudes[-1] for other in others]
+    branches = many_arm_branches(model, *_seen(relaxation, np.array(attitudes)), task)
+    ends = toward(model, branches.joints.reshape(-1, len(start)), start)
+    for _ in range(_ROUNDS if target.attitude is None else 0):
+        if not len(ends):
+            break
+        courses = (relaxation.course(_with_end(relaxation, blank, end), 0) for end in ends)
+        reached = np.array([course.attitudes[-1] for course in courses])
+        ends = newton_solutions(model, *_seen(relaxation, reached), task, ends)
+        ends = ends[np.isfinite(ends).all(axis=1)]
+    distinct: list[Array] = []
+    for end in ends[np.argsort(np.abs(ends - start).max(axis=1))]:
+        if all(np.abs(end - other).max() > _APART for other in distinct):
+            distinct += [end] if (end >= low).all() and (end <= high).all() else []
+    return distinct[:_MOST_BRANCHES]
 
 
-def _seen(relaxation: Relaxation, attitude: Array) -> tuple[Array, Array]:
-    """The goal's pose in a spacecraft frame, positions (1, 3) and rotations (1, 3, 3)."""
-    pose = relaxation.target.pose_at(relaxation.reference).seen_from(attitude)
-    return pose.position[None], pose.rotation[None]
+def _seen(relaxation: Relaxation, attitudes: Array) -> tuple[Array, Array]:
+    """The goal's pose in spacecraft frames (K, 3, 3), positions (K, 3) and rotations (K, 3, 3)."""
+    pose, back = relaxation.target.pose_at(relaxation.reference), attitudes.transpose(0, 2, 1)
+    return back @ pose.position, back @ pose.rotation
