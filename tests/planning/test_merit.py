@@ -1,9 +1,10 @@
-"""The objective ``still`` and weighted objectives, against sweeps of motions."""
+"""The objectives ``still`` and ``soonest`` and weighted ones, against sweeps of motions."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+import yaml
 
 import freefloat as ff
 from freefloat.planning.simulation import integrate_branch
@@ -46,6 +47,22 @@ def test_still_in_space_is_less_than_the_turns_of_samples() -> None:
 
 
 @pytest.mark.slow
+def test_the_soonest_start_is_reached_before_the_nearest_attitude() -> None:
+    present = {"from_attitude": heading_quaternion(1.0), "joints": [0.5, 0.8], "reorient": True}
+    content = yaml.safe_load(ff.load_scenario("planar_2dof/line").text)
+    content |= {"momentum": [0, 0, 0.1], "limits": {"joint_rate": 0.2}}
+    content["robot"]["urdf"] = "planar_2dof"
+    durations = []
+    for objective in ("soonest", "nearest"):
+        scenario = ff.load_scenario(content | {"search": present | {"objective": objective}})
+        search, limits = scenario.search(), scenario.limits()
+        found = ff.plan_manoeuvre(scenario.problem(), (), search, limits, reorient=True)
+        assert found.feasible, found.reason
+        durations.append(found.phases[0].duration)
+    assert durations[0] < 0.9 * durations[1]
+
+
+@pytest.mark.slow
 def test_weights_lead_from_the_margin_to_the_present_attitude() -> None:
     problem = ff.load_scenario("planar_3dof/parabola").problem()
     present = [0.0, 0.0, 0.0, 1.0]
@@ -74,3 +91,5 @@ def test_errors_of_weights() -> None:
     assert error_key(lambda: ff.Weights(-1.0)) == "search.objective.margin"
     assert error_key(ff.Weights) == "search.objective"
     assert error_key(ff.plan, problem, ff.Search(ff.Weights(time=1.0))) == "search.objective.time"
+    assert error_key(lambda: ff.Search("soonest", [0.0, 0.0, 0.0, 1.0])) == "search.joints"
+    assert error_key(lambda: ff.Search("soonest", joints=[0.5, 0.8])) == "search.from_attitude"

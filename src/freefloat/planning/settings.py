@@ -31,7 +31,8 @@ class Search:
     Attributes:
         objective: The largest minimum margin, the feasible attitude nearest to ``from_attitude``,
             the one deepest inside the feasible set, the one with the least turn of the spacecraft
-            along the motion: ``margin``, ``nearest``, ``robust`` or ``still``; a sum with
+            along the motion, the one at whose start the arm is estimated to be soonest:
+            ``margin``, ``nearest``, ``robust``, ``still`` or ``soonest``; a sum with
             :class:`Weights`; or another object of the class Objective.
         from_attitude: Present attitude of the spacecraft, x, y, z, w.
         joints: Present joints of the arm, in chain order or by name [rad or m]: of the arm
@@ -64,13 +65,16 @@ class Search:
             object.__setattr__(self, "samples", samples)
         object.__setattr__(self, "seed", seed_number("search.seed", self.seed))
         finite_number("search.spare", self.spare, "an angle from 0 to pi / 2", 0.0, np.pi / 2.0)
-        reason = f"objective {self.objective.name}" if self.objective.approaches else None
+        approaches = self.objective.approaches or self.objective.departs
+        reason = f"objective {self.objective.name}" if approaches else None
         if self.within is not None:
             accepted = "an angle above 0, up to pi"
             finite_number("search.within", self.within, accepted, np.finfo(float).tiny, np.pi)
             reason = "a search within an angle"
         if reason is not None and self.from_attitude is None:
             raise InputError("search.from_attitude", f"it is missing, for {reason}", "x, y, z, w")
+        if self.objective.departs and self.joints is None:
+            raise InputError("search.joints", f"they are missing, for {reason}", "present joints")
 
     @cached_property
     def domain(self) -> SearchDomain:
@@ -111,6 +115,8 @@ class Search:
             problem.attitude(self.from_attitude, key="search.from_attitude")
         if self.joints is None:
             return problem
+        if self.objective.departs:
+            problem.model.require_one_arm(f"the objective {self.objective.name}")
         joints = problem.model.joint_vector(self.joints, "search.joints")
         require_radians(problem.model, joints)
         return replace(problem, start_joints=joints)

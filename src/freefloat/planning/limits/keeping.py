@@ -134,6 +134,8 @@ def _with_candidate(plan: Plan, trials: Trials, passed: PassedTrial) -> Plan:
     search = plan.search
     if search.objective.approaches and search.from_attitude is not None:
         passed = _moved_nearer(trials, search.from_attitude, search.spare, passed)
+    elif search.objective.departs and plan.chosen is not None:
+        passed = _moved_nearer(trials, plan.chosen.motion.initial.attitude, 0.0, passed)
     chosen, results = passed
     plan = replace(
         plan,

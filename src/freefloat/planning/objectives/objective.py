@@ -12,7 +12,9 @@ import numpy as np
 from freefloat.ensemble.result import EnsembleResult, is_regular
 from freefloat.errors import InputError
 from freefloat.limits.limits import Limits
+from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import Candidate
+from freefloat.planning.objectives.straight_ways import times_to_start
 from freefloat.so3 import Array, angle_between
 
 if TYPE_CHECKING:  # compiled kernels take half a second to import
@@ -89,12 +91,14 @@ class Objective(ABC):
         measures_turn: Whether its merits need the largest turn of the spacecraft along motions.
         approaches: Whether it looks for an attitude near ``from_attitude``, which must be given,
             that keeps the margin within ``spare``.
+        departs: Whether it needs ``from_attitude`` and ``joints``.
     """
 
     name: ClassVar[str] = ""
     criterion: ClassVar[str]
     measures_turn: ClassVar[bool] = False
     approaches: ClassVar[bool] = False
+    departs: ClassVar[bool] = False
 
     @property
     def document(self) -> str | dict[str, Any]:
@@ -140,19 +144,19 @@ class Comparison:
 
     Attributes:
         objective: The objective.
-        threshold: Margin to be kept.
+        problem: Robot, path and margin.
         largest_margin: Unit of the margins: the largest minimum margin that is known.
         half_turn_bound: Cosine of half the evaluator's limit of the spacecraft's turn.
         present: Present attitude of the spacecraft, x, y, z, w, where it is known.
-        joint_rate: Limits of the joint rates, shape (n,), where there are any.
+        limits: Limits in addition to the margin; None without.
     """
 
     objective: Objective
-    threshold: float
+    problem: Problem
     largest_margin: float
     half_turn_bound: float
     present: Array | None
-    joint_rate: Array | None
+    limits: Limits | None
 
     @classmethod
     def of(
@@ -166,12 +170,17 @@ class Comparison:
         """That of an evaluator's motions, with the margins of some of them as unit."""
         return cls(
             objective,
-            evaluator.problem.margin.threshold,
+            evaluator.problem,
             float(margins.max(initial=0.0)) or 1.0,
             float(np.cos((evaluator.limits.base_turn or np.pi) / 2.0)),
             present,
-            None if limits is None else limits.joint_rate,
+            limits,
         )
+
+    @property
+    def threshold(self) -> float:
+        """Margin to be kept."""
+        return self.problem.margin.threshold
 
     def __call__(self, attitudes: Array, motions: EnsembleResult) -> Array:
         """The merits (K, B) of motions from attitudes (K, 4).
@@ -199,7 +208,11 @@ class Comparison:
         Raises:
             InputError: With the key that asks for them, if joint rates have no limits.
         """
-        if self.joint_rate is None:
+        if self.limits is None or self.limits.joint_rate is None:
             raise InputError(key, "the time counts, but joint rates have no limits",
                              "limits.joint_rate")  # fmt: skip
-        return np.asarray((motions.rates / self.joint_rate).max(axis=-1))
+        return np.asarray((motions.rates / self.limits.joint_rate).max(axis=-1))
+
+    def times_to_start(self, attitudes: Array) -> Array:
+        """Estimated times from the present state to attitudes (K, 4) of starts [s], shape (K,)."""
+        return times_to_start(self.problem, np.asarray(self.present), self.limits, attitudes)
