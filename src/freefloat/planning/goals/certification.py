@@ -15,7 +15,6 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import Timing
-from freefloat.planning.goals.clearances import Clearances
 from freefloat.planning.goals.goal_motion import last_state
 from freefloat.planning.goals.relaxation import Relaxation, Weights
 from freefloat.so3 import Array
@@ -64,7 +63,6 @@ class Certification:
         attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
         timed: Whether limits determine the duration.
         by_time: Whether the motion is another one at another duration.
-        clearances: Those of the search, whose margins grow; None without.
     """
 
     problem: Problem
@@ -72,7 +70,6 @@ class Certification:
     attitude: Array
     timed: bool
     by_time: bool
-    clearances: Clearances | None
 
     def certified(self, relaxation: Relaxation, unknowns: Array) -> CertifiedMotion | None:
         """The motion along a path, or along one nearby that keeps what this one violates.
@@ -110,13 +107,11 @@ class Certification:
         if violation.limit == JointTorqueLimit.name and not self.timed:
             least = relaxation.joint_acceleration / max(violation.ratio, _LESS)
             return replace(relaxation, joint_acceleration=least)
-        if violation.limit == ClearanceLimit.name and self.clearances is not None:
-            paths = relaxation.paths
-            if paths.fineness < _FINEST:
-                return replace(relaxation, paths=replace(paths, fineness=_FINEST))
-            self.clearances.widen(violation.where, violation.allowed - violation.worst)
-            return relaxation
-        return None
+        paths = relaxation.paths
+        if violation.limit == ClearanceLimit.name and paths.fineness < _FINEST:
+            return replace(relaxation, paths=replace(paths, fineness=_FINEST))
+        widened = [shape.widen(violation) for shape in relaxation.shapes]
+        return relaxation if any(widened) else None
 
     def _exact(self, relaxation: Relaxation, unknowns: Array) -> tuple[Array, Motion] | None:
         """Unknowns and the motion along them, exact at its end and as short as limits permit."""

@@ -10,7 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.pairs import CollisionPairs
+from freefloat.limits.result import LimitResult
 from freefloat.motion.problem import Problem
 from freefloat.planning.goals.joint_paths import Course, JointPaths
 from freefloat.planning.goals.placements import Arm, place_all
@@ -97,11 +99,15 @@ class Clearances:
         poses = self._scene.along(place).poses(0)
         self._known = np.minimum(self._known, self._pairs.nearest(joints, every, poses, 0.0)[0])
 
-    def widen(self, name: str, lack: float) -> None:
-        """Require a larger distance of the pairs with a name, which lacked some [m]."""
+    def widen(self, violation: LimitResult) -> bool:
+        """See :class:`~freefloat.planning.goals.violations.ShapeLimits`."""
+        if violation.limit != ClearanceLimit.name:
+            return False
+        lack = violation.allowed - violation.worst
         for number in range(len(self._margins)):
-            if self._pairs.name(number) == name:
+            if self._pairs.name(number) == violation.where:
                 self._margins[number] += max(2.0 * lack, self._margins[number])
+        return True
 
     def violations(self, paths: JointPaths, course: Course) -> Violations:
         """See :class:`~freefloat.planning.goals.violations.ShapeLimits`."""

@@ -173,7 +173,6 @@ def move_from(
             values = ", ".join(f"{value:.4g}" for value in joints)
             return replace(outcome, reason=violation.violation(f"with joints {values}"))
     shapes: list[ShapeLimits] = [StateLimits(problem, limits)]
-    clearances = None
     if checker.pairs is not None:
         clearances = Clearances(problem, checker.pairs, limits.clearance or 0.0)
         clearances.at_rest(start.joints, Rotation.from_quat(start.attitude).as_matrix())
@@ -183,9 +182,7 @@ def move_from(
         problem.depends_on_timing or problem.scene.tumbles or start.joint_rates.any()
         or goal.joint_rates is not None or goal.body(problem) is not None
     )  # fmt: skip
-    certification = Certification(
-        problem, checker, start.attitude, goal.duration is None, by_time, clearances
-    )  # fmt: skip
+    certification = Certification(problem, checker, start.attitude, goal.duration is None, by_time)
     search = GoalSearch(families, certification, step_of(progress, 0.0, 1.0))
     found = search.shortest(seed_number("seed", seed))
     if found is None:

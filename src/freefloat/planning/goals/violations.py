@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from freefloat.limits.kinds.corridor import CorridorLimit
+from freefloat.limits.kinds.pointing import PointingLimits
 from freefloat.limits.limits import Limits
+from freefloat.limits.result import LimitResult
 from freefloat.motion.pointing import Keep, angle_of
 from freefloat.motion.problem import Problem
 from freefloat.planning.goals.joint_paths import Course, JointPaths
@@ -60,6 +63,10 @@ class ShapeLimits(Protocol):
         """What a course violates."""
         ...
 
+    def widen(self, violation: LimitResult) -> bool:
+        """Demand more of what a precise motion violates; False where it is another limit."""
+        ...
+
 
 @dataclass(frozen=True, eq=False)
 class StateLimits:
@@ -68,14 +75,25 @@ class StateLimits:
     Attributes:
         problem: Robot, scene and drift, whatever its duration.
         limits: The limits.
+        margins: Margins of the limits with some names, which grow.
     """
 
     problem: Problem
     limits: Limits
+    margins: dict[str, float] = field(
+        default_factory=lambda: {PointingLimits.name: _MARGIN, CorridorLimit.name: _MARGIN}
+    )
+
+    def widen(self, violation: LimitResult) -> bool:
+        """See :class:`ShapeLimits`."""
+        margin, lack = self.margins.get(violation.limit), abs(violation.worst - violation.allowed)
+        if margin is not None:
+            self.margins[violation.limit] = margin + max(2.0 * lack, margin)
+        return margin is not None
 
     @cached_property
-    def _excesses(self) -> tuple[Callable[[float, Array, Array], float], ...]:
-        """How far a state, with its time, is beyond each limit [rad, m]."""
+    def _excesses(self) -> tuple[tuple[str, Callable[[float, Array, Array], float]], ...]:
+        """How far a state, with its time, is beyond each limit [rad, m], with names of limits."""
         problem, model = self.problem, self.problem.model
         origin = problem.path.origin
 
@@ -91,21 +109,24 @@ class StateLimits:
             offset = frame.rotation.T @ (pose.position - frame.position)
             return -np.inf if corridor is None else corridor.deviation(offset) - corridor.allowed
 
-        cones = [partial(beyond_cone, number) for number in range(len(self.limits.pointing))]
-        return (*cones, *[beyond_corridor] * (problem.scene.corridor is not None))
+        cones = (partial(beyond_cone, number) for number in range(len(self.limits.pointing)))
+        corridors = [(CorridorLimit.name, beyond_corridor)] * (problem.scene.corridor is not None)
+        return (*((PointingLimits.name, cone) for cone in cones), *corridors)
 
     def violations(self, paths: JointPaths, course: Course) -> Violations:
         """See :class:`ShapeLimits`."""
         rows, n = [], paths.joint_count
         attitudes = Rotation.from_matrix(course.attitudes)
         quaternions, times = attitudes.as_quat(), course.duration * paths.times
-        for excess in self._excesses:
+        for name, excess in self._excesses:
+            margin = self.margins[name]
             states = zip(times[1:], quaternions[1:], course.joints[1:], strict=True)
             values = np.array([excess(*state) for state in states])
             worst = np.argsort(-values)[:_MOST]
-            for edge in worst[values[worst] > -_MARGIN] + 1:
+            for edge in worst[values[worst] > -margin] + 1:
                 state = times[edge], attitudes[edge], course.joints[edge]
-                rows.append((edge, *self._row(excess, *state, paths.times[edge])))
+                amount, *slopes = self._row(excess, *state, paths.times[edge])
+                rows.append((edge, amount + margin / _SCALE, *slopes))
         table = np.array(rows).reshape(-1, n + 6)
         return Violations(
             table[:, 0].astype(np.int64), table[:, 1], table[:, 2 : n + 2],
@@ -116,7 +137,7 @@ class StateLimits:
         self, excess: Callable[[float, Array, Array], float], t: float, R: Rotation, q: Array,
         s: float,
     ) -> tuple[float, ...]:  # fmt: skip
-        """The violation of a limit and its derivatives, by differences."""
+        """The excess of a limit over its scale and its derivatives, by differences."""
         steps, n = _STEP * np.eye(len(q) + 4), len(q)
         here = excess(t, R.as_quat(), q)
         changed = [
@@ -124,4 +145,4 @@ class StateLimits:
             for step in steps
         ]
         slopes = (np.array(changed) - here) / _STEP / _SCALE
-        return ((here + _MARGIN) / _SCALE, *slopes)
+        return (here / _SCALE, *slopes)
