@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-_MOST = 200_000
-"""Instants of a search: ten to thirty seconds of processor time."""
+_MOST = 300_000
+"""Instants of a search: fifteen to forty seconds of processor time."""
 
 
 @dataclass(eq=False)

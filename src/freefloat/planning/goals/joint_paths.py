@@ -188,6 +188,11 @@ class JointPaths:
         rows = unknowns[:-1].reshape(-1, self.joint_count)
         return np.asarray(self.fixed[0] + unknowns[-1] * self.fixed[1] + self.spread @ rows)
 
+    def repeated(self, unknowns: Array) -> Array:
+        """Unknowns of these loops of which each is nearly that of one loop's unknowns."""
+        between = np.zeros(self.joint_count)
+        return np.concatenate([unknowns[:-1], between, unknowns[-1:] * self.loops])
+
     def spline(self, unknowns: Array) -> JointSpline:
         """The joints along a path."""
         return JointSpline(self.control_points(unknowns))

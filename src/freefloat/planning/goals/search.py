@@ -6,18 +6,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from freefloat.concurrency import Progress
 from freefloat.planning.goals.certification import FINAL, Certification, CertifiedMotion
 from freefloat.planning.goals.effort import Effort
 from freefloat.planning.goals.relaxation import Quadratic, Relaxation, Weights
 from freefloat.planning.goals.starts import random_path, starts, timed
-from freefloat.so3 import Array
+from freefloat.so3 import Array, rotation_vector_between
 
 _STAGES = ((Weights(1.0, 1.0), 25), (Weights(0.1, 100.0), 40), (FINAL, 40))
 """Weights and iterations: first a short path without deep violations, then one without any."""
 _RANDOM, _RANDOM_LOOPS = 6, 3
 """Random starts of a family without loops, and of one with loops, whose starts differ less."""
+_REPEATED = 2
+"""Single loops that are repeated, and paths of the family before whose loops are made smaller."""
 _REFINED = 3
 """Of the paths of a family after the first stage those that are refined before other families."""
 _ENOUGH = 2
@@ -106,11 +109,17 @@ class GoalSearch:
         if self._effort.spent:
             return []
         coarse, loops = family.coarse, family.paths.loops
-        begins = list(starts(coarse, rng, _RANDOM if loops == 1 else _RANDOM_LOOPS))
+        if loops > 1 and family.paths.closed:
+            one = _one_loop(coarse)
+            single = [one.relaxed(begin, *_STAGES[0]) for begin in starts(one, rng, _RANDOM)]
+            single.sort(key=lambda path: path.promise)
+            begins = [coarse.paths.repeated(path.course.unknowns) for path in single[:_REPEATED]]
+        else:
+            begins = list(starts(coarse, rng, _RANDOM if loops == 1 else _RANDOM_LOOPS))
         if loops > _FEWEST:
-            unknowns = (path.course.unknowns for path in before[:_RANDOM_LOOPS])
-            begins += (timed(coarse, _with_loops(coarse, each, 0.5)) for each in unknowns)
-        rough = [coarse.relaxed(begin, *_STAGES[0]) for begin in begins]
+            unknowns = [path.course.unknowns for path in before[:_REPEATED]]
+            begins += [_with_loops(coarse, each, 0.5) for each in unknowns]
+        rough = [coarse.relaxed(timed(coarse, begin), *_STAGES[0]) for begin in begins]
         return sorted(rough, key=lambda path: path.promise)
 
     def _shortest(
@@ -166,6 +175,15 @@ class GoalSearch:
                 break
             best, paths = result, fewer
         return best
+
+
+def _one_loop(family: Relaxation) -> Relaxation:
+    """The family of one loop, which turns the spacecraft by its share of the whole turn."""
+    begin, target, loops = family.attitude, family.target, family.paths.loops
+    end = begin if target.attitude is None else target.attitude
+    turn = Rotation.from_rotvec(rotation_vector_between(begin, end) / loops).as_matrix()
+    target = replace(target, attitude=turn @ begin)
+    return replace(family, paths=replace(family.paths, loops=1), target=target)
 
 
 def _with_loops(family: Relaxation, unknowns: Array, ratio: float) -> Array:
