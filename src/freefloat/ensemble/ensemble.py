@@ -64,7 +64,8 @@ class EnsembleIntegrator:
         self.problem = problem
         self.tolerance = finite_number("tolerance", tolerance, "1e-13 to 1e-2", 1e-13, 1e-2)
         limits = limits or AttitudeLimits()
-        self._arrays = kernel_problem(problem, limits)
+        none = limits.number == 0  # then one entry of the cache serves all integrators
+        self._arrays = kernel_problem(problem, None if none else limits)
         self._spares = spare_slacks(limits)
 
     def integrate(
