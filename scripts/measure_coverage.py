@@ -28,7 +28,7 @@ sigterm = true
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--minimum", type=float, default=94.0, help="percentage; less is an error")
+    parser.add_argument("--minimum", type=float, default=95.0, help="percentage; less is an error")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
