@@ -85,4 +85,4 @@ def test_a_motion_of_joints_out_of_the_corridor_is_infeasible(problem: ff.Proble
     assert "corridor of end_effector" in found.reason
     assert found.path.feasible
     (left,) = (phase for phase in found.phases if not phase.feasible)
-    assert left.name == "reorientation"
+    assert (left.name, left.start) == ("reorientation", -(left.duration or 0.0))

@@ -85,6 +85,7 @@ OFF_PLANE = ff.TimedPath(line(GRAPPLE, [1.0, 0.0, 0.5]), ff.Timing(9.0))
     ([replace(goal(1.0, 0.5, 0.0), redundancy=ff.Redundancy())], "phases.0.redundancy"),
     ([replace(REST, name="a"), goal(1.0, 0.5, 0.0), replace(REST, name="a")], "phases.2.name"),
     ([REST, "berth"], "phases.1"),
+    (5, "phases"),
 ])  # fmt: skip
 def test_a_phase_that_cannot_follow_is_refused_before_planning(problem, phases, key) -> None:
     assert error_key(ff.plan_manoeuvre, problem, phases) == key
@@ -120,6 +121,7 @@ def test_a_fixed_body_is_captured_about_the_origin_of_its_frame(problem: ff.Prob
 @pytest.mark.parametrize("duration", [0.0, 1e-300, 1e-9, np.inf, np.nan, "3"])
 def test_durations_are_seconds_that_can_be_integrated(duration: Any) -> None:
     assert error_key(goal, 0, 0, 0, duration) == "goal.duration"
+    assert error_key(ff.GoalPhase, REST.goal, 3) == "name"
 
 
 @pytest.mark.parametrize(("changes", "key"), [
