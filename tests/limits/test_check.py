@@ -17,6 +17,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import Stop, TimedPath, Timing
+from freefloat.so3 import angle_between
 from tests.motions import BAD, GOOD, bundled, heading, lasting, simulated
 from tests.prismatic import (
     DURATION,
@@ -180,6 +181,14 @@ def test_each_limit_violated_alone():
         assert first is not None
         assert first.limit == name
         assert [result.limit for result in tighter.violations(motion)] == [name]
+
+
+def test_the_turn_of_the_spacecraft_is_that_of_the_nodes():
+    motion = planar_motion(bundled("planar_3dof/parabola"))
+    turn = angle_between(motion.attitudes, motion.initial.attitude).max()
+    result = result_of(motion, Limits(base_turn=1.25 * turn), "base_turn")
+    assert result.label == "base turn"
+    np.testing.assert_allclose([result.worst, result.ratio], [turn, 0.8], rtol=1e-3)
 
 
 def test_contact_is_violated_even_where_no_distance_is_asked_for():
