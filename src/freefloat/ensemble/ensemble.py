@@ -64,8 +64,8 @@ class EnsembleIntegrator:
         self.problem = problem
         self.tolerance = finite_number("tolerance", tolerance, "1e-13 to 1e-2", 1e-13, 1e-2)
         limits = limits or AttitudeLimits()
-        none = limits.number == 0  # then one entry of the cache serves all integrators
-        self._arrays = kernel_problem(problem, None if none else limits)
+        # the cache knows limits by identity: integrators without limits share an entry
+        self._arrays = kernel_problem(problem, limits if limits.number else None)
         self._spares = spare_slacks(limits)
 
     def integrate(

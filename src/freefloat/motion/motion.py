@@ -180,7 +180,7 @@ class Motion:
     def node_rates(self) -> Array:
         """Rates of spacecraft and joints at the nodes of every panel, shape (panels, 9, 3 + n)."""
         nodes = self.panel_nodes
-        segments = [k for panel in range(self.panels) for k in [self.timing_segment(panel)] * 9]
+        segments = [self.timing_segment(panel) for panel, _ in np.ndindex(nodes.shape)]
         rates = self.law.many_rates(
             self.times[nodes].ravel(), self.attitudes[nodes].reshape(-1, 4),
             self.joints[nodes].reshape(-1, self.joints.shape[1]), segments,
