@@ -130,3 +130,9 @@ def test_the_twist_rate_is_the_derivative_of_the_twist(law):
     for t in (0.01, 1.0, 4.5, 8.0, 12.0, 19.99):
         rate = (timed.twist(t + h) - timed.twist(t - h)) / (2 * h)
         assert_close(timed.twist_rate(t), rate, atol=1e-6)
+
+
+def test_rounding_beyond_the_end_is_no_rest() -> None:
+    timing = ff.Timing(40.0, "uniform")
+    assert timing.s(40.00000000000001, 1) == timing.s(-1e-15, 1) == pytest.approx(1.0 / 40.0)
+    assert timing.s(40.1, 1) == timing.s(-0.1, 1) == 0.0

@@ -28,6 +28,8 @@ _APART = 1e-6
 _STOPS = "a list of stops, such as [Stop(s=0.5, t=40)], t in seconds"
 _CLOSEST = 1e-9
 """Smallest distance of stops in s and in t over the duration."""
+_ROUNDING = 1e-13
+"""Rounding error of times at the ends of a motion, relative to its duration."""
 
 
 @dataclass(frozen=True)
@@ -124,12 +126,13 @@ class Timing:
         """The path parameter s at time t, or its first or second time derivative.
 
         Args:
-            t: Time [s]; without ``segment``, at rest before 0 and after the end.
+            t: Time [s]; without ``segment``, at rest before 0 and after the end, but for rounding.
             order: 0, 1 or 2.
             segment: Use this segment of the law, also a little beyond its ends.
         """
         if segment is None:
-            if order and (t < 0.0 or t > self.duration):
+            slack = _ROUNDING * self.duration
+            if order and not -slack <= t <= self.duration + slack:
                 return 0.0
             t = min(max(t, 0.0), self.duration)
             segment = self.segment_at(t)
