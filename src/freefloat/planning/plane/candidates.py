@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.problem import Problem
+from freefloat.paths.timing import Timing
 from freefloat.singularities.planar_regions import (
     Complex,
     PlanarArm,
@@ -20,9 +21,11 @@ from freefloat.singularities.planar_regions import (
 from freefloat.so3 import Array
 
 _TIMES = 400
-"""Instants of each segment between stops at which candidates are computed."""
+"""Instants from one rest to the next at which candidates are computed."""
 _NEAR_REST = np.geomspace(1e-6, 1.0 / _TIMES, 40)
-"""Fractions of a segment next to a stop: there momentum and drift count for more than the path."""
+"""Fractions of that next to a rest: there momentum and drift count for more than the path."""
+_REST = 1e-9
+"""Speed on the path, as a fraction of the mean speed, below which it rests."""
 
 
 class PathState(NamedTuple):
@@ -62,7 +65,7 @@ class PlanarCandidates:
         self._virtual = VirtualManipulator.of(problem.model)
         self._momentum = float(problem.momentum[2] - problem.wheel_momentum[2])
         self._by_time = bool(self._momentum or problem.path.depends_on_time)
-        self.times = _instants(self.timing.ends)
+        self.times = _instants(self.timing)
         path = self.path_at(self.times)
         self.path = path._replace(last=np.unwrap(path.last))
 
@@ -130,12 +133,13 @@ class PlanarCandidates:
         return np.stack([(S - level) / np.abs(level), distance], axis=-1)
 
 
-def _instants(ends: tuple[float, ...]) -> Array:
-    """Times of a path, even between the ends of segments of the time law, dense near those."""
-    edges = [0.0, *ends]
+def _instants(timing: Timing) -> Array:
+    """Times of a path: even between rests, dense near those, and the ends of segments."""
+    rests = [t for t in timing.ends if abs(timing.s(t, 1)) * timing.duration < _REST]
+    edges = np.unique([0.0, *rests, timing.duration])
     fractions = np.concatenate([_NEAR_REST, np.linspace(0, 1, _TIMES + 1)[1:-1], 1.0 - _NEAR_REST])
     inner = [a + (b - a) * fractions for a, b in pairwise(edges)]
-    return np.unique(np.concatenate([*inner, edges]))
+    return np.unique(np.concatenate([*inner, edges, timing.ends]))
 
 
 def _flat(vectors: Array) -> Complex:
