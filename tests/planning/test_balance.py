@@ -86,6 +86,7 @@ def _nearest(problem, found, joints):
     return min((b.joints for b in branches), key=lambda q: problem.model.joint_distance(q, joints))
 
 
+@pytest.mark.slow
 def test_a_plan_while_an_arm_balances_is_saved_and_checked(tmp_path):
     law = {"balance": {"start": [0.5, 1.0], "starts": 1}}
     file = _written(tmp_path, balancing(law))
