@@ -189,9 +189,9 @@ def convex_parts(triangles: Array, most: int = _MOST) -> tuple[ConvexPart, ...]:
     Raises:
         MeshFileError: If all triangles lie on a line.
     """
-    faces = np.arange(3 * len(triangles)).reshape(-1, 3)
+    vertices, numbers = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
     try:
-        whole = _MeshPart(triangles.reshape(-1, 3), faces)
+        whole = _MeshPart(vertices, numbers.reshape(-1, 3))
     except QhullError:
         raise MeshFileError("its triangles lie on a line") from None
     parts = [whole]
@@ -210,7 +210,7 @@ class _MeshPart:
     def __init__(self, vertices: Array, faces: IntArray) -> None:
         self.vertices = vertices
         self.faces = faces
-        self.hull = _hull(np.unique(vertices, axis=0))
+        self.hull = _hull(vertices)
 
     @cached_property
     def halves(self) -> list[_MeshPart]:
