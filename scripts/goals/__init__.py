@@ -1,0 +1,1 @@
+"""Random goals, and paths for a spacecraft that does not move."""
