@@ -286,6 +286,16 @@ def test_a_motion_whose_last_joint_would_spin_is_verified_to_end_there():
     assert "singular end" in failed(shortened(0, -40)(simulation))
 
 
+def test_a_violated_limit_is_verified_to_be_violated():
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    limits = ff.Limits(joint_rate=[0.05, 0.05])
+    simulation = ff.simulate(problem, heading=0.5, limits=limits)
+    assert not simulation.feasible and ff.check(simulation).passed
+    (stated,) = simulation.limit_results
+    milder = replace(simulation, limit_results=(replace(stated, worst=0.04),))
+    assert failed(milder) == {"limit joint rate"}
+
+
 def test_a_motion_that_ends_where_it_begins_is_verified_to_be_singular_there():
     problem = ff.load_scenario("planar_2dof/line").problem()
     attitude, elbow = (

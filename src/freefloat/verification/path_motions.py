@@ -66,9 +66,8 @@ def simulation_report(
     simulation: Simulation, engine: str = PINOCCHIO, orbit: CircularOrbit | None = None
 ) -> CheckReport:
     """All checks of the chosen motion of a simulation; arguments as for :func:`plan_report`."""
-    chosen = simulation.chosen
-    keeps = chosen.feasible
-    return _report(simulation, chosen, keeps, keeps, lambda _: (), engine, orbit)
+    chosen, feasible = simulation.chosen, simulation.feasible
+    return _report(simulation, chosen, feasible, chosen.feasible, lambda _: (), engine, orbit)
 
 
 def _report(
