@@ -51,7 +51,7 @@ def integrate_spline(problem: Problem, spline: JointSpline, attitude: Array) -> 
     timing, system, panels = problem.path.timing, problem.system, _PANELS * spline.spans
     half = problem.path.duration / panels / 2.0
     times = (half * (2.0 * np.arange(panels)[:, None] + _POINTS + 1.0)).ravel()
-    times[-1] = problem.path.duration  # at rest beyond it
+    times[-1] = problem.path.duration  # without rounding
     s, speed = np.array([(timing.s(t), timing.s(t, 1)) for t in times.tolist()]).T
     joints = spline.at(s)
     rates, momentum = spline.at(s, 1) * speed[:, None], np.array(system.momentum, dtype=float)

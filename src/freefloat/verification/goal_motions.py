@@ -63,7 +63,6 @@ def _integrated_again(motion: Motion, spline: JointSpline) -> Motion:
     timing, system = motion.problem.path.timing, motion.problem.system
 
     def rate(t: float, attitude: Array) -> Array:
-        t = min(t, motion.problem.path.duration)  # at rest beyond it
         s = timing.s(t)
         return system.base_rate(attitude, spline.at(s), spline.at(s, 1) * timing.s(t, 1))
 
