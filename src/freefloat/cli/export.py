@@ -105,7 +105,7 @@ def export(
         console.tables([_line(written[-1])])
     console.json(written[0] if len(written) == 1 else {"phases": written})
     if result.violation:
-        console.tables([f"The plan is {result.violation}."])
+        console.tables([f"The {result.kind} is {result.violation}."])
 
 
 def _described(path: Path, kind: Format, trajectory: Trajectory) -> dict[str, Any]:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def mission_document(scenario: Scenario) -> dict[str, Any]:
-    """Scene, limits of pointing and turn, wheels and drift with the keys of a scenario."""
+    """Scene, limits, wheels and drift with the keys of a scenario."""
     from freefloat.io.scenario.limits_section import limits_content
     from freefloat.io.scenario.scene_section import scene_content
 
@@ -26,6 +26,7 @@ def mission_document(scenario: Scenario) -> dict[str, Any]:
     limits = limits_content(scenario.limits(), problem.model.joint_names)
     return {
         "scene": scene_content(problem.scene),
+        "limits": limits,
         "pointing": limits["pointing"],
         "base_turn_deg": limits["base_turn_deg"],
         "wheel_momentum": problem.wheel_momentum.tolist(),
@@ -35,6 +36,8 @@ def mission_document(scenario: Scenario) -> dict[str, Any]:
 
 def mission_tables(scenario: Scenario) -> Iterator[RenderableType]:
     """The same as tables and lines, of those that there are."""
+    from freefloat.io.scenario.limits_section import limits_content
+
     problem, limits = scenario.problem(), scenario.limits()
     if problem.scene.bodies:
         rows = table("body of the scene", "shape", "position [m]", "motion")
@@ -49,12 +52,20 @@ def mission_tables(scenario: Scenario) -> Iterator[RenderableType]:
             angle = f"{limit.keep} {math.degrees(limit.angle):.4g}°"
             rows.add_row(limit.title(number), decimals(limit.axis), angle, _target(limit))
         yield rows
-    if limits.base_turn is not None:
-        yield f"turn of the spacecraft: at most {math.degrees(limits.base_turn):.4g} deg"
+    for key, bound in limits_content(limits, problem.model.joint_names).items():
+        if bound is not None and key != "pointing":
+            yield f"limits.{key}: {_bound(bound)}"
     if problem.wheel_momentum.any():
         yield f"momentum in wheels: {decimals(problem.wheel_momentum)} N m s, spacecraft axes"
     if problem.path.drifts:
         yield f"drift of the centre of mass: {decimals(problem.path.drift)} m/s"
+
+
+def _bound(bound: float | dict[str, float]) -> str:
+    """A bound, or those of joints."""
+    if isinstance(bound, dict):
+        return ", ".join(f"{joint} {value:g}" for joint, value in bound.items())
+    return f"{bound:.4g}"
 
 
 def _shape(body: SceneBody) -> str:

@@ -75,30 +75,36 @@ def plan(
     console = Console(as_json, quiet)
     delivery = Delivery(console, output, html, plots, threads)
     loaded = load_scenario(scenario)
-    goal = loaded.goal()
+    goal, settings = loaded.goal(), loaded.balance()
+    if stretch:
+        _require_stretchable(loaded)
     if goal is not None:
-        if stretch:
-            raise InputError("stretch", "the goal determines the duration", "a goal without one")
         result = _reach(delivery, loaded, goal)
         feasible = result.feasible
         delivery.deliver(result, goal_tables(scenario, result), scenario, loaded)
     elif loaded.has_phases:
-        if stretch:
-            accepted = "longer durations in the scenario"
-            raise InputError("stretch", "phases have given durations", accepted)
         manoeuvre = _plan_phases(delivery, loaded)
         feasible = manoeuvre.feasible
         tables = manoeuvre_tables(scenario, manoeuvre, verbose)
         delivery.deliver(manoeuvre, tables, scenario, loaded)
-    elif (settings := loaded.balance()) is not None:
-        if stretch:
-            raise InputError("stretch", "an arm balances", "longer durations in the scenario")
+    elif settings is not None:
         feasible = _plan_balanced(delivery, loaded, scenario, settings)
     else:
         found = _plan_path(delivery, loaded, stretch)
         feasible = found.feasible
         delivery.deliver(found, _tables(scenario, found), scenario, loaded)
     raise typer.Exit(DONE if feasible else NEGATIVE)
+
+
+def _require_stretchable(loaded: Scenario) -> None:
+    """Raise an InputError unless the scenario has a path and nothing else with a duration."""
+    accepted = "longer durations in the scenario"
+    if loaded.goal() is not None:
+        raise InputError("stretch", "the goal determines the duration", "a goal without one")
+    if loaded.has_phases:
+        raise InputError("stretch", "phases have given durations", accepted)
+    if loaded.balance() is not None:
+        raise InputError("stretch", "an arm balances", accepted)
 
 
 def _plan_path(delivery: Delivery, loaded: Scenario, stretch: bool) -> Plan:

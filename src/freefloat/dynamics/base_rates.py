@@ -98,35 +98,3 @@ def _about(axis: Array, angles: Array) -> Array:
     K = np.cross(np.eye(3), axis)
     sine, versine = np.sin(angles)[..., None, None], (1.0 - np.cos(angles))[..., None, None]
     return np.asarray(np.eye(3) + sine * K + versine * (K @ K))
-
-
-def base_rate_bound(system: System, rates: Array) -> float:
-    """Upper bound of the spacecraft's angular velocity in all configurations.
-
-    The angular momentum of a moving body is at most that of its mass at the largest distance from
-    the centre of mass, moving with the largest distance from the joint; the inertia of the whole
-    system is at least that of the spacecraft.
-
-    Args:
-        system: Robot and momenta.
-        rates: Largest magnitudes of the joint rates [rad/s or m/s], shape (n,).
-
-    Returns:
-        The bound [rad/s]; infinite for a spacecraft without inertia and prismatic joints without
-        range.
-    """
-    root, *arm = system.model.bodies
-    smallest = float(np.linalg.eigvalsh(root.inertia)[0])
-    if smallest <= 0.0:
-        return float("inf")
-    strokes = [max(abs(b.lower), abs(b.upper)) if b.prismatic else 0.0 for b in arm]
-    lengths = [float(np.linalg.norm(b.placement.position)) for b in arm]
-    centres = [float(np.linalg.norm(b.centre)) for b in system.model.bodies]
-    size = sum(strokes) + sum(lengths) + 2.0 * max(centres)  # largest distance of two centres
-    total = system.momentum_bound
-    for number, (joint, rate) in enumerate(zip(arm, rates.tolist(), strict=True)):
-        for body in arm[number:]:
-            lever = body.mass * size
-            spin = float(np.linalg.eigvalsh(body.inertia)[-1])
-            total += rate * (lever if joint.prismatic else lever * size + spin)
-    return total / smallest

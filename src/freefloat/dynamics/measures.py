@@ -43,12 +43,14 @@ class SingularityMeasure:
         definition: Definition with the paper's equation number.
         unit: Unit, as printed in tables.
         function: Measure of joint values of shape (n,); signed where it is a determinant.
+        mass_power: Power of a factor on all masses with which it grows.
     """
 
     name: str
     definition: str
     unit: str
     function: Callable[[Array], float] = field(repr=False)
+    mass_power: int = 0
 
     def __call__(self, joints: Array) -> float:
         """Value at joint values of shape (n,)."""
@@ -93,7 +95,7 @@ def singularity_measure(
         k = 1 if task.planar else 3
         definition = "det A (5)" if m == n else f"det D times {gjm_definition}"
         unit = f"{_unit(lengths + 2 * k)} kg" + ("^3" if k == 3 else "")
-        return SingularityMeasure(name, definition, unit, partial(_system, model, task))
+        return SingularityMeasure(name, definition, unit, partial(_system, model, task), k)
     if name == "sigma":
         reach = unit_of_length(model)
         definition = f"smallest singular value of S* (7), in units of the reach {reach:.4g} m"
@@ -103,7 +105,7 @@ def singularity_measure(
         plane_axes(model, task)
         function = partial(_sum_of_terms, trigonometric_terms(model))
         definition = "determinant of the in-plane block of (39): h, v normal and in the arm's plane"
-        return SingularityMeasure(name, definition, "m^4 kg", function)
+        return SingularityMeasure(name, definition, "m^4 kg", function, 1)
     raise InputError("measure", f"{name!r} was given", ", ".join(NAMES))
 
 

@@ -106,7 +106,7 @@ def equivalents(
             require_in_plane(key, np.abs(values).max(axis=0, initial=0.0))
         require_level("drifts", np.abs(v).max(axis=0, initial=0.0))
     ratio = (stretches / factors)[:, None]
-    magnifications = factors ** _mass_exponent(problem)
+    magnifications = factors**problem.margin.measure.mass_power
     systems = Systems(h * ratio, w * ratio, v * stretches[:, None], robots)
     return Equivalents(problem, systems, stretches, magnifications)
 
@@ -130,9 +130,3 @@ def broadcast(
     if wrong.any():
         raise InputError(key, f"{array[wrong].flat[0]} was given", accepted)
     return array
-
-
-def _mass_exponent(problem: Problem) -> int:
-    """With which power of a factor on all masses the measure grows."""
-    exponents = {"gjm": 0, "sigma": 0, "arm": 1, "system": 1 if problem.task.planar else 3}
-    return exponents[problem.margin.measure.name]

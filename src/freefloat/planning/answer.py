@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
 
 from freefloat.limits.limits import Limits
-from freefloat.limits.result import LimitResult
+from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, frozen, zeros
@@ -137,5 +137,8 @@ class Answer:
 
     @property
     def violation(self) -> str:
-        """What a motion violates that is nevertheless shown; empty where nothing is."""
-        return ""
+        """That motions of an infeasible answer are, and which limits they violate; else empty."""
+        if self.feasible:
+            return ""
+        names = [entry.limit for phase in self.phases for entry in violated(phase.limit_results)]
+        return "infeasible" + (f": violates {', '.join(names)}" if names else "")

@@ -17,8 +17,8 @@ from freefloat.concurrency import Progress, step_of
 from freefloat.errors import InputError, finite_vector
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits
-from freefloat.limits.result import violated
 from freefloat.motion.arm_curves import ArmCurve, ArmCurves
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
@@ -27,6 +27,7 @@ from freefloat.planning.balance_steps import BalanceRun, BalanceSteps, turn_back
 from freefloat.planning.objectives.objectives import objective_of
 from freefloat.planning.plan import Plan
 from freefloat.planning.planner import plan
+from freefloat.planning.reasons import verdict_on
 from freefloat.planning.settings import FEWEST_SAMPLES, Search
 from freefloat.so3 import Array
 
@@ -214,9 +215,8 @@ def balance(
         motion = _motion(balanced, attitude, near)
         if motion is None:
             continue
-        margins = [abs(problem.margin.measure(q)) for q in motion.joints]
-        kept = motion.completed and not violated(checker.results(motion))
-        kept = kept and bool(problem.margin.keeps(np.array(min(margins))))
+        approach = closest_approach(motion, problem.margin.measure)
+        kept = verdict_on(motion, checker.results(motion), approach).feasible
         found = Balance(
             settings, run.curve, _turn(motion, settings.axes), held_turn, run.at_rate,
             run.at_range, tuple(turn / held_turn for turn in turns), kept,

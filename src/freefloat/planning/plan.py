@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 from freefloat.certificate.certificate import Certificate
 from freefloat.limits.contact import Contact
 from freefloat.limits.limits import Limits
-from freefloat.limits.result import LimitResult, violated
+from freefloat.limits.result import LimitResult
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.answer import Answer, PhaseResult
@@ -99,12 +99,6 @@ class Plan(Answer):
     def searched(self) -> bool:
         """Whether the initial attitude was searched for, and not given."""
         return bool(self.ranges) or self.map is not None
-
-    @property
-    def violation(self) -> str:
-        """What the motion of an infeasible plan violates; empty for feasible plans."""
-        names = ", ".join(result.limit for result in violated(self.limit_results))
-        return "" if self.feasible else "infeasible" + (f": violates {names}" if names else "")
 
     @property
     def feasible_fraction(self) -> float | None:

@@ -28,6 +28,9 @@ from freefloat.singularities.planar_regions import (
 from freefloat.singularities.spatial_regions import elbow_arm, sampled_reach, wrist_in_tool
 from freefloat.so3 import Array, frozen
 
+_ADJACENT = 1e-9
+"""Gap of adjacent intervals [m]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Workspace:
@@ -152,11 +155,11 @@ def _general_workspace(problem: Problem) -> Workspace:
     )  # fmt: skip
 
 
-def merged(intervals: list[Interval], gap: float = 1e-9) -> tuple[Interval, ...]:
+def merged(intervals: list[Interval]) -> tuple[Interval, ...]:
     """Intervals in order, overlapping and adjacent ones joined."""
     joined: list[Interval] = []
     for low, high in sorted(intervals):
-        if joined and low <= joined[-1][1] + gap:
+        if joined and low <= joined[-1][1] + _ADJACENT:
             joined[-1] = joined[-1][0], max(joined[-1][1], high)
         else:
             joined.append((low, high))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
+from freefloat.ensemble import endings
 from freefloat.ensemble.result import BranchResults
 from freefloat.motion.problem import Problem
 from freefloat.planning.plane.arcs import BranchRanges
@@ -21,8 +21,10 @@ from freefloat.visualization.slices import rotation_vectors
 
 _GREY = (0.45, 0.50, 0.60)
 """Colour of attitudes at which the start of the path is not reached."""
-_RANK = {UNREACHED: 0, FAILED: 1, SINGULAR: 2, LIMITED: 3, COMPLETED: 4}
-"""Order of endings, the best last."""
+_ORDER = (
+    endings.UNREACHED, endings.FAILED, endings.SINGULAR, endings.LIMITED, endings.COMPLETED,
+)  # fmt: skip
+"""Endings, the best last."""
 
 
 def best_columns(results: BranchResults) -> IntArray:
@@ -38,9 +40,9 @@ def best_sample(results: BranchResults) -> int:
 def _scores(results: BranchResults) -> Array:
     """How far motions get, shape (N, B): the ending; then the margin, or the time of the end."""
     motions = results.motions
-    ranks = np.select([motions.endings == code for code in _RANK], [*_RANK.values()])
-    values = np.where(motions.endings >= COMPLETED, motions.ended_at, 0.0)
-    values = np.where(motions.endings == COMPLETED, motions.minimum, values)
+    ranks = np.select([motions.endings == code for code in _ORDER], range(len(_ORDER)))
+    values = np.where(motions.endings >= endings.COMPLETED, motions.ended_at, 0.0)
+    values = np.where(motions.endings == endings.COMPLETED, motions.minimum, values)
     return np.asarray(ranks + values / (1.0 + values))
 
 
@@ -121,18 +123,18 @@ def _reasons(problem: Problem, results: BranchResults, columns: IntArray) -> Ite
     ]
     for ending, ended_at, minimum, minimum_at in zip(*values, strict=True):
         match ending:
-            case 0 if problem.margin.keeps(minimum):
+            case endings.COMPLETED if problem.margin.keeps(minimum):
                 yield f"feasible: |{name}| stays at {minimum:.4g} or above"
-            case 0:
+            case endings.COMPLETED:
                 yield (
                     f"|{name}| falls to {minimum:.4g} at t = {minimum_at:.4g} s, "
                     f"below the margin {required:.4g}"
                 )
-            case 1:
+            case endings.SINGULAR:
                 yield f"becomes singular at t = {ended_at:.4g} s"
-            case 4:
+            case endings.LIMITED:
                 yield "violates a limit of pointing or of the spacecraft's turn"
-            case -1:
+            case endings.UNREACHED:
                 yield "no arm configuration reaches the start of the path"
             case _:
                 yield f"the motion could not be integrated beyond t = {ended_at:.4g} s"

@@ -12,6 +12,7 @@ from freefloat.limits.check import LimitChecker
 from freefloat.motion.joint_integration import node_times
 from freefloat.motion.joint_spline import JointSpline
 from freefloat.motion.motion import Motion
+from freefloat.motion.problem import Problem
 from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.so3 import Array, angle_between, rotated_in_body, rotation_vector_rate
 from freefloat.verification.comparisons import Check, completed, error_check
@@ -49,7 +50,10 @@ def _checks(result: GoalMotion, engine: str) -> Iterator[Check]:
     if motion is None or spline is None:
         yield Check("motion", False, f"there is none: {result.reason}")
         return
-    again = _integrated_again(motion, spline)
+    times = node_times(motion.problem, spline)
+    attitudes = _integrated_again(motion.problem, spline, motion.initial.attitude, times)
+    joints = spline.at([motion.problem.path.timing.s(t) for t in times.tolist()])
+    again = replace(motion, times=times, attitudes=attitudes, joints=joints)
     yield _same_motion(again, motion)
     error = replace(result, motion=again).error or 0.0
     yield error_check("final state", error, _SAME, "rad, m", float(again.times[-1]))
@@ -58,9 +62,14 @@ def _checks(result: GoalMotion, engine: str) -> Iterator[Check]:
     yield from forward_checks(engine, motion, _STEPS * -(-spline.spans // _SPANS), _ENGINE)
 
 
-def _integrated_again(motion: Motion, spline: JointSpline) -> Motion:
-    """The motion by Munthe-Kaas steps of fourth order; quaternions that are collocated found it."""
-    timing, system = motion.problem.path.timing, motion.problem.system
+def _integrated_again(
+    problem: Problem, spline: JointSpline, attitude: Array, times: Array
+) -> Array:
+    """Attitudes at times (K,), shape (K, 4), by Munthe-Kaas steps of fourth order.
+
+    Quaternions that are collocated found the motion.
+    """
+    timing, system = problem.path.timing, problem.system
 
     def rate(t: float, attitude: Array) -> Array:
         s = timing.s(t)
@@ -69,9 +78,9 @@ def _integrated_again(motion: Motion, spline: JointSpline) -> Motion:
     def change(t: float, attitude: Array, vector: Array) -> Array:
         return rotation_vector_rate(vector, rate(t, rotated_in_body(attitude, vector)))
 
-    attitudes, times = [motion.initial.attitude], node_times(motion.problem, spline)
+    attitudes = [attitude]
     for start, end in pairwise(times.tolist()):
-        attitude, h = attitudes[-1], (end - start) / _PARTS
+        h = (end - start) / _PARTS
         for t in (start + h * np.arange(_PARTS)).tolist():
             k1 = rate(t, attitude)
             k2 = change(t + h / 2.0, attitude, h / 2.0 * k1)
@@ -79,8 +88,7 @@ def _integrated_again(motion: Motion, spline: JointSpline) -> Motion:
             k4 = change(t + h, attitude, h * k3)
             attitude = rotated_in_body(attitude, h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
         attitudes.append(attitude)
-    joints = spline.at([float(timing.s(t)) for t in times])
-    return replace(motion, times=times, attitudes=np.array(attitudes), joints=joints)
+    return np.array(attitudes)
 
 
 def _same_motion(again: Motion, motion: Motion) -> Check:

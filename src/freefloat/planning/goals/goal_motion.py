@@ -53,11 +53,6 @@ class GoalMotion(Answer):
         return (PhaseResult("goal", "goal", self),)
 
     @property
-    def violation(self) -> str:
-        """What the motion violates; empty where it keeps everything."""
-        return "" if self.feasible else self.reason
-
-    @property
     def duration(self) -> float | None:
         """[s]; None without a motion."""
         return None if self.motion is None else float(self.motion.times[-1])
