@@ -12,10 +12,11 @@ from freefloat.limits.collision import collision_shapes
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.robot.model import FreeFloatingModel
 from tests.prismatic import RELATIVE, prismatic_motion, prismatic_robot, shape_text
-from tests.robots import joint_text, random_robot
+from tests.robots import joint_text, link_text, random_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
-CUBE = shape_text('<box size="1 1 1"/>')
+BOX = '<box size="1 1 1"/>'
+CUBE = shape_text(BOX)
 BALL = shape_text('<sphere radius="0.1"/>')
 
 
@@ -24,6 +25,16 @@ def mast(x, z, size=0.02, kind="F"):
     joint = joint_text("mast_joint", kind, "bus", "mast", f"{x} 0 {z}")
     shape = shape_text(f'<box size="{size} {size} {size}"/>')
     return joint + f'<link name="mast">{shape}</link>'
+
+
+class CountingPairs(CollisionPairs):
+    """Pairs with the number of distances that were computed."""
+
+    count = 0
+
+    def distances(self, joints, pairs, *pose):
+        self.count += len(pairs)
+        return super().distances(joints, pairs, *pose)
 
 
 def prismatic(bus=CUBE, hand=BALL, more=""):
@@ -80,13 +91,29 @@ def test_distances_change_no_faster_than_the_levers_say(seed):
         assert (change <= levers @ np.abs(step) + 1e-6).all()
 
 
-def test_deciding_only_agrees():
+def test_deciding_only_agrees_with_few_distances():
+    """The end-effector passes at 0.2 m over all the width of the box; first 25 places are tried."""
     motion = prismatic(more=mast(1.4, 0.3))
-    pairs = CollisionPairs(motion.problem.model)
+    pairs = CountingPairs(motion.problem.model)
     distance = clearance(motion, pairs).distance
+    counts = [pairs.count]
     decide = partial(clearance, motion, pairs, decide_only=True)
     assert decide(distance + TOLERANCE).distance < distance + TOLERANCE
+    counts.append(pairs.count)
     assert decide(distance - TOLERANCE).distance >= distance - TOLERANCE
+    assert (np.diff([0, *counts, pairs.count]) <= [350, 54, 325]).all()
+
+
+@pytest.mark.parametrize("offset", [9e-5, -9e-5])
+def test_the_depth_between_nearly_deepest_places_is_refined(offset):
+    """A box through a wall: the depth has a kink beside one of the places that are tried first."""
+    x = prismatic().evaluate(5.5)[2][0, 0] + offset
+    wall = joint_text("wall_joint", "F", "bus", "wall", f"{x} 0 0")
+    wall += link_text("wall", shape_text('<box size="0.1 3 3"/>'))
+    motion = prismatic(BALL, shape_text('<box size="0.2 0.4 0.4"/>'), wall)
+    nearest = clearance(motion, CollisionPairs(motion.problem.model))
+    assert_close(nearest.distance, -0.15, atol=1e-7)
+    assert_close(motion.sample([nearest.time])[0].joints[0], x, atol=1e-7)
 
 
 def test_links_that_a_joint_connects_are_left_out():
@@ -102,11 +129,12 @@ def test_links_that_a_joint_connects_are_left_out():
 def test_pairs_that_always_overlap_are_left_out_and_named():
     """A ring of a shape around all that the end-effector can reach."""
     shell = shape_text('<sphere radius="50"/>')
-    motion = prismatic(CUBE, BALL, f'<link name="shell">{shell}</link>'
-                     + joint_text("shell_joint", "F", "bus", "shell"))  # fmt: skip
-    pairs = CollisionPairs(motion.problem.model)
-    assert pairs.left_out == ("shell - hand: always too near",)
-    assert_close(clearance(motion, pairs).distance, 0.4, atol=1e-9)
+    for far, note in ("", "always"), (shape_text(BOX, "0 0 60"), "parts are always"):
+        motion = prismatic(CUBE, BALL, f'<link name="shell">{shell}{far}</link>'
+                         + joint_text("shell_joint", "F", "bus", "shell"))  # fmt: skip
+        pairs = CollisionPairs(motion.problem.model)
+        assert pairs.left_out == (f"shell - hand: {note} too near",)
+        assert_close(clearance(motion, pairs).distance, 0.4, atol=1e-9)
 
 
 def test_every_kind_of_shape_has_its_size(tmp_path):

@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 import trimesh
 from scipy.spatial import ConvexHull, Delaunay
+from scipy.spatial.transform import Rotation
 
-from freefloat.limits.collision import convex_parts
+from freefloat.limits.collision import collision_shapes, convex_parts, scene_shapes
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.validation import read_urdf
+from freefloat.scene.scene import Scene
+from freefloat.scene.scene_body import SceneBody
+from tests.errors import error_key
+from tests.prismatic import prismatic_robot, shape_text
+from tests.robots import joint_text
 
 
 def volume(parts):
@@ -16,10 +24,20 @@ def volume(parts):
 
 def boxes(*places):
     """Unit cubes side by side, as triangles."""
-    cubes = [trimesh.creation.box(bounds=[np.array(p), np.array(p) + 1.0]) for p in places]
-    return np.concatenate([cube.triangles for cube in cubes])
+    return cuboids(*((p, np.array(p) + 1.0) for p in places))
 
 
+def cuboids(*bounds):
+    return np.concatenate([trimesh.creation.box(bounds=each).triangles for each in bounds])
+
+
+def step(edge, height):
+    """A unit cube that is lower from a place on the x axis on."""
+    return cuboids(([0, 0, 0], [edge, 1, 1]), ([edge, 0, 0], [1, height, 1]))
+
+
+TEETH = [([x, 0, 0], [x + 0.3, 3, 1]) for x in range(9)]
+COMB = cuboids(*TEETH, ([0, 0, 0], [8.3, 0.1, 1]))
 ANGLED = boxes((0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (2, 2, 0))
 
 
@@ -29,6 +47,60 @@ def test_an_angled_mesh_is_cut():
     assert ConvexHull(ANGLED.reshape(-1, 3)).volume > 6.9
     assert 1 < len(parts) <= 6
     assert 5.0 - 1e-9 <= volume(parts) < 5.6
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("fraction", [0.2, 0.35, 0.5, 0.65, 0.8])
+def test_a_step_is_cut_beside_its_edge(axis, fraction):
+    """Air remains in a wedge between edge and cut, wherever the mesh is."""
+    edge, height = fraction - 0.01, 0.43
+    triangles = 2.0 * np.roll(step(edge, height), axis, axis=2) + np.array([1.0, 2.0, 3.0])
+    solid, air = edge + (1.0 - edge) * height, 0.01 * (1.0 - height) / 2.0
+    assert volume(convex_parts(triangles, 2)) == pytest.approx(8.0 * (solid + air), abs=1e-9)
+
+
+def test_a_mesh_is_cut_where_that_saves_three_percent():
+    """The cut saves (1 - height) / 4 of a hull of 1 - 0.255 (1 - height)."""
+    assert [len(convex_parts(step(0.49, height))) for height in (0.887, 0.88)] == [1, 2]
+
+
+def test_shapes_are_those_of_all_links_and_bodies(tmp_path):
+    """In the frames of the rigid bodies, meshes in six parts or in one; visuals where none else."""
+    file, place = tmp_path / "comb.stl", Rotation.from_euler("xyz", [0.3, -0.4, 0.5])
+    trimesh.Trimesh(**trimesh.triangles.to_kwargs(COMB)).export(file)
+    ball, mesh = (
+        shape_text('<sphere radius="0.1"/>'),
+        shape_text(f'<mesh filename="{file}"/>', "0 0 1"),
+    )
+    visual = mesh.replace("collision>", "visual>")
+    more = f'<link name="comb">{visual}</link><link name="b2">{ball}{visual}</link>'
+    more += joint_text("c", "F", "hand", "comb", "1 2 3", "0.3 -0.4 0.5")
+    more += joint_text("d", "F", "hand", "b2", "0 0 1")
+    model = FreeFloatingModel.from_urdf(prismatic_robot(ball, ball, more), "hand")
+    scene = Scene([SceneBody("rake", str(file), [9.0, 0.0, 0.0]), SceneBody("wall", str(file))])
+    for hulls, count in ((), 6), (("comb", "rake"), 1):
+        shapes = collision_shapes(model, hulls)
+        comb = [shape for shape in shapes if shape.link == "comb"]
+        others = [(shape.link, shape.body) for shape in shapes if shape not in comb]
+        assert others == [("bus", 0), ("hand", 3), ("b2", 3)]
+        assert ([shape.body for shape in comb], len({*comb})) == ([3] * count, count)
+        ends = np.vstack([shape.points for shape in comb])
+        local = place.inv().apply(ends - [1.0, 2.0, 3.0])
+        np.testing.assert_allclose([local.min(axis=0), local.max(axis=0)], [[0, 0, 1], [8.3, 3, 2]],
+                                   atol=1e-6)  # fmt: skip
+        names = [(shape.link, shape.body) for shape in scene_shapes(scene, 4, hulls)]
+        assert names == [("rake", 4)] * count + [("wall", 5)] * 6
+
+
+def test_a_thousand_shapes_are_the_most():
+    def calls(count):
+        balls = shape_text('<sphere radius="0.1"/>') * count
+        model = FreeFloatingModel.from_urdf(prismatic_robot(hand=balls), "hand")
+        many = read_urdf(f'<robot name="r"><link name="a">{balls}</link></robot>', mounted=True)
+        return (collision_shapes, model), (scene_shapes, Scene([SceneBody("many", many)]), 4)
+
+    assert [len(shapes(*arguments)) for shapes, *arguments in calls(1000)] == [1000, 1000]
+    assert [error_key(*call) for call in calls(1001)] == ["limits.clearance"] * 2
 
 
 def test_the_parts_hold_all_of_the_mesh(rng):
