@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 import yaml
@@ -22,8 +24,9 @@ MAPS = "map", "attitude map", "singularity map"
 def scenario() -> Any:
     """A path, limits and a phase after it."""
     content = yaml.safe_load(ff.load_scenario("planar_2dof/line").text)
-    phases = [{"joints": [0.4, 1.2], "duration": 60}]
-    return ff.load_scenario({**content, "phases": phases, "limits": {"base_rate": 1.0}})
+    content["phases"] = [{"joints": [0.4, 1.2], "duration": 60}]
+    content["search"] = {"from_attitude": IDENTITY, "joints": [0.5, 0.8]}
+    return ff.load_scenario({**content, "limits": {"base_rate": 1.0}})
 
 
 @cache
@@ -32,13 +35,13 @@ def result(kind: str) -> Any:
     problem, limits = scenario().problem(), scenario().limits()
     match kind:
         case "plan":
-            return ff.plan(problem, limits=limits)
+            return ff.plan(problem, scenario().search(), limits)
         case "motion":
             return ff.simulate(problem, heading=0.45, limits=limits)
         case "goal":
             return ff.reorient(problem, IDENTITY, problem.attitude(heading=0.3), limits)
         case "manoeuvre":
-            return ff.plan_manoeuvre(problem, scenario().phases(), limits=limits)
+            return ff.plan_manoeuvre(problem, scenario().phases(), scenario().search(), limits)
         case "map":
             return ff.attitude_map(problem, 36)
         case "attitude map":
@@ -63,9 +66,32 @@ def test_a_result_is_saved_and_loaded(kind: str, tmp_path: Path) -> None:
     loaded = ff.load(tmp_path / "result.h5")
     assert (type(loaded), loaded.kind) == (type(result(kind)), kind)
     assert loaded.to_dict() == result(kind).to_dict()
+    if kind != "singularity map":
+        kept = archived(tmp_path / "result.h5") == scenario().text
+        assert kept is (kind in ("plan", "motion", "manoeuvre"))
+        joints = loaded.problem.start_joints, result(kind).problem.start_joints
+        np.testing.assert_array_equal(*joints)
     given = scenario() if kind == "manoeuvre" else None
     ff.save(loaded, tmp_path / "again.h5", given)
     assert ff.load(tmp_path / "again.h5").to_dict() == loaded.to_dict()
+
+
+@pytest.mark.parametrize("change", [{"limits": ff.Limits()}, {"search": ff.Search(samples=99)}])
+def test_the_problem_of_a_result_is_described_where_a_scenario_poses_another(
+    change: dict[str, Any], tmp_path: Path
+) -> None:
+    changed = replace(result("plan"), **change)
+    ff.save(changed, tmp_path / "plan.h5", scenario())
+    loaded = ff.load(tmp_path / "plan.h5")
+    assert archived(tmp_path / "plan.h5") != scenario().text
+    assert loaded.search.samples == changed.search.samples
+    assert loaded.limits.base_rate == changed.limits.base_rate
+
+
+def archived(file: Path) -> str:
+    """The scenario in a result file."""
+    with h5py.File(file) as tree:
+        return str(tree["scenario"].asstr()[()])
 
 
 @pytest.mark.parametrize("name", ANSWERS)

@@ -21,7 +21,10 @@ path:
 timing: {duration: 30}
 margin: {measure: system, fraction: 0.1}
 search: {objective: nearest, from_attitude: [0, 0, 0, 1], joints: [0.5, 0.8], reorient: true}
-limits: {joint_rate: 0.5}
+limits:
+  joint_rate: 0.5
+  pointing: [{body: link_1, axis: [0, 0, 1], target: {point: [1, -2, 0.5]}, angle_deg: 95}]
+drift: [0.002, -0.003, 0]
 scene:
   bodies:
     - name: client
@@ -98,7 +101,7 @@ def test_exports_of_the_phases_join(file: Path, tmp_path: Path) -> None:
     for before, after in pairwise(tables):
         for key in ("time", "attitude", "joints"):
             np.testing.assert_allclose(before[key][-1], after[key][0], atol=1e-8)
-    reached = np.array(tables[1]["end_effector_position"][-1])  # where the client is grasped
+    reached = np.array(tables[1]["end_effector_position_fixed"][-1])  # where the client is grasped
     np.testing.assert_allclose(tables[2]["end_effector_position_fixed"][0], reached, atol=1e-8)
     assert error("export", file, "--format", "csv", "-o", "-")["key"] == "output"
 
