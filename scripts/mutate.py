@@ -33,10 +33,11 @@ ROOT = Path(__file__).parents[1]
 RANGES = "tests/validation/test_brute_force.py::test_random_ranges_agree_with_brute_force"
 KINDS = "tests/test_result_kinds.py -k 'not page and not figure'"
 LOADED = "tests/cli/test_manoeuvre.py::test_a_loaded_motion_knows_what_moves_its_arm"
+ARMS = "tests/motion/test_two_arms.py::test_plans_are_saved_loaded_and_checked"
 TESTS = {
     "dynamics.momentum": "tests/dynamics/test_momentum.py tests/validation/test_planar_golden.py",
     "io.records": "tests/io/test_results.py tests/io/test_scene_section.py "
-    f"tests/io/test_singularity_file.py {LOADED} {KINDS}",
+    f"tests/io/test_singularity_file.py {LOADED} {ARMS} {KINDS}",
     "limits": f"tests/limits tests/planning/test_goals.py::test_gradients_of_clearances {KINDS}",
     "motion.integration": "tests/motion/test_integration.py tests/motion/test_motion.py "
     "tests/motion/test_extrema.py",

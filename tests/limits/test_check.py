@@ -12,9 +12,10 @@ from freefloat.io.formats.trajectory import Trajectory
 from freefloat.limits.check import LimitChecker, check_limits
 from freefloat.limits.kinds import KINDS
 from freefloat.limits.limits import GIVEN, Limits
-from freefloat.limits.result import LimitResult, needed_stretch
+from freefloat.limits.result import LimitResult, needed_stretch, rounded_up
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
+from freefloat.motion.pointing import PointingLimit
 from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import Stop, TimedPath, Timing
 from freefloat.so3 import angle_between
@@ -169,6 +170,11 @@ def test_each_limit_violated_alone():
     just = all_limits(motion)
     checker = LimitChecker(motion.problem, just)
     assert [result.kept for result in checker.results(motion)] == [True] * 4
+    assert just.timed
+    assert checker.timed(motion) == tuple(
+        result for result in checker.results(motion) if result.limit != "clearance"
+    )
+    assert check_limits(motion, just.without_timed) == checker.results(motion)[2:3]
     kept, first = checker.results_unless_violated(motion)
     assert (kept, first) == (checker.results(motion), None)
     for name, factor in (("joint_rate", 0.99), ("joint_torque", 0.99), ("base_rate", 0.99),
@@ -181,6 +187,8 @@ def test_each_limit_violated_alone():
         assert first is not None
         assert first.limit == name
         assert [result.limit for result in tighter.violations(motion)] == [name]
+        untimed = [result.limit for result in tighter.violations(motion, timed=False)]
+        assert untimed == (["clearance"] if name == "clearance" else [])
 
 
 def test_the_turn_of_the_spacecraft_is_that_of_the_nodes():
@@ -227,6 +235,38 @@ def test_stretch_is_that_of_the_tightest_limit():
     assert needed_stretch(results[:1]) == 2.0
     assert needed_stretch(results[2:]) == 1.0
     assert needed_stretch([]) == 1.0
+
+
+@pytest.mark.parametrize(("limit", "unit", "allowed", "worst", "options", "sentence"), [
+    ("joint_rate", "rad/s", 0.3, 0.41236, {"exponent": 1}, "at most 0.3 rad/s: 0.4124"),
+    ("joint_rate", "rad/s", 0.3, -0.41236, {"exponent": 1}, "at least -0.3 rad/s: -0.4124"),
+    ("base_rate", "rad/s", 0.3, np.inf, {"exponent": 1}, "at most 0.3 rad/s: unbounded"),
+    ("joint_range", "rad", -1.0, -2.0, {"at_least": True}, "at least -1 rad: -2"),
+    ("joint_range", "rad", -2.0, -1.0, {}, "at most -2 rad: -1"),
+    ("base_turn", "rad", np.pi / 2.0, np.pi, {}, "at most 90 deg: 180"),
+    ("corridor", "m", 0.123456, 0.0, {}, "at most 0.12346 m: 0"),
+    ("other", "", 2.0, 3.0, {}, "at most 2: 3"),
+])  # fmt: skip
+def test_results_are_sentences(limit, unit, allowed, worst, options, sentence):
+    result = LimitResult(limit=limit, worst=worst, allowed=allowed, unit=unit, time=2.0,
+                         where="q1", kept=False, ratio=3.0, **options)  # fmt: skip
+    assert result.sentence == sentence
+    name = limit.replace("_", " ")
+    for when, words in ("", ""), ("at t = 2 s", " at t = 2 s"):
+        assert result.violation(when) == f"the {name} of q1 is violated{words}, {sentence}"
+
+
+@pytest.mark.parametrize(("factor", "larger"), [
+    (1.0, 1.0), (1.25, 1.25), (1.00004, 1.001), (9.9991, 10.0), (12.3401, 12.35), (1234.1, 1235.0),
+])  # fmt: skip
+def test_factors_are_rounded_up_to_four_digits(factor, larger):
+    assert rounded_up(factor) == larger
+
+
+def test_limits_seen_from_another_place_have_their_points_there():
+    cone = PointingLimit("bus", [1, 0, 0], 0.5, point=[1.0, 2.0, 3.0])
+    (moved,) = Limits(pointing=[cone], base_turn=1.0).seen_from(np.array([0.5, 0, 0])).pointing
+    assert_close(moved.point, [0.5, 2.0, 3.0], atol=1e-15)
 
 
 def test_rates_towards_a_singularity_have_no_bound():

@@ -8,6 +8,8 @@ import pytest
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.limits.check import check_limits
 from freefloat.limits.limits import Limits
+from freefloat.motion.joint_integration import integrate_spline
+from freefloat.motion.joint_spline import JointSpline
 from freefloat.planning.planner import plan
 from freefloat.planning.settings import Search
 from freefloat.robot.shapes import Sphere
@@ -56,6 +58,17 @@ def test_a_path_on_the_axis_into_the_apex_is_inside():
     result = corridor_result([START + LENGTH, 0.0, 0.0], [-1.0, 0.0, 0.0], 0.01)
     assert result.worst == pytest.approx(0.0, abs=1e-6)
     assert result.kept
+
+
+def test_a_corridor_of_a_held_body_moves_with_the_joints():
+    """Prescribed joints: the end-effector stays where it is in the frame of the body."""
+    problem = load_scenario("planar_2dof/line").problem()
+    held = SceneBody("tool", Sphere(0.01), [0.1, 0.2, 0.0], motion="target")
+    scene = Scene((held,), Corridor([0.0, 0.0, 0.0], [0, 0, 1], radius=0.3, body="tool"))
+    spline = JointSpline([[0.3, 0.5]] * 6 + [[1.0, -0.5]] * 6)
+    motion = integrate_spline(problem.replace(scene=scene), spline, [0.0, 0.0, 0.6, 0.8])
+    (result,) = check_limits(motion, Limits())
+    assert result.worst == pytest.approx(np.hypot(0.1, 0.2), abs=1e-9)
 
 
 @pytest.mark.slow
