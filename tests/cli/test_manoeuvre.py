@@ -31,6 +31,7 @@ scene:
       sphere: 0.1
       position: [0.5, 1.2, 0]
       tumbling: {inertia: [0.1, 0.1, 0.1], rate: [0, 0, 0.02]}
+    - {name: wall, urdf: wall.urdf, position: [0, 0, 9]}
 phases:
   - capture: {body: client, mass: 3}
   - {joints: {q1: 0.4, q2: 1.2}, duration: 30}
@@ -43,6 +44,8 @@ phases:
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("manoeuvre")
     (folder / "scenario.yaml").write_text(SCENARIO)
+    sphere = '<collision><geometry><sphere radius="1"/></geometry></collision>'
+    (folder / "wall.urdf").write_text(f'<robot name="r"><link name="a">{sphere}</link></robot>')
     found = document("plan", folder / "scenario.yaml", "-o", folder / "manoeuvre.h5")
     kinds = ["goal", "path", "capture", "goal", "path"]
     assert [phase["kind"] for phase in found["phases"]] == kinds
@@ -60,7 +63,9 @@ def changed(file: Path, old: str, new: str) -> Path:
 @pytest.mark.slow
 def test_a_loaded_motion_knows_what_moves_its_arm(file: Path) -> None:
     """Its limits are those that were stated: of prescribed joints and of paths."""
+    wall = (file.parent / "wall.urdf").rename(file.parent / "moved.urdf")
     moving = [phase for phase in ff.load(file).phases if phase.motion is not None]
+    wall.rename(file.parent / "wall.urdf")
     assert len(moving) == 4
     for phase in moving:
         assert phase.motion.problem.path.duration == phase.motion.times[-1]

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.dynamics.momentum import momentum_map
 from freefloat.paths.time_laws import TimeLaw
+from freefloat.planning.phases.kinds.path_phase import branch_at
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.phases.state import SystemState
-from freefloat.so3 import Pose, angle_between, heading_quaternion, rotation_matrix
+from freefloat.so3 import Pose, angle_between, rotation_matrix
 from tests.errors import error_key
 
 GRAPPLE = np.array([0.5, 1.2, 0.0])
@@ -51,7 +54,7 @@ def manoeuvre(problem: ff.Problem, progress: list[float]) -> Manoeuvre:
 def test_a_manoeuvre_leads_from_the_present_state_through_all_phases(manoeuvre, progress) -> None:
     assert manoeuvre.feasible
     assert progress == sorted(progress)
-    assert 0.0 < progress[-1] < 1.0
+    assert 0.5 < progress[0] < progress[-1] < 0.9
     names = ["reorientation", "path", "capture", "berth", "back"]
     assert [phase.name for phase in manoeuvre.phases] == names
     first, last = manoeuvre.phases[0].motion, manoeuvre.phases[-1].motion
@@ -130,14 +133,58 @@ def test_a_path_that_begins_elsewhere_is_refused(problem: ff.Problem) -> None:
     assert error_key(ff.plan_manoeuvre, problem, [PHASES[1], last]) == "phases.1.path"
 
 
-@pytest.mark.slow
-def test_a_reorientation_is_needed_only_where_the_attitude_is_another(problem: ff.Problem) -> None:
-    plan = ff.plan(problem, ff.Search("nearest", heading_quaternion(0.1)))
-    start = plan.chosen.motion.initial
-    search = ff.Search("nearest", start.attitude, joints=start.joints)
-    found = ff.plan_manoeuvre(problem, (), search, reorient=True)
-    assert [phase.kind for phase in found.phases] == ["path"]
-    assert angle_between(found.path.chosen.motion.initial.attitude, start.attitude) < 1e-9
+@pytest.mark.parametrize(("turn", "shift", "limits", "duration"), [
+    (0.9e-9, 0.9e-9, LIMITS, None), (1.2e-9, 0.0, LIMITS, "any"), (0.0, 1.2e-9, ff.Limits(), 30.0),
+])  # fmt: skip
+def test_a_reorientation_is_needed_only_where_the_state_is_another(
+    problem, manoeuvre, monkeypatch, turn, shift, limits, duration
+) -> None:
+    """It takes as long as the path where no limit depends on the speed."""
+
+    def arrived(*_: Any, duration: float | None, **__: Any) -> None:
+        raise TimeoutError("any" if duration is None else duration)
+
+    monkeypatch.setattr("freefloat.planning.phases.manoeuvre_planner.plan", lambda *_, **__: path)
+    monkeypatch.setattr("freefloat.planning.goals.arrival.arrive", arrived)
+    path, start = manoeuvre.path, manoeuvre.path.chosen.motion.initial
+    turned = Rotation.from_quat(start.attitude) * Rotation.from_rotvec([0.0, 0.0, turn])
+    search = ff.Search("nearest", turned.as_quat(), joints=start.joints + np.array([0.0, shift]))
+    if duration is None:
+        found = ff.plan_manoeuvre(problem, (), search, limits, reorient=True)
+        assert [phase.kind for phase in found.phases] == ["path"]
+        return
+    with pytest.raises(TimeoutError) as caught:
+        ff.plan_manoeuvre(problem, (), search, limits, reorient=True)
+    assert caught.value.args == (duration,)
+
+
+def test_the_branch_of_a_further_path_is_that_of_its_joints(problem: ff.Problem) -> None:
+    chosen = ff.simulate(problem, heading=0.45).chosen
+    state, turns = chosen.motion.initial, np.array([2.0 * np.pi, -2.0 * np.pi])
+    for difference, label in (
+        (0.0, chosen.branch.label),
+        (5e-7, chosen.branch.label),
+        (2e-6, "given"),
+    ):
+        joints = state.joints + turns + np.array([difference, 0.0])
+        branch = branch_at(problem, state.attitude, joints)
+        assert (branch.label, branch.index == chosen.branch.index) == (label, label != "given")
+        np.testing.assert_array_equal(branch.joints, joints)
+
+
+def test_a_state_moves_with_the_path(problem: ff.Problem) -> None:
+    """Also where the centre of mass drifts, and the path begins and ends in motion."""
+    timing, drift = ff.Timing(30.0, TimeLaw.UNIFORM), np.array([0.002, -0.003, 0.0])
+    path = ff.TimedPath(problem.path.path, timing, drift)
+    moving = problem.replace(path=path, start_joints=[0.4, 1.2])
+    motion = ff.simulate(moving, heading=0.45).chosen.motion
+    start = SystemState.at_start(motion)
+    for state, t in (start, 0.0), (start.after(motion), 30.0):
+        assert (state.time, state.problem.start_joints) == (t, None)
+        np.testing.assert_allclose(state.centre, t * drift, atol=1e-15)
+        twist = path.twist(t) + path.drift_twist
+        np.testing.assert_allclose(state.twist[:3], twist[:3], atol=1e-7)
+        np.testing.assert_allclose(state.pose.position, path.pose(t).position, atol=1e-7)
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.dynamics.momentum import Task
+from freefloat.planning.phases.phase import checked_phases
 from freefloat.planning.phases.prescribed_path import moved_to_begin_at, require_continuous
 from freefloat.planning.phases.state import SystemState
 from freefloat.so3 import Pose
@@ -91,6 +93,58 @@ def test_a_phase_that_cannot_follow_is_refused_before_planning(problem, phases, 
     assert error_key(ff.plan_manoeuvre, problem, phases) == key
 
 
+HERE, THERE, BEYOND = (GRAPPLE + k * np.array([0.2, -0.1, 0.0]) for k in range(3))
+SPINNER = ff.SceneBody(
+    "spinner", ff.Sphere(0.1), [0.3, 1.0, 0.0], motion=ff.Tumbling([0.1, 0.1, 0.2], [0, 0, 0.03])
+)
+DURATION = 30.0
+"""Of the first path [s]."""
+
+
+def timed(start: Any, end: Any, law: str = "quintic") -> ff.PathPhase:
+    return ff.PathPhase(ff.TimedPath(line(start, end), ff.Timing(9.0, law)))
+
+
+def to(point: Any, kind: Any = ff.PathPhase, frame: str = "inertial") -> Any:
+    return kind(ff.Goal(Pose(point, np.eye(3)), frame=frame, duration=20.0))
+
+
+def beside(place: Any, time: float) -> ff.PathPhase:
+    """A path in the frame of the spinner that begins at a place at a time."""
+    start = SPINNER.later(time, np.zeros(3)).pose.inverse() @ Pose(place, np.eye(3))
+    there = line(start.position, start.position + np.array([0.1, 0.0, 0.0]))
+    return ff.PathPhase(ff.paths.RelativePath(SPINNER, there, ff.Timing(9.0)))
+
+
+@pytest.mark.parametrize("drift", [0.0, 0.003])
+@pytest.mark.parametrize(("phases", "key"), [
+    ([CAPTURE, beside(HERE, DURATION)], None),  # after a capture no twist is known
+    ([CAPTURE, beside(HERE, DURATION + 1.0)], "phases.1.path"),
+    ([timed(HERE, THERE), CAPTURE, beside(THERE, DURATION + 9.0)], None),
+    ([timed(HERE, THERE), CAPTURE, beside(THERE, DURATION)], "phases.2.path"),
+    ([to(THERE, ff.GoalPhase), timed(THERE, BEYOND)], None),
+    ([to(THERE, ff.GoalPhase), timed(THERE, BEYOND, "uniform")], "phases.1.path"),
+    ([to(THERE, ff.GoalPhase), timed(HERE, BEYOND)], "phases.1.path"),
+    ([to(THERE, ff.GoalPhase, "spacecraft"), timed(HERE, BEYOND, "uniform")], None),
+    ([REST, timed(HERE, BEYOND, "uniform")], None),
+    ([to(THERE), timed(THERE, BEYOND)], None),
+    ([to(THERE), timed(HERE, BEYOND)], "phases.1.path"),
+    ([to(THERE), timed(THERE, BEYOND, "uniform")], "phases.1.path"),
+    ([to(THERE, frame="end_effector"), timed(HERE, BEYOND)], None),
+    ([CAPTURE, timed(HERE, THERE, "uniform"), timed(THERE, BEYOND, "uniform")], None),
+    ([CAPTURE, timed(HERE, THERE, "uniform"), timed(THERE, BEYOND)], "phases.2.path"),
+])  # fmt: skip
+def test_a_phase_begins_as_far_as_is_known_as_the_one_before_ends(
+    problem, drift, phases, key
+) -> None:
+    path = replace(problem.path, drift=drift * np.array([1.0, -2.0, 0.0]))
+    problem = replace(problem, path=path, scene=ff.Scene((*BODIES, SPINNER)))
+    if key is None:
+        checked_phases(problem, phases)
+    else:
+        assert error_key(checked_phases, problem, phases) == key
+
+
 @pytest.mark.usefixtures("no_planning")
 @pytest.mark.parametrize(("changes", "key"), [
     ({"com": [0.0, 0.0, 0.0]}, "phases.0.com"),
@@ -164,6 +218,23 @@ def test_a_path_begins_with_what_a_task_prescribes() -> None:
     assert error_key(require_continuous, path, pose, twist, Task.POSE) == "path"
 
 
+@pytest.mark.parametrize("task", Task)
+def test_jumps_count_in_what_a_task_prescribes(task: Task) -> None:
+    """Of the place, in its first three components or by a turn, and of the twist."""
+    pose, path = Pose(HERE, np.eye(3)), ff.paths.PolynomialCurve.line(HERE, THERE)
+    for component, size in product(range(6), (0.9e-6, 1.1e-6)):
+        jump = size * np.eye(6)[component]
+        turned = ff.paths.FixedOrientation(Rotation.from_rotvec(jump[3:]).as_matrix())
+        there = ff.EndEffectorPath(path.moved(Pose(jump[:3], np.eye(3))), turned)
+        same = ff.EndEffectorPath(path, ff.paths.FixedOrientation(np.eye(3)))
+        for given, twist in ((there, np.zeros(6)), (same, jump)):
+            arguments = ff.TimedPath(given, ff.Timing(9.0)), pose, twist, task
+            if size > 1e-6 and component in np.arange(6)[task.rows]:
+                assert error_key(require_continuous, *arguments) == "path"
+            else:
+                require_continuous(*arguments)
+
+
 @pytest.mark.slow
 def test_joint_rates_of_a_redundant_arm_do_not_jump() -> None:
     """The end-effector may go on as before while the arm would have to change its rates at once."""
@@ -191,6 +262,9 @@ def test_a_corridor_remains_after_a_capture_unless_it_is_that_of_the_captured_bo
         state = CAPTURE.end(before, result)
         assert (state.problem.scene.corridor is not None) is remains
         state.problem.scene.require_applicable(state.problem.model, 1.0)
+        grasped = state.problem.scene.bodies[-1]
+        assert (grasped.touch_links, grasped.motion) == (("end_effector",), "target")
+        assert grasped.payload in {*result.model.description.links_by_name}
         held, there = state.pose @ state.problem.scene.bodies[-1].pose, before.scene.bodies[0].pose
         np.testing.assert_allclose(held.position + result.centre_of_mass, there.position, atol=1e-9)
         np.testing.assert_allclose(held.rotation, there.rotation, atol=1e-9)

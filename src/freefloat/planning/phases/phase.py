@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import chain, count
 from typing import Any, ClassVar
 
 from freefloat.errors import InputError, require_type
@@ -100,7 +101,7 @@ def checked_phases(
     named: list[Phase] = []
     for phase in given:
         kind = phase.default_name
-        numbered = (kind, *(f"{kind} {number}" for number in range(2, 3 + len(given))))
+        numbered = chain([kind], (f"{kind} {number}" for number in count(2)))
         name = phase.name or next(name for name in numbered if name not in taken)
         taken.add(name)
         named.append(replace(phase, name=name))  # type: ignore[type-var]

@@ -88,12 +88,11 @@ class PathPhase(Phase):
         """See :class:`~freefloat.planning.phases.phase.Phase`."""
         given, drift = self.path, state.problem.path.drift
         if isinstance(given, Goal):
-            duration, end = given.duration or 0.0, None
+            duration = cast(float, given.duration)
+            end = given.pose if given.frame == "inertial" else None
             path = state.resting(duration)
-            if given.frame == "inertial":
-                end = given.pose
-                if end is not None and state.pose is not None and state.twist is not None:
-                    path = transfer(state.pose, state.twist, end, duration, drift)
+            if end is not None and state.pose is not None and state.twist is not None:
+                path = transfer(state.pose, state.twist, end, duration, drift)
             return state.after(path, self.redundancy, end, np.zeros(6))
         if isinstance(given, RelativePath):
             state.body(given.body.name, "path.frame")
