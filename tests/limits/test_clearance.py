@@ -41,13 +41,6 @@ def prismatic(bus=CUBE, hand=BALL, more=""):
     return prismatic_motion(prismatic_robot(bus, hand, more))
 
 
-def test_the_distance_at_an_end_is_exact():
-    motion = prismatic()
-    nearest = clearance(motion, CollisionPairs(motion.problem.model))
-    assert_close(nearest.distance, 1.0 - 0.5 - 0.1, atol=1e-9)
-    assert_close(nearest.time, 0.0, atol=1e-12)
-
-
 @pytest.mark.parametrize("fraction", [0.123, 0.5, 0.8317])
 def test_the_distance_of_a_passing_end_effector_is_exact(fraction):
     """The end-effector passes under a mast on its way, between the nodes of the motion."""
@@ -116,16 +109,6 @@ def test_the_depth_between_nearly_deepest_places_is_refined(offset):
     assert_close(motion.sample([nearest.time])[0].joints[0], x, atol=1e-7)
 
 
-def test_links_that_a_joint_connects_are_left_out():
-    """Bus and first link overlap at the joint between them; the ball beyond does not."""
-    text = prismatic_robot(CUBE, BALL).replace('<link name="a">', f'<link name="a">{BALL}')
-    pairs = CollisionPairs(FreeFloatingModel.from_urdf(text, "hand"))
-    names = {pairs.name(pair) for pair in range(len(pairs.pairs))}
-    assert "bus - hand" in names
-    assert "a - hand" in names
-    assert "bus - a" not in names
-
-
 def test_pairs_that_always_overlap_are_left_out_and_named():
     """A ring of a shape around all that the end-effector can reach."""
     shell = shape_text('<sphere radius="50"/>')
@@ -157,6 +140,7 @@ def test_every_kind_of_shape_has_its_size(tmp_path):
         motion = prismatic_motion(file)
         nearest = clearance(motion, CollisionPairs(motion.problem.model))
         assert_close(nearest.distance, 0.5 - towards, atol=1e-6), geometry
+        assert_close(nearest.time, 0.0, atol=1e-3)
 
 
 @pytest.mark.parametrize(

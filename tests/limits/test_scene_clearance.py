@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -47,11 +48,9 @@ ABOVE = START + 0.6 * LENGTH
 
 @pytest.mark.parametrize(("shape", "axes", "gap"), [
     (Sphere(0.3), np.eye(3), 0.5 - 0.3),
-    (Box([0.1, 0.2, 0.4]), np.eye(3), 0.5 - 0.2),
     (Box([0.1, 0.2, 0.4]), Rotation.from_euler("x", 90, degrees=True).as_matrix(), 0.5 - 0.1),
     (Box([0.3, 0.3, 0.3]), Rotation.from_euler("y", 45, degrees=True).as_matrix(),
      0.5 - 0.15 * np.sqrt(2.0)),
-    (Cylinder(0.05, 0.4), np.eye(3), 0.5 - 0.2),
     (Cylinder(0.05, 0.4), Rotation.from_euler("x", 90, degrees=True).as_matrix(), 0.5 - 0.05),
 ])  # fmt: skip
 def test_the_distance_of_a_fixed_body_is_exact(shape, axes, gap):
@@ -151,12 +150,19 @@ def test_fine_sampling_finds_nothing_nearer(case, seed):
     motion = motion_of(*case, random_scene(np.random.default_rng(seed)))
     problem = motion.problem
     pairs = CollisionPairs(problem.model, scene=problem.scene)
-    others = with_scene(pairs)
+    names = [pairs.links(k)[1] for k in range(len(pairs.pairs))]
+    others = np.flatnonzero(np.isin(names, pairs.scene.names))
     sampled = np.array([
         pairs.distances(q, others, a, problem.scene.poses(t, problem.path))
         for t, a, q in zip(*motion.evaluate(np.linspace(0.0, motion.panels, 401)), strict=True)
     ])  # fmt: skip
-    nearest = clearance(motion, OnlyScene(pairs, others))
+    only = SimpleNamespace(
+        pairs=pairs.pairs[others], scene=pairs.scene,
+        levers=lambda strokes: pairs.levers(strokes)[others],
+        frame_levers=lambda: pairs.frame_levers()[others],
+        distances=lambda q, k, *pose: pairs.distances(q, others[k], *pose),
+    )  # fmt: skip
+    nearest = clearance(motion, only)
     assert nearest.distance <= sampled.min() + 1e-8
     assert nearest.distance >= sampled.min() - 5e-3
 
@@ -184,22 +190,6 @@ def test_bounds_of_path_lengths_hold_and_are_nearly_attained():
     loose = np.full(bounds.shape[1], 1.03)
     loose[[frames.shape[1] // 2 - 1, frames.shape[1] - 1]] = 1.6
     assert (bounds[-1] <= loose * lengths.sum(axis=0) + 1e-7).all()
-
-
-def with_scene(pairs):
-    """Indices of the pairs with a body of the scene."""
-    names = [pairs.name(k).split(" - ")[1] for k in range(len(pairs.pairs))]
-    return np.flatnonzero(np.isin(names, pairs.scene.names))
-
-
-class OnlyScene:
-    """Some of the pairs."""
-
-    def __init__(self, pairs, chosen):
-        self.pairs, self.scene = pairs.pairs[chosen], pairs.scene
-        self.levers = lambda strokes: pairs.levers(strokes)[chosen]
-        self.frame_levers = lambda: pairs.frame_levers()[chosen]
-        self.distances = lambda q, k, a, poses: pairs.distances(q, chosen[k], a, poses)
 
 
 def test_a_held_body_is_the_shape_of_its_payload():

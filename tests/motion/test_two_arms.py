@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.limits.limits import Limits
-from freefloat.limits.pairs import CollisionPairs
 from freefloat.robot.mjcf_writer import robot_mjcf
 from freefloat.so3 import angle_between
 from freefloat.verification.engines.mujoco import forward_run
@@ -204,20 +203,6 @@ def test_what_needs_one_moving_arm_refuses_others(tmp_path, problem):
         assert key == "robot.arms", call
     varied = {"headings": [3.3], "scale_mass": {"link_1": [1.1]}}
     assert error_key(ff.simulate_many, problem, **varied) == "robot.arms"
-
-
-def test_distances_between_arms_change_no_faster_than_their_levers():
-    rng = np.random.default_rng(2)
-    text = ff.load_scenario(PLANAR).model().description.text
-    model = ff.FreeFloatingModel.from_urdf(text, "end_effector", arms={"left": "left_end_effector"})
-    pairs = CollisionPairs(model)
-    levers, numbers = pairs.levers(np.zeros(4)), np.arange(len(pairs.pairs))
-    across = [k for k in numbers if sum(name.startswith("left") for name in pairs.links(k)) == 1]
-    assert levers[across].all(axis=1).any()  # joints of both arms move some of these
-    for q in rng.uniform(-3.0, 3.0, (20, 4)):
-        for step in 1e-3 * np.eye(4):
-            change = np.abs(pairs.distances(q + step, numbers) - pairs.distances(q, numbers))
-            assert (change <= levers @ step + 1e-9).all()
 
 
 def test_mjcf_has_both_arms_where_they_are():
