@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import json
 import os
 import random
 import re
@@ -22,6 +23,7 @@ import signal
 import sys
 import tempfile
 import time
+from collections import Counter
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -58,6 +60,18 @@ LONGEST = 600.0
 class QuickRun:
     """A pytest plugin: quick tests first, few examples of each property, none made smaller."""
 
+    def __init__(self, durations: Path) -> None:
+        """Take how long tests take [s] from a file, or write it where there is none."""
+        self._file, self._seconds = durations, Counter[str]()
+        self._known = json.loads(durations.read_text()) if durations.exists() else {}
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        self._seconds[report.nodeid] += report.duration
+
+    def pytest_sessionfinish(self) -> None:
+        if not self._known:
+            self._file.write_text(json.dumps(self._seconds))
+
     def pytest_collection(self) -> None:
         from hypothesis import Phase, settings
 
@@ -66,7 +80,7 @@ class QuickRun:
         settings.load_profile("mutants")
 
     def pytest_collection_modifyitems(self, items: list[Any]) -> None:
-        items.sort(key=lambda item: item.get_closest_marker("slow") is not None)
+        items.sort(key=lambda item: self._known.get(item.nodeid, 0.0))
 
 
 class Experiment:
@@ -114,8 +128,8 @@ class Experiment:
         try:
             arguments = ["-xq", "-p", "no:cacheprovider", "-p", "no:xdist"]
             arguments += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]
-            tests = shlex.split(TESTS[self.module])
-            code = int(import_module("pytest").main([*arguments, *tests], [QuickRun()]))
+            tests, durations = shlex.split(TESTS[self.module]), self.folder / "durations.json"
+            code = int(import_module("pytest").main([*arguments, *tests], [QuickRun(durations)]))
         finally:
             sys.stdout.flush()
             os._exit(code)

@@ -56,11 +56,8 @@ def test_shapes_are_those_of_all_links_and_bodies(tmp_path):
     """In the frames of the rigid bodies, meshes in six parts or in one; visuals where none else."""
     file, place = tmp_path / "comb.stl", Rotation.from_euler("xyz", [0.3, -0.4, 0.5])
     trimesh.Trimesh(**trimesh.triangles.to_kwargs(COMB)).export(file)
-    ball, mesh = (
-        shape_text('<sphere radius="0.1"/>'),
-        shape_text(f'<mesh filename="{file}"/>', "0 0 1"),
-    )
-    visual = mesh.replace("collision>", "visual>")
+    ball, mesh = '<sphere radius="0.1"/>', f'<mesh filename="{file}"/>'
+    ball, visual = shape_text(ball), shape_text(mesh, "0 0 1").replace("collision>", "visual>")
     more = f'<link name="comb">{visual}</link><link name="b2">{ball}{visual}</link>'
     more += joint_text("c", "F", "hand", "comb", "1 2 3", "0.3 -0.4 0.5")
     more += joint_text("d", "F", "hand", "b2", "0 0 1")

@@ -40,6 +40,13 @@ def problem() -> ff.Problem:
 
 
 @pytest.fixture(scope="module")
+def state(problem: ff.Problem) -> SystemState:
+    """At the end of the first path."""
+    motion = ff.simulate(problem, heading=0.45).chosen.motion
+    return SystemState.at_start(motion).after(motion)
+
+
+@pytest.fixture(scope="module")
 def progress() -> list[float]:
     """The fractions that were reported while the manoeuvre was planned."""
     return []
@@ -101,9 +108,7 @@ def test_joint_rates_are_handed_on_after_an_impulse(manoeuvre) -> None:
 
 
 @pytest.mark.parametrize("frame", ["inertial", "spacecraft", "base", "end_effector"])
-def test_a_pose_goal_is_reached_in_its_frame(problem: ff.Problem, frame: str) -> None:
-    motion = ff.simulate(problem, heading=0.45).chosen.motion
-    state = SystemState.at_start(motion).after(motion)
+def test_a_pose_goal_is_reached_in_its_frame(problem, state: SystemState, frame: str) -> None:
     model, R = problem.model, rotation_matrix(state.attitude)
     axes = np.eye(3) if frame == "inertial" else R
     origin = np.zeros(3) if frame == "inertial" else model.base_position(
@@ -117,9 +122,7 @@ def test_a_pose_goal_is_reached_in_its_frame(problem: ff.Problem, frame: str) ->
     np.testing.assert_allclose(path.twist(10.0), 0.0, atol=1e-12)
 
 
-def test_a_margin_is_required_of_later_paths(problem: ff.Problem) -> None:
-    motion = ff.simulate(problem, heading=0.45).chosen.motion
-    state = SystemState.at_start(motion).after(motion)
+def test_a_margin_is_required_of_later_paths(state: SystemState) -> None:
     margin = ff.PathPhase(BACK).run(state, LIMITS).chosen.minimum_margin
     for factor, feasible in ((0.99, True), (1.01, False)):
         back = ff.PathPhase(BACK, "back", margin=factor * margin)
@@ -161,11 +164,8 @@ def test_a_reorientation_is_needed_only_where_the_state_is_another(
 def test_the_branch_of_a_further_path_is_that_of_its_joints(problem: ff.Problem) -> None:
     chosen = ff.simulate(problem, heading=0.45).chosen
     state, turns = chosen.motion.initial, np.array([2.0 * np.pi, -2.0 * np.pi])
-    for difference, label in (
-        (0.0, chosen.branch.label),
-        (5e-7, chosen.branch.label),
-        (2e-6, "given"),
-    ):
+    labels = chosen.branch.label, chosen.branch.label, "given"
+    for difference, label in zip((0.0, 5e-7, 2e-6), labels, strict=True):
         joints = state.joints + turns + np.array([difference, 0.0])
         branch = branch_at(problem, state.attitude, joints)
         assert (branch.label, branch.index == chosen.branch.index) == (label, label != "given")

@@ -69,6 +69,13 @@ def problem() -> ff.Problem:
     return replace(problem.with_system(system), scene=ff.Scene(BODIES))
 
 
+@pytest.fixture(scope="module")
+def state(problem: ff.Problem) -> SystemState:
+    """At the end of the first path."""
+    motion = ff.simulate(problem, heading=0.45).chosen.motion
+    return SystemState.at_start(motion).after(motion)
+
+
 @pytest.fixture
 def no_planning(monkeypatch) -> None:
     def planned(*_: Any, **__: Any) -> None:
@@ -132,17 +139,13 @@ def test_a_capture_agrees_with_how_its_body_tumbles(problem, changes, key) -> No
     assert error_key(ff.plan_manoeuvre, problem, [replace(CAPTURE, **changes)]) == key
 
 
-def test_the_inertia_of_a_tumbling_is_known_up_to_a_factor(problem: ff.Problem) -> None:
-    motion = ff.simulate(problem, heading=0.45).chosen.motion
-    state = SystemState.at_start(motion).after(motion)
+def test_the_inertia_of_a_tumbling_is_known_up_to_a_factor(state: SystemState) -> None:
     given = replace(CAPTURE, inertia=10.0 * TUMBLING.inertia, com=TUMBLING.com)
     light, heavy = CAPTURE.run(state, ff.Limits()), given.run(state, ff.Limits())
     np.testing.assert_allclose(heavy.mismatch, light.mismatch, atol=1e-15)
 
 
-def test_a_fixed_body_is_captured_about_the_origin_of_its_frame(problem: ff.Problem) -> None:
-    motion = ff.simulate(problem, heading=0.45).chosen.motion
-    state = SystemState.at_start(motion).after(motion)
+def test_a_fixed_body_is_captured_about_the_origin_of_its_frame(state: SystemState) -> None:
     fixed = ff.CapturePhase("box", 3.0, inertia=[0.1, 0.1, 0.1])
     result = fixed.run(state, ff.Limits())
     box = BODIES[1].position * 3.0 / result.model.total_mass  # from the robot's centre of mass
@@ -171,9 +174,7 @@ def test_unnamed_phases_have_distinct_names() -> None:
     assert names == ["goal 2", "to", "goal 3", "goal"]
 
 
-def test_a_path_that_begins_within_rounding_is_moved_there(problem: ff.Problem) -> None:
-    motion = ff.simulate(problem, heading=0.45).chosen.motion
-    state = SystemState.at_start(motion).after(motion)
+def test_a_path_that_begins_within_rounding_is_moved_there(state: SystemState) -> None:
     rounded = line(GRAPPLE + np.array([4e-7, -3e-7, 0.0]), [0.9, 1.0, 0.0])
     path = ff.PathPhase(ff.TimedPath(rounded, ff.Timing(10.0))).problem_at(state).path
     np.testing.assert_allclose(path.pose(0.0).position, state.pose.position, atol=1e-14)
