@@ -71,10 +71,9 @@ class LimitChecker:
         pairs = (limit.pairs for limit in self.limits if isinstance(limit, ClearanceLimit))
         self.pairs = next(pairs, None)
 
-    def results(self, motion: Motion, known: Iterable[LimitResult] = ()) -> tuple[LimitResult, ...]:
-        """The results of all limits, of which some may be known already."""
-        found = {result.limit: result for result in known}
-        return tuple(found.get(limit.name) or limit.worst(motion) for limit in self.limits)
+    def results(self, motion: Motion) -> tuple[LimitResult, ...]:
+        """The results of all limits."""
+        return tuple(limit.worst(motion) for limit in self.limits)
 
     def timed(self, motion: Motion) -> tuple[LimitResult, ...]:
         """The results of limits that depend on the speed."""
@@ -87,14 +86,16 @@ class LimitChecker:
 
         The distance of a violated clearance is too small, but need not be the smallest one.
         """
-        known = []
+        decided = []
         for limit in self.limits:
             result = limit.decide(motion)
             if not result.kept:
                 return (), result
-            if not limit.decides_sooner:
-                known.append(result)
-        return self.results(motion, known), None
+            decided.append(result)
+        return tuple(
+            limit.worst(motion) if limit.decides_sooner else result
+            for limit, result in zip(self.limits, decided, strict=True)
+        ), None
 
     def violations(self, motion: Motion, *, timed: bool = True) -> tuple[LimitResult, ...]:
         """The results of all violated limits, clearances as :meth:`results_unless_violated` has.
