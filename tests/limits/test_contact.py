@@ -49,6 +49,8 @@ def test_meshes_in_contact_are_divided_into_convex_parts(tmp_path):
     assert self_contact(between_cubes(tmp_path, 0.24)) is None
     contact = self_contact(between_cubes(tmp_path, 0.18))
     assert contact.bodies == ("gate", "hand")
+    assert str(contact) == f"hand overlaps gate by 0.01 m at t = {contact.time:.4f} s"
+    assert contact.to_dict() == {**vars(contact), "bodies": ["gate", "hand"]}
     np.testing.assert_allclose(contact.depth, 0.01, atol=1e-6)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any
 
@@ -152,13 +153,10 @@ def test_a_reorientation_is_needed_only_where_the_state_is_another(
     path, start = manoeuvre.path, manoeuvre.path.chosen.motion.initial
     turned = Rotation.from_quat(start.attitude) * Rotation.from_rotvec([0.0, 0.0, turn])
     search = ff.Search("nearest", turned.as_quat(), joints=start.joints + np.array([0.0, shift]))
-    if duration is None:
+    moves = pytest.raises(TimeoutError, match=str(duration)) if duration else nullcontext()
+    with moves:
         found = ff.plan_manoeuvre(problem, (), search, limits, reorient=True)
         assert [phase.kind for phase in found.phases] == ["path"]
-        return
-    with pytest.raises(TimeoutError) as caught:
-        ff.plan_manoeuvre(problem, (), search, limits, reorient=True)
-    assert caught.value.args == (duration,)
 
 
 def test_the_branch_of_a_further_path_is_that_of_its_joints(problem: ff.Problem) -> None:
