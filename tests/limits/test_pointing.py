@@ -21,6 +21,7 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import AttitudeLimits, PointingLimit
 from freefloat.so3 import angle_between, heading_quaternion
 from tests.errors import error_key
+from tests.lock_step import plain_kernels
 
 SCENARIOS = ["spatial_6dof/line", "ets_vii/reach", "planar_3dof/parabola_nonstop"]
 
@@ -116,6 +117,17 @@ def test_compiled_precise_and_sampled_extremes_agree(name: str, drift: float) ->
         kept = turn.kept and pointing.kept
         if abs((signs * (sampled - bounds)).min()) > 2e-4:
             assert bool(result.endings[k] == COMPLETED) is kept
+
+
+@pytest.mark.slow
+def test_plain_and_compiled_kernels_agree() -> None:
+    problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
+    limits, (attitudes, joints) = limits_of(problem.model), starts(problem, 4)
+    integrator = EnsembleIntegrator(problem, 1, limits=limits, tolerance=1e-3)
+    compiled = integrator.integrate(attitudes, joints)
+    with plain_kernels():
+        plain = integrator.integrate(attitudes, joints)
+    np.testing.assert_allclose(plain.slacks, compiled.slacks, atol=1e-9)
 
 
 def test_an_axis_on_the_wrist_is_followed_along_every_branch() -> None:
