@@ -18,12 +18,7 @@ from typer.main import get_command
 
 from freefloat.cli import workspace
 from freefloat.cli.app import app
-from freefloat.cli.options import (
-    file_names,
-    robot_names,
-    scenario_names,
-    study_names,
-)
+from freefloat.cli.options import file_names, robot_names, scenario_names, study_names
 from tests.commands import error, run
 
 PROGRAM = [sys.executable, "-m", "freefloat"]

@@ -14,12 +14,7 @@ import freefloat as ff
 from freefloat.dynamics.joint_space import joint_space_extremes
 from freefloat.dynamics.momentum import inertia_matrices, system_matrix
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from tests.robots import (
-    in_units,
-    joint_values,
-    random_robot,
-    robots,
-)
+from tests.robots import in_units, joint_values, random_robot, robots
 
 TANGENCY = np.array([0.1, 2.0, 3.3076, -2.6104, 2.2981, 1.4288])
 """Joints at the tangency point printed in the paper's Example 2."""

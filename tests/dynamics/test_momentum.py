@@ -21,13 +21,7 @@ from freefloat.dynamics.momentum import (
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.so3 import rotation_matrix, rotation_vector_between
 from tests.motions import relative
-from tests.robots import (
-    Robot,
-    attitudes,
-    joint_values,
-    planar_robot,
-    robots,
-)
+from tests.robots import Robot, attitudes, joint_values, planar_robot, robots
 
 
 def loaded(robot: Robot, **options: object) -> ff.FreeFloatingModel:

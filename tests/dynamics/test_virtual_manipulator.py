@@ -119,8 +119,7 @@ def test_other_arms_have_no_elbow_and_spherical_wrist(
         '<link name="link_4"><inertial><origin xyz="0 0 0.1"/><mass value="5"/>',
     )
     skew = text.replace(
-        '<origin xyz="1 0 0"/><axis xyz="0 -1 0"/>',
-        '<origin xyz="1 0 0"/><axis xyz="0 -1 0.01"/>',
+        '<origin xyz="1 0 0"/><axis xyz="0 -1 0"/>', '<origin xyz="1 0 0"/><axis xyz="0 -1 0.01"/>'
     )
     for other in (wrist, offset, skew):
         assert other != text

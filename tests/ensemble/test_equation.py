@@ -18,13 +18,7 @@ from freefloat.lockstep import lanes, reflections
 from freefloat.lockstep.lanes import WIDTH
 from tests.lock_step import Kernels, Table, as_lanes, measured_problem, plain_kernels
 from tests.motions import bundled
-from tests.robots import (
-    inertial_text,
-    joint_text,
-    link_text,
-    planar_robot,
-    random_robot,
-)
+from tests.robots import inertial_text, joint_text, link_text, planar_robot, random_robot
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 ROUNDING = 1e-12

@@ -8,11 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ik.branches import (
-    arm_branches,
-    many_arm_branches,
-    search_arm_branches,
-)
+from freefloat.ik.branches import arm_branches, many_arm_branches, search_arm_branches
 from freefloat.so3 import Pose
 from tests.motions import gaps, virtual_jacobian
 from tests.robots import random_robot

@@ -13,17 +13,9 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ik.branches import (
-    ArmBranch,
-    arm_branches,
-    search_arm_branches,
-)
+from freefloat.ik.branches import ArmBranch, arm_branches, search_arm_branches
 from freefloat.ik.nearest import newton_solutions
-from freefloat.so3 import (
-    Pose,
-    axes_rotation,
-    rotation_vector_between,
-)
+from freefloat.so3 import Pose, axes_rotation, rotation_vector_between
 from tests.motions import gaps, virtual_jacobian
 from tests.robots import (
     inertial_text,

@@ -22,8 +22,7 @@ def integrated(name, attitude, branch=0):
 
 
 @pytest.fixture(
-    scope="module",
-    params=["planar_3dof/parabola", "ur5_servicer/arc", "panda_servicer/line"],
+    scope="module", params=["planar_3dof/parabola", "ur5_servicer/arc", "panda_servicer/line"]
 )
 def motion(request):
     planar = "planar" in request.param

@@ -10,10 +10,7 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.dynamics.joint_space import joint_space_extremes
 from freefloat.motion.motion import Ending
-from freefloat.paths import (
-    PolynomialCurve,
-    SlerpOrientation,
-)
+from freefloat.paths import PolynomialCurve, SlerpOrientation
 from freefloat.so3 import heading_of
 from tests.errors import error_key
 from tests.motions import (

@@ -87,9 +87,6 @@ def test_a_spline_is_twice_continuously_differentiable(name, order):
         assert np.abs(jump).max() < 3e-6 * max(1.0, np.abs(higher).max())
 
 
-@pytest.mark.parametrize(
-    "points",
-    [POINTS[:1], [[0, 0, 0], [1, 0, 0], [1, 0, 0]]],
-)
+@pytest.mark.parametrize("points", [POINTS[:1], [[0, 0, 0], [1, 0, 0], [1, 0, 0]]])
 def test_an_impossible_spline_is_refused(points):
     assert error_key(SplineCurve, points) == "points"

@@ -7,11 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.paths import (
-    ArcCurve,
-    DirectedOrientation,
-    SplineCurve,
-)
+from freefloat.paths import ArcCurve, DirectedOrientation, SplineCurve
 from freefloat.paths.samples import parse_samples, samples_text
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)

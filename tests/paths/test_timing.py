@@ -8,13 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import freefloat as ff
-from freefloat.paths import (
-    DirectedOrientation,
-    PolynomialCurve,
-    SlerpOrientation,
-    Stop,
-    TimeLaw,
-)
+from freefloat.paths import DirectedOrientation, PolynomialCurve, SlerpOrientation, Stop, TimeLaw
 from tests.errors import error_key
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)

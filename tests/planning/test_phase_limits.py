@@ -22,10 +22,7 @@ LIMITS = ff.Limits(
     pointing=[ff.PointingLimit("end_effector", [0, 0, 1], 0.1, direction=[0, 0, 1])],
 )
 EVERY = {kind.name for kind in KINDS} - {"joint_range"}  # its joints are continuous
-EXPECTED = {
-    "path": EVERY,
-    "goal": EVERY - {"base_turn"},
-}
+EXPECTED = {"path": EVERY, "goal": EVERY - {"base_turn"}}
 PRESENT = ff.Search("nearest", [0.0, 0.0, 0.0, 1.0], joints=[0.5, 0.8])
 
 

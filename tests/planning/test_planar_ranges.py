@@ -6,17 +6,8 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.planning.plane.arcs import (
-    MARGIN,
-    REACH,
-    HeadingRange,
-    branch_ranges,
-)
-from freefloat.planning.plane.ranges import (
-    find_range_limits,
-    heading_ranges,
-    reach_limits,
-)
+from freefloat.planning.plane.arcs import MARGIN, REACH, HeadingRange, branch_ranges
+from freefloat.planning.plane.ranges import find_range_limits, heading_ranges, reach_limits
 from freefloat.so3 import heading_quaternion
 from tests.motions import Z, along, chain
 
@@ -79,10 +70,7 @@ def test_the_arm_reaches_the_path_from_one_side_of_a_reach_limit(radius):
         ([True, True, True, False], [(1.0, 5.0, (REACH, REACH))]),
         ([True, False, False, True], [(5.0, 2.0 + tau, (REACH, MARGIN))]),
         ([False, True, True, False], [(2.0, 5.0, (MARGIN, REACH))]),
-        (
-            [True, False, True, False],
-            [(1.0, 2.0, (REACH, MARGIN)), (3.0, 5.0, (MARGIN, REACH))],
-        ),
+        ([True, False, True, False], [(1.0, 2.0, (REACH, MARGIN)), (3.0, 5.0, (MARGIN, REACH))]),
         ([False] * 4, []),
     ],
 )

@@ -11,10 +11,7 @@ import freefloat as ff
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.paths import FixedOrientation, PolynomialCurve
-from freefloat.planning.space.tangency import (
-    require_tangency_points,
-    tangency_points,
-)
+from freefloat.planning.space.tangency import require_tangency_points, tangency_points
 from freefloat.so3 import axes_rotation
 from tests.errors import error_key
 from tests.motions import bundled

@@ -89,10 +89,7 @@ def test_the_parts_of_a_scene_stand_where_its_nodes_put_them(tmp_path: Path) -> 
     np.testing.assert_allclose(bounds((red,))[:, 0], [7.5, 8.5])
 
 
-@pytest.mark.parametrize(
-    "content",
-    [b"", b"\x00" * 200, b"<COLLADA/>"],
-)
+@pytest.mark.parametrize("content", [b"", b"\x00" * 200, b"<COLLADA/>"])
 @pytest.mark.parametrize("suffix", ["stl", "dae", "glb", "xyz1"])
 def test_a_file_that_is_no_mesh_is_refused_with_a_reason(
     tmp_path: Path, suffix: str, content: bytes

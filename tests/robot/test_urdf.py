@@ -40,12 +40,7 @@ def refused(urdf: str | Path) -> ModelError:
 
 @pytest.mark.parametrize(
     "text",
-    [
-        "<!DOCTYPE robot [<!ENTITY m '5'>]>" + one_joint(),
-        "<robot",
-        "<sdf/>",
-        "<robot/>",
-    ],
+    ["<!DOCTYPE robot [<!ENTITY m '5'>]>" + one_joint(), "<robot", "<sdf/>", "<robot/>"],
     ids=["entities", "open", "root", "empty"],
 )
 def test_xml_that_is_not_a_robot_is_refused(text: str) -> None:

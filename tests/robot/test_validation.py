@@ -181,8 +181,7 @@ EXPECTED = {
 
 
 @pytest.mark.parametrize(
-    "name",
-    ["planar_3dof", "spatial_6dof", "ur3", "ur5", "ur10", "panda", "kinova", "xarm7", "z1"],
+    "name", ["planar_3dof", "spatial_6dof", "ur3", "ur5", "ur10", "panda", "kinova", "xarm7", "z1"]
 )
 def test_warnings_about_real_robots_are_true(name: str) -> None:
     bundled = {path.stem: path for path in models_folder().glob("*/*.urdf")}

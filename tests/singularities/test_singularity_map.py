@@ -70,8 +70,7 @@ def test_boxes_are_those_of_the_nodes_and_are_cut_down_to_the_resolution() -> No
 
 
 @pytest.mark.parametrize(
-    ("key", "changes"),
-    [("fixed", {"fixed": {"elbow": 0.0}}), ("resolution", {"resolution": 0.0})],
+    ("key", "changes"), [("fixed", {"fixed": {"elbow": 0.0}}), ("resolution", {"resolution": 0.0})]
 )
 def test_bad_input(key: str, changes: dict) -> None:
     problem = bundled("planar_2dof/line")

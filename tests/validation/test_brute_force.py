@@ -53,6 +53,5 @@ def test_a_map_agrees_with_precise_motions():
         lowest = ff.closest_approach(motion, problem.margin.measure)
         off = abs(lowest.value - result.motions.minimum[at, branch])
         assert_agrees(
-            "test_a_map_agrees_with_precise_motions",
-            off / abs(problem.margin.measure(joints)),
+            "test_a_map_agrees_with_precise_motions", off / abs(problem.margin.measure(joints))
         )

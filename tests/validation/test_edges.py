@@ -164,8 +164,7 @@ def small(name, metres, kilograms=1.0):
     model = ff.FreeFloatingModel.from_urdf(in_units(text, metres, kilograms), "end_effector")
     usual = bundled(name)
     path = ff.EndEffectorPath(
-        PolynomialCurve(metres * usual.path.path.curve.coefficients),
-        usual.path.path.orientation,
+        PolynomialCurve(metres * usual.path.path.curve.coefficients), usual.path.path.orientation
     )
     timed = ff.TimedPath(path, usual.path.timing)
     momentum = metres**2 * kilograms * usual.momentum

@@ -13,16 +13,7 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.dynamics.momentum import end_effector_jacobian
 from freefloat.paths import Curve, FixedOrientation, Stop, TimeLaw
-from tests.motions import (
-    BAD,
-    GOOD,
-    bundled,
-    heading,
-    problem_with,
-    relative,
-    simulated,
-    two,
-)
+from tests.motions import BAD, GOOD, bundled, heading, problem_with, relative, simulated, two
 from tests.robots import Robot, joint_values, robots
 from tests.validation.comparisons import assert_agrees
 

@@ -10,14 +10,7 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.motion import Ending
 from freefloat.planning.plane.ranges import find_range_limits, heading_ranges
 from freefloat.so3 import heading_of, heading_quaternion
-from tests.motions import (
-    BAD,
-    GOOD,
-    heading,
-    on_side,
-    simulated,
-    tracking,
-)
+from tests.motions import BAD, GOOD, heading, on_side, simulated, tracking
 from tests.validation.comparisons import assert_agrees
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)

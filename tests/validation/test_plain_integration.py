@@ -11,15 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.paths import TimeLaw
-from tests.motions import (
-    GOOD,
-    PRISMATIC_ARM,
-    bundled,
-    from_here,
-    heading,
-    seven,
-    tracking,
-)
+from tests.motions import GOOD, PRISMATIC_ARM, bundled, from_here, heading, seven, tracking
 from tests.validation.comparisons import assert_agrees
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)

@@ -9,9 +9,7 @@ from hypothesis import strategies as st
 
 import freefloat as ff
 from freefloat.dynamics.momentum import inertia_matrices, system_matrix
-from tests.motions import (
-    relative,
-)
+from tests.motions import relative
 from tests.robots import joint_values, planar_robot
 from tests.validation.comparisons import assert_agrees
 
@@ -95,10 +93,7 @@ def closed_form(
     return terms.sum(), np.abs([a * b * D[2], b * c * D[0], a * c * D[1]]).sum(), D
 
 
-@given(
-    seed=st.integers(0, 2**32 - 1),
-    q=st.integers(2, 3).flatmap(joint_values),
-)
+@given(seed=st.integers(0, 2**32 - 1), q=st.integers(2, 3).flatmap(joint_values))
 def test_planar_determinant_equals_the_closed_form(seed: int, q: np.ndarray) -> None:
     """S = a b D2 sin q1 + b c D0 sin q2 - a c D1 sin(q1 + q2), the third joint without effect."""
     rng, n = np.random.default_rng(seed), len(q)

@@ -10,9 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from tests.motions import (
-    relative,
-)
+from tests.motions import relative
 from tests.robots import Robot, random_robot
 from tests.validation.comparisons import assert_agrees
 

@@ -24,10 +24,7 @@ def drawn(problem, marks, samples=60):
     return (
         result,
         slices,
-        {
-            "map_slices": slices_figure(result, slices),
-            "map_histogram": histogram_figure(result),
-        },
+        {"map_slices": slices_figure(result, slices), "map_histogram": histogram_figure(result)},
     )
 
 

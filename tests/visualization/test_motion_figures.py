@@ -13,11 +13,7 @@ from freefloat.io.formats.trajectory import Trajectory
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figure_style import PALE, VERMILION, axis_label
-from freefloat.visualization.figures.motion_figures import (
-    euler_angles,
-    motion_figures,
-    shown_times,
-)
+from freefloat.visualization.figures.motion_figures import euler_angles, motion_figures, shown_times
 from tests.figures import line
 
 

@@ -10,9 +10,7 @@ import pytest
 import freefloat as ff
 from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.visualization.figures.singularity_figures import singularity_figures
-from freefloat.visualization.scenes.joint_sections import (
-    reference_configuration,
-)
+from freefloat.visualization.scenes.joint_sections import reference_configuration
 from tests.motions import bundled
 
 RESOLUTIONS = {"planar_3dof/parabola": 1.0, "spatial_6dof/line": 8.0}

@@ -15,11 +15,7 @@ from freefloat.robot.meshes import Mesh
 from freefloat.robot.names import find_robot
 from freefloat.robot.robot_packages import examples_folder
 from freefloat.visualization.scenes.visuals import RobotVisuals, Visual, robot_visuals
-from tests.robots import (
-    inertial_text,
-    joint_text,
-    link_text,
-)
+from tests.robots import inertial_text, joint_text, link_text
 
 
 def named(visuals: RobotVisuals, name: str) -> Visual:
