@@ -250,16 +250,6 @@ def test_a_motion_that_ends_where_it_begins_keeps_no_rate(spatial):
         assert result[kind].shown(result[kind].worst) == "unbounded"
 
 
-def test_results_are_those_of_the_reversed_motion(spatial):
-    problem, final = spatial.problem, spatial.final
-    back = integrate_motion(problem, final.attitude, final.joints, start=100.0, end=0.0)
-    limits = Limits(np.full(6, 1.0), np.full(6, 1.0), 1.0, 0.0)
-    pairs = zip(check_limits(spatial, limits), check_limits(back, limits), strict=True)
-    for result, other in pairs:
-        assert_close([result.worst, result.time], [other.worst, other.time], atol=2e-4)
-        assert result.where == other.where
-
-
 @pytest.mark.parametrize(
     ("key", "value"),
     [("joint_rate", [1.0, 0.0]), ("joint_torque", [-1.0]), ("base_rate", 0.0), ("clearance", -0.1),

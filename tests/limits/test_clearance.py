@@ -194,37 +194,34 @@ def bodies_of(pairs):
 def test_levers_are_the_largest_distances_from_the_axes(bus):
     """Of the nearer of two shapes; attained where the arm is stretched or folded."""
     model, stroke, far = plane_arm(bus), 0.8, np.zeros((4, 5))
+    rods = np.add.outer([bus, *CENTRES[1:5]], [-0.15, 0.15])
     pairs = CollisionPairs(model, scene=Scene([BESIDE]))
     for first, second, last in product([0.0, np.pi], repeat=3):
         poses = model.body_poses([0.0, 0.0, 0.0, 1.0], np.array([first, second, stroke, last]))
         for k, link in product(range(4), range(5)):
-            ends = poses[link].rotation[0, 0] * (
-                [bus, *CENTRES[1:]][link] + np.array([-0.15, 0.15])
-            )
-            ends += poses[link].position[0] - poses[k + 1].position[0]
+            place = poses[link].position[0] - poses[k + 1].position[0]
+            ends = place + poses[link].rotation[0, 0] * rods[link]
             far[k, link] = max(far[k, link], np.abs(ends).max())
-    for (first, second), levers in zip(
-        bodies_of(pairs), pairs.levers(np.full(4, stroke)), strict=True
-    ):
+    levers = pairs.levers(np.full(4, stroke))
+    for (first, second), row in zip(bodies_of(pairs), levers, strict=True):
         moved = np.array([first <= k < second < 5 for k in range(4)])
         expected = [far[k, [first, second % 5]].min() if k != 2 else 1.0 for k in range(4)]
-        np.testing.assert_allclose(levers, moved * expected, atol=2e-5)
+        assert_close(row, moved * expected, atol=2e-5)
 
 
 def test_frames_move_shapes_by_their_translation_and_radius(pairs):
+    """Links that a joint connects are no pairs."""
+    own = [[0, 2], [0, 3], [0, 4], [1, 3], [1, 4], [2, 4]]
+    assert bodies_of(pairs) == own + [[link, 5] for link in range(5)]
     radii = np.append(np.abs(CENTRES[:5]) + 0.15, 0.1 * np.sqrt(3.0))  # of a cube around the ball
     levers, (centres, sizes) = pairs.frame_levers().reshape(-1, 2, 6), pairs.spheres
     for k, bodies in enumerate(bodies_of(pairs)):
         expected = np.zeros((2, 6))
         if bodies[1] == 5:
             expected[:, bodies] = [1.0, 1.0], radii[bodies]
-        np.testing.assert_allclose(levers[k], expected, atol=2e-5)
-        np.testing.assert_allclose(
-            centres[k], np.outer(np.take(CENTRES, bodies), [1, 0, 0]), atol=1e-12
-        )
-        np.testing.assert_allclose(
-            sizes[k], np.where(np.equal(bodies, 5), radii[5], 0.15), atol=2e-5
-        )
+        assert_close(levers[k], expected, atol=2e-5)
+        assert_close(centres[k], np.outer(np.take(CENTRES, bodies), [1, 0, 0]), atol=1e-12)
+        assert_close(sizes[k], np.where(np.equal(bodies, 5), radii[5], 0.15), atol=2e-5)
 
 
 @pytest.mark.parametrize(("kind", "reached"), [("R", 0.5507), ("C", 1.149)])
@@ -244,7 +241,7 @@ def test_directions_lead_from_the_first_to_the_second_shape(pairs, gap):
     chosen = np.array([bodies_of(pairs).index(bodies) for bodies in ([0, 2], [2, 4], [4, 5])])
     poses = [Pose([2.4, rod + gap + 0.1, 0.0], np.eye(3))]
     distances, normals, points = pairs.nearest(q, chosen, poses, below)
-    np.testing.assert_allclose(distances, [1.0, 0.8, gap], atol=1e-6)
-    np.testing.assert_allclose(normals, [[0, 0, 0], [1, 0, 0], [0, 1, 0]], atol=1e-5)
-    np.testing.assert_allclose(points[:2, :, 0], [[0, 0], [1.45, 2.25]], atol=1e-6)
-    np.testing.assert_allclose(points[2], [[2.4, rod, 0], [2.4, rod + gap, 0]], atol=1e-5)
+    assert_close(distances, [1.0, 0.8, gap], atol=1e-6)
+    assert_close(normals, [[0, 0, 0], [1, 0, 0], [0, 1, 0]], atol=1e-5)
+    assert_close(points[:2, :, 0], [[0, 0], [1.45, 2.25]], atol=1e-6)
+    assert_close(points[2], [[2.4, rod, 0], [2.4, rod + gap, 0]], atol=1e-5)

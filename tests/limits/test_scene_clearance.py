@@ -184,7 +184,7 @@ def test_bounds_of_path_lengths_hold_and_are_nearly_attained():
 
 def test_a_held_body_is_the_shape_of_its_payload():
     """Its pairs with links are considered; those with bodies beside the robot are named."""
-    payload = Payload(3.0, [0.1, 0.1, 0.1])
+    payload = Payload(0.5, [0.1, 0.1, 0.1])
     robot = prismatic_robot(bus=BALL, hand=BALL)
     model = FreeFloatingModel.from_urdf(robot, "hand", payload=payload)
     held = SceneBody("client", Sphere(0.1), motion="target", touch_links=("hand",))
