@@ -83,10 +83,6 @@ def test_joint_ranges_count_without_being_asked_for(limits, worst, time):
     assert_close([result.worst, result.time, result.ratio], [worst, time, 2.0], atol=1e-9)
 
 
-def test_robots_without_ranges_have_no_such_result():
-    assert check_limits(planar_motion(bundled("planar_3dof/parabola")), Limits()) == ()
-
-
 def planar_motion(problem):
     return simulated(problem, heading(200.0), 0)
 

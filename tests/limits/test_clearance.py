@@ -1,7 +1,4 @@
-"""Distances along a motion: no contact hides, the right pair is named, every shape counts.
-
-Pairs: which are left out, and how far joints and bodies move them.
-"""
+"""Distances along a motion: no contact hides, the right pair is named, every shape counts."""
 
 import re
 from functools import partial
@@ -160,8 +157,6 @@ def test_shapes_that_cannot_be_read_are_refused(geometry):
     with pytest.raises(ModelError):
         collision_shapes(model)
 
-
-# --- pairs in closed form -------------------------------------------------------------------------
 
 NAMES = ["bus", "a", "b", "c", "d", "far"]
 CENTRES = [0.0, 0.1, 0.0, 0.5, 0.2, 0.0]
