@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.certificate.certificate import certify
 from freefloat.dynamics.momentum import momentum_map
 from freefloat.paths.time_laws import TimeLaw
 from freefloat.planning.phases.kinds.path_phase import branch_at
@@ -124,7 +125,10 @@ def test_a_pose_goal_is_reached_in_its_frame(problem, state: SystemState, frame:
 
 
 def test_a_margin_is_required_of_later_paths(state: SystemState) -> None:
-    margin = ff.PathPhase(BACK).run(state, LIMITS).chosen.minimum_margin
+    found = ff.PathPhase(BACK).run(state, LIMITS)
+    assert found.limit_results == ff.check_limits(found.chosen.motion, LIMITS)
+    assert found.certificate.to_dict() == certify(found.chosen.motion).to_dict()
+    margin = found.chosen.minimum_margin
     for factor, feasible in ((0.99, True), (1.01, False)):
         back = ff.PathPhase(BACK, "back", margin=factor * margin)
         assert back.run(state, LIMITS).feasible is feasible
@@ -137,24 +141,26 @@ def test_a_path_that_begins_elsewhere_is_refused(problem: ff.Problem) -> None:
     assert error_key(ff.plan_manoeuvre, problem, [PHASES[1], last]) == "phases.1.path"
 
 
-@pytest.mark.parametrize(("turn", "shift", "limits", "duration"), [
-    (0.9e-9, 0.9e-9, LIMITS, None), (1.2e-9, 0.0, LIMITS, "any"), (0.0, 1.2e-9, ff.Limits(), 30.0),
+@pytest.mark.parametrize(("turn", "shift", "limits", "duration", "feasible"), [
+    (0.9e-9, 0.9e-9, LIMITS, None, True), (0.1, 0.0, LIMITS, None, False),
+    (1.2e-9, 0.0, LIMITS, "any", True), (0.0, 1.2e-9, ff.Limits(), 30.0, True),
 ])  # fmt: skip
 def test_a_reorientation_is_needed_only_where_the_state_is_another(
-    problem, manoeuvre, monkeypatch, turn, shift, limits, duration
+    problem, manoeuvre, monkeypatch, turn, shift, limits, duration, feasible
 ) -> None:
-    """It takes as long as the path where no limit depends on the speed."""
+    """It takes as long as the path, which is feasible, where no limit depends on the speed."""
 
-    def arrived(*_: Any, duration: float | None, **__: Any) -> None:
-        raise TimeoutError("any" if duration is None else duration)
+    def arrived(*_: Any, duration: float | None, seed: int, **__: Any) -> None:
+        raise TimeoutError("any" if duration is None else duration, seed)
 
     monkeypatch.setattr("freefloat.planning.phases.manoeuvre_planner.plan", lambda *_, **__: path)
     monkeypatch.setattr("freefloat.planning.goals.arrival.arrive", arrived)
-    path, start = manoeuvre.path, manoeuvre.path.chosen.motion.initial
+    path, start = replace(manoeuvre.path, feasible=feasible), manoeuvre.path.chosen.motion.initial
     turned = Rotation.from_quat(start.attitude) * Rotation.from_rotvec([0.0, 0.0, turn])
-    search = ff.Search("nearest", turned.as_quat(), joints=start.joints + np.array([0.0, shift]))
-    with pytest.raises(TimeoutError, match=str(duration)) if duration else nullcontext():
-        found = ff.plan_manoeuvre(problem, (), search, limits, reorient=True)
+    joints = start.joints + np.array([0.0, shift])
+    search = ff.Search("nearest", turned.as_quat(), joints=joints, seed=7)
+    with pytest.raises(TimeoutError, match=f"{duration}.*7") if duration else nullcontext():
+        found = ff.plan_manoeuvre(problem, [PHASES[2]][feasible:], search, limits, reorient=True)
         assert [phase.kind for phase in found.phases] == ["path"]
 
 
@@ -206,6 +212,7 @@ def test_the_motion_before_a_path_arrives_with_its_state(problem: ff.Problem) ->
 @pytest.mark.parametrize(("search", "key"), [
     (ff.Search("margin"), "search.from_attitude"),
     (ff.Search("nearest", [0.0, 0.0, 0.0, 1.0]), "search.joints"),
+    (ff.Search("nearest", [0.0, 0.0, 0.0, 1.0], joints=[0.5, 1e6]), "search.joints"),
 ])  # fmt: skip
 def test_a_reorientation_needs_the_present_state(problem, search: ff.Search, key: str) -> None:
     assert error_key(ff.plan_manoeuvre, problem, (), search, reorient=True) == key
