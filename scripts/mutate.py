@@ -58,15 +58,15 @@ LONGEST = 600.0
 
 
 class QuickRun:
-    """A pytest plugin: quick tests first, few examples of each property, none made smaller."""
+    """A pytest plugin: quick files first, few examples of each property, none made smaller."""
 
     def __init__(self, durations: Path) -> None:
-        """Take how long tests take [s] from a file, or write it where there is none."""
+        """Take how long files of tests take [s] from a file, or write it where there is none."""
         self._file, self._seconds = durations, Counter[str]()
         self._known = json.loads(durations.read_text()) if durations.exists() else {}
 
     def pytest_runtest_logreport(self, report: Any) -> None:
-        self._seconds[report.nodeid] += report.duration
+        self._seconds[report.location[0]] += report.duration
 
     def pytest_sessionfinish(self) -> None:
         if not self._known:
@@ -80,7 +80,8 @@ class QuickRun:
         settings.load_profile("mutants")
 
     def pytest_collection_modifyitems(self, items: list[Any]) -> None:
-        items.sort(key=lambda item: self._known.get(item.nodeid, 0.0))
+        items.sort(key=lambda item: self._known.get(item.location[0], 0.0))
+        items.sort(key=lambda item: item.get_closest_marker("slow") is not None)
 
 
 class Experiment:
