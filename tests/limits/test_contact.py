@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 import freefloat as ff
-from freefloat.limits.contact import self_contact
+from freefloat.limits.contact import self_contact, why_unchecked
 from freefloat.motion.motion import Motion
 from tests.prismatic import prismatic_motion, prismatic_robot, shape_text
 from tests.robots import joint_text
@@ -56,4 +56,7 @@ def test_meshes_in_contact_are_divided_into_convex_parts(tmp_path):
 
 @pytest.mark.parametrize("shape", ["", shape_text('<mesh filename="none.stl"/>')])
 def test_robots_whose_shapes_cannot_be_used_have_none(shape):
-    assert self_contact(prismatic_motion(prismatic_robot(CUBE, shape))) is None
+    motion = prismatic_motion(prismatic_robot(CUBE, shape))
+    assert self_contact(motion) is None
+    assert why_unchecked(motion.problem.model).startswith("link hand: <coll") is bool(shape)
+    assert why_unchecked(prismatic_motion(prismatic_robot(CUBE, BALL)).problem.model) is None

@@ -137,7 +137,6 @@ def test_a_margin_is_required_of_later_paths(state: SystemState) -> None:
 def test_a_path_that_begins_elsewhere_is_refused(problem: ff.Problem) -> None:
     line = ff.paths.PolynomialCurve.line([0.0, 0.0, 0.0], [1.0, 0.0, 0.0])
     last = ff.PathPhase(ff.TimedPath(ff.EndEffectorPath(line), ff.Timing(10.0)), "last")
-    # known once the phase before it is planned
     assert error_key(ff.plan_manoeuvre, problem, [PHASES[1], last]) == "phases.1.path"
 
 
