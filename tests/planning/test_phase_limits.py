@@ -23,6 +23,7 @@ LIMITS = ff.Limits(
 )
 EVERY = {kind.name for kind in KINDS} - {"joint_range"}  # its joints are continuous
 EXPECTED = {"path": EVERY, "goal": EVERY - {"base_turn"}}
+BERTH = ff.GoalPhase(ff.Goal(joints=[0.4, 1.2], duration=30.0))
 PRESENT = ff.Search("nearest", [0.0, 0.0, 0.0, 1.0], joints=[0.5, 0.8])
 
 
@@ -35,13 +36,7 @@ def problem() -> ff.Problem:
 @pytest.fixture(scope="module")
 def manoeuvre(problem: ff.Problem) -> Manoeuvre:
     around = problem.replace(scene=ff.Scene((BODY,), AROUND))
-    return ff.plan_manoeuvre(
-        around,
-        [ff.GoalPhase(ff.Goal(joints=[0.4, 1.2], duration=30.0))],
-        PRESENT,
-        LIMITS,
-        reorient=True,
-    )
+    return ff.plan_manoeuvre(around, [BERTH], PRESENT, LIMITS, reorient=True)
 
 
 @pytest.mark.slow
@@ -76,10 +71,11 @@ def test_a_motion_of_joints_out_of_the_corridor_is_infeasible(problem: ff.Proble
     """The path itself is the axis of the corridor."""
     start, end = problem.path.path.pose(0.0).position, problem.path.path.pose(1.0).position
     narrow = ff.Scene((), ff.Corridor(start, end - start, radius=0.01))
-    found = ff.plan_manoeuvre(problem.replace(scene=narrow), (), PRESENT, reorient=True)
+    around = problem.replace(scene=narrow)
+    found = ff.plan_manoeuvre(around, [BERTH], PRESENT, reorient=True)
     assert not found.feasible
     assert found.reason.startswith("reorientation")
     assert "corridor of end_effector" in found.reason
-    assert found.path.feasible
+    assert [phase.feasible for phase in found.phases] == [False, True]
     (left,) = (phase for phase in found.phases if not phase.feasible)
     assert (left.name, left.start) == ("reorientation", -(left.duration or 0.0))
