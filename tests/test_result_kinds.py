@@ -69,8 +69,8 @@ def test_a_result_is_saved_and_loaded(kind: str, tmp_path: Path) -> None:
     if kind != "singularity map":
         kept = archived(tmp_path / "result.h5") == scenario().text
         assert kept is (kind in ("plan", "motion", "manoeuvre"))
-        joints = loaded.problem.start_joints, result(kind).problem.start_joints
-        np.testing.assert_array_equal(*joints)
+        start = loaded.problem.start_joints
+        np.testing.assert_array_equal(start, result(kind).problem.start_joints)
     given = scenario() if kind == "manoeuvre" else None
     ff.save(loaded, tmp_path / "again.h5", given)
     assert ff.load(tmp_path / "again.h5").to_dict() == loaded.to_dict()

@@ -15,7 +15,6 @@ from freefloat.limits.limits import GIVEN, Limits
 from freefloat.limits.result import LimitResult, needed_stretch, rounded_up
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
-from freefloat.motion.pointing import PointingLimit
 from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import Stop, TimedPath, Timing
 from tests.motions import BAD, GOOD, bundled, heading, lasting, simulated
@@ -216,12 +215,6 @@ def test_results_are_sentences(limit, unit, allowed, worst, options, sentence):
     name = limit.replace("_", " ")
     for when, words in ("", ""), ("at t = 2 s", " at t = 2 s"):
         assert result.violation(when) == f"the {name} of q1 is violated{words}, {sentence}"
-
-
-def test_limits_seen_from_another_place_have_their_points_there():
-    cone = PointingLimit("bus", [1, 0, 0], 0.5, point=[1.0, 2.0, 3.0])
-    (moved,) = Limits(pointing=[cone], base_turn=np.pi).seen_from(np.array([0.5, 0, 0])).pointing
-    assert_close(moved.point, [0.5, 2.0, 3.0], atol=1e-15)
 
 
 def test_rates_towards_a_singularity_have_no_bound():

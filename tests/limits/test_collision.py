@@ -32,8 +32,7 @@ def step(edge, height):
     return cuboids(([0, 0, 0], [edge, 1, 1]), ([edge, 0, 0], [1, height, 1]))
 
 
-TEETH = [([x, 0, 0], [x + 0.3, 3, 1]) for x in range(9)]
-COMB = cuboids(*TEETH, ([0, 0, 0], [8.3, 0.1, 1]))
+COMB = cuboids(*(([x, 0, 0], [x + 0.3, 3, 1]) for x in range(9)), ([0, 0, 0], [8.3, 0.1, 1]))
 ANGLED = cuboids(([0, 0, 0], [3, 1, 1]), ([2, 1, 0], [3, 3, 1]))
 
 
