@@ -107,17 +107,14 @@ ANY = "uniform"
     ([REST, "berth"], "phases.1"),
     (5, "phases"),
     ([CAPTURE, beside(SPINNER, HERE, 30.0)], ""),  # after a capture no twist is known
-    ([CAPTURE, beside(SPINNER, HERE, 31.0)], "phases.1.path"),
     ([timed(HERE, THERE), CAPTURE, beside(SPINNER, THERE, 39.0)], ""),
     ([timed(HERE, THERE), CAPTURE, beside(SPINNER, THERE, 30.0)], "phases.2.path"),
     ([to(THERE, ff.GoalPhase), timed(THERE, BEYOND)], ""),
     ([to(THERE, ff.GoalPhase), timed(THERE, BEYOND, ANY)], "phases.1.path"),
-    ([to(THERE, ff.GoalPhase), timed(HERE, BEYOND)], "phases.1.path"),
     ([to(THERE, ff.GoalPhase, "spacecraft"), timed(HERE, BEYOND, ANY)], ""),
     ([REST, timed(HERE, BEYOND, ANY)], ""),
     ([rest(0.4, 1.2, duration=None), timed(HERE, BEYOND, ANY)], ""),
     ([to(THERE), timed(THERE, BEYOND)], ""),
-    ([to(THERE), timed(HERE, BEYOND)], "phases.1.path"),
     ([to(THERE), timed(THERE, BEYOND, ANY)], "phases.1.path"),
     ([to(THERE, frame="end_effector"), timed(HERE, BEYOND)], ""),
     ([CAPTURE, timed(HERE, THERE, ANY), timed(THERE, BEYOND, ANY)], ""),
@@ -131,6 +128,13 @@ def test_phases_follow_one_another_as_far_as_is_known_before_planning(problem, p
         assert error_key(ff.plan_manoeuvre, problem, phases) == key
     else:
         checked_phases(problem, phases)
+
+
+@pytest.mark.usefixtures("no_planning")
+def test_a_reorientation_begins_in_the_ranges_of_the_joints() -> None:
+    problem = ff.load_scenario("panda_servicer/line").problem()
+    search = ff.Search("nearest", [0.0, 0.0, 0.0, 1.0], joints=[0.0, 3.0, 0.0, -1.0, 0.0, 1.0, 0.0])
+    assert error_key(ff.plan_manoeuvre, problem, (), search, reorient=True) == "search.joints"
 
 
 def test_the_inertia_of_a_tumbling_is_known_up_to_a_factor(state: SystemState) -> None:
@@ -149,7 +153,12 @@ def test_a_fixed_body_is_captured_about_the_origin_of_its_frame(state: SystemSta
 @pytest.mark.parametrize("duration", [0.0, 1e-300, 1e-9, np.inf, np.nan, "3"])
 def test_durations_are_seconds_that_can_be_integrated(duration: Any) -> None:
     assert error_key(to, HERE, duration=duration) == "goal.duration"
-    assert error_key(ff.GoalPhase, REST.goal, 3) == "name"
+    for key, kind, *arguments in (
+        ("name", ff.GoalPhase, REST.goal, 3), ("name", ff.PathPhase, to(HERE).path, 3),
+        ("path", ff.PathPhase, REST), ("margin", ff.PathPhase, to(HERE).path, "", -1.0),
+        ("redundancy", ff.PathPhase, to(HERE).path, "", 0.0, 3), ("body", ff.CapturePhase, 3, 3.0),
+    ):  # fmt: skip
+        assert error_key(kind, *arguments) == key
 
 
 @pytest.mark.parametrize(("changes", "key"), [
