@@ -204,6 +204,7 @@ def test_a_document_that_contradicts_the_arrays_is_altered(refusal, key):
 def test_what_a_document_states_differs_by_more_than_rounding(stated, recomputed, keys):
     """Of attitudes up to their sign, of residuals the order of magnitude; texts do not count."""
     assert [key for key, *_ in differences(stated, recomputed)] == keys
+    assert [*differences([1.0], [2.0])] == [("[0]", 1.0, 2.0)]
 
 
 def test_a_file_is_not_parsed_unless_its_digest_is_right(saved, tmp_path, monkeypatch):
