@@ -104,7 +104,7 @@ def test_motions_near_the_threshold_are_decided_precisely() -> None:
     joints, margin = least.branch.joints, least.minimum_margin
     thresholds = margin * np.array([0.9, 1.0 - 5e-5, 1.0 - 2e-6, 1.0, 1.0 + 2e-6])
     motions = ff.simulate_many(LINE, ATTITUDE, joints=joints, thresholds=thresholds)
-    assert motions.deciders.tolist() == [0, 1, 2, 2, 2]
+    assert motions.deciders.tolist() == [0, 1, 3, 3, 3]
     assert motions.feasible.tolist() == [True, True, True, True, False]
 
 

@@ -77,6 +77,7 @@ class EnsembleIntegrator:
         starts: Array | None = None,
         ends: Array | None = None,
         stop_below: float = 0.0,
+        stricter: bool = False,
         progress: Progress | None = None,
     ) -> EnsembleResult:
         """Integrate the motions along the path from many states.
@@ -90,6 +91,8 @@ class EnsembleIntegrator:
             ends: Final times [s], shape (K,); the duration when left out. With an end before its
                 start a motion is integrated backward.
             stop_below: Stop motions that violate a margin with this threshold.
+            stricter: Begin with a tenth of the tolerance, with which motions whose minimum of the
+                measure is small relative to its maximum are otherwise integrated again.
             progress: Called with the fraction done, in [0, 1].
 
         Raises:
@@ -111,6 +114,7 @@ class EnsembleIntegrator:
             _checked("starts", np.zeros(K) if starts is None else starts, (K,), duration),
             _checked("ends", np.full(K, duration) if ends is None else ends, (K,), duration),
             stop_below * (1.0 - ROUNDING),
+            stricter,
         )
         properties = 0 if robots is None else robots.shape[1]
         result = EnsembleResult.empty((K,), n, len(self._spares))

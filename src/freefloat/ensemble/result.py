@@ -12,7 +12,7 @@ from freefloat.ensemble.endings import COMPLETED, UNREACHED
 from freefloat.errors import InputError
 from freefloat.motion.margin import keeps_threshold
 from freefloat.records import Joints, Quaternions, Times
-from freefloat.so3 import Array, IntArray
+from freefloat.so3 import Array, BoolArray, IntArray
 
 REGULAR_RATIO = 0.01
 """Smallest ratio of the minimum and maximum magnitude of det S* along a regular motion."""
@@ -73,7 +73,7 @@ class EnsembleResult(NamedTuple):
         """The results of some columns of a table."""
         return EnsembleResult._make(values[:, numbers] for values in self)
 
-    def assign(self, chosen: npt.NDArray[np.bool_], motions: EnsembleResult) -> None:
+    def assign(self, chosen: BoolArray | IntArray, motions: EnsembleResult) -> None:
         """Write the results of motions where they are chosen, in place."""
         for name in self._fields:
             getattr(self, name)[chosen] = getattr(motions, name)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -61,9 +62,10 @@ def starts_at(
         raise InputError("branch", f"{branch} was given together with joints", "branch or joints")
     same = len(attitudes) > 1 and bool((attitudes == attitudes[0]).all())
     same &= joints is None or joints.ndim == 1
-    starts = _distinct_starts(problem, attitudes[:1] if same else attitudes, branch, joints)
     if not same:
-        return starts
+        return _distinct_starts(problem, attitudes, branch, joints)
+    near = None if joints is None else tuple(joints.tolist())
+    starts = _starts_of_one(problem, tuple(attitudes[0].tolist()), branch, near)
     every = np.zeros(len(attitudes), dtype=int)
     return Starts(starts.joints[every], starts.branches[every])
 
@@ -133,6 +135,17 @@ def _near_starts(
         ))  # fmt: skip
     found, near = zip(*parts, strict=True)
     return np.concatenate(found, axis=1).T, np.concatenate(near)
+
+
+@lru_cache(maxsize=8)
+def _starts_of_one(
+    problem: Problem,
+    attitude: tuple[float, ...],
+    branch: int | None,
+    joints: tuple[float, ...] | None,
+) -> Starts:
+    near = None if joints is None else np.array(joints)
+    return _distinct_starts(problem, np.array([attitude]), branch, near)
 
 
 def _distinct_starts(

@@ -149,11 +149,11 @@ def _create(connection: sqlite3.Connection, study: Study) -> None:
     parameters = study.variation.columns(0, 1)
     types = {name: TEXT if column.dtype == object else REAL for name, column in parameters.items()}
     results = {f"{FOUND}{name}" if name in types else name: kind for name, kind in RESULTS.items()}
-    verdicts = ", ".join(map(repr, VERDICTS))
+    verdicts = " OR ".join(f"verdict = {verdict!r}" for verdict in VERDICTS)  # IN takes far longer
     definitions = [
         f"number INTEGER PRIMARY KEY CHECK (number BETWEEN 0 AND {study.count - 1})",
         *(_definition(name, kind) for name, kind in (types | results).items()),
-        f"CHECK (verdict IN ({verdicts}))",
+        f"CHECK ({verdicts})",
     ]
     connection.execute(f"CREATE TABLE IF NOT EXISTS runs ({', '.join(definitions)}) STRICT")
     connection.execute(

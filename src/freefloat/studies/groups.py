@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -14,8 +14,11 @@ from freefloat.ensemble.disturbed_motions import (
     integrate_disturbed,
 )
 from freefloat.ensemble.endings import NORMAL
+from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.equivalence import equivalents
 from freefloat.ensemble.many_motions import ManyMotions
+from freefloat.ensemble.starts import starts_at
+from freefloat.ensemble.systems import Systems
 from freefloat.errors import FreeFloatError
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.limits import GIVEN
@@ -50,6 +53,8 @@ class Group:
             each attitude.
         ranges: Whether joints have ranges.
         limited: Whether anything else is limited, which only precise motions show.
+        stricter: Whether ensembles begin with a stricter tolerance, as the undisturbed motion is
+            cheaper then.
         robot: The robot of which those of the runs are variations.
     """
 
@@ -62,6 +67,7 @@ class Group:
     unvaried: Problem | None
     ranges: bool
     limited: bool
+    stricter: bool
     robot: VariedRobot
 
     def integrate(self, numbers: IntArray, threads: int) -> tuple[IntArray, ManyMotions]:
@@ -100,6 +106,7 @@ class Group:
             joints,
             threads,
             ranges=self.ranges and not self.limited,
+            stricter=self.stricter,
         )
         return places + first, motions
 
@@ -125,6 +132,29 @@ def _best_joints(problem: Problem, attitudes: Array, threads: int) -> Array:
     required = np.full(len(attitudes), problem.margin.threshold)
     undisturbed = equivalents(problem, len(attitudes))
     return integrate_disturbed(undisturbed, attitudes, required, threads=threads).joints
+
+
+def _begins_stricter(group: Group, number: int) -> bool:
+    """Whether undisturbed motions with a run's robot are cheaper with a stricter tolerance."""
+    if group.attitude is None:
+        return False
+    values, attitude = group.study.variation.values(number, 1), group.attitude[None]
+    robots, fits = group.robot.robots(values, np.array([number]))
+    if not fits.all() or (robots is not None and not robots.suit(group.problem).all()):
+        return False
+    starts = starts_at(group.problem, attitude, group.branch, group.joints, robots)
+    begun = starts.joints[starts.exist]
+    every = np.zeros(len(begun), dtype=int)
+    systems = Systems.of(group.problem)
+    if robots is not None:  # else machine code for one robot is loaded, too
+        systems = replace(systems, robots=robots[every])
+    once, again = (
+        EnsembleIntegrator(group.problem, 1)
+        .integrate(attitude[every], begun, systems, stricter=stricter)
+        .evaluations.sum()
+        for stricter in (True, False)
+    )
+    return bool(once < again)
 
 
 @lru_cache(maxsize=4)
@@ -176,10 +206,11 @@ def _group(study: Study, number: int) -> Group | None:
             branch, joints = choice.get("branch"), choice.get("joints")
     elif content.branch is None and unvaried is None:
         return None
-    return Group(
+    group = Group(
         study, problem, margin.fraction is not None, attitude, branch, joints, unvaried, ranges,
-        limited, _varied_robot(study, document, scenario),
+        limited, False, _varied_robot(study, document, scenario),
     )  # fmt: skip
+    return replace(group, stricter=_begins_stricter(group, number))
 
 
 def _varied_robot(study: Study, document: dict[str, Any], scenario: Scenario) -> VariedRobot:

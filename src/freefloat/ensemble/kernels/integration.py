@@ -59,13 +59,14 @@ def integrate_many(
 
     Where the minimum of the measure is small relative to its maximum along the motion, small errors
     of the motion are large relative to it: such motions are integrated again with a stricter
-    tolerance. So are those that become singular after having come so close to a singularity that
+    tolerance, unless all begin with that. So are those that become singular after having come so close to a singularity that
     with exact numbers they may pass it.
     """
     work = workspace_in_tables(workspace)
     problem = problem_in_tables(problem, motions.robots, work)
     waiting, repeated = beyond - first, 0
-    queue, factors = np.arange(first, beyond), np.ones(waiting)
+    begun = _STRICTER if motions.stricter else 1.0
+    queue, factors = np.arange(first, beyond), np.full(waiting, begun)
     again, stricter = np.empty(waiting, np.int64), np.empty(waiting)
     owners, steps = np.empty(WIDTH, np.int64), np.empty(WIDTH, np.int64)
     for repeats in (True, False):
@@ -96,7 +97,7 @@ def integrate_many(
                     continue
                 store(problem, k, lane, ending, steps[lane], work, out)
                 factor = stricter_factor(motions, k, lane, work, out) if repeats else 1.0
-                if factor < 1.0:
+                if factor < begun:
                     again[repeated], stricter[repeated] = k, factor
                     repeated += 1
                 owners[lane], steps[lane] = -1, 0

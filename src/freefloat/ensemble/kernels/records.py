@@ -118,6 +118,7 @@ class Motions(NamedTuple):
     starts: Array
     goals: Array
     stop_below: float
+    stricter: bool  # whether all begin with the tolerance of those with small minima
 
 
 class Workspace(NamedTuple):
