@@ -3,8 +3,9 @@
 Momentum, duration, attitude, margin and the robot (masses of links, payload, spacecraft, mount)
 vary in studies of four robots. Verdicts must be equal and minimum margins agree to 1e-4; so must
 the minimum margins of motions that SciPy integrates with Pinocchio's matrices. ``--runs`` is the
-number for each robot, of ``--draws`` random ones: a third singular, a third near a singularity, if
-there are as many. ``--scipy`` is that of motions by SciPy, ``--seed`` selects others.
+number for each robot, of ``--draws`` random ones: a third singular, half of them near a
+singularity, if there are as many (a UR5 has few). ``--scipy`` is that of motions by SciPy,
+``--seed`` selects others.
 """
 
 from __future__ import annotations
@@ -157,11 +158,12 @@ def compare(name: str, options: argparse.Namespace, pool: ProcessPoolExecutor) -
 
 
 def selection(columns: Columns, count: int) -> IntArray:
-    """Places of runs, ascending: a third singular, a third near a singularity, if there are."""
+    """Places of runs, ascending: a third singular, half near a singularity, if there are."""
     completed = np.asarray(columns["completed"])
     again = np.asarray(columns["decided_by"]) != DECIDERS[NORMAL]
     kinds = ~completed, completed & again, completed & ~again
-    most = [np.flatnonzero(kind)[: -(-count // 3)] for kind in kinds[:2]]
+    shares = -(-count // 3), count // 2
+    most = [np.flatnonzero(kind)[:share] for kind, share in zip(kinds, shares, strict=False)]
     rest = np.flatnonzero(kinds[2])[: count - sum(map(len, most))]
     return np.sort(np.concatenate([*most, rest]))
 

@@ -189,6 +189,18 @@ def test_minima_do_not_depend_on_the_steps(spatial: ff.Problem, tolerance: float
     np.testing.assert_allclose(back.minimum, fine.minimum[done], rtol=1e-4, atol=error)
 
 
+def test_small_minima_are_integrated_once_with_the_stricter_tolerance(spatial: ff.Problem) -> None:
+    """The same results in fewer evaluations as of motions that are integrated a second time."""
+    attitudes, joints = states(spatial, random_attitudes(40, 3))
+    integrator = EnsembleIntegrator(spatial, 1)
+    twice = integrator.integrate(attitudes, joints)
+    once = integrator.integrate(attitudes, joints, stricter=True)
+    again = (twice.endings == COMPLETED) & (twice.evaluations > once.evaluations)
+    assert 10 < again.sum() < len(again) / 2
+    for name in ("minimum", "minimum_at", "joints", "attitudes", "rates"):
+        assert np.array_equal(getattr(once, name)[again], getattr(twice, name)[again]), name
+
+
 def test_skewed_minimum_between_nodes() -> None:
     """Before it the measure falls twenty times as steeply as it rises behind, near the end."""
     line = bundled("spatial_6dof/line")

@@ -125,9 +125,7 @@ def _decided(
     """Results of the nominal problem's motions, and what decided them."""
     required = thresholds / disturbed.magnifications
 
-    def integrated(
-        chosen: IntArray | slice, tolerance: float, **options: Any
-    ) -> EnsembleResult:
+    def integrated(chosen: IntArray | slice, tolerance: float, **options: Any) -> EnsembleResult:
         some = disturbed[chosen]
         integrator = EnsembleIntegrator(disturbed.problem, threads, tolerance=tolerance)
         return integrator.integrate(attitudes[chosen], joints[chosen], some.systems, **options)

@@ -50,6 +50,8 @@ def save_tables(folder: Path, rows: StudyRows) -> dict[str, Path | None]:
 
 def _cells(values: Sequence[Any], kind: str) -> list[str]:
     """The CSV cells of a column, empty ones for None; numbers have the digits they need."""
+    if values.count(values[0]) == len(values) > 1:  # many columns are empty or constant
+        return _cells(values[:1], kind) * len(values)
     if kind in (REAL, INTEGER):  # not by repr, which takes three times as long
         return to_json(values)[1:-1].decode().replace("null", "").split(",")
     cells = {value: _cell(value, kind) for value in set(values)}

@@ -59,8 +59,8 @@ def integrate_many(
 
     Where the minimum of the measure is small relative to its maximum along the motion, small errors
     of the motion are large relative to it: such motions are integrated again with a stricter
-    tolerance, unless all begin with that. So are those that become singular after having come so close to a singularity that
-    with exact numbers they may pass it.
+    tolerance, unless all begin with that. So are those that become singular after having come so
+    close to a singularity that with exact numbers they may pass it.
     """
     work = workspace_in_tables(workspace)
     problem = problem_in_tables(problem, motions.robots, work)
