@@ -38,6 +38,8 @@ from freefloat.studies.study import Study
 
 NEAR = 1e-4
 """Permitted relative difference of minimum margins."""
+_EXACT = {"xatol": 1e-9}
+"""Error of the time of a minimum that SciPy searches for [s], narrow near a singularity."""
 PAYLOAD = {
     "robot.payload.mass": {"uniform": [1, 20]},
     "robot.payload.com": {"uniform": [[-0.1, -0.1, -0.1], [0.1, 0.1, 0.2]]},
@@ -119,7 +121,7 @@ def by_scipy(study: Study, number: int, row: dict[str, Any]) -> float:
     times = np.linspace(0.0, problem.path.duration, 1001)
     k = int(np.argmin([value(t) for t in times]))
     bounds = times[max(k - 1, 0)], times[min(k + 1, 1000)]
-    return float(minimize_scalar(value, bounds=bounds, method="bounded").fun)
+    return float(minimize_scalar(value, bounds=bounds, method="bounded", options=_EXACT).fun)
 
 
 def compare(name: str, options: argparse.Namespace, pool: ProcessPoolExecutor) -> dict[str, Any]:
