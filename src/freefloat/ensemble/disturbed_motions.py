@@ -45,7 +45,7 @@ at a finer tolerance do not decide; larger errors were seen in one of 6,000 plan
 _GRAZING_RATE = 1e5
 """Largest joint rate, in units of the duration, above which a motion that ends at a singularity has
 come so near to it before that it may pass: head-on it ends at rates of 1e3 to 1e5. Of 15,000 that
-end so and are slower none passes with exact numbers, of 400 faster ones twenty."""
+end so and are slower none passes with exact numbers, of 860 faster ones 21."""
 _SINGULAR_RATIO, _PLANAR_RATIO = 1e-3, 0.1
 """Smallest over largest det S* below which errors of the minimum are large, in space and plane."""
 SAFE_RANGE, STRICT_SAFE_RANGE = 0.9, 0.99
@@ -130,7 +130,7 @@ def _decided(
         integrator = EnsembleIntegrator(disturbed.problem, threads, tolerance=tolerance)
         return integrator.integrate(attitudes[chosen], joints[chosen], some.systems, **options)
 
-    step = step_of(progress, 0.0, _FIRST_PASS)
+    step: Progress | None = step_of(progress, 0.0, _FIRST_PASS)
     first = integrated(slice(None), STEP_TOLERANCE, stricter=stricter, progress=step)
     motions = EnsembleResult._make(values.copy() for values in first)
     nearly_singular = _PLANAR_RATIO if disturbed.problem.task.planar else _SINGULAR_RATIO
@@ -144,15 +144,16 @@ def _decided(
         again |= (motions.minimum >= required) & (ratios > SAFE_RANGE)
     deciders, chosen = np.full(len(joints), NORMAL, np.int8), np.flatnonzero(again)
     careful = disturbed.problem.task.planar or disturbed.problem.redundant
+    step = step_of(progress, _FIRST_PASS, 1.0)
     for decider in (STRICT,) if careful else (FINE, STRICT):
-        finer = integrated(chosen, _TOLERANCES[decider])
+        finer = integrated(chosen, _TOLERANCES[decider], progress=step)
         doubtful = (finer.endings != motions.endings[chosen]) | (finer.endings == FAILED)
         doubtful |= _is_near(finer.minimum, required[chosen], _STILL_NEAR)
         if decider == FINE:
             doubtful |= _may_pass(disturbed.problem, finer)
         motions.assign(chosen, finer)
         deciders[chosen] = decider
-        chosen = chosen[doubtful]
+        chosen, step = chosen[doubtful], None  # which are few
     deciders[chosen] = MOTION
     for k in chosen.tolist():
         _decide_precisely(disturbed.problem_of(k), attitudes[k], joints[k], motions, k)
