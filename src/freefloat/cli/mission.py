@@ -26,9 +26,7 @@ def mission_document(scenario: Scenario) -> dict[str, Any]:
     limits = limits_content(scenario.limits(), problem.model.joint_names)
     return {
         "scene": scene_content(problem.scene),
-        "limits": limits,
-        "pointing": limits["pointing"],
-        "base_turn_deg": limits["base_turn_deg"],
+        **limits,
         "wheel_momentum": problem.wheel_momentum.tolist(),
         "drift": problem.path.drift.tolist(),
     }

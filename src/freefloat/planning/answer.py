@@ -137,8 +137,6 @@ class Answer:
 
     @property
     def violation(self) -> str:
-        """That motions of an infeasible answer are, and which limits they violate; else empty."""
-        if self.feasible:
-            return ""
+        """Which limits the motions violate, as in a title; empty where they keep all."""
         names = [entry.limit for phase in self.phases for entry in violated(phase.limit_results)]
-        return "infeasible" + (f": violates {', '.join(names)}" if names else "")
+        return f"infeasible: violates {', '.join(names)}" if names else ""

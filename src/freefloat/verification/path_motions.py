@@ -57,7 +57,7 @@ def plan_report(
 
             yield from completed("robustness", robustness_checks, plan, chosen)
         if not plan.feasible:
-            yield Check("feasible", False, f"the plan is {plan.violation}", False)
+            yield Check("feasible", False, plan.reason, False)
 
     return _report(plan, chosen, plan.feasible, True, stated, engine, orbit)
 
