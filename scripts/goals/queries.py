@@ -116,7 +116,8 @@ def _turns(blank: Query) -> Iterator[Query]:
 
 def _configurations(blank: Query, kind: str) -> Iterator[Query]:
     model, rng = blank.system.model, np.random.default_rng(5)
-    low, high = (np.clip(ends, -np.pi, np.pi) * 0.95 for ends in model.joint_ranges)
+    ends = np.clip(model.joint_ranges, -np.pi, np.pi)
+    low, high = ends.mean(axis=0) + 0.475 * np.outer([-1.0, 1.0], np.ptp(ends, axis=0))
     while True:
         q = np.clip(blank.joints + 0.8 * rng.normal(size=model.dof), low, high)
         attitude = Rotation.from_rotvec(0.1 * rng.normal(size=3)).as_quat()
