@@ -43,7 +43,8 @@ TESTS = {
     "limits": f"tests/limits tests/planning/test_goals.py::test_gradients_of_clearances {KINDS}",
     "motion.integration": "tests/motion/test_integration.py tests/motion/test_motion.py "
     "tests/motion/test_extrema.py",
-    "motion.law": "tests/motion/test_law.py tests/validation/test_mujoco.py",
+    "motion.law": "tests/motion/test_law.py tests/motion/test_two_arms.py "
+    "tests/validation/test_mujoco.py",
     "planning.phases": "tests/planning/test_phases.py tests/planning/test_manoeuvre.py "
     "tests/planning/test_phase_limits.py",
     "planning.plane.ranges": f"tests/planning/test_planar_ranges.py {RANGES}[2] {RANGES}[4]",

@@ -25,7 +25,7 @@ def moved(kind: str) -> Motion:
     problem = problem.replace(wheel_momentum=[0.1, 0.2, -0.3], path=path)
     if kind == "path":
         return ff.simulate(problem, ATTITUDE).chosen.motion
-    timed = problem.replace(path=replace(path, timing=ff.Timing(20.0, "uniform")))
+    timed = problem.replace(path=replace(path, timing=ff.Timing(20.0, "quintic")))
     spline = JointSpline([START, 1.1 * START, *np.linspace(START, END, 9), END])
     return integrate_spline(timed, spline, ATTITUDE)
 

@@ -75,8 +75,10 @@ def test_motions_agree_with_an_integration_of_our_own_and_with_mujoco(seed):
     np.testing.assert_allclose(ensemble.joints[0], joints, atol=1e-7)
     back = ff.integrate_motion(problem, attitude, joints, start=problem.path.duration, end=0.0)
     np.testing.assert_allclose(back.final.joints[:n], case.joints, atol=1e-7)
-    forces = motion.law.effort(7.0, *(getattr(motion.sample(7.0)[0], key) for key in
-                                      ("attitude", "joints")))  # fmt: skip
+    (now,) = motion.sample(7.0)
+    here = now.time, now.attitude, now.joints
+    forces, rates = motion.law.effort(*here), np.concatenate(motion.law.rates(*here))
+    np.testing.assert_allclose(forces.rates[3:], rates, rtol=0, atol=1e-12)
     assert np.abs(forces.base_wrench).max() < 1e-9 * np.abs(forces.joint_torques).max()
 
 
