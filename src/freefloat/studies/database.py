@@ -129,7 +129,8 @@ def open_results(folder: Path, study: Study, files: Files) -> Iterator[StudyData
     make_folder("output", folder)
     with database_errors(folder / DATABASE):
         for path in (*folder.glob(f"{DATABASE}*"), *folder.glob(f"{_LOCK}*")):
-            if not path.is_file():  # opening a named pipe would wait for ever
+            # opening a named pipe would wait for ever; SQLite deletes files of its own meanwhile
+            if not path.is_file() and os.path.lexists(path):
                 raise InputError("output", f"{path} is not a regular file", "another folder")
     with ExitStack() as stack:
         with database_errors(folder / DATABASE):
