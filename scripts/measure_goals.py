@@ -14,7 +14,7 @@ import time
 from itertools import islice
 
 import numpy as np
-from goals.queries import IDENTITY, JOINTS, Query, queries
+from goals.queries import IDENTITY, JOINTS, queries
 
 import freefloat as ff
 from freefloat.planning.goals.goal_motion import GoalMotion
@@ -26,11 +26,6 @@ def largest_rate(result: GoalMotion, limits: ff.Limits) -> float:
     """Largest joint rate over its limit, at 20,000 instants."""
     rates = result.motion.curve.at(np.linspace(0.0, 1.0, 20_000), 1) / result.duration
     return float(np.abs(rates / limits.joint_rate).max())
-
-
-def shortest_time(query: Query) -> float:
-    """Time that the straight way of the joints takes at the largest rates [s]."""
-    return float((np.abs(query.end - query.joints) / query.limits.joint_rate).max())
 
 
 def measure(name: str, kind: str, count: int, momentum: list[float], engine: str) -> None:

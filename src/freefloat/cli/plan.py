@@ -220,7 +220,8 @@ def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
         if plan.feasible:
             yield f"Chosen: {heading}{plan.reason}."
         else:
-            yield Text(f"Nearest to keeping the limits: {heading}{plan.violation}.", "yellow")
+            violation = plan.violation or "infeasible"
+            yield Text(f"Nearest to keeping the limits: {heading}{violation}.", "yellow")
         yield from (f"  {line}" for line in _chosen_lines(plan))
         yield from _segment_lines(plan)
         yield from motion_lines(plan.chosen)

@@ -139,4 +139,4 @@ class Answer:
     def violation(self) -> str:
         """Which limits the motions violate, as in a title; empty where they keep all."""
         names = [entry.limit for phase in self.phases for entry in violated(phase.limit_results)]
-        return f"infeasible: violates {', '.join(names)}" if names else ""
+        return f"infeasible: violates {', '.join(dict.fromkeys(names))}" if names else ""

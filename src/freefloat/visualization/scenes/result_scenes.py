@@ -55,7 +55,7 @@ def _simulation_scene(simulation: Simulation, title: str) -> Scene:
 def _plan_scene(plan: Plan, title: str) -> Scene:
     if plan.chosen is None:
         raise InputError("plan", f"it has no motion: {plan.reason}", "a plan with a motion")
-    name = plan.chosen.title + (f", {plan.violation}" if plan.violation else "")
+    name = plan.chosen.title + ("" if plan.feasible else f", {plan.violation or 'infeasible'}")
     return motion_scene({name: plan.chosen.motion}, title, _pointing(plan.limits))
 
 
