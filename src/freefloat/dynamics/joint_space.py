@@ -54,7 +54,7 @@ def joint_space_extremes(
     return Extremes(-largest, frozen(largest_at), smallest, frozen(smallest_at))
 
 
-def largest_magnitude(
+def largest_measure(
     model: FreeFloatingModel, measure: SingularityMeasure, samples: int = 4096
 ) -> float:
     """:attr:`Extremes.magnitude`, without the slow search for the minimum if none is negative."""

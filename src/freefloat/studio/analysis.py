@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from freefloat.concurrency import Progress
-from freefloat.dynamics.joint_space import largest_magnitude
+from freefloat.dynamics.joint_space import largest_measure
 from freefloat.io.records.results import save
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.limits.check import check_limits
@@ -67,7 +67,7 @@ class Robots:
             if key not in self._largest:
                 measure = problem.margin.measure
                 known = problem.margin.threshold / fraction if fraction else None
-                self._largest[key] = known or largest_magnitude(problem.model, measure)
+                self._largest[key] = known or largest_measure(problem.model, measure)
             return scenario, problem, self._largest[key]
         largest = self._largest[key]
         margin = content.margin.model_copy(update={"value": fraction * largest, "fraction": None})

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from freefloat.dynamics.joint_space import largest_magnitude
+from freefloat.dynamics.joint_space import largest_measure
 from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.system import System
@@ -123,7 +123,7 @@ class Scenario:
             with file_keys(measure="margin.measure"):
                 measure = singularity_measure(model, content.task, content.margin.measure)
             if content.margin.fraction is not None:
-                value = content.margin.fraction * self._largest_magnitude(measure)
+                value = content.margin.fraction * self._largest_measure(measure)
             redundancy = None
             if content.redundancy is not None:
                 redundancy = Redundancy(**content.redundancy.model_dump(exclude_none=True))
@@ -158,12 +158,12 @@ class Scenario:
             self.model().require_one_arm("motions to a goal")
             return section.to_goal(self.model())
 
-    def _largest_magnitude(self, measure: SingularityMeasure) -> float:
+    def _largest_measure(self, measure: SingularityMeasure) -> float:
         """Largest magnitude of a measure, guaranteed for det A unless the arm is redundant."""
         model, task = self.model(), self.content.task
         if measure.name == "system" and not model.arms and model.dof == len(task.rows):
             return guaranteed_magnitude(model, task, measure.name).value
-        return largest_magnitude(model, measure)
+        return largest_measure(model, measure)
 
     def search(self) -> Search:
         """The search for a plan.

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from freefloat.dynamics.joint_space import largest_magnitude
+from freefloat.dynamics.joint_space import largest_measure
 from freefloat.motion.problem import Problem
 from freefloat.planning.domain import SearchDomain, branch_changes
 from freefloat.planning.plane.arcs import (
@@ -126,7 +126,7 @@ def _from_tangency(point: PlanarTangencyPoint, end: float) -> _Planned:
 def _level(problem: Problem) -> float:
     """S0 > 0 for which limits are computed: the margin, or nearly zero where that is zero."""
     margin = problem.margin
-    return margin.threshold or _SMALLEST_LEVEL * largest_magnitude(problem.model, margin.measure)
+    return margin.threshold or _SMALLEST_LEVEL * largest_measure(problem.model, margin.measure)
 
 
 @lru_cache(maxsize=2)
