@@ -69,6 +69,14 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, Any], tuple[str, ...]]] = 
         "robot.payload.inertia": {"list": [[0.5, 0.5, 0.5]]},
         "robot.spacecraft.mount.xyz.2": {"uniform": [0.35, 0.45]},
     }, ("spacecraft", "panda_link2", "panda_link5")),
+    "its attitudes": ("panda_servicer/line", {"margin": {"measure": "gjm", "value": 0.02},
+                                              "limits": {}}, {
+        "attitude": {"so3": {"center": [0, 0, 0, 1], "angle_deg": 20.0}},
+        "momentum": {"ball": {"center": [0, 0, 0], "radius": 1.0}},
+    }, ("spacecraft", "panda_link2")),
+    "joints nearby": ("spatial_6dof/line", {"search": {"joints": [0, 0.5, 1, 0, 1, 0]}}, {
+        "attitude": {"so3": {}}, "momentum": {"ball": {"center": [0, 0, 0], "radius": 1.0}},
+    }, ("spacecraft", "link_3")),
     "Example 1": ("planar_3dof/parabola_nonstop", {}, {
         "heading_deg": {"uniform": [0, 360]}, "timing.duration": {"uniform": [50, 200]},
         "momentum.2": {"uniform": [-1, 1.5]}, "margin.value": {"uniform": [1, 20]},
@@ -77,19 +85,18 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, Any], tuple[str, ...]]] = 
     }, ("spacecraft", "link_1", "link_2", "link_3")),
 }  # fmt: skip
 """Base scenario, changes to it, varied keys, and links with factors of their own."""
-STARTS: dict[str, dict[str, Any]] = {"a UR5": {"branch": 2},
-                                     "seven joints": {"attitude": [0, 0, 0, 1]}}  # fmt: skip
+STARTS: dict[str, dict[str, Any]] = {"seven joints": {"attitude": [0, 0, 0, 1]}}
 
 
 def write_study(name: str, runs: int, seed: int, folder: Path) -> Study:
     """Write a study and its base scenario."""
     scenario, changes, vary, links = CASES[name]
     source = find_scenario(scenario)
-    base = yaml.safe_load(source.read_text("utf-8")) | changes
+    base = yaml.safe_load(source.read_text("utf-8"))
+    base.pop("search", None)
+    base |= changes
     if not base["robot"]["urdf"].startswith("example-robot-data"):
         base["robot"]["urdf"] = str(source.parent / base["robot"]["urdf"])
-    if "search" in base:
-        del base["search"]
     (folder / "base.yaml").write_text(yaml.safe_dump(base), "utf-8")
     factors = {f"robot.scale_mass.{link}": {"uniform": [0.8, 1.25]} for link in links}
     document = {"base": "base.yaml", "command": "simulate", "cases": runs, "seed": seed,

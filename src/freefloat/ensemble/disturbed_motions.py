@@ -33,6 +33,7 @@ from freefloat.ensemble.starts import starts_at
 from freefloat.errors import IntegrationError
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
+from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Problem
 from freefloat.robot.joint_ranges import largest_range_ratio
@@ -80,7 +81,8 @@ def integrate_disturbed(
         joints: Joint values near those of the arm branch, shape (n,) or (K, n).
         threads: Number of threads.
         progress: Called with the fraction done.
-        ranges: Whether motions near the bounds of joint ranges are integrated strictly, too.
+        ranges: Whether motions that keep their joint ranges are preferred to others, as by
+            simulate; those near the bounds are integrated strictly, too.
         stricter: As of :meth:`.EnsembleIntegrator.integrate`, for the first ensemble.
     """
     problem = disturbed.problem
@@ -91,7 +93,11 @@ def integrate_disturbed(
         disturbed[owners], attitudes[owners], begun, thresholds[owners], threads, progress,
         ranges=ranges, stricter=stricter,
     )  # fmt: skip
-    chosen = _best(owners, motions, len(attitudes))
+    required = thresholds[owners] / disturbed.magnifications[owners]
+    preferred = keeps_threshold(motions.minimum, required)
+    if ranges:
+        preferred &= _range_ratios(problem, motions) <= 1.0
+    chosen = _best(owners, motions, preferred, len(attitudes))
     found = chosen >= 0
     table = EnsembleResult.empty((len(attitudes),), problem.model.arm_dof)
     table.assign(found, EnsembleResult._make(values[chosen[found]] for values in motions))
@@ -137,11 +143,8 @@ def _decided(
     again = (motions.endings != COMPLETED) | (motions.determinant_ratios < nearly_singular)
     again |= _is_near(motions.minimum, required, _NEAR)
     if ranges:
-        shifts = _shifts_into_ranges(disturbed.problem, motions.lower, motions.upper)
-        ratios = largest_range_ratio(
-            disturbed.problem.model.joint_ranges, motions.lower + shifts, motions.upper + shifts
-        )
-        again |= (motions.minimum >= required) & (ratios > SAFE_RANGE)
+        kept = motions.minimum >= required
+        again |= kept & (_range_ratios(disturbed.problem, motions) > SAFE_RANGE)
     deciders, chosen = np.full(len(joints), NORMAL, np.int8), np.flatnonzero(again)
     careful = disturbed.problem.task.planar or disturbed.problem.redundant
     step = step_of(progress, _FIRST_PASS, 1.0)
@@ -186,16 +189,17 @@ def _decide_precisely(
     motions.minimum_at[k] = approach.time
 
 
-def _best(owners: IntArray, motions: EnsembleResult, count: int) -> IntArray:
+def _best(owners: IntArray, motions: EnsembleResult, preferred: BoolArray, count: int) -> IntArray:
     """Of the motions of each of ``count`` owners the one that simulate prefers; -1 without any.
 
-    Completion first, then the minimum margin; of nearly equal ones, such as those of mirrored arm
-    branches, the first.
+    Preferred ones first, then completion, then the minimum margin; of nearly equal ones, such as
+    those of mirrored arm branches, the first.
     """
     completed = motions.endings == COMPLETED
-    anywhere, largest = np.zeros(count, dtype=bool), np.full(count, -np.inf)
-    np.logical_or.at(anywhere, owners, completed)
-    candidates = np.flatnonzero(completed == anywhere[owners])
+    ranks = completed + 1 * (completed & preferred)
+    highest, largest = np.zeros(count, dtype=int), np.full(count, -np.inf)
+    np.maximum.at(highest, owners, ranks)
+    candidates = np.flatnonzero(ranks == highest[owners])
     merits = np.where(completed, motions.minimum, motions.ended_at)[candidates]
     np.maximum.at(largest, owners[candidates], merits)
     candidates = candidates[merits >= (1.0 - _EQUAL) * largest[owners[candidates]]]
@@ -203,6 +207,13 @@ def _best(owners: IntArray, motions: EnsembleResult, count: int) -> IntArray:
     distinct, places = np.unique(owners[candidates], return_index=True)
     best[distinct] = candidates[places]
     return best
+
+
+def _range_ratios(problem: Problem, motions: EnsembleResult) -> Array:
+    """Ratios of joint ranges at the integrator's steps, shape (K,)."""
+    shifts = _shifts_into_ranges(problem, motions.lower, motions.upper)
+    ranges = problem.model.joint_ranges
+    return largest_range_ratio(ranges, motions.lower + shifts, motions.upper + shifts)
 
 
 def _shifts_into_ranges(problem: Problem, low: Array, high: Array) -> Array:

@@ -12,6 +12,7 @@ from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
 from freefloat.errors import InputError
 from freefloat.ik.chain import Chain
+from freefloat.ik.nearest import closest_branches
 from freefloat.ik.neighbours import neighbouring_configurations
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, BoolArray, IntArray
@@ -52,8 +53,8 @@ def starts_at(
         attitudes: Unit quaternions x, y, z, w, shape (K, 4).
         branch: Only the arm branch with this number.
         joints: Only the arm branch nearest to these joint values, shape (n,) or (K, n); of a
-            redundant arm, shape (n,), see :func:`~freefloat.ik.nearest.closest_branches`. With
-            neither argument all arm branches are candidates.
+            redundant arm, see :func:`~freefloat.ik.nearest.closest_branches`. With neither
+            argument all arm branches are candidates.
         robots: Robots of the motions; the problem's when left out.
     """
     if robots is not None:
@@ -163,7 +164,10 @@ def _distinct_starts(
             return _none(len(attitudes), problem.model.arm_dof)
         return Starts(sets.joints[:, column], numbers[:, column])
     if problem.redundant:
-        sets = problem.replace(start_joints=joints).many_branches(attitudes)
+        pose = problem.path.pose(0.0)
+        to_base = Rotation.from_quat(attitudes).as_matrix().swapaxes(1, 2)
+        poses = to_base @ pose.position, to_base @ pose.rotation
+        sets = closest_branches(problem.chain(), *poses, problem.task, joints)
         return Starts(sets.joints, sets.names)
     return _nearest(problem, attitudes, joints)
 

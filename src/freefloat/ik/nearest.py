@@ -34,7 +34,7 @@ def closest_branches(
     task: Task,
     joints: Array,
 ) -> BranchSets:
-    """Of the arm branches at each of K poses the one closest to joint values (n,).
+    """Of the arm branches at each of K poses the one closest to joint values (n,) or (K, n).
 
     Distances are largest joint differences. Revolute joints are shifted by full rotations to the
     value in their range that is nearest. Of a redundant arm it is the configuration to which
@@ -46,14 +46,14 @@ def closest_branches(
         positions: As for :func:`many_arm_branches`, shape (K, 3).
         rotations: Likewise, shape (K, 3, 3).
         task: Part of the poses that is prescribed.
-        joints: Joint values [rad or m].
+        joints: Joint values [rad or m]; those of each pose, or of all.
 
     Returns:
         The branches, at most one at each pose; that of a redundant arm is in column 0.
     """
     if model.dof <= len(task.rows):
         sets = many_arm_branches(model, positions, rotations, task)
-        shifted, distance = _distances(model, sets.joints, joints)
+        shifted, distance = _distances(model, sets.joints, joints[..., None, :])
         closest = distance == distance.min(axis=1, keepdims=True)
         closest &= sets.exist & (np.cumsum(closest, axis=1) == 1)  # the first of equals
         chosen = np.where(closest[..., None], shifted, np.nan)
@@ -64,7 +64,8 @@ def closest_branches(
     (others,) = np.nonzero(~((nearby >= lower) & (nearby <= upper)).all(axis=1))
     spread = many_arm_branches(model, p[others], R[others], task).joints
     candidates = np.concatenate([spread, nearby[others, None]], axis=1)
-    shifted, distance = _distances(model, candidates, joints)
+    near = np.broadcast_to(joints, nearby.shape)[others, None]
+    shifted, distance = _distances(model, candidates, near)
     inside = np.asarray(((shifted >= lower) & (shifted <= upper)).all(axis=2))
     distance[inside.any(axis=1, keepdims=True) & ~inside] = np.inf
     nearby[others] = shifted[np.arange(len(others)), np.argmin(distance, axis=1)]

@@ -15,7 +15,7 @@ from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.motion.motion import Ending
 from freefloat.so3 import Array, IntArray
 from freefloat.studies.columns import FEASIBLE, INFEASIBLE, NUMBER, Column, Columns
-from freefloat.studies.groups import Group, group_of
+from freefloat.studies.groups import Group, group_of, range_ratios
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.values import MARGIN_REASON
 
@@ -98,7 +98,7 @@ def _columns(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str,
     if group.problem.task.planar:
         columns["heading_deg"] = _headings(attitudes)
     if group.ranges:
-        ratios = group.ratios_of_ranges(motions)[decided]
+        ratios = range_ratios(group.problem, motions)[decided]
         columns["limits_kept"] = [True if kept else None for kept in feasible.tolist()]
         columns["limits.joint_range"] = np.where(feasible, ratios, np.nan)
     return columns

@@ -39,6 +39,47 @@ from freefloat.studies.study import START_KEYS, Study
 
 
 @dataclass(frozen=True, eq=False)
+class Unvaried:
+    """The base scenario of a study, whose motions begin in the arm branches of the runs.
+
+    Attributes:
+        problem: The base scenario's problem.
+        near: Joint values near which its motions begin, shape (n,).
+        ranges: Whether it prefers motions within joint ranges.
+    """
+
+    problem: Problem
+    near: Array | None
+    ranges: bool
+
+    @classmethod
+    def of(cls, study: Study) -> Unvaried | None:
+        """That of a study; None where limits choose the motion, which only precise ones show."""
+        scenario = scenario_from(study.base, study.base_source.absolute())
+        near = scenario.search().applied_to(scenario.problem()).start_joints
+        ranges, limited = _limits(scenario)
+        return None if limited and near is None else cls(scenario.problem(), near, ranges)
+
+    def joints_at(self, attitudes: Array, threads: int) -> Array:
+        """Initial joint values of its motions from attitudes (K, 4).
+
+        Returns:
+            Shape (K, n); NaN where there is no motion, or a precise one decides which it is.
+        """
+        if self.near is not None:
+            return starts_at(self.problem, attitudes, joints=self.near).joints[:, 0]
+        required = np.full(len(attitudes), self.problem.margin.threshold)
+        undisturbed = equivalents(self.problem, len(attitudes))
+        motions = integrate_disturbed(
+            undisturbed, attitudes, required, threads=threads, ranges=self.ranges
+        )
+        if not self.ranges:
+            return motions.joints
+        decided = keeps_ranges(self.problem, motions) | ~motions.feasible
+        return np.where(decided[:, None], motions.joints, np.nan)
+
+
+@dataclass(frozen=True, eq=False)
 class Group:
     """Runs of a study that differ in disturbances alone.
 
@@ -49,8 +90,7 @@ class Group:
         attitude: Initial attitude, shape (4,); None where it varies.
         branch: Number of the arm branch; None for that near ``joints``, or the best of each run.
         joints: Joint values near those of the arm branch, shape (n,).
-        unvaried: The base scenario's problem, if the arm branch is the best one of its motions from
-            each attitude.
+        unvaried: The base scenario, if the arm branch is that of its motion from each attitude.
         ranges: Whether joints have ranges.
         limited: Whether anything else is limited, which only precise motions show.
         stricter: Whether ensembles begin with a stricter tolerance, as the undisturbed motion is
@@ -64,7 +104,7 @@ class Group:
     attitude: Array | None
     branch: int | None
     joints: Array | None
-    unvaried: Problem | None
+    unvaried: Unvaried | None
     ranges: bool
     limited: bool
     stricter: bool
@@ -85,19 +125,21 @@ class Group:
         disturbed = equivalents(self.problem, count, **arrays, robots=robots)
         places = numbers - first
         places = places[(fits & ~disturbed.turns_too_often)[places]]
-        disturbed = disturbed[places]
-        if thresholds is None:
-            required = np.full(len(places), self.problem.margin.threshold)
-            thresholds = required * disturbed.magnifications if self.relative else required
-        else:
-            thresholds = thresholds[places]
         if attitudes is None:
             attitudes = np.tile(np.asarray(self.attitude), (len(places), 1))
         else:
             attitudes = attitudes[places]
         joints = self.joints
         if self.unvaried is not None:
-            joints = _best_joints(self.unvaried, attitudes, threads)
+            joints = self.unvaried.joints_at(attitudes, threads)
+            known = np.isfinite(joints).all(axis=1)
+            places, attitudes, joints = places[known], attitudes[known], joints[known]
+        disturbed = disturbed[places]
+        if thresholds is None:
+            required = np.full(len(places), self.problem.margin.threshold)
+            thresholds = required * disturbed.magnifications if self.relative else required
+        else:
+            thresholds = thresholds[places]
         motions = integrate_disturbed(
             disturbed,
             attitudes,
@@ -110,28 +152,25 @@ class Group:
         )
         return places + first, motions
 
-    def ratios_of_ranges(self, motions: ManyMotions) -> Array:
-        """Ratios of joint ranges as limits have them, of the integrator's steps, shape (K,)."""
-        return largest_range_ratio(self.problem.model.joint_ranges, motions.lower, motions.upper)
-
     def are_decided(self, motions: ManyMotions) -> BoolArray:
         """Whether motions have a verdict; those of others need a precise motion, shape (K,)."""
         decided = motions.reached & ~motions.failed
         if self.limited:
             return np.asarray(decided & ~motions.feasible)
         if self.ranges:
-            safe = np.where(motions.deciders == NORMAL, SAFE_RANGE, STRICT_SAFE_RANGE)
-            return np.asarray(
-                decided & ~(motions.feasible & (self.ratios_of_ranges(motions) > safe))
-            )
-        return decided
+            decided &= keeps_ranges(self.problem, motions) | ~motions.feasible
+        return np.asarray(decided)
 
 
-def _best_joints(problem: Problem, attitudes: Array, threads: int) -> Array:
-    """Initial joint values of the best motions of a problem, NaN without one, shape (K, n)."""
-    required = np.full(len(attitudes), problem.margin.threshold)
-    undisturbed = equivalents(problem, len(attitudes))
-    return integrate_disturbed(undisturbed, attitudes, required, threads=threads).joints
+def range_ratios(problem: Problem, motions: ManyMotions) -> Array:
+    """Ratios of joint ranges as limits have them, of the integrator's steps, shape (K,)."""
+    return largest_range_ratio(problem.model.joint_ranges, motions.lower, motions.upper)
+
+
+def keeps_ranges(problem: Problem, motions: ManyMotions) -> BoolArray:
+    """Whether motions keep their joint ranges by more than an ensemble's errors, shape (K,)."""
+    safe = np.where(motions.deciders == NORMAL, SAFE_RANGE, STRICT_SAFE_RANGE)
+    return np.asarray(range_ratios(problem, motions) <= safe)
 
 
 def _begins_stricter(group: Group, number: int) -> bool:
@@ -184,22 +223,17 @@ def _group(study: Study, number: int) -> Group | None:
     if several and (margin.fraction is not None or scenario.content.path.frame != "inertial"):
         return None  # which are others for other robots
     ranges, limited = _limits(scenario)
-    if content.branch == "best" and (ranges or limited):
-        return None
-    attitude = unvaried = joints = None
+    attitude = joints = None
     branch = content.branch if isinstance(content.branch, int) else None
-    if content.branch is None:
-        base = scenario_from(study.base, study.base_source.absolute())
-        chosen = problem.redundant or any(_limits(base)) or base.search().joints is not None
-        unvaried = None if chosen else base.problem()  # else it is not the best motion
+    unvaried = Unvaried.of(study) if content.branch is None else None
     if not any(key in parameters for key in START_KEYS):
         heading = None if content.heading_deg is None else np.radians(content.heading_deg)
         attitude = problem.attitude(content.attitude, heading=heading)
         if not problem.branches(attitude):
             return None
         if unvaried is not None:
-            (joints,), unvaried = _best_joints(unvaried, attitude[None], 1), None
-        elif content.branch is None:
+            (joints,), unvaried = unvaried.joints_at(attitude[None], 1), None
+        if content.branch is None and (joints is None or not np.isfinite(joints).all()):
             choice = branch_choice(
                 None, study.base, problem, attitude, study.base_source.absolute()
             )
