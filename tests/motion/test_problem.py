@@ -88,6 +88,7 @@ def test_a_redundant_arm_can_be_asked_for_any_configuration_on_the_path(spatial)
     on_path = spatial.branches(attitude)[3].joints
     chosen = problem.branch_near(attitude, on_path + 0.01, branches)
     assert np.abs(chosen.joints - on_path).max() < 0.05
+    assert_close(problem.branch_near(attitude, on_path, branches).joints, on_path, atol=1e-8)
     reached = problem.model.end_effector_pose(attitude, chosen.joints).position
     assert_close(reached, problem.path.pose(0.0).position, atol=1e-8)
     with pytest.raises(ff.InputError):

@@ -36,8 +36,8 @@ MAX_REVOLUTIONS = 50
 """Most rotations of the system along a path: the time of an integration depends on them."""
 _APART = 1e-6
 """Smallest distance of breaks, as a fraction of the duration."""
-_NEAR = 0.05
-"""Largest difference of joint values from those of a branch [rad, m]."""
+_NEAR, _SAME = 0.05, 1e-6
+"""Largest differences of joint values from those of a near branch, and of the same [rad, m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,10 +285,12 @@ class Problem:
             return None
         return next((branch.joints for branch in self.branches(attitude)), None)
 
-    def first_near(self, joints: Array, branches: Sequence[ArmBranch]) -> ArmBranch | None:
-        """The first of some branches within 0.05 rad of each joint value (n,), None without one."""
+    def first_near(
+        self, joints: Array, branches: Sequence[ArmBranch], within: float = _NEAR
+    ) -> ArmBranch | None:
+        """The first of some branches with each joint within 0.05 rad of a value (n,), or None."""
         distance = self.model.joint_distance
-        return next((b for b in branches if distance(b.joints, joints) <= _NEAR), None)
+        return next((b for b in branches if distance(b.joints, joints) <= within), None)
 
     def branch_near(
         self, attitude: npt.ArrayLike, joints: npt.ArrayLike, branches: Sequence[ArmBranch]
@@ -305,12 +307,12 @@ class Problem:
             InputError: Listing the branches when the joints lie near none.
         """
         values = self.model.joint_vector(joints)[: self.model.arm_dof]
-        candidates = list(branches)
+        near = self.first_near(values, branches)
         if self.redundant:
             target = self.path.pose(0.0).seen_from(rotation_matrix(attitude))
-            configuration = newton_configuration(self.chain(), target, self.task, values)
-            candidates += [] if configuration is None else [configuration]
-        near = self.first_near(values, candidates)
+            given = newton_configuration(self.chain(), target, self.task, values)
+            if given is not None and self.first_near(values, [given]):
+                near = self.first_near(given.joints, branches, _SAME) or given
         if near is not None:
             return near
         raise InputError(
