@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import io
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
@@ -96,8 +96,30 @@ class _NotebookFigure(Figure):
         return _png(self)
 
 
-class Figures(dict[str, Figure]):
-    """Figures by name, which a notebook shows one below the other."""
+class Figures(Mapping[str, Figure]):
+    """Figures by name, drawn when they are asked for; a notebook shows one below the other.
+
+    Attributes:
+        drawings: Functions that draw the figures, by name.
+    """
+
+    def __init__(self, drawings: Mapping[str, Callable[[], Figure]]) -> None:
+        self.drawings = dict(drawings)
+        self._drawn: dict[str, Figure] = {}
+
+    def __getitem__(self, name: str) -> Figure:
+        if name not in self._drawn:
+            self._drawn[name] = self.drawings[name]()
+        return self._drawn[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.drawings)
+
+    def __len__(self) -> int:
+        return len(self.drawings)
+
+    def __or__(self, others: Figures) -> Figures:
+        return Figures(self.drawings | others.drawings)
 
     def _repr_html_(self) -> str:
         pictures = (base64.b64encode(_png(figure)).decode() for figure in self.values())

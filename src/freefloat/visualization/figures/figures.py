@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import lru_cache, partial
 from math import tau
 
 import numpy as np
@@ -67,7 +68,7 @@ def figures(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Figures:
-    """Return the figures of a result by name; a notebook shows them.
+    """Return the figures of a result by name, drawn when they are asked for; a notebook shows them.
 
     Motions, simulations and goals: ``snapshots`` and those of :func:`.motion_figures`;
     where the spacecraft's turn or the pointing of axes is limited ``angles``. Maps:
@@ -92,44 +93,49 @@ def figures(
     if type(result) not in _FIGURES:
         accepted = ", ".join(kind.__name__ for kind in _FIGURES)
         raise InputError("result", f"a {type(result).__name__} was given", accepted)
-    drawn = Figures(_FIGURES[type(result)](result, threads, progress))
-    for name, figure in drawn.items():
-        _add_title(figure, _TITLES[name])
-    return drawn
+    drawings = _FIGURES[type(result)](result, threads, progress).drawings
+    return Figures({name: partial(_titled, name, draw) for name, draw in drawings.items()})
 
 
 @styled
-def _add_title(figure: Figure, title: str) -> None:
+def _titled(name: str, draw: Callable[[], Figure]) -> Figure:
+    figure = draw()
     figure.set_figheight(figure.get_figheight() + _TITLE_HEIGHT)
-    figure.suptitle(title)
+    figure.suptitle(_TITLES[name])
+    return figure
 
 
-def _motion_figures(
-    motion: Motion, threads: int | None, progress: Progress | None
-) -> dict[str, Figure]:
+def _motion_figures(motion: Motion, threads: int | None, progress: Progress | None) -> Figures:
     drawn = with_drawn_path(motion)
-    areas = _areas(drawn.problem)
     closest = closest_approach(drawn, drawn.problem.margin.measure)
-    return {"snapshots": snapshots_figure(drawn, areas)} | motion_figures(drawn, closest)
+    return _snapshots(drawn) | motion_figures(drawn, closest)
+
+
+def _snapshots(motion: Motion) -> Figures:
+    problem = motion.problem
+    return Figures({"snapshots": lambda: snapshots_figure(motion, _areas(problem))})
 
 
 def _areas(problem: Problem) -> Workspace | None:
     """Reach and areas of a robot; None where further arms move, with which they change."""
-    return None if problem.arms else workspace_regions(problem)
+    return None if problem.arms else _workspace(problem)
+
+
+@lru_cache(maxsize=2)
+def _workspace(problem: Problem) -> Workspace:
+    return workspace_regions(problem)
 
 
 def _simulation_figures(
     simulation: Simulation, threads: int | None, progress: Progress | None
-) -> dict[str, Figure]:
+) -> Figures:
     motion = simulation.motion
     return _motion_figures(motion, threads, progress) | _angles(motion, simulation.limits)
 
 
-def _goal_figures(
-    result: GoalMotion, threads: int | None, progress: Progress | None
-) -> dict[str, Figure]:
+def _goal_figures(result: GoalMotion, threads: int | None, progress: Progress | None) -> Figures:
     if result.motion is None:
-        return {}
+        return Figures({})
     problem = result.motion.problem
     without_margin = problem.replace(margin=Margin(problem.margin.measure, 0.0))
     motion = replace(result.motion, problem=without_margin)
@@ -138,73 +144,82 @@ def _goal_figures(
 
 def _manoeuvre_figures(
     manoeuvre: Manoeuvre, threads: int | None, progress: Progress | None
-) -> dict[str, Figure]:
-    drawn = {"manoeuvre": manoeuvre_figure(manoeuvre)}
+) -> Figures:
+    drawn = Figures({"manoeuvre": partial(manoeuvre_figure, manoeuvre)})
     return drawn | _plan_figures(manoeuvre.path, threads, progress)
 
 
 def _attitude_map_figures(
     result: AttitudeMap, threads: int | None, progress: Progress | None
-) -> dict[str, Figure]:
+) -> Figures:
     return _map_figures(result, map_marks(result), threads, progress)
 
 
 def _heading_map_figures(
     result: HeadingMap, threads: int | None, progress: Progress | None
-) -> dict[str, Figure]:
-    return {"headings": headings_figure(result)} if result.branches else {}
+) -> Figures:
+    return Figures({"headings": partial(headings_figure, result)} if result.branches else {})
 
 
 def _singularity_map_figures(
     result: SingularityMap, threads: int | None, progress: Progress | None
-) -> dict[str, Figure]:
+) -> Figures:
     return singularity_figures(result)
 
 
 def _map_figures(
     result: AttitudeMap, marks: Sequence[Mark], threads: int | None, progress: Progress | None
-) -> dict[str, Figure]:
-    slices = map_slices(evaluator_for(result.problem, threads), marks, progress)
-    drawn = {"map_slices": slices_figure(result, slices)}
+) -> Figures:
+    def sliced() -> Figure:
+        found = map_slices(evaluator_for(result.problem, threads), marks, progress)
+        return slices_figure(result, found)
+
+    drawings: dict[str, Callable[[], Figure]] = {"map_slices": sliced}
     if result.results.exist.any():
-        drawn["map_histogram"] = histogram_figure(result)
-    return drawn
+        drawings["map_histogram"] = partial(histogram_figure, result)
+    return Figures(drawings)
 
 
-def _plan_figures(plan: Plan, threads: int | None, progress: Progress | None) -> dict[str, Figure]:
+def _plan_figures(plan: Plan, threads: int | None, progress: Progress | None) -> Figures:
     problem, chosen = plan.problem, plan.chosen
-    areas = _areas(problem)
-    drawn = {} if areas is None else {"workspace": workspace_figure(problem, areas)}
+    drawn = Figures({})
+    if not problem.arms:
+        drawn |= Figures({"workspace": lambda: workspace_figure(problem, _workspace(problem))})
     marks = []
-    heading = None
     if chosen is not None:
-        initial, branch = chosen.motion.initial.attitude, chosen.branch.index
         name = "chosen" if plan.feasible else "infeasible"
-        marks.append(Mark(name, initial, branch))
-        heading = branch, heading_of(initial)
+        marks.append(Mark(name, chosen.motion.initial.attitude, chosen.branch.index))
     if plan.search.from_attitude is not None:
         marks.append(Mark("now", plan.search.from_attitude))
     if problem.task.planar:
-        if has_two_angle_form(problem.model, problem.task):
-            drawn["joint_space"] = joint_space_figure(problem, _compared_motions(plan))
-        headings = sample_headings(evaluator_for(problem, threads), _HEADINGS, progress=progress)
-        if headings.branches:
-            drawn["headings"] = headings_figure(headings, plan.ranges, heading)
+        drawn |= _planar_figures(plan, threads, progress)
     if chosen is not None:
-        drawn["snapshots"] = snapshots_figure(chosen.motion, areas)
+        drawn |= _snapshots(chosen.motion)
         drawn |= motion_figures(chosen.motion, chosen.closest_approach)
         drawn |= _angles(chosen.motion, plan.limits)
     if plan.map is not None:
         drawn |= _map_figures(plan.map, marks, threads, progress)
-    if progress is not None:
-        progress(1.0)
     return drawn
 
 
-def _angles(motion: Motion, limits: Limits | None) -> dict[str, Figure]:
+def _planar_figures(plan: Plan, threads: int | None, progress: Progress | None) -> Figures:
+    problem, chosen = plan.problem, plan.chosen
+    drawings: dict[str, Callable[[], Figure]] = {}
+    if has_two_angle_form(problem.model, problem.task):
+        drawings["joint_space"] = lambda: joint_space_figure(problem, _compared_motions(plan))
+    headings = sample_headings(evaluator_for(problem, threads), _HEADINGS, progress=progress)
+    if headings.branches:
+        heading = None
+        if chosen is not None:
+            heading = chosen.branch.index, heading_of(chosen.motion.initial.attitude)
+        drawings["headings"] = partial(headings_figure, headings, plan.ranges, heading)
+    return Figures(drawings)
+
+
+def _angles(motion: Motion, limits: Limits | None) -> Figures:
     if limits is None or not limits.number:
-        return {}
-    return {"angles": angles_figure(motion, limits)}
+        return Figures({})
+    return Figures({"angles": partial(angles_figure, motion, limits)})
 
 
 def _compared_motions(plan: Plan) -> list[Motion]:
@@ -232,7 +247,7 @@ def _infeasible_motion(problem: Problem, entry: BranchRanges) -> Motion | None:
     return next((b.motion for b in branches if b.branch.index == entry.branch), None)
 
 
-_FIGURES: dict[type, Callable[..., dict[str, Figure]]] = {
+_FIGURES: dict[type, Callable[..., Figures]] = {
     Plan: _plan_figures,
     Manoeuvre: _manoeuvre_figures,
     Simulation: _simulation_figures,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from freefloat.visualization.figure_style import (
     PAGE,
     PALE,
     VERMILION,
+    Figures,
     axis_label,
     digits,
     draw_point,
@@ -42,19 +44,19 @@ _STRIP, _AXIS = 1.15, 0.35
 """Height of an axes and of the time axis [inch]."""
 
 
-def motion_figures(motion: Motion, closest: ClosestApproach) -> dict[str, Figure]:
-    """Return the figures of a motion: ``motion``, ``margin`` and ``momentum``.
+def motion_figures(motion: Motion, closest: ClosestApproach) -> Figures:
+    """The figures of a motion: ``motion``, ``margin`` and ``momentum``.
 
     Args:
         motion: The motion.
         closest: Closest approach of the motion to a singularity.
     """
     trajectory = Trajectory.of(motion, shown_times(motion))
-    return {
-        "motion": _motion_figure(motion, trajectory),
-        "margin": _margin_figure(motion, trajectory, closest),
-        "momentum": _momentum_figure(motion),
-    }
+    return Figures({
+        "motion": partial(_motion_figure, motion, trajectory),
+        "margin": partial(_margin_figure, motion, trajectory, closest),
+        "momentum": partial(_momentum_figure, motion),
+    })  # fmt: skip
 
 
 def shown_times(motion: Motion) -> Array:

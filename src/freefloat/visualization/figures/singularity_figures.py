@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from itertools import combinations
 from textwrap import fill
 from typing import Any
@@ -65,11 +66,11 @@ def singularity_figures(found: SingularityMap, at: npt.ArrayLike | None = None) 
         ['singularities']
     """
     if len(found.joints) <= 2:
-        return Figures(
-            singularities=_plane_figure(section(found, influential_joints(found, 2), at))
-        )
+        plane = section(found, influential_joints(found, 2), at)
+        return Figures({"singularities": partial(_plane_figure, plane)})
     joints = influential_joints(found, min(_PAIRED, len(found.joints)))
-    return Figures(slices=_slices_figure([section(found, p, at) for p in combinations(joints, 2)]))
+    planes = [section(found, pair, at) for pair in combinations(joints, 2)]
+    return Figures({"slices": partial(_slices_figure, planes)})
 
 
 @styled
