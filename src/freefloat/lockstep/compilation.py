@@ -12,9 +12,14 @@ from numba import njit
 
 from freefloat.errors import InputError
 from freefloat.lockstep.cache_files import CheckedCacheFile
+from freefloat.lockstep.fragments import FragmentCompiler
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
-_INNER: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_INNER: dict[str, Any] = {
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+    "pipeline_class": FragmentCompiler,
+}
 _PACKAGE = Path(__file__).parents[1]
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
