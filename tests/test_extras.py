@@ -13,8 +13,8 @@ import pytest
 
 import freefloat as ff
 from freefloat.errors import MissingExtraError
+from freefloat.studies.loading import load_study
 from freefloat.studies.runner import run_study
-from freefloat.studies.study import load_study
 from freefloat.visualization.page.pictures import take_pictures
 from tests.commands import error
 

@@ -34,8 +34,8 @@ from freefloat.robot.meshes import read_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import MeshFileError
 from freefloat.robot.validation import examine
+from freefloat.studies.loading import load_study
 from freefloat.studies.portable import study_files
-from freefloat.studies.study import load_study
 from freefloat.verification.check import check
 from freefloat.visualization.scenes.visuals import robot_visuals
 from fuzzing import samples

@@ -75,7 +75,7 @@ from .visualization.page.playback import show as show
 
 # Many runs
 from .ensemble.simulate_many import simulate_many as simulate_many
-from .studies.study import load_study as load_study
+from .studies.loading import load_study as load_study
 from .studies.runner import run_study as run_study
 
 # Errors

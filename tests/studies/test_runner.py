@@ -22,10 +22,10 @@ from freefloat.io.records.results import load
 from freefloat.robot.names import models_folder
 from freefloat.studies.database import open_results
 from freefloat.studies.estimate import estimate_study
+from freefloat.studies.loading import load_study
 from freefloat.studies.portable import PortableStudy, study_files
 from freefloat.studies.run import execute
 from freefloat.studies.runner import run_study
-from freefloat.studies.study import load_study
 from tests.commands import document, error, run
 from tests.errors import error_key
 from tests.example_studies import HEADINGS, SHORT, a_study, write_study

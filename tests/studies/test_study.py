@@ -10,7 +10,7 @@ import pytest
 from freefloat.errors import InputError
 from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.robot.names import bundled_scenarios, bundled_studies
-from freefloat.studies.study import load_study
+from freefloat.studies.loading import load_study
 from tests.errors import error_key
 from tests.example_studies import BASE, a_study, write_study
 
@@ -90,6 +90,7 @@ LISTED = {"momentum.2": {"list": [0, 1]}}
         ({}, {}, "vary"),
         ({"momentum": {"list": [[0, 0, 0]]}, "momentum.2": {"list": [0]}}, {}, "vary.momentum.2"),
         ({"momentum.3": {"list": [1]}}, {}, "vary.momentum.3"),
+        ({"robot.scale_mass.link_9": {"list": [1]}}, {}, "vary.robot.scale_mass.link_9"),
         ({"margin.fraction": {"list": [0.5]}}, {}, "vary.margin.fraction"),
         ({"task": {"list": ["pose"]}, "path.attitude": {"list": [1]}}, {}, "vary.path.attitude"),
         ({"margin": {"list": [{}]}}, {}, "vary.margin"),

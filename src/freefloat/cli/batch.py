@@ -83,8 +83,8 @@ def batch(
     Example: freefloat batch spatial_6dof/montecarlo --run 17 -o run.h5
     """
     from freefloat.studies.estimate import estimate_study
+    from freefloat.studies.loading import load_study
     from freefloat.studies.runner import run_study
-    from freefloat.studies.study import load_study
 
     console = Console(as_json, quiet)
     loaded = load_study(study)

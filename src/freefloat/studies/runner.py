@@ -49,7 +49,7 @@ def run_study(
     that call this need ``if __name__ == "__main__":``, because every worker process imports them.
 
     Args:
-        study: As :func:`~freefloat.studies.study.load_study` returns it.
+        study: As :func:`~freefloat.studies.loading.load_study` returns it.
         folder: Folder of the results. A folder of the same study is continued.
         workers: Number of threads and processes on this machine; default is one per core.
         scheduler: Address of a Dask scheduler whose workers are used instead, ``tcp://...``.

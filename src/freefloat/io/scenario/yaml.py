@@ -217,8 +217,8 @@ def _first_error(
         accepted = f"at least {first['ctx']['min_length']} of them"
     if len(indices) == len(alternatives):
         accepted = f"{1 + max(indices)} entries" + (f": {description}" if description else "")
-    elif len(alternatives) > 1 and description:  # of a union
-        accepted = description
+    elif description and (len(alternatives) > 1 or kind == "string_pattern_mismatch"):
+        accepted = description  # of a union, or in place of a regular expression
     elif kind == "tuple_type" and description:
         accepted = f"a list: {description}"
     shown = "nothing" if value is None else repr(value)
