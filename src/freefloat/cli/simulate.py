@@ -107,8 +107,6 @@ def simulate(
 
 
 def _tables(name: str, simulation: Simulation, mark: str) -> Iterator[RenderableType]:
-    from freefloat.planning.reasons import reach_message
-
     problem = simulation.problem
     start, kind = ("start", "configurations") if problem.redundant else ("branch", "branches")
     yield f"{name}: arm {kind} at this attitude"
@@ -123,9 +121,8 @@ def _tables(name: str, simulation: Simulation, mark: str) -> Iterator[Renderable
         )  # fmt: skip
     yield branches
     yield from motion_lines(simulation.chosen, mark)
-    reach = reach_message(problem)
-    if reach is not None:
-        yield Text(f"  {reach}", "red")
+    if simulation.out_of_reach is not None:
+        yield Text(f"  {simulation.out_of_reach}", "red")
     yield from limit_tables(simulation.limit_results)
     yield from contact_lines(simulation)
 

@@ -144,6 +144,11 @@ class Simulation(Answer):
         return str(self.verdict)
 
     @property
+    def out_of_reach(self) -> str | None:
+        """Where the path leads out of reach, with a likely cause; None where it does not."""
+        return None if self.chosen.motion.completed else reach_message(self.problem)
+
+    @property
     def phases(self) -> tuple[PhaseResult, ...]:
         """The chosen motion as the only phase."""
         return (PhaseResult(self.chosen.title, "path", self),)
@@ -153,7 +158,7 @@ class Simulation(Answer):
         return {
             **self.chosen.to_dict(),
             "branches": [branch.summary() for branch in self.branches],
-            "out_of_reach": reach_message(self.problem),
+            "out_of_reach": self.out_of_reach,
             "limits": [result.to_dict() for result in self.limit_results],
             "contact": self.contact and self.contact.to_dict(),
         }
