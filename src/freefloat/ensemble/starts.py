@@ -17,6 +17,8 @@ from freefloat.ik.neighbours import neighbouring_configurations
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, BoolArray, IntArray
 
+_REQUESTED = 0.3
+"""Distance of an arm branch from requested joints up to which other robots have it, too [rad]."""
 _SLICE = 2048
 """Robots whose configurations are computed at once, so that they fit into the cache."""
 
@@ -90,6 +92,8 @@ def _starts_of_robots(
         if joints is not None and problem.redundant:
             begun = np.broadcast_to(joints, begun.shape)
         q, certain = _near_starts(problem, robots, attitudes, begun)
+        if joints is not None:  # an arm branch that the problem's robot does not have
+            certain &= problem.model.joint_distance(begun, joints) <= _REQUESTED
         if problem.redundant:
             lower, upper = problem.model.joint_ranges
             certain &= ((q >= lower) & (q <= upper)).all(axis=1)
