@@ -35,9 +35,8 @@ ROBOTS: dict[str, Any] = {
     "robot.payload.com.0": {"uniform": [-0.2, 0.2]},
     "momentum.2": {"uniform": [-1.0, 1.5]},
 }
+REDUNDANT = SHORT | {"task": "planar-position", "path": {"polynomial": SHORT["path"]["polynomial"]}}
 MARGINS: dict[str, Any] = {"margin.value": {"uniform": [2.0, 30.0]}}
-
-
 Row = dict[str, Any]
 
 
@@ -70,9 +69,10 @@ def rows_of(study: Study, folder: Path) -> list[Row]:
     [
         (DISTURBED | MARGINS, {}),
         (ROBOTS | MARGINS | {"heading_deg": {"uniform": [130.0, 230.0]}}, {}),
-        (DISTURBED | {"heading_deg": {"normal": {"mean": 150.0, "sd": 60.0}}}, {"branch": 1}),
+        (DISTURBED | {"heading_deg": {"normal": {"mean": 150.0, "sd": 60.0}}}, {"base": REDUNDANT}),
         (DISTURBED, {"base": BASE | {"margin": {"measure": "gjm", "fraction": 0.3}}}),
-        (DISTURBED, {"base": BASE | {"search": {"joints": [0.5, -1.0, 0.5]}}}),
+        (DISTURBED | {"heading_deg": {"uniform": [130.0, 230.0]}},
+         {"base": BASE | {"search": {"joints": [0.5, -1.0, 0.5]}}}),
         (DISTURBED, {"branch": "best", "heading_deg": 120.0}),
         (DISTURBED | MARGINS, {"base": BASE | {"limits": {"base_rate": 0.02, "joint_rate": 0.5}}}),
     ],
