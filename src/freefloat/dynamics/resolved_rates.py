@@ -38,7 +38,7 @@ import sys
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg.lapack import dgesv, dtrtrs
+from scipy.linalg.lapack import dgeqrf, dgesv, dorgqr, dtrtrs
 
 from freefloat.dynamics.momentum import Task, mass_matrix, require_enough_joints
 from freefloat.dynamics.redundancy import (
@@ -87,6 +87,7 @@ class ResolvedRateSolver:
         self._M[6 + m :, 6 + model.arm_dof :] = np.eye(k)
         self._task = slice(6, 6 + m)
         self._b = np.zeros(6 + m + k)
+        self._B = np.zeros((6, n + 1), order="F")
         self._b[3:6] = system.momentum
         self._system, self._wheels = system, bool(system.wheels.any())
         self._redundancy = redundancy or Redundancy()
@@ -142,16 +143,20 @@ class ResolvedRateSolver:
         return np.full(3, np.inf), np.full(self._model.dof, np.inf)
 
     def _redundant_rates(self, speed: float) -> tuple[Array, Array]:
-        A_G, J = self._M[:6], self._M[6:]
-        B = np.linalg.solve(A_G[:, :6], np.column_stack([A_G[:, 6:], self._b[:6]]))
-        base = np.asarray(B[:, :-1], dtype=float)
-        momentum_twist = B[:, -1]
+        A_G, J, B = self._M[:6], self._M[6:], self._B
+        B[:, :-1], B[:, -1] = A_G[:, 6:], self._b[:6]
+        _, _, solution, failed = dgesv(A_G[:, :6], B)
+        base: Array = solution[:, :-1]
+        momentum_twist = solution[:, -1]
         S: Array = J[:, 6:] - J[:, :6] @ base
-        m = len(S)
-        Q, R = np.linalg.qr(S.T, mode="complete")
+        m, n = S.shape
+        R, reflections, _, _ = dgeqrf(S.T)
         coordinates, singular = dtrtrs(R[:m], self._b[6:] - J[:, :6] @ momentum_twist, trans=1)
-        if singular:
+        if failed or singular:
             return self._infinite()
+        Q = np.zeros((n, n), order="F")
+        Q[:, :m] = R
+        Q, _, _ = dorgqr(Q, reflections, overwrite_a=True)
         u = Q[:, :m] @ coordinates
         if not self._redundancy.minimum_norm:
             N = Q[:, m:]
