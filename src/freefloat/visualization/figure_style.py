@@ -185,9 +185,12 @@ def save_figures(
     make_folder("plots", Path(folder))
     files = []
     for name, figure in figures.items():
+        layout = figure.get_layout_engine()
         for kind in kinds:
             file = Path(folder) / f"{name}.{kind}"
             with written_beside(file) as temporary:
                 figure.savefig(temporary, format=kind, dpi=dots)
+            figure.set_layout_engine("none")  # it is laid out
             files.append(file)
+        figure.set_layout_engine(layout)
     return tuple(files)

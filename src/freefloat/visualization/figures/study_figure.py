@@ -97,8 +97,9 @@ def _panel(axes: Any, values: Column, margins: Array, verdicts: Column) -> Any:
     if names is not None:
         axes.set_xticks(range(len(names)), names, rotation=30, ha="right")
     if len(places) > _MAX_POINTS:
-        density = axes.hist2d(places, margins, _CELLS, cmin=1, norm=LogNorm(1), cmap="Blues")
-        return density[3]
+        return axes.hist2d(
+            places, margins, _CELLS, cmin=1, norm=LogNorm(1), cmap="Blues", rasterized=True
+        )[3]
     for verdict, (mark, colour) in _MARKS.items():
         chosen = verdicts == verdict
         axes.plot(
