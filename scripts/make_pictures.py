@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -98,15 +100,66 @@ def playback() -> Path:
     return file
 
 
-def mission() -> Path:
-    """The page of the tutorial's mission: a client, cones and a corridor."""
-    scenario = ff.load_scenario("servicing/inspect_client")
-    plan = ff.plan(scenario.problem(), scenario.search(), scenario.limits())
-    file = FOLDER / "mission.png"
-    (picture,) = take_pictures(ff.playback(plan).html(), [45.0], SIZE)
+def scene(name: str) -> Path:
+    """The page of a result."""
+    result, time = SCENES[name]
+    file = FOLDER / f"{name}.png"
+    (picture,) = take_pictures(ff.playback(result()).html(), [time], SIZE)
     with written_beside(file) as temporary:
         temporary.write_bytes(picture)
     return file
+
+
+def gallery(name: str) -> Figure:
+    """A figure of a result as commands with ``--plots`` draw it."""
+    return ff.figures(GALLERY[name]())[name]
+
+
+def plan(name: str) -> ff.Plan:
+    """The plan of a bundled scenario."""
+    scenario = ff.load_scenario(name)
+    return ff.plan(scenario.problem(), scenario.search(), scenario.limits())
+
+
+def simulated(name: str, attitude: Sequence[float]) -> ff.Simulation:
+    """The motion of a bundled scenario from an attitude."""
+    scenario = ff.load_scenario(name)
+    return ff.simulate(scenario.problem(), attitude, limits=scenario.limits())
+
+
+def singular_regions() -> ff.SingularityMap:
+    """The certified map of the joint space of the spatial robot."""
+    model = ff.load_scenario("spatial_6dof/line").problem().model
+    return ff.singularity_map(model, "pose", np.radians(5.0))
+
+
+def manoeuvre() -> ff.Manoeuvre:
+    """The bundled capture of a client."""
+    scenario = ff.load_scenario("servicing/capture_client")
+    search, limits = scenario.search(), scenario.limits()
+    phases = scenario.phases()
+    return ff.plan_manoeuvre(scenario.problem(), phases, search, limits, reorient=True)
+
+
+GALLERY: dict[str, Callable[[], Any]] = {
+    "headings": lambda: plan("planar_3dof/parabola"),
+    "map_slices": lambda: plan("spatial_6dof/line"),
+    "map_histogram": lambda: plan("spatial_6dof/line"),
+    "workspace": lambda: plan("spatial_6dof/line"),
+    "margin": lambda: simulated("ur5_servicer/arc", TURNED["turned by −20° about y"]),
+    "angles": lambda: plan("servicing/inspect_client"),
+    "slices": singular_regions,
+    "manoeuvre": manoeuvre,
+}
+"""Results whose figures with these names are in the gallery."""
+SCENES: dict[str, tuple[Callable[[], Any], float]] = {
+    "capture": (manoeuvre, 80.0),
+    "mission": (lambda: plan("servicing/inspect_client"), 45.0),
+    "ball": (lambda: plan("spatial_6dof/line").map, 0.0),
+    "surfaces": (singular_regions, 0.0),
+    "two_arms": (lambda: simulated("servicing/two_arms", [0.0, 0.0, 0.0, 1.0]), 20.0),
+}
+"""Results whose pages are shown, and the time [s] of the picture."""
 
 
 def door() -> Path:
@@ -120,10 +173,11 @@ def door() -> Path:
 PICTURES: dict[str, Callable[[], Figure | Path]] = {
     "door": door,
     "playback": playback,
-    "mission": mission,
     "snapshots": snapshots,
     "joint_space": joint_space,
     "motion": motion,
+    **{name: partial(gallery, name) for name in GALLERY},
+    **{name: partial(scene, name) for name in SCENES},
 }
 
 

@@ -169,7 +169,7 @@ def _margin_figure(motion: Motion, trajectory: Trajectory, closest: ClosestAppro
         axes.axhline(level, label=f"margin {digits(level)}", **MARGIN_LINE)
     lowest = closest.sign * closest.value
     singular = motion.ending is Ending.SINGULAR
-    name = "singular" if singular else f"minimum $|S|$ = {digits(closest.value)}"
+    name = "singular" if singular else f"$|S|$ = {digits(closest.value)}"
     label = f"{name} at {digits(closest.time)} s"
     marker = "X" if singular else "o"
     draw_point(
