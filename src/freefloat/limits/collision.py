@@ -32,6 +32,9 @@ _MOST_SHAPES = 1000
 _THICKNESS = 1e-6
 """Thickness given to flat meshes [m]."""
 
+_TOUCHING = 1e-8
+"""Distance of vertices from a plane that they are on [m]."""
+
 _Solid = tuple[Any, Array]
 """A coal geometry, and the vertices of a polytope around it, shape (V, 3)."""
 
@@ -217,20 +220,45 @@ class _MeshPart:
         """Both sides of the trial cut with the smallest hulls; none if no cut divides it."""
         from trimesh import intersections  # imports slowly
 
-        cut: Any = intersections.slice_faces_plane
         low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
-        best: list[_MeshPart] = []
+        cuts: list[tuple[float, Array, Array]] = []
         for axis in np.eye(3):
             for fraction in _CUTS:
                 origin = low + fraction * (high - low)
-                sides = [cut(self.vertices, self.faces, normal, origin)[:2]
-                         for normal in (axis, -axis)]  # fmt: skip
-                if min(len(faces) for _, faces in sides) > 0:
+                sides = list(self._sides((self.vertices - origin) @ axis))
+                if min(map(len, sides)) > 0:
                     with suppress(QhullError):  # a side without extent
-                        trial = [_MeshPart(*side) for side in sides]
-                        if not best or _volume(trial) < _volume(best):
-                            best = trial
-        return best
+                        volume = float(sum(_hull(side).volume for side in sides))
+                        cuts.append((volume, axis, origin))
+        if not cuts:
+            return []
+        _, axis, origin = min(cuts, key=lambda cut: cut[0])
+        cut: Any = intersections.slice_faces_plane
+        return [_MeshPart(*cut(self.vertices, self.faces, normal, origin)[:2])
+                for normal in (axis, -axis)]  # fmt: skip
+
+    def _sides(self, heights: Array) -> Iterator[Array]:
+        """Points on both sides of a plane whose hulls are those of the triangles there.
+
+        Args:
+            heights: Of the vertices above the plane [m], shape (V,).
+        """
+        first, second = self._edges
+        crossed = heights[first] * heights[second] < -(_TOUCHING**2)
+        first, second = first[crossed], second[crossed]
+        share = heights[first] / (heights[first] - heights[second])
+        along = self.vertices[second] - self.vertices[first]
+        crossings = self.vertices[first] + share[:, None] * along
+        for above in (heights, -heights):
+            there = np.zeros(len(above), dtype=bool)
+            there[self.faces[(above[self.faces] > _TOUCHING).any(axis=1)]] = True
+            yield np.vstack([self.vertices[there & (above >= -_TOUCHING)], crossings])
+
+    @cached_property
+    def _edges(self) -> IntArray:
+        """Both vertices of every edge, shape (2, E)."""
+        ends = np.sort(self.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        return np.asarray(np.unique(ends, axis=0).T)
 
     @cached_property
     def gain(self) -> float:

@@ -148,7 +148,11 @@ class CollisionPairs:
         return self._distances(q, self._numbers[pairs])
 
     def nearest(
-        self, joints: Array, pairs: IntArray, poses: Sequence[Pose] = (), below: float = np.inf
+        self,
+        joints: Array,
+        pairs: IntArray,
+        poses: Sequence[Pose] = (),
+        below: float | Array = np.inf,
     ) -> tuple[Array, Array, Array]:
         """Distances of pairs in a configuration, with the directions between the nearest points.
 
@@ -156,7 +160,8 @@ class CollisionPairs:
             joints: Joint values [rad or m], shape (n,).
             pairs: Indices into :attr:`pairs`, shape (K,).
             poses: Frames of the bodies of the scene in the spacecraft frame.
-            below: Distance [m] from which directions and points are left out: they are zero.
+            below: Distance [m], one or (K,), from which directions and points are left out: they
+                are zero.
 
         Returns:
             Distances as :meth:`distances` has, shape (K,); unit vectors from the first shapes to
@@ -171,10 +176,11 @@ class CollisionPairs:
         for row in np.flatnonzero(distances < below).tolist():
             result = found[int(numbers[row])]
             points[row] = result.getNearestPoint1(), result.getNearestPoint2()
-            between = points[row, 1] - points[row, 0]
-            length = float(np.linalg.norm(between))
-            far = length > _TOUCHING
-            normals[row] = between / np.copysign(length, distances[row]) if far else result.normal
+            normals[row] = result.normal
+        between = points[:, 1] - points[:, 0]
+        lengths = np.linalg.norm(between, axis=1)
+        far = lengths > _TOUCHING
+        normals[far] = between[far] / np.copysign(lengths, distances)[far, None]
         return distances, normals, points
 
     @property

@@ -87,10 +87,10 @@ class Tumbling:
             InputError: If that is more than 1,000 revolutions.
         """
         axes = self._principal[1]
-        quaternion = self._state(t)[:4]
-        if quaternion.ndim == 1:
-            return np.asarray(axes @ rotation_matrix(quaternion) @ axes.T)
-        return np.asarray(axes @ Rotation.from_quat(quaternion.T).as_matrix() @ axes.T)
+        if isinstance(t, np.ndarray):
+            quaternions = self._state(t)[:4].T
+            return np.asarray(axes @ Rotation.from_quat(quaternions).as_matrix() @ axes.T)
+        return np.asarray(axes @ rotation_matrix(_at(self, float(t))[:4]) @ axes.T)
 
     def angular_velocity(self, t: float) -> Array:
         """Angular velocity at time t [s], axes of the body's frame then [rad/s], shape (3,).
@@ -98,7 +98,7 @@ class Tumbling:
         Raises:
             InputError: As :meth:`rotation`.
         """
-        return np.asarray(math.copysign(1.0, t) * self._principal[1] @ self._state(t)[4:])
+        return np.asarray(math.copysign(1.0, t) * self._principal[1] @ _at(self, float(t))[4:])
 
     def acceleration(self, rate: Array) -> Array:
         """Angular acceleration at an angular velocity (3,), same axes [rad/s²], shape (3,)."""
@@ -127,6 +127,12 @@ class Tumbling:
     def revolutions(self, t: float) -> float:
         """Upper bound of the number of revolutions between time zero and time t [s]."""
         return self.largest_rate * abs(t) / math.tau
+
+
+@lru_cache(maxsize=16)
+def _at(tumbling: Tumbling, t: float) -> Array:
+    """The state at a time: rotation and rate of a body are looked for one after the other."""
+    return frozen(tumbling._state(t))
 
 
 @lru_cache(maxsize=32)

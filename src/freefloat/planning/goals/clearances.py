@@ -45,23 +45,11 @@ class _Seen(NamedTuple):
     centres: Array
     turned: Array
 
-    def never_seen(self, count: int) -> _Seen:
-        """The same for a number of places where nothing is known."""
-        shapes = ((count, *array.shape[1:]) for array in self[1:])
-        unknown = np.full((count, self.distances.shape[1]), -np.inf)
-        return _Seen(unknown, *map(np.zeros, shapes))
-
-    def at(self, rows: IntArray) -> _Seen:
-        """Some of the places."""
-        return _Seen(*(array[rows] for array in self))
-
-    def update(
-        self, place: int, pairs: IntArray, distances: Array, now: _Seen, row: int
-    ) -> None:  # fmt: skip
-        """Remember distances of some pairs at a place, and their configuration."""
-        self.distances[place, pairs] = distances
-        for known, new in zip(self[1:], now[1:], strict=True):
-            known[place, pairs] = new[row, pairs]
+    @classmethod
+    def never(cls, places: int, pairs: int, joints: int) -> _Seen:
+        """That of places and pairs of which nothing is known."""
+        shapes = ((places, pairs, *size) for size in ((joints,), (2, 3), (2, 3, 3)))
+        return cls(np.full((places, pairs), -np.inf), *map(np.zeros, shapes))
 
 
 class Clearances:
@@ -77,12 +65,14 @@ class Clearances:
         """
         self._problem, self._pairs, self._clearance = problem, pairs, clearance
         self._arm, self._bodies = Arm.of(problem.model), pairs.bodies
-        self._centres, self._radii = pairs.spheres
+        centres, radii = pairs.spheres
+        balls = np.column_stack([self._bodies.ravel(), centres.reshape(-1, 3), radii.ravel()])
+        self._balls, numbers = np.unique(balls, axis=0, return_inverse=True)
+        self._ball_of = numbers.reshape(-1, 2)
         self._margins = np.full(len(pairs.pairs), _MARGIN)
         self._known = np.full(len(pairs.pairs), np.inf)
         strokes = np.nan_to_num(np.abs(problem.model.joint_ranges).max(axis=0), posinf=1e3)
         self._levers = pairs.levers(strokes)
-        self._outer = np.flatnonzero(self._bodies[:, 1] > problem.model.dof)
         self._seen = dict[int, _Seen]()
         self._scene = SceneFrames(problem)
 
@@ -114,49 +104,56 @@ class Clearances:
         edges = self._edges(paths)
         times = course.duration * paths.times[edges]
         places = Places(times, course.attitudes[edges], self._placed(course.joints[edges]))
-        scene = self._scene.along(places)
-        now = self._now(course.joints[edges], places.frames, scene)
+        scene, required = self._scene.along(places), self.required
+        row, pair, now = self._near(course.joints[edges], places.frames, scene, required)
         if len(course.joints) not in self._seen:
-            self._seen[len(course.joints)] = now.never_seen(len(course.joints))
+            known = _Seen.never(len(course.joints), len(required), paths.joint_count)
+            self._seen[len(course.joints)] = known
         seen = self._seen[len(course.joints)]
-        required, rows = self.required, []
-        near = (now.distances < required) & (self._bounds(now, seen.at(edges)) < required)
-        for row, edge in enumerate(edges):
-            (chosen,) = np.nonzero(near[row])
-            if not len(chosen):
-                continue
-            distances, normals, points = self._pairs.nearest(
-                course.joints[edge], chosen, scene.poses(row), float(required.max())
+        place = edges[row], pair
+        bounds = self._bounds(now, _Seen(*(known[place] for known in seen)), pair)
+        (chosen,) = np.nonzero(bounds < required[pair])
+        row, pair, now = row[chosen], pair[chosen], _Seen(*(new[chosen] for new in now))
+        normals, points = np.zeros((len(pair), 3)), np.zeros((len(pair), 2, 3))
+        instants, first = np.unique(row, return_index=True)
+        for one, group in zip(instants, np.split(np.arange(len(pair)), first[1:]), strict=False):
+            now.distances[group], normals[group], points[group] = self._pairs.nearest(
+                course.joints[edges[one]], pair[group], scene.poses(one), required[pair[group]]
             )
-            seen.update(edge, chosen, distances, now, row)
-            for k in np.flatnonzero(distances < required[chosen]):
-                pair = chosen[k]
-                rows.append((row, pair, required[pair] - distances[k], *normals[k],
-                             *points[k].ravel()))  # fmt: skip
-        table = np.array(rows).reshape(-1, 12)
-        return self._with_derivatives(table, edges, places, paths)
+        for known, new in zip(seen, now, strict=True):
+            known[edges[row], pair] = new
+        lack = required[pair] - now.distances
+        rows = np.column_stack([row, pair, lack, normals, points.reshape(-1, 6)])
+        return self._with_derivatives(rows[lack > 0.0], edges, places, paths)
 
-    def _now(self, joints: Array, frames: tuple[Array, ...], scene: Placed) -> _Seen:
-        """The configurations at some ends of intervals; distances are those of the spheres."""
+    def _near(
+        self, joints: Array, frames: tuple[Array, ...], scene: Placed, required: Array
+    ) -> tuple[IntArray, IntArray, _Seen]:
+        """Rows of configurations and pairs whose spheres are too near, with what is seen there."""
         rotations = np.concatenate([frames[0], scene.rotations], axis=1)
         origins = np.concatenate([frames[1], scene.positions], axis=1)
-        turned = rotations[:, self._bodies]
-        centres = np.einsum("epsij,psj->epsi", turned, self._centres) + origins[:, self._bodies]
-        gaps = np.linalg.norm(centres[:, :, 0] - centres[:, :, 1], axis=2) - self._radii.sum(axis=1)
-        every = np.repeat(joints[:, None], len(self._bodies), axis=1)
-        return _Seen(gaps, every, centres, turned)
+        bodies, (first, second) = self._balls[:, 0].astype(np.int64), self._ball_of.T
+        at = np.einsum("ebij,bj->ebi", rotations[:, bodies], self._balls[:, 1:4])
+        centres, radii = at + origins[:, bodies], self._balls[:, 4]
+        between = np.linalg.norm(centres[:, first] - centres[:, second], axis=2)
+        gaps = between - radii[first] - radii[second]
+        row, pair = np.nonzero(gaps < required)
+        turned = rotations[row[:, None], self._bodies[pair]]
+        around = centres[row[:, None], self._ball_of[pair]]
+        return row, pair, _Seen(gaps[row, pair], joints[row], around, turned)
 
-    def _bounds(self, now: _Seen, seen: _Seen) -> Array:
-        """Lower bounds of the distances by those when they were looked at, shape (edges, P).
+    def _bounds(self, now: _Seen, seen: _Seen, pair: IntArray) -> Array:
+        """Lower bounds of the distances of pairs (M,) by those when they were looked at.
 
         A joint changes the distance of two links by at most its lever, a motion of a body that of
         its shape by at most the displacement of its sphere's centre and a turn of its radius.
         """
-        moved = np.einsum("epj,pj->ep", np.abs(now.joints - seen.joints), self._levers)
-        outer = self._outer
-        shifts = np.linalg.norm(now.centres[:, outer] - seen.centres[:, outer], axis=3)
-        turns = np.linalg.norm(now.turned[:, outer] - seen.turned[:, outer], axis=(3, 4))
-        moved[:, outer] = (shifts + turns / np.sqrt(2.0) * self._radii[outer]).sum(axis=2)
+        moved = (np.abs(now.joints - seen.joints) * self._levers[pair]).sum(axis=1)
+        (outer,) = np.nonzero(self._bodies[pair, 1] > self._problem.model.dof)
+        shifts = np.linalg.norm(now.centres[outer] - seen.centres[outer], axis=2)
+        turns = np.linalg.norm(now.turned[outer] - seen.turned[outer], axis=(2, 3))
+        radii = self._balls[self._ball_of[pair[outer]], 4]
+        moved[outer] = (shifts + turns / np.sqrt(2.0) * radii).sum(axis=1)
         return np.asarray(seen.distances - moved)
 
     def _edges(self, paths: JointPaths) -> IntArray:
