@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Collection, Sequence
 from typing import Any
 
+import coal
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
@@ -220,7 +221,10 @@ class CollisionPairs:
             )
         for first, second in pairs.tolist():
             geometry.addCollisionPair(pin.CollisionPair(first, second))
-        return geometry, geometry.createData()
+        data = geometry.createData()
+        for number in range(len(pairs)):  # those of Pinocchio begin where the last ones ended
+            data.distanceRequests[number] = coal.DistanceRequest()
+        return geometry, data
 
     def _always_near(self, own: int, count: int, clearance: float) -> npt.NDArray[np.bool_]:
         """Which of the first candidates, ``own`` pairs of links, are always too near."""

@@ -31,25 +31,33 @@ _ENDS = 3
 
 
 class _Seen(NamedTuple):
-    """Distances of P pairs at K places, and the configurations in which they have been looked at.
+    """Distances of pairs, and where the second shapes were when these were looked at.
 
     Attributes:
-        distances: [m], shape (K, P).
-        joints: Joint values, shape (K, P, n).
-        centres: Centres of spheres around both shapes, spacecraft frame [m], shape (K, P, 2, 3).
-        turned: Rotations of their bodies, shape (K, P, 2, 3, 3).
+        distances: [m], shape (...).
+        centres: Centres of spheres around the second shapes, frames of the first bodies [m], shape
+            (..., 3).
+        turned: Rotations of their bodies, same frames, shape (..., 3, 3).
     """
 
     distances: Array
-    joints: Array
     centres: Array
     turned: Array
 
     @classmethod
-    def never(cls, places: int, pairs: int, joints: int) -> _Seen:
-        """That of places and pairs of which nothing is known."""
-        shapes = ((places, pairs, *size) for size in ((joints,), (2, 3), (2, 3, 3)))
-        return cls(np.full((places, pairs), -np.inf), *map(np.zeros, shapes))
+    def never(cls, *shape: int) -> _Seen:
+        """That of pairs of which nothing is known."""
+        return cls(np.full(shape, -np.inf), np.zeros((*shape, 3)), np.zeros((*shape, 3, 3)))
+
+    def bounds(self, now: _Seen, radii: Array) -> Array:
+        """Lower bounds of the distances now, with the radii of the spheres [m].
+
+        A motion of a shape changes its distance from another one by at most the displacement of the
+        sphere's centre and a turn of its radius.
+        """
+        shifts = np.linalg.norm(now.centres - self.centres, axis=1)
+        turns = np.linalg.norm(now.turned - self.turned, axis=(1, 2)) / np.sqrt(2.0)
+        return np.asarray(self.distances - shifts - turns * radii)
 
 
 class Clearances:
@@ -69,10 +77,9 @@ class Clearances:
         balls = np.column_stack([self._bodies.ravel(), centres.reshape(-1, 3), radii.ravel()])
         self._balls, numbers = np.unique(balls, axis=0, return_inverse=True)
         self._ball_of = numbers.reshape(-1, 2)
+        self._larger_first = np.argsort(-self._balls[self._ball_of, 4], axis=1, kind="stable")
         self._margins = np.full(len(pairs.pairs), _MARGIN)
         self._known = np.full(len(pairs.pairs), np.inf)
-        strokes = np.nan_to_num(np.abs(problem.model.joint_ranges).max(axis=0), posinf=1e3)
-        self._levers = pairs.levers(strokes)
         self._seen = dict[int, _Seen]()
         self._scene = SceneFrames(problem)
 
@@ -105,29 +112,28 @@ class Clearances:
         times = course.duration * paths.times[edges]
         places = Places(times, course.attitudes[edges], self._placed(course.joints[edges]))
         scene, required = self._scene.along(places), self.required
-        row, pair, now = self._near(course.joints[edges], places.frames, scene, required)
+        row, pair, now = self._near(places.frames, scene, required)
         if len(course.joints) not in self._seen:
-            known = _Seen.never(len(course.joints), len(required), paths.joint_count)
-            self._seen[len(course.joints)] = known
+            self._seen[len(course.joints)] = _Seen.never(len(course.joints), len(required))
         seen = self._seen[len(course.joints)]
-        place = edges[row], pair
-        bounds = self._bounds(now, _Seen(*(known[place] for known in seen)), pair)
-        (chosen,) = np.nonzero(bounds < required[pair])
-        row, pair, now = row[chosen], pair[chosen], _Seen(*(new[chosen] for new in now))
+        known = _Seen(*(array[edges[row], pair] for array in seen))
+        radii = self._balls[self._ball_of[pair], 4].min(axis=1)
+        (chosen,) = np.nonzero(known.bounds(now, radii) < required[pair])
+        row, pair, now = row[chosen], pair[chosen], _Seen(*(array[chosen] for array in now))
         normals, points = np.zeros((len(pair), 3)), np.zeros((len(pair), 2, 3))
         instants, first = np.unique(row, return_index=True)
         for one, group in zip(instants, np.split(np.arange(len(pair)), first[1:]), strict=False):
             now.distances[group], normals[group], points[group] = self._pairs.nearest(
                 course.joints[edges[one]], pair[group], scene.poses(one), required[pair[group]]
             )
-        for known, new in zip(seen, now, strict=True):
-            known[edges[row], pair] = new
+        for array, new in zip(seen, now, strict=True):
+            array[edges[row], pair] = new
         lack = required[pair] - now.distances
         rows = np.column_stack([row, pair, lack, normals, points.reshape(-1, 6)])
         return self._with_derivatives(rows[lack > 0.0], edges, places, paths)
 
     def _near(
-        self, joints: Array, frames: tuple[Array, ...], scene: Placed, required: Array
+        self, frames: tuple[Array, ...], scene: Placed, required: Array
     ) -> tuple[IntArray, IntArray, _Seen]:
         """Rows of configurations and pairs whose spheres are too near, with what is seen there."""
         rotations = np.concatenate([frames[0], scene.rotations], axis=1)
@@ -138,23 +144,13 @@ class Clearances:
         between = np.linalg.norm(centres[:, first] - centres[:, second], axis=2)
         gaps = between - radii[first] - radii[second]
         row, pair = np.nonzero(gaps < required)
-        turned = rotations[row[:, None], self._bodies[pair]]
-        around = centres[row[:, None], self._ball_of[pair]]
-        return row, pair, _Seen(gaps[row, pair], joints[row], around, turned)
-
-    def _bounds(self, now: _Seen, seen: _Seen, pair: IntArray) -> Array:
-        """Lower bounds of the distances of pairs (M,) by those when they were looked at.
-
-        A joint changes the distance of two links by at most its lever, a motion of a body that of
-        its shape by at most the displacement of its sphere's centre and a turn of its radius.
-        """
-        moved = (np.abs(now.joints - seen.joints) * self._levers[pair]).sum(axis=1)
-        (outer,) = np.nonzero(self._bodies[pair, 1] > self._problem.model.dof)
-        shifts = np.linalg.norm(now.centres[outer] - seen.centres[outer], axis=2)
-        turns = np.linalg.norm(now.turned[outer] - seen.turned[outer], axis=(2, 3))
-        radii = self._balls[self._ball_of[pair[outer]], 4]
-        moved[outer] = (shifts + turns / np.sqrt(2.0) * radii).sum(axis=1)
-        return np.asarray(seen.distances - moved)
+        order = self._larger_first[pair]
+        larger, smaller = np.take_along_axis(self._bodies[pair], order, axis=1).T
+        back = rotations[row, larger].transpose(0, 2, 1)
+        ball = self._ball_of[pair, order[:, 1]]
+        away = centres[row, ball] - origins[row, larger]
+        turned = back @ rotations[row, smaller]
+        return row, pair, _Seen(gaps[row, pair], np.einsum("mij,mj->mi", back, away), turned)
 
     def _edges(self, paths: JointPaths) -> IntArray:
         """Ends of intervals to look at: of equal loops the first one and where others differ."""

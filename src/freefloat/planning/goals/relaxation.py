@@ -24,6 +24,8 @@ from freefloat.so3 import Array
 _LONGEST = 0.5
 """Largest change of a joint in an iteration [rad, m]."""
 _LEAST_DAMPING, _MOST_DAMPING = 1e-6, 1e4
+_DAMPING = 0.05
+"""Damping at the beginning, over the weight of violations."""
 _WEIGHT_OF_END = 10.0
 """Weight of the residuals of the end in the merit [1/rad, 1/m]."""
 _CLOSED = 1e-13
@@ -134,7 +136,8 @@ class Relaxation:
 
     def relaxed(self, unknowns: Array, weights: Weights, iterations: int) -> Quadratic:
         """The problem at a path near the least value, from another one."""
-        reference, damping, of_end = float(unknowns[-1]), 1e-2, _WEIGHT_OF_END
+        reference, of_end = float(unknowns[-1]), _WEIGHT_OF_END
+        damping = _DAMPING * weights.violations
         here = self.linearized(unknowns, weights, reference)
         scale = np.ones(self.paths.size)
         scale[-1] = unknowns[-1] ** -2
