@@ -28,9 +28,9 @@ def largest_rate(result: GoalMotion, limits: ff.Limits) -> float:
     return float(np.abs(rates / limits.joint_rate).max())
 
 
-def measure(name: str, kind: str, count: int, momentum: list[float], engine: str) -> None:
+def measure(name: str, kind: str, count: int, momenta: np.ndarray, engine: str) -> None:
     rows = []
-    for number, query in enumerate(islice(queries(name, kind, np.array(momentum)), count)):
+    for number, query in enumerate(islice(queries(name, kind, *momenta), count)):
         state = IDENTITY, query.joints
         begin = time.process_time()
         result = ff.move(query.system, state, query.goal, query.limits, query.scene)
@@ -52,7 +52,7 @@ def measure_fixed_base(name: str, kind: str, count: int) -> None:
     from goals.fixed_base import plan_with_fixed_base
 
     paths, kept, errors = [], 0, []
-    for query in islice(queries(name, kind, np.zeros(3)), count):
+    for query in islice(queries(name, kind), count):
         path = plan_with_fixed_base(query)
         if path.joints is not None:
             paths.append(path)
@@ -71,6 +71,7 @@ if __name__ == "__main__":
     parser.add_argument("--kinds", nargs="*", choices=KINDS, default=KINDS)
     parser.add_argument("--goals", type=int, default=30)
     parser.add_argument("--momentum", type=float, nargs=3, default=[0.0, 0.0, 0.0])
+    parser.add_argument("--wheels", type=float, nargs=3, default=[0.0, 0.0, 0.0])
     parser.add_argument("--engine", default="mujoco")
     parser.add_argument("--fixed-base", action="store_true")
     arguments = parser.parse_args()
@@ -79,5 +80,5 @@ if __name__ == "__main__":
             if arguments.fixed_base and query_kind != "attitude":
                 measure_fixed_base(query_name, query_kind, arguments.goals)
             elif not arguments.fixed_base:
-                settings = arguments.goals, arguments.momentum, arguments.engine
-                measure(query_name, query_kind, *settings)
+                momenta = np.array([arguments.momentum, arguments.wheels])
+                measure(query_name, query_kind, arguments.goals, momenta, arguments.engine)

@@ -28,6 +28,7 @@ RATE = 0.1
 CLEARANCE = 0.01
 """Clearance where the scenario has none and there is a client [m]."""
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
+STILL = np.zeros(3)
 _SIZE, _GAP, _BESIDE = 0.3, 0.15, 0.12
 """Edge of the client, its distance from the end-effector at the start, and the largest distance of
 a goal beside it; in units of the end-effector's distance from the centre of mass."""
@@ -72,7 +73,9 @@ class Query:
         return float(distances.min()) - self.limits.clearance
 
 
-def queries(name: str, kind: str, momentum: Array) -> Iterator[Query]:
+def queries(
+    name: str, kind: str, momentum: Array = STILL, wheels: Array = STILL
+) -> Iterator[Query]:
     """Queries of a scenario or of the arm with ten joints, without end.
 
     Args:
@@ -81,7 +84,8 @@ def queries(name: str, kind: str, momentum: Array) -> Iterator[Query]:
             they were; ``pose`` and ``joints``: those of random configurations; ``client``: poses
             beside a box in front of the end-effector; ``narrow``: joints, with that box on the
             straight way to them.
-        momentum: Angular momentum [N m s], shape (3,).
+        momentum: Angular momentum of the system [N m s], shape (3,).
+        wheels: That of reaction wheels, spacecraft frame [N m s], shape (3,).
     """
     model, limits = _ten_joints() if name == "ten_joints" else _bundled(name)
     joints = np.array(JOINTS[name])
@@ -90,7 +94,7 @@ def queries(name: str, kind: str, momentum: Array) -> Iterator[Query]:
     if kind in ("client", "narrow") and limits.clearance is None:
         limits = replace(limits, clearance=CLEARANCE)
     pairs = None if limits.clearance is None else CollisionPairs(model, limits.clearance)
-    system = ff.System(model, momentum)
+    system = ff.System(model, momentum, wheels)
     blank = Query(system, joints, ff.Goal(joints=joints), joints, limits, ff.Scene(), pairs)
     if kind == "client":
         place = model.end_effector_pose(IDENTITY, joints).position

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 
@@ -20,6 +22,9 @@ _ATTITUDES, _ROUNDS = 16, 6
 attitude at the end of a straight way changes its arm branch."""
 _MOST_BRANCHES, _APART = 8, 0.01
 """Most straight ways, and least difference of their ends [rad, m]."""
+_SAMPLES, _DISTINCT = 1024, 0.3
+"""Random configurations from which Newton's method leads a redundant arm to the goal's pose where
+its arm branches violate a limit there, and least difference of those that it finds [rad, m]."""
 _ERROR, _TIME = 3.0, 0.05
 """Weights of the error at the end [1/rad, 1/m] and of the duration over that of half a turn."""
 _MEAN_SQUARE, _LOOK = Weights(1.0, 0.0), Weights(1.0, 1.0)
@@ -41,6 +46,10 @@ def starts(relaxation: Relaxation, rng: np.random.Generator, most: int) -> Itera
     random.sort(key=lambda unknowns: _promise(relaxation, unknowns))
     ends = _branches(relaxation, random[:_ATTITUDES])
     candidates = [_with_end(relaxation, blank, joints) for joints in ends]
+    if not any(_keeps_end(relaxation, unknowns) for unknowns in candidates):
+        others = (_with_end(relaxation, blank, joints) for joints in _redundant(relaxation, rng))
+        kept = (unknowns for unknowns in others if _keeps_end(relaxation, unknowns))
+        candidates = list(islice(kept, _MOST_BRANCHES)) or candidates
     if paths.ends.end is not None and not paths.closed:
         candidates.append(blank)
     yield from _closed(relaxation, candidates)
@@ -107,7 +116,7 @@ def _branches(relaxation: Relaxation, others: Sequence[Array]) -> list[Array]:
     They are the arm branches at the goal's attitude or, where this is free, at the present one and
     those at the ends of other paths, each followed to the attitude at which its straight way ends.
     """
-    paths, target, (low, high) = relaxation.paths, relaxation.target, relaxation.ranges
+    paths, target = relaxation.paths, relaxation.target
     model, start, task = target.problem.model, paths.ends.start, target.task
     if paths.ends.end is not None or target.pose is None or task is None:
         return []
@@ -124,11 +133,42 @@ def _branches(relaxation: Relaxation, others: Sequence[Array]) -> list[Array]:
         reached = np.array([course.attitudes[-1] for course in courses])
         ends = newton_solutions(model, *_seen(relaxation, reached), task, ends)
         ends = ends[np.isfinite(ends).all(axis=1)]
+    return _distinct(relaxation, ends, _APART)[:_MOST_BRANCHES]
+
+
+def _redundant(relaxation: Relaxation, rng: np.random.Generator) -> list[Array]:
+    """Ends (n,) at the goal's pose of a redundant arm, whose joints may be anywhere in their ranges.
+
+    They hold at the attitude at the start, unless the goal has one.
+    """
+    target, (low, high) = relaxation.target, relaxation.ranges
+    model, task = target.problem.model, target.task
+    if target.pose is None or task is None or model.dof <= len(task.rows):
+        return []
+    attitude = relaxation.attitude if target.attitude is None else target.attitude
+    attitudes = np.tile(attitude, (_SAMPLES, 1, 1))
+    samples = rng.uniform(low, high, (_SAMPLES, len(low)))
+    ends = newton_solutions(model, *_seen(relaxation, attitudes), task, samples)
+    return _distinct(relaxation, ends[np.isfinite(ends).all(axis=1)], _DISTINCT)
+
+
+def _distinct(relaxation: Relaxation, ends: Array, apart: float) -> list[Array]:
+    """Of ends (K, n) those inside the ranges and apart from nearer ones, the nearest first."""
+    start, (low, high) = relaxation.paths.ends.start, relaxation.ranges
     distinct: list[Array] = []
     for end in ends[np.argsort(np.abs(ends - start).max(axis=1))]:
-        if all(np.abs(end - other).max() > _APART for other in distinct):
+        if all(np.abs(end - other).max() > apart for other in distinct):
             distinct += [end] if (end >= low).all() and (end <= high).all() else []
-    return distinct[:_MOST_BRANCHES]
+    return distinct
+
+
+def _keeps_end(relaxation: Relaxation, unknowns: Array) -> bool:
+    """Whether the end of a path keeps the limits of shapes."""
+    paths = replace(relaxation.paths, fineness=1)
+    course = replace(relaxation, paths=paths).course(timed(relaxation, unknowns), 1)
+    relaxation.effort.take(paths.intervals)
+    found = [shape.violations(paths, course) for shape in relaxation.shapes]
+    return not any((violations.edges == paths.intervals).any() for violations in found)
 
 
 def _seen(relaxation: Relaxation, attitudes: Array) -> tuple[Array, Array]:
