@@ -113,7 +113,8 @@ class RobotVisuals:
 def robot_visuals(model: FreeFloatingModel) -> RobotVisuals:
     """Return the visuals of all links, with a mesh per colour.
 
-    Arm bodies without visuals get rods; a spacecraft whose heaviest link has none gets a box.
+    A link with mass but without visuals has its collision shapes. Arm bodies without either get
+    rods; a spacecraft whose heaviest link has none gets a box.
     """
 
     @cache
@@ -131,12 +132,13 @@ def robot_visuals(model: FreeFloatingModel) -> RobotVisuals:
     for link in model.description.links:
         body, place = model.link_places[link.name]
         parts: list[tuple[Pose, Shape, Colour]] = []
-        for number, visual in enumerate(link.visuals, start=1):
+        seen = link.visuals or (link.collisions if link.mass > 0.0 else ())
+        for number, visual in enumerate(seen, start=1):
             geometry = visual.geometry
             at = place @ visual.origin
             colour = visual.colour or (_SPACECRAFT if body == 0 else _LINK)
             if geometry is None or geometry == MeshFile(""):
-                problems.append(f"link {link.name}: its <visual> {number} cannot be read")
+                problems.append(f"link {link.name}: its <{visual.kind}> {number} cannot be read")
             elif not isinstance(geometry, MeshFile):
                 parts.append((at, geometry, colour))
             else:
