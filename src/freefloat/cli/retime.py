@@ -14,7 +14,7 @@ from rich.text import Text
 from freefloat.cli.console import DONE, NEGATIVE, Console, limit_tables, motion_lines, table
 from freefloat.cli.delivery import Delivery
 from freefloat.cli.options import Json, Plots, Quiet, ResultFile, Threads
-from freefloat.errors import require_type
+from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.planning.plan import Plan
@@ -50,7 +50,10 @@ def retime(
     delivery = Delivery(console, output, plots=plots, threads=threads)
     delivery.prepare(plan)
     loaded: Any = load(plan)
-    require_type("plan", loaded, Plan, "a file of freefloat plan -o, of a path")
+    if not isinstance(loaded, Plan):
+        problem = f"{plan} is the result of a {loaded.kind}"
+        accepted = "that of a path; motions to goals already last as short as limits permit"
+        raise InputError("plan", problem, accepted)
     with console.progress("planning again") as progress:
         result = find_timing(loaded, threads=threads, progress=progress)
     tables = _tables(str(plan), loaded, result)
