@@ -137,7 +137,7 @@ def _branches(relaxation: Relaxation, others: Sequence[Array]) -> list[Array]:
 
 
 def _redundant(relaxation: Relaxation, rng: np.random.Generator) -> list[Array]:
-    """Ends (n,) at the goal's pose of a redundant arm, whose joints may be anywhere in their ranges.
+    """Ends (n,) of a redundant arm at the goal's pose, anywhere in the joint ranges.
 
     They hold at the attitude at the start, unless the goal has one.
     """
