@@ -27,6 +27,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 def test_a_file_is_verified_with_mujoco(file: Path) -> None:
     assert document("check", file, "--engine", "mujoco")["proved"]
+    assert run("retime", file).exit_code == 2  # it lasts as short as limits permit
 
 
 @pytest.mark.slow

@@ -91,14 +91,13 @@ def test_a_relative_mesh_takes_place_scale_and_colour_from_the_urdf(tmp_path: Pa
 
 
 def test_a_missing_mesh_is_reported_and_replaced(tmp_path: Path) -> None:
-    """By a rod from the joint to the end."""
+    """By a rod from the joint to the end, unless there are other visuals or collision shapes."""
     visual = "<visual><geometry><mesh filename='gone.stl'/></geometry></visual>"
     (tmp_path / "arm.urdf").write_text(two_links(visual))
     visuals = robot_visuals(ff.FreeFloatingModel.from_urdf(tmp_path / "arm.urdf"))
     assert len(visuals.problems) == 1
     (rod,) = link_visuals(visuals, "arm")
     assert isinstance(rod.shape, ff.Cylinder)
-    partly = robot_visuals(
-        ff.FreeFloatingModel.from_urdf(two_links(f"<visual>{BOX}</visual>" + visual))
-    )
-    assert isinstance(named(partly, "arm").shape, ff.Box)
+    for shapes in (f"<visual>{BOX}</visual>" + visual, f"<collision>{BOX}</collision>"):
+        others = robot_visuals(ff.FreeFloatingModel.from_urdf(two_links(shapes)))
+        assert isinstance(named(others, "arm").shape, ff.Box)

@@ -11,7 +11,6 @@ from pydantic import Field
 from scipy.interpolate import CubicSpline
 
 from freefloat.errors import InputError, finite_vector
-from freefloat.io.hdf5 import read_hdf5
 from freefloat.io.scenario.field_types import Name, Number, Section, Seed
 from freefloat.io.scenario.yaml import error_context, file_keys
 from freefloat.motion.arm_curves import ArmCurve, ArmCurves
@@ -157,6 +156,8 @@ def arms_content(model: FreeFloatingModel, curves: ArmCurves) -> dict[str, Any]:
 
 def _saved_curve(path: Path, key: str, joints: tuple[str, ...]) -> ArmCurve:
     """Joints of a saved motion, by name."""
+    from freefloat.io.hdf5 import read_hdf5  # h5py imports slowly
+
     try:
         tree = read_hdf5(path, _SAVED)
     except InputError as error:
