@@ -74,9 +74,13 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, Any], tuple[str, ...]]] = 
         "attitude": {"so3": {"center": [0, 0, 0, 1], "angle_deg": 20.0}},
         "momentum": {"ball": {"center": [0, 0, 0], "radius": 1.0}},
     }, ("spacecraft", "panda_link2")),
-    "joints nearby": ("spatial_6dof/line", {"search": {"joints": [0, 0.5, 1, 0, 1, 0]}}, {
-        "attitude": {"so3": {}}, "momentum": {"ball": {"center": [0, 0, 0], "radius": 1.0}},
-    }, ("spacecraft", "link_3")),
+    "joints nearby": ("ur5_servicer/arc", {
+        "margin": {"measure": "gjm", "value": 0.02}, "limits": {},
+        "search": {"joints": [2.9, -2.6, -1.2, 0.5, -1.0, 3.0]},
+    }, {
+        "attitude": {"so3": {"center": [0, 0, 0, 1], "angle_deg": 40.0}},
+        "momentum": {"ball": {"center": [0, 0, 0], "radius": 0.5}},
+    }, ("upper_arm_link", "forearm_link")),
     "Example 1": ("planar_3dof/parabola_nonstop", {}, {
         "heading_deg": {"uniform": [0, 360]}, "timing.duration": {"uniform": [50, 200]},
         "momentum.2": {"uniform": [-1, 1.5]}, "margin.value": {"uniform": [1, 20]},

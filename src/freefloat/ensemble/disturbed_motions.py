@@ -2,9 +2,10 @@
 
 All motions are integrated in an ensemble. Those that end early, come near to a singularity or near
 to the threshold, or on request to bounds of joint ranges, are integrated once more with a tolerance
-of 1e-8. Where that changes the ending, the minimum is still too near to the threshold, or the
-motion passes a singularity very closely before it ends at one, a tolerance of 1e-10 follows, and
-where that changes the ending again, or the minimum is still too near, a precise motion decides.
+of 1e-8, for planar tasks and redundant arms with 1e-10 at once. Where that changes the ending, the
+minimum is still too near to the threshold, or the motion passes a singularity very closely before
+it ends at one, a tolerance of 1e-10 follows, and where that changes the ending again, or the
+minimum is still too near, a precise motion decides.
 """
 
 from __future__ import annotations

@@ -285,12 +285,13 @@ class Problem:
             return None
         return next((branch.joints for branch in self.branches(attitude)), None)
 
-    def first_near(
+    def nearest(
         self, joints: Array, branches: Sequence[ArmBranch], within: float = _NEAR
     ) -> ArmBranch | None:
-        """The first of some branches with each joint within 0.05 rad of a value (n,), or None."""
-        distance = self.model.joint_distance
-        return next((b for b in branches if distance(b.joints, joints) <= within), None)
+        """The branch nearest to joint values (n,), None if all are more than 0.05 rad away."""
+        distances = [float(self.model.joint_distance(b.joints, joints)) for b in branches]
+        least = min(distances, default=np.inf)
+        return branches[distances.index(least)] if least <= within else None
 
     def branch_near(
         self, attitude: npt.ArrayLike, joints: npt.ArrayLike, branches: Sequence[ArmBranch]
@@ -307,12 +308,12 @@ class Problem:
             InputError: Listing the branches when the joints lie near none.
         """
         values = self.model.joint_vector(joints)[: self.model.arm_dof]
-        near = self.first_near(values, branches)
+        near = self.nearest(values, branches)
         if self.redundant:
             target = self.path.pose(0.0).seen_from(rotation_matrix(attitude))
             given = newton_configuration(self.chain(), target, self.task, values)
-            if given is not None and self.first_near(values, [given]):
-                near = self.first_near(given.joints, branches, _SAME) or given
+            if given is not None and self.nearest(values, [given]):
+                near = self.nearest(given.joints, branches, _SAME) or given
         if near is not None:
             return near
         raise InputError(

@@ -40,25 +40,25 @@ from freefloat.studies.study import START_KEYS, Study
 
 @dataclass(frozen=True, eq=False)
 class Unvaried:
-    """The base scenario of a study, whose motions begin in the arm branches of the runs.
+    """The base scenario of a study, in the arm branches of whose motions the runs begin.
 
     Attributes:
-        problem: The base scenario's problem.
-        near: Joint values near which its motions begin, shape (n,).
-        ranges: Whether it prefers motions within joint ranges.
+        problem: The base scenario's problem, which may have ``start_joints``.
+        ranges: Whether the choice of its motion depends on joint ranges.
     """
 
     problem: Problem
-    near: Array | None
     ranges: bool
 
     @classmethod
     def of(cls, study: Study) -> Unvaried | None:
         """That of a study; None where limits choose the motion, which only precise ones show."""
         scenario = scenario_from(study.base, study.base_source.absolute())
-        near = scenario.search().applied_to(scenario.problem()).start_joints
+        problem = scenario.search().applied_to(scenario.problem())
         ranges, limited = _limits(scenario)
-        return None if limited and near is None else cls(scenario.problem(), near, ranges)
+        if problem.start_joints is not None:
+            return cls(problem, False)
+        return None if limited else cls(problem, ranges)
 
     def joints_at(self, attitudes: Array, threads: int) -> Array:
         """Initial joint values of its motions from attitudes (K, 4).
@@ -66,13 +66,16 @@ class Unvaried:
         Returns:
             Shape (K, n); NaN where there is no motion, or a precise one decides which it is.
         """
-        if self.near is not None:
-            return starts_at(self.problem, attitudes, joints=self.near).joints[:, 0]
         required = np.full(len(attitudes), self.problem.margin.threshold)
-        undisturbed = equivalents(self.problem, len(attitudes))
+        begun = None
+        if self.problem.start_joints is not None:
+            sets = self.problem.many_branches(attitudes)
+            begun = np.full((len(attitudes), self.problem.model.arm_dof), np.nan)
+            begun[np.nonzero(sets.exist)[0]] = sets.joints[sets.exist]
         motions = integrate_disturbed(
-            undisturbed, attitudes, required, threads=threads, ranges=self.ranges
-        )
+            equivalents(self.problem.replace(start_joints=None), len(attitudes)), attitudes,
+            required, joints=begun, threads=threads, ranges=self.ranges,
+        )  # fmt: skip
         if not self.ranges:
             return motions.joints
         decided = keeps_ranges(self.problem, motions) | ~motions.feasible
@@ -226,6 +229,10 @@ def _group(study: Study, number: int) -> Group | None:
     attitude = joints = None
     branch = content.branch if isinstance(content.branch, int) else None
     unvaried = Unvaried.of(study) if content.branch is None else None
+    if unvaried is not None and unvaried.problem.model.arm_dof != problem.model.arm_dof:
+        return None
+    if "heading_deg" in parameters and not problem.task.planar:
+        return None
     if not any(key in parameters for key in START_KEYS):
         heading = None if content.heading_deg is None else np.radians(content.heading_deg)
         attitude = problem.attitude(content.attitude, heading=heading)

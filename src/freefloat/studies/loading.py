@@ -47,8 +47,8 @@ def load_study(name: str | Path) -> Study:
         _check_start(study)
         _check_tracking(study)
         _check_runs(study)
-        _check_links(study)
         _check_branch(study)
+        _check_links(study)
     except InputError as error:
         raise error.found_in(str(source)) from None
     return study
@@ -146,14 +146,20 @@ def _check_runs(study: Study) -> None:
 
 def _check_links(study: Study) -> None:
     """Check that links whose masses vary belong to the robot."""
-    varied = [key for key in study.content.vary if key.startswith(f"{SCALE_MASS}.")]
-    if not varied or "robot.urdf" in study.content.vary or _error_of_base(study) is not None:
+    vary, listed = study.content.vary, study.variation.listed.get(SCALE_MASS, ())
+    names = {
+        key: [key.removeprefix(f"{SCALE_MASS}.")]
+        for key in vary
+        if key.startswith(f"{SCALE_MASS}.")
+    }
+    names[SCALE_MASS] = [link for value in listed if isinstance(value, dict) for link in value]
+    if not any(names.values()) or "robot.urdf" in vary or _error_of_base(study) is not None:
         return
     unscaled = with_values(study.base, {SCALE_MASS: 1.0})
     links = scenario_from(unscaled, study.base_source).model().link_places
-    for key in varied:
-        if key.removeprefix(f"{SCALE_MASS}.") not in links:
-            raise InputError(f"vary.{key}", "the robot has no such link", ", ".join(links))
+    for key, named in names.items():
+        if unknown := [link for link in named if link not in links]:
+            raise InputError(f"vary.{key}", f"the robot has no link {unknown[0]}", ", ".join(links))
 
 
 def _error_of_base(study: Study) -> InputError | None:
@@ -167,7 +173,9 @@ def _error_of_base(study: Study) -> InputError | None:
 def _check_branch(study: Study) -> None:
     """Check that the unvaried scenario has a motion where the arm branch depends on it."""
     if study.start(0) and study.content.branch is None:
-        error = _error_of_base(study)
-        if error is not None:
+        try:
+            scenario = scenario_from(study.base, study.base_source)
+            scenario.search().applied_to(scenario.problem())
+        except InputError as error:
             problem = f"the unvaried scenario has no motion: {error.key}: {error.problem}"
-            raise InputError("branch", problem, "best, or the number of an arm branch")
+            raise InputError("branch", problem, "best, or the number of an arm branch") from None

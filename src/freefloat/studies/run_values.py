@@ -48,7 +48,7 @@ def group_numbers(study: Study) -> IntArray:
     """Number of the group of each run, integrated as one ensemble; -1 of runs on their own.
 
     Those are runs of other commands than simulate, of small groups, with random values of keys that
-    change the robot or the path, and of studies that keep the file of every run.
+    no ensemble represents, and of studies that keep the file of every run.
     """
     alone = np.full(study.count, -1)
     others = [key for key in study.content.vary if not fits_ensembles(key)]

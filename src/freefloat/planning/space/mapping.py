@@ -218,7 +218,7 @@ def tangent_boundary(
             start = boundary_attitude(problem, tangency)
             if start is None or not search.domain.contains(start.attitude):
                 continue
-            branch = problem.first_near(start.joints, problem.branches(start.attitude))
+            branch = problem.nearest(start.joints, problem.branches(start.attitude))
             if branch is None:  # it is not the one closest to the joints of the search
                 continue
             if evaluator.wrist_flipped and branch.index % 2:
