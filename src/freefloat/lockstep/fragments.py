@@ -28,7 +28,7 @@ class _Fragment(JITCodeLibrary):
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class _FragmentLowering(NativeLowering):
-    """Lowering to a fragment."""
+    """The translation of Numba's code to that of LLVM, which is left as it is."""
 
     _name = "fragment_lowering"
 
@@ -55,8 +55,8 @@ class FragmentCompiler(Compiler):
         pipelines: list[Any] = super().define_pipelines()
         for pipeline in pipelines:
             pipeline.passes = [
-                (_FragmentLowering if step is NativeLowering else step, words)
-                for step, words in pipeline.passes
+                (_FragmentLowering if step is NativeLowering else step, description)
+                for step, description in pipeline.passes
             ]
             pipeline._finalized = False
             pipeline.finalize()
