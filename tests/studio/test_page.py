@@ -131,10 +131,10 @@ def test_an_attitude_is_chosen_played_and_saved(opened: Show, studio: Studio) ->
     page = opened("spatial_6dof/line")
     before = page.evaluate("studio.newest.attitude")
     x, y = centre(page, "#ball")
-    while not page.locator("#reason").inner_text().startswith("feasible"):
+    said = page.locator("#reason").inner_text  # which may be late
+    while not all(page.wait_for_timeout(50) or said().startswith("feasible") for _ in range(3)):
         x += 2.0
         page.mouse.move(x, y)
-        page.wait_for_timeout(50)
     page.touchscreen.tap(x, y)
     wait(page, "studio.player && studio.player.playing && studio.player.time > 0")
     chosen = page.evaluate("studio.newest.attitude")
