@@ -145,21 +145,23 @@ def _check_runs(study: Study) -> None:
 
 
 def _check_links(study: Study) -> None:
-    """Check that links whose masses vary belong to the robot."""
-    vary, listed = study.content.vary, study.variation.listed.get(SCALE_MASS, ())
-    names = {
-        key: [key.removeprefix(f"{SCALE_MASS}.")]
-        for key in vary
-        if key.startswith(f"{SCALE_MASS}.")
-    }
-    names[SCALE_MASS] = [link for value in listed if isinstance(value, dict) for link in value]
-    if not any(names.values()) or "robot.urdf" in vary or _error_of_base(study) is not None:
+    """Check that links with factors on their masses belong to the robot."""
+    vary, section = study.content.vary, study.base.get("robot")
+    varied = [key for key in vary if key.startswith(f"{SCALE_MASS}.")]
+    named = [(f"vary.{key}", key.removeprefix(f"{SCALE_MASS}.")) for key in varied]
+    factors = section.get("scale_mass") if isinstance(section, dict) else None
+    listed = study.variation.listed.get(SCALE_MASS, ())
+    maps = [(SCALE_MASS, factors), *((f"vary.{SCALE_MASS}", value) for value in listed)]
+    for key, value in maps:
+        named += [(f"{key}.{link}", link) for link in value] if isinstance(value, dict) else []
+    if not named or "robot.urdf" in vary or _error_of_base(study) is not None:
         return
     unscaled = with_values(study.base, {SCALE_MASS: 1.0})
     links = scenario_from(unscaled, study.base_source).model().link_places
-    for key, named in names.items():
-        if unknown := [link for link in named if link not in links]:
-            raise InputError(f"vary.{key}", f"the robot has no link {unknown[0]}", ", ".join(links))
+    for key, link in named:
+        if link not in links:
+            source = study.source if key.startswith("vary.") else str(study.base_source)
+            raise InputError(key, "the robot has no such link", ", ".join(links), source)
 
 
 def _error_of_base(study: Study) -> InputError | None:
@@ -173,9 +175,7 @@ def _error_of_base(study: Study) -> InputError | None:
 def _check_branch(study: Study) -> None:
     """Check that the unvaried scenario has a motion where the arm branch depends on it."""
     if study.start(0) and study.content.branch is None:
-        try:
-            scenario = scenario_from(study.base, study.base_source)
-            scenario.search().applied_to(scenario.problem())
-        except InputError as error:
+        error = _error_of_base(study)
+        if error is not None:
             problem = f"the unvaried scenario has no motion: {error.key}: {error.problem}"
-            raise InputError("branch", problem, "best, or the number of an arm branch") from None
+            raise InputError("branch", problem, "best, or the number of an arm branch")
