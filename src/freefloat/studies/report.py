@@ -48,7 +48,7 @@ def save_report(result: StudyResult) -> dict[str, Path]:
     parameters = {name: heading(name) for name in rows.parameters}
     drawn = (*parameters, "verdict", "margin", "margin_required", "measure")
     unit = _margin_unit(result)
-    drawing = study_figure({name: rows.column(name) for name in drawn}, parameters, unit)
+    drawing = study_figure(rows.columns(drawn), parameters, unit)
     figure, picture = save_figures(result.folder, {"summary": drawing})
     linked = [file.name for file in (result.files.get("csv"), result.files.get("parquet"), figure)
               if file]  # fmt: skip

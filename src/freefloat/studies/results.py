@@ -132,7 +132,7 @@ class StudyResult:
         found, groups = np.unique(indices[:, numbers], axis=1, return_inverse=True)
         if not 1 < found.shape[1] < len(numbers):
             return []
-        verdicts, margins = self.rows.column("verdict"), self.rows.column("margin")
+        verdicts, margins = self.rows.columns(("verdict", "margin")).values()
         feasible, runs = (
             np.bincount(groups.ravel(), chosen, found.shape[1]).astype(int).tolist()
             for chosen in (verdicts == FEASIBLE, verdicts != ERROR)

@@ -68,10 +68,18 @@ class StudyRows:
 
     def column(self, name: str, condition: str = "") -> npt.NDArray[Any]:
         """Values of a column ordered by number: numbers, NaN without one, or texts."""
-        query = f"{self.selection([name])} {condition} ORDER BY number"
-        kinds = {NUMBER: np.int64, TEXT: object}
-        kind = kinds.get(name) or kinds.get(self.types[name], float)
-        return np.array([value for (value,) in self.query(query)], dtype=kind)
+        return self.columns([name], condition)[name]
+
+    def columns(self, names: Sequence[str], condition: str = "") -> dict[str, npt.NDArray[Any]]:
+        """The same for several columns, by name."""
+        types, special = self.types, {NUMBER: np.int64}
+        kinds = [special.get(name, object if types[name] == TEXT else float) for name in names]
+        query = f"{self.selection(names)} {condition} ORDER BY number"
+        parts: list[list[npt.NDArray[Any]]] = [[np.empty(0, kind)] for kind in kinds]
+        for block in self.blocks(query):
+            for part, kind, values in zip(parts, kinds, zip(*block, strict=True), strict=True):
+                part.append(np.array(values, dtype=kind))
+        return {name: np.concatenate(part) for name, part in zip(names, parts, strict=True)}
 
     def query(self, query: str, *values: Any) -> Iterator[tuple[Any, ...]]:
         """Yield the rows of a query."""
