@@ -50,9 +50,9 @@ def retime(
     delivery = Delivery(console, output, plots=plots, threads=threads)
     delivery.prepare(plan)
     loaded: Any = load(plan)
-    if not isinstance(loaded, Plan):
+    if loaded.kind != Plan.kind:
         problem = f"{plan} is the result of a {loaded.kind}"
-        accepted = "that of a path; motions to goals already last as short as limits permit"
+        accepted = "a plan of a path; motions to goals already last as short as limits permit"
         raise InputError("plan", problem, accepted)
     with console.progress("planning again") as progress:
         result = find_timing(loaded, threads=threads, progress=progress)
