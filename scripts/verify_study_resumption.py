@@ -117,12 +117,17 @@ def main(kills: int = 30) -> int:
                 document, errors = running.communicate()
                 if running.returncode == 0:
                     reused = json.loads(document)["reused"]
-                    failures += reused != len(before)
+                    if reused != len(before):
+                        print(f"{reused:,} of {len(before):,} rows were reused")
+                        failures += 1
                 elif running.returncode != -9:
                     print(errors, file=sys.stderr)
                     failures += 1
                 after = times(out)
-                failures += any(after.get(number) != began for number, began in before.items())
+                changed = sum(after.get(number) != began for number, began in before.items())
+                if changed:
+                    print(f"{changed:,} of {len(before):,} committed rows are others or lost")
+                    failures += 1
                 before = after
             same = results(out) == whole
             failures += not same
