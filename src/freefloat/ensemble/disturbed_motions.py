@@ -197,7 +197,7 @@ def _best(owners: IntArray, motions: EnsembleResult, preferred: BoolArray, count
     those of mirrored arm branches, the first.
     """
     completed = motions.endings == COMPLETED
-    ranks = completed + 1 * (completed & preferred)
+    ranks = completed.astype(int) + (completed & preferred)
     highest, largest = np.zeros(count, dtype=int), np.full(count, -np.inf)
     np.maximum.at(highest, owners, ranks)
     candidates = np.flatnonzero(ranks == highest[owners])

@@ -288,7 +288,7 @@ class Problem:
     def nearest(
         self, joints: Array, branches: Sequence[ArmBranch], within: float = _NEAR
     ) -> ArmBranch | None:
-        """The branch nearest to joint values (n,), None if all are more than 0.05 rad away."""
+        """The branch nearest to joint values (n,), None if all are farther away [rad, m]."""
         distances = [float(self.model.joint_distance(b.joints, joints)) for b in branches]
         least = min(distances, default=np.inf)
         return branches[distances.index(least)] if least <= within else None

@@ -13,9 +13,10 @@ from freefloat.concurrency import available_cores
 from freefloat.ensemble.endings import DECIDERS
 from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.motion.motion import Ending
+from freefloat.robot.joint_ranges import largest_range_ratio
 from freefloat.so3 import Array, IntArray
 from freefloat.studies.columns import FEASIBLE, INFEASIBLE, NUMBER, Column, Columns
-from freefloat.studies.groups import Group, group_of, range_ratios
+from freefloat.studies.groups import Group, group_of
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.values import MARGIN_REASON
 
@@ -98,7 +99,8 @@ def _columns(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str,
     if group.problem.task.planar:
         columns["heading_deg"] = _headings(attitudes)
     if group.ranges:
-        ratios = range_ratios(group.problem, motions)[decided]
+        ranges, low, high = group.problem.model.joint_ranges, motions.lower, motions.upper
+        ratios = largest_range_ratio(ranges, low[decided], high[decided])
         columns["limits_kept"] = [True if kept else None for kept in feasible.tolist()]
         columns["limits.joint_range"] = np.where(feasible, ratios, np.nan)
     return columns

@@ -165,15 +165,11 @@ class Group:
         return np.asarray(decided)
 
 
-def range_ratios(problem: Problem, motions: ManyMotions) -> Array:
-    """Ratios of joint ranges as limits have them, of the integrator's steps, shape (K,)."""
-    return largest_range_ratio(problem.model.joint_ranges, motions.lower, motions.upper)
-
-
 def keeps_ranges(problem: Problem, motions: ManyMotions) -> BoolArray:
     """Whether motions keep their joint ranges by more than an ensemble's errors, shape (K,)."""
     safe = np.where(motions.deciders == NORMAL, SAFE_RANGE, STRICT_SAFE_RANGE)
-    return np.asarray(range_ratios(problem, motions) <= safe)
+    ratios = largest_range_ratio(problem.model.joint_ranges, motions.lower, motions.upper)
+    return np.asarray(ratios <= safe)
 
 
 def _begins_stricter(group: Group, number: int) -> bool:
