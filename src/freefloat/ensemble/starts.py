@@ -168,9 +168,7 @@ def _distinct_starts(
             return _none(len(attitudes), problem.model.arm_dof)
         return Starts(sets.joints[:, column], numbers[:, column])
     if problem.redundant:
-        pose = problem.path.pose(0.0)
-        to_base = Rotation.from_quat(attitudes).as_matrix().swapaxes(1, 2)
-        poses = to_base @ pose.position, to_base @ pose.rotation
+        poses = problem.poses_seen_from(attitudes)
         sets = closest_branches(problem.chain(), *poses, problem.task, joints)
         return Starts(sets.joints, sets.names)
     return _nearest(problem, attitudes, joints)

@@ -272,12 +272,16 @@ class Problem:
 
     def many_branches(self, attitudes: Array, t: float = 0.0) -> BranchSets:
         """The same for many attitudes (K, 4)."""
-        pose, R0 = self.path.pose(t), Rotation.from_quat(attitudes).as_matrix()
-        positions = np.einsum("kji,j->ki", R0, pose.position)
-        rotations = np.einsum("kji,jl->kil", R0, pose.rotation)
+        poses = self.poses_seen_from(attitudes, t)
         if self.start_joints is None or t != 0.0:
-            return many_arm_branches(self.chain(t), positions, rotations, self.task)
-        return closest_branches(self.chain(t), positions, rotations, self.task, self.start_joints)
+            return many_arm_branches(self.chain(t), *poses, self.task)
+        return closest_branches(self.chain(t), *poses, self.task, self.start_joints)
+
+    def poses_seen_from(self, attitudes: Array, t: float = 0.0) -> tuple[Array, Array]:
+        """Positions (K, 3) and rotations (K, 3, 3) of the path relative to attitudes (K, 4)."""
+        pose, R0 = self.path.pose(t), Rotation.from_quat(attitudes).as_matrix()
+        position = np.einsum("kji,j->ki", R0, pose.position)
+        return position, np.einsum("kji,jl->kil", R0, pose.rotation)
 
     def closest_start(self, attitude: npt.ArrayLike) -> Array | None:
         """Joints (n,) at the start closest to ``start_joints``; None without, or out of reach."""
