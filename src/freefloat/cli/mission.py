@@ -1,4 +1,4 @@
-"""What ``freefloat info`` says of a scenario beside its robot: scene, limits, wheels, drift."""
+"""What ``freefloat info`` says of a scenario beside its robot: scene, limits, system, goal."""
 
 from __future__ import annotations
 
@@ -18,17 +18,18 @@ if TYPE_CHECKING:
 
 
 def mission_document(scenario: Scenario) -> dict[str, Any]:
-    """Scene, limits, wheels and drift with the keys of a scenario."""
+    """Scene, limits, wheels, drift and goal with the keys of a scenario."""
     from freefloat.io.scenario.limits_section import limits_content
     from freefloat.io.scenario.scene_section import scene_content
 
-    problem = scenario.problem()
-    limits = limits_content(scenario.limits(), problem.model.joint_names)
+    system, goal = scenario.system(), scenario.goal()
+    limits = limits_content(scenario.limits(), system.model.joint_names)
     return {
-        "scene": scene_content(problem.scene),
+        "scene": scene_content(scenario.scene()),
         **limits,
-        "wheel_momentum": problem.wheel_momentum.tolist(),
-        "drift": problem.path.drift.tolist(),
+        "wheel_momentum": system.wheels.tolist(),
+        "drift": system.drift.tolist(),
+        "goal": goal and goal.to_dict(),
     }
 
 
@@ -36,27 +37,41 @@ def mission_tables(scenario: Scenario) -> Iterator[RenderableType]:
     """The same as tables and lines, of those that there are."""
     from freefloat.io.scenario.limits_section import limits_content
 
-    problem, limits = scenario.problem(), scenario.limits()
-    if problem.scene.bodies:
+    system, scene, limits = scenario.system(), scenario.scene(), scenario.limits()
+    goal = scenario.goal()
+    for key, value in goal.to_dict().items() if goal else ():
+        yield f"goal.{key}: {_goal_value(value)}"
+    if scene.bodies:
         rows = table("body of the scene", "shape", "position [m]", "motion")
-        for body in problem.scene.bodies:
+        for body in scene.bodies:
             rows.add_row(body.name, _shape(body), decimals(body.position), _motion(body))
         yield rows
-    if problem.scene.corridor is not None:
-        yield _corridor(problem.scene.corridor)
+    if scene.corridor is not None:
+        yield _corridor(scene.corridor)
     if limits.pointing:
         rows = table("limit of pointing", "axis", "keeps", "target")
         for number, limit in enumerate(limits.pointing):
             angle = f"{limit.keep} {math.degrees(limit.angle):.4g}°"
             rows.add_row(limit.title(number), decimals(limit.axis), angle, _target(limit))
         yield rows
-    for key, bound in limits_content(limits, problem.model.joint_names).items():
+    for key, bound in limits_content(limits, system.model.joint_names).items():
         if bound is not None and key != "pointing":
             yield f"limits.{key}: {_bound(bound)}"
-    if problem.wheel_momentum.any():
-        yield f"momentum in wheels: {decimals(problem.wheel_momentum)} N m s, spacecraft axes"
-    if problem.path.drifts:
-        yield f"drift of the centre of mass: {decimals(problem.path.drift)} m/s"
+    if system.wheels.any():
+        yield f"momentum in wheels: {decimals(system.wheels)} N m s, spacecraft axes"
+    if system.drift.any():
+        yield f"drift of the centre of mass: {decimals(system.drift)} m/s"
+
+
+def _goal_value(value: Any) -> str:
+    """A number, numbers, a frame, or these by name."""
+    match value:
+        case dict():
+            return ", ".join(f"{key} {_goal_value(part)}" for key, part in value.items())
+        case list():
+            return decimals(value)
+        case _:
+            return f"{value}"
 
 
 def _bound(bound: float | dict[str, float]) -> str:

@@ -70,7 +70,8 @@ class BundledFile:
     Attributes:
         name: Its name on the command line.
         description: What it is, one line.
-        details: Source of a robot; robot and task of a scenario; base and command of a study.
+        details: Source of a robot; robot and task of a scenario, ``goal`` where it has one in place
+            of a path; base and command of a study.
         file: The file.
     """
 
@@ -127,7 +128,9 @@ def _robot(name: str, file: Path) -> BundledFile:
 def _scenario(name: str, file: Path) -> BundledFile:
     description, content = _read(file)
     robot = str(content["robot"]["urdf"]).removesuffix(".urdf")
-    return BundledFile(name, description, {"robot": robot, "task": content["task"]}, file)
+    return BundledFile(
+        name, description, {"robot": robot, "task": content.get("task", "goal")}, file
+    )
 
 
 def _study(name: str, file: Path) -> BundledFile:

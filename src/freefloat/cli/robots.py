@@ -99,9 +99,13 @@ def load_robot(
         loaded = load_scenario(robot)
         mounted = loaded.content.robot.spacecraft is not None
         diagnostics = _require_no_error(console, examine(loaded.robot_source(), mounted))
-        problem = loaded.problem()
-        measure = problem.margin.measure
-        return LoadedRobot(problem.model, problem.task, measure, diagnostics, loaded)
+        if loaded.content.goal is None:
+            problem = loaded.problem_at_rest()
+            measure = problem.margin.measure
+            return LoadedRobot(problem.model, problem.task, measure, diagnostics, loaded)
+        task = natural_task(loaded.model())
+        measure = singularity_measure(loaded.model(), task, "gjm")
+        return LoadedRobot(loaded.model(), task, measure, diagnostics, loaded)
     named = robot.startswith((EXAMPLE, DESCRIPTIONS)) or robot in bundled_robots()
     if named or is_file(Path(robot)):
         source = robot_source(robot, root, packages)
