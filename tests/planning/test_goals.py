@@ -189,7 +189,7 @@ def test_goals_must_suit_the_system() -> None:
 def test_gradients_of_clearances(model: ff.FreeFloatingModel) -> None:
     """Derivatives by witness points are those of differences, of self and scene."""
     from freefloat.limits.check import LimitChecker
-    from freefloat.planning.goals.mover import goal_problem
+    from freefloat.planning.goals.goal_motion import goal_problem
 
     tumbling = ff.Tumbling(inertia=[9.0, 7.0, 4.0], rate=[0.0, 0.0, 0.1])
     body = ff.SceneBody("ball", ff.Sphere(0.2), [1.9, 0.0, 0.8], motion=tumbling)

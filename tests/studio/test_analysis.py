@@ -11,17 +11,19 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.io.scenario.scenario import parse_scenario
 from freefloat.robot.names import find_scenario
-from freefloat.studio.analysis import Analysis, Robots
 from freefloat.studio.messages import State
+from freefloat.studio.path_analysis import PathAnalysis
+from freefloat.studio.robots import Robots
 
 
-def analysis(name: str, **changes: Any) -> tuple[Analysis, State]:
+def analysis(name: str, **changes: Any) -> tuple[PathAnalysis, State]:
     """The analysis of a bundled scenario with other sections."""
     source = find_scenario(name)
     content = yaml.safe_load(source.read_text("utf-8")) | changes
     state = State(yaml.safe_dump(content), source)
-    return Analysis(state, Robots()), state
+    return PathAnalysis(state, parse_scenario(state.text, source), Robots()), state
 
 
 def unpacked(text: str, kind: str) -> np.ndarray:

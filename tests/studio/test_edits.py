@@ -11,12 +11,21 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.robot.names import find_scenario
+from freefloat.studio.analyses import analysis_of
 from freefloat.studio.edits import edited
-from freefloat.studio.messages import MoveHandle, SetDuration, SetMargin, SetMomentum, TurnEnd
-from freefloat.studio.outline import outline
+from freefloat.studio.messages import (
+    MoveHandle,
+    SetDuration,
+    SetMargin,
+    SetMomentum,
+    State,
+    TurnEnd,
+)  # fmt: skip
+from freefloat.studio.robots import Robots
 from tests.errors import error_key
 
 ONE = {"gesture": "1", "done": True}
+END = [0.4, -0.3, 1.2]
 
 
 def scenario(name: str) -> dict[str, Any]:
@@ -24,12 +33,17 @@ def scenario(name: str) -> dict[str, Any]:
 
 
 def outline_of(content: dict[str, Any]) -> dict[str, Any]:
-    loaded = ff.load_scenario(content)
-    return outline(loaded, loaded.problem(), 1.0)
+    state = State(yaml.safe_dump(content), find_scenario("spatial_6dof/line"))
+    return dict(analysis_of(state, Robots()).outline().content)
 
 
 def moved(content: dict[str, Any], handle: int, position: np.ndarray) -> dict[str, Any]:
     edit = MoveHandle(type="handle", handle=handle, position=tuple(position.tolist()), **ONE)
+    return edited(content, edit, outline_of(content))
+
+
+def turned_end(content: dict[str, Any]) -> dict[str, Any]:
+    edit = TurnEnd(type="orientation", value=tuple(END), **ONE)
     return edited(content, edit, outline_of(content))
 
 
@@ -53,7 +67,11 @@ PATHS: dict[str, dict[str, Any]] = {
 
 
 def example(kind: str) -> dict[str, Any]:
-    """Example 2 with another path."""
+    """Example 2 with another path, or a goal."""
+    if kind == "goal":
+        content = scenario("spatial_6dof/around")
+        content["goal"]["pose"] |= {"frame": "spacecraft"}
+        return content | {"search": PATHS["frame"]["search"]}
     content = scenario("spatial_6dof/line")
     changes = PATHS[kind]
     path = changes.get("path")
@@ -62,7 +80,7 @@ def example(kind: str) -> dict[str, Any]:
     return {**content, **changes}
 
 
-@pytest.mark.parametrize("kind", PATHS)
+@pytest.mark.parametrize("kind", [*PATHS, "goal"])
 def test_a_moved_handle_is_where_it_was_moved_to(kind: str) -> None:
     content = example(kind)
     before = positions(content)
@@ -76,16 +94,16 @@ def test_a_moved_handle_is_where_it_was_moved_to(kind: str) -> None:
 
 
 def test_the_end_turns_and_the_start_does_not() -> None:
+    assert outline_of(turned_end(example("goal")))["rpy"] == END
     for kind in ("line", "target", "frame"):
         content = example(kind)
         before = ff.load_scenario(content).problem().path.path
-        edit = TurnEnd(type="orientation", value=(0.4, -0.3, 1.2), **ONE)
-        changed = edited(content, edit, outline_of(content))
+        changed = turned_end(content)
         after = ff.load_scenario(changed).problem().path.path
         assert after.pose(0.0).rotation == pytest.approx(before.pose(0.0).rotation, abs=1e-8)
-        assert outline_of(changed)["rpy"] == [0.4, -0.3, 1.2]
+        assert outline_of(changed)["rpy"] == END
         if kind != "frame":
-            end = Rotation.from_euler("xyz", [0.4, -0.3, 1.2]).as_matrix()
+            end = Rotation.from_euler("xyz", END).as_matrix()
             assert after.pose(1.0).rotation == pytest.approx(end, abs=1e-8)
 
 

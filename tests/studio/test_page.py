@@ -152,6 +152,24 @@ def test_an_attitude_is_chosen_played_and_saved(opened: Show, studio: Studio) ->
     assert run("check", file).exit_code == 0
 
 
+@pytest.mark.slow
+def test_a_goal_is_dragged_reached_and_saved(opened: Show, studio: Studio) -> None:
+    page = opened("spatial_6dof/around")
+    x, y = centre(page, ".handle")
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 3.0, y)
+    page.get_by_text(re.compile("a sketch")).wait_for()
+    assert page.locator("#initial").is_hidden()
+    page.mouse.up()
+    page.get_by_text(re.compile("^goal: the goal is reached")).wait_for()
+    page.locator("#save").click()
+    page.get_by_text(re.compile("^Saved ")).wait_for()
+    motion = ff.load(studio.folder / "around.h5").phases[0].motion
+    pose = motion.problem.model.end_effector_pose(motion.final.attitude, motion.final.joints)
+    assert pose.position == pytest.approx(content(page)["goal"]["pose"]["position"], abs=1e-8)
+
+
 def sliders(page: Page) -> list[str]:
     """Names of the sliders that a scenario shows."""
     rows = page.locator("#sliders input").all()

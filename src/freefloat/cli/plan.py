@@ -165,13 +165,9 @@ def _reach(delivery: Delivery, loaded: Scenario, goal: Goal) -> GoalMotion:
     from freefloat.planning.goals.mover import move
 
     search, limits = loaded.search(), loaded.limits()
+    with loaded.error_context():
+        state = search.present_state(loaded.model())
     delivery.prepare(loaded.source)
-    attitude, joints = search.from_attitude, search.joints
-    if attitude is None or joints is None:
-        key = "search.from_attitude" if attitude is None else "search.joints"
-        problem = "it is missing, for a goal"
-        raise InputError(key, problem, "the present state", str(loaded.source))
-    state = attitude, loaded.model().joint_vector(joints, "search.joints")
     progress = delivery.console.progress("looking for motions")
     with loaded.error_context(), progress as update:
         return move(

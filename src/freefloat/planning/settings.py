@@ -15,7 +15,8 @@ from freefloat.motion.problem import Problem
 from freefloat.planning.domain import SearchDomain, require_radians
 from freefloat.planning.objectives.objective import Objective
 from freefloat.planning.objectives.objectives import NAMED, objective_of
-from freefloat.so3 import Array, degrees, frozen
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, degrees, frozen, unit_quaternion
 
 HEADINGS, PLAN_ATTITUDES = 360, 4096
 """Default numbers of samples of planar and of spatial tasks."""
@@ -104,6 +105,19 @@ class Search:
             "within_deg": degrees(self.within),
             "spare_deg": degrees(self.spare),
         }
+
+    def present_state(self, model: FreeFloatingModel) -> tuple[Array, Array]:
+        """Present attitude of the spacecraft and joint values of a robot, shape (n,).
+
+        Raises:
+            InputError: If one of them is missing, or the joints do not suit the robot.
+        """
+        attitude, joints = self.from_attitude, self.joints
+        if attitude is None or joints is None:
+            key = "search.from_attitude" if attitude is None else "search.joints"
+            raise InputError(key, "it is missing, for a goal", "the present state")
+        attitude = unit_quaternion("search.from_attitude", attitude)
+        return attitude, model.joint_vector(joints, "search.joints")
 
     def applied_to(self, problem: Problem) -> Problem:
         """The problem, with :attr:`joints` as those that the arm starts near.

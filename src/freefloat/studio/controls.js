@@ -79,16 +79,17 @@ class Sliders {
   value({ type, input }) { return type === "orientation" ? +input.value * Math.PI / 180 : +input.value; }
 
   write({ type, input, output, unit }) {
-    const { margin } = this.outline, number = shortened(+(+input.value).toPrecision(4));
-    const fraction = type === "margin" && margin.is_fraction;
-    output.textContent = fraction ? `${(100 * input.value).toFixed(1)} %` : `${number} ${type === "margin" ? printed(margin.unit) : unit}`;
+    const number = shortened(+(+input.value).toPrecision(4)), margin = type === "margin" ? this.outline.margin : null;
+    output.textContent = margin?.is_fraction ? `${(100 * input.value).toFixed(1)} %` : `${number} ${margin ? printed(margin.unit) : unit}`;
   }
 
   show(outline, ends) {
     this.outline = outline;
     const { momentum, duration, margin, rpy, planar } = outline;
-    this.values = { momentum: [...momentum], duration: [duration], margin: [margin.value], orientation: rpy && [...rpy] };
-    const limits = { ...ends, margin: [0, margin.is_fraction ? 0.99 : margin.largest], orientation: [-180, 180] };
+    this.values = { // those of a goal have no margin, and where it is free no duration
+      momentum: [...momentum], duration: duration && [duration], margin: margin && [margin.value], orientation: rpy && [...rpy],
+    };
+    const limits = { ...ends, margin: margin && [0, margin.is_fraction ? 0.99 : margin.largest], orientation: [-180, 180] };
     for (const entry of this.rows) {
       const { type, part, label, row, input } = entry;
       row.hidden = !this.values[type] || (planar && !IN_PLANE.includes(label));

@@ -65,4 +65,6 @@ def _slider_ends(scenario: Scenario) -> dict[str, list[float]]:
     momentum = max(1.0, 2.0 * max(map(abs, scenario.content.momentum)))
     with scenario.error_context():
         duration = scenario.content.timing.to_timing().duration
+        goal = scenario.content.goal
+        duration = duration if goal is None else goal.duration or duration
     return {"momentum": [-momentum, momentum], "duration": [0.2 * duration, 4.0 * duration]}

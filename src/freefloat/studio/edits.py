@@ -27,7 +27,7 @@ _DIGITS = 6
 
 
 def edited(content: Content, edit: Edit, outline: Mapping[str, Any] | None) -> dict[str, Any]:
-    """The content after an edit.
+    """The content after an edit of its path, or of its goal.
 
     Args:
         content: Content of a scenario file.
@@ -42,6 +42,8 @@ def edited(content: Content, edit: Edit, outline: Mapping[str, Any] | None) -> d
         case SetMomentum(value=value):
             return {**content, "momentum": list(value)}
         case SetDuration(value=duration):
+            if "goal" in content:
+                return {**content, "goal": {**content["goal"], "duration": duration}}
             return {**content, "timing": _with_duration(content["timing"], duration)}
         case SetMargin(value=value):
             margin = dict(content.get("margin", {}))
@@ -51,9 +53,22 @@ def edited(content: Content, edit: Edit, outline: Mapping[str, Any] | None) -> d
         raise InputError("path", "its handles are not known yet", "an edit of the scenario shown")
     if isinstance(edit, TurnEnd):
         if outline["rpy"] is None:
-            raise InputError("orientation", "it cannot be set", "a path with `attitude`")
+            accepted = "a path with `attitude`, or a goal with a pose"
+            raise InputError("orientation", "it cannot be set", accepted)
+        if "goal" in content:
+            rpy = [_rounded(angle) for angle in edit.value]
+            return _with_pose(content, orientation={"rpy": rpy})
         return {**content, "path": _with_end(content["path"], edit.value, outline)}
-    return {**content, "path": _with_handle(content["path"], edit, outline)}
+    point = _local(edit, outline)
+    if "goal" in content:
+        return _with_pose(content, position=point)
+    return {**content, "path": _with_handle(content["path"], edit.handle, point, outline)}
+
+
+def _with_pose(content: Content, **changes: Any) -> dict[str, Any]:
+    """The content with another position or orientation of the goal's pose."""
+    goal = content["goal"]
+    return {**content, "goal": {**goal, "pose": {**goal["pose"], **changes}}}
 
 
 def _with_duration(timing: Content, duration: float) -> dict[str, Any]:
@@ -75,24 +90,29 @@ def _with_end(path: Content, rpy: Sequence[float], outline: Content) -> dict[str
     return {**path, "attitude": {"slerp": {"from": start, "to": end}}}
 
 
-def _with_handle(path: Content, edit: MoveHandle, outline: Content) -> dict[str, Any]:
-    """The path with one of its points, or the target of its orientation, at another position."""
+def _local(edit: MoveHandle, outline: Content) -> list[float]:
+    """The position of a handle that was moved, in the frame of the path or of the goal's pose."""
     frame = outline["frame"]
     if edit.handle >= len(outline["handles"]) or frame is None:
         raise InputError("handle", f"there is no handle {edit.handle}", "a handle of the path")
     place = np.array(edit.position) - outline["handles"][edit.handle]["shift"]
-    local = np.array(frame["rotation"]).T @ (place - frame["position"])
-    point = [_rounded(part) for part in local]
+    return [_rounded(part) for part in np.array(frame["rotation"]).T @ (place - frame["position"])]
+
+
+def _with_handle(
+    path: Content, handle: int, point: list[float], outline: Content
+) -> dict[str, Any]:
+    """The path with one of its points, or the target of its orientation, at another position."""
     points = [list(each) for each in outline["points"]]
-    if edit.handle == len(points):  # follows the points
+    if handle == len(points):  # follows the points
         law = path["attitude"]
         return {**path, "attitude": {"point_at": {**law["point_at"], "target": point}}}
     if "line" in path:
-        ends = {**path["line"], ("from", "to")[edit.handle]: point}
+        ends = {**path["line"], ("from", "to")[handle]: point}
         return {**path, "line": ends}
     if len(path.get("waypoints") or ()) == len(points):
         points = list(path["waypoints"])
-    points[edit.handle] = point
+    points[handle] = point
     kept = {key: value for key, value in path.items() if key not in PathSection.kinds()}
     return {"waypoints": points, **kept}
 

@@ -10,6 +10,7 @@ from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
+from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.limits.screening import screen
 from freefloat.planning.limits.trials import Trials
@@ -70,19 +71,20 @@ def motion_within_limits(
     return None
 
 
-def playback_of(simulated: SimulatedBranch, limits: Limits) -> Playback:
+def playback_of(motion: Motion, limits: Limits) -> Playback:
     """The playback of a motion with its cones."""
-    return Playback(motion_scene({_TITLE: simulated.motion}, pointing=limits.pointing))
+    return Playback(motion_scene({_TITLE: motion}, pointing=limits.pointing))
 
 
-def motion_answer(simulated: SimulatedBranch, playback: Playback) -> dict[str, Any]:
-    """The motion as the page plays it, and its outcome."""
-    motion = simulated.motion
+def motion_answer(
+    motion: Motion, playback: Playback, title: str, outcome: str | None = None
+) -> dict[str, Any]:
+    """The motion as the page plays it, with a title and its outcome, by default its ending."""
     return {
         **playback.parts(),
         **place(motion.problem, motion.initial.attitude),
-        "title": simulated.title,
-        "outcome": motion.ending.value,
+        "title": title,
+        "outcome": outcome or motion.ending.value,
     }
 
 

@@ -37,6 +37,7 @@ def outline(scenario: Scenario, problem: Problem, largest: float) -> dict[str, A
     margin = problem.margin
     fraction = content.margin.fraction
     return {
+        "is_goal": False,
         "planar": problem.task.planar,
         "size": thickness(problem),
         "path": _positions(problem, np.linspace(0.0, 1.0, _DRAWN)).round(6).tolist(),
@@ -106,9 +107,15 @@ def _orientation(scenario: Scenario, problem: Problem, frame: Pose | SceneBody |
         Rotation.from_matrix(rotation.T @ problem.path.path.orientation.rotation(s))
         for s in (0.0, 1.0)
     )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # where the pitch is 90 degrees, any roll will do
-        rpy = end.as_euler("xyz").round(6).tolist()
+    rpy = rounded_rpy(end.as_matrix())
     if law.slerp is not None and law.slerp.end.rpy is not None:
         rpy = list(law.slerp.end.rpy)  # as it was set: other angles may state the same
     return {"rpy": rpy, "start_quaternion": start.as_quat().round(9).tolist()}
+
+
+def rounded_rpy(rotation: Array) -> list[float]:
+    """Roll, pitch and yaw of a rotation matrix [rad], rounded."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # where the pitch is 90 degrees, any roll will do
+        rpy: list[float] = Rotation.from_matrix(rotation).as_euler("xyz").round(6).tolist()
+    return rpy

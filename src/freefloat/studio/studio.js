@@ -15,7 +15,10 @@ class Studio {
     this.loading = Promise.resolve();
     this.connection = new Connection(message => this.receive(message), open => this.connected(open));
     const edit = (message, done) => this.known && this.connection.edit(message, done);
-    this.handles = new Handles(this.viewer, (handle, position, done) => edit({ type: "handle", handle, position }, done));
+    this.handles = new Handles(this.viewer, (handle, position, done) => {
+      this.moved = true; // the view stays as it is under the pointer
+      edit({ type: "handle", handle, position }, done);
+    });
     this.sliders = new Sliders(edit);
     this.strip = new Strip(element("strip"), time => { this.player.pause(); this.player.seek(time); });
     const hover = sample => this.explain(sample);
@@ -71,7 +74,8 @@ class Studio {
     clearTimeout(this.patience);
     element("status").classList.toggle("busy", busy);
     say(this.open === false ? "disconnected: is freefloat studio running?" : busy ? "planning" : "ready");
-    if (busy) this.patience = setTimeout(say, PATIENCE, "planning; kernels are compiled once per machine (10 s)");
+    const longer = this.outline?.is_goal ? "planning; a search takes up to half a minute" : "planning; kernels are compiled once per machine (10 s)";
+    if (busy) this.patience = setTimeout(say, PATIENCE, longer);
   }
 
   notice(text, good = false, lasting = false) {
@@ -116,6 +120,8 @@ class Studio {
   }
 
   showControls() {
+    element("initial").hidden = this.outline.is_goal;
+    element("edited").textContent = this.outline.is_goal ? "Goal" : "Path and margin";
     this.handles.show(this.outline);
     this.sliders.show(this.outline, this.state.ends);
   }

@@ -14,9 +14,6 @@ from freefloat.studio.messages import Answer, State, Task, page_text
 if TYPE_CHECKING:  # the server, which starts the process, needs no planner
     from freefloat.studio.analysis import Analysis
 
-_WHILE_DRAGGING = 2
-"""Most maps that are made while an edit is under way; the finest one never is."""
-
 
 def work(connection: Connection) -> None:
     """Answer states and tasks until the server closes the connection."""
@@ -36,7 +33,7 @@ class _Superseded(Exception):
 
 class _Worker:
     def __init__(self, connection: Connection) -> None:
-        from freefloat.studio.analysis import Robots
+        from freefloat.studio.robots import Robots
 
         self._connection = connection
         self._robots = Robots()
@@ -76,30 +73,24 @@ class _Worker:
         self._connection.send(replace(answer, reading=self._reading))
 
     def _answer(self) -> Answer | None:
-        from freefloat.studio.analysis import Analysis
+        from freefloat.studio.analyses import analysis_of
 
         state, analysis = self._state, self._analysis
         if state is None:
             return self._done(self._tasks.popleft()) if self._tasks else None
         if analysis is None or not analysis.poses(state):
-            self._analysis = Analysis(state, self._robots)
+            self._analysis = analysis = analysis_of(state, self._robots)
             self._outlined = state.reading
-            return self._analysis.outline()
+            return analysis.outline()
         if state.reading != self._outlined:
             self._outlined = state.reading
             return analysis.outline()
-        finest = len(analysis.levels)
-        if analysis.level < min(_WHILE_DRAGGING, finest - 1):
-            return analysis.next_map(self._progress)
-        if state.dragging:
-            return None
-        if analysis.motion_wanted(state):
-            return analysis.motion(state, self._progress)
-        if analysis.limits_wanted:
-            return analysis.limits()
+        answer = analysis.urgent(state, self._progress)
+        if answer is not None or state.dragging:
+            return answer
         if self._tasks:
             return self._done(self._tasks.popleft())
-        return analysis.next_map(self._progress) if analysis.level < finest else None
+        return analysis.further(self._progress)
 
     def _done(self, task: Task) -> Answer:
         """Do a task."""

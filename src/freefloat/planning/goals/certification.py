@@ -95,6 +95,11 @@ class Certification:
         exact = self._exact(relaxation, unknowns)
         return None if exact is None else self._checked(*exact)
 
+    def motion(self, relaxation: Relaxation, unknowns: Array) -> Motion | None:
+        """The motion along a path, whatever it violates; None where it does not end at the goal."""
+        exact = self._exact(relaxation, unknowns)
+        return None if exact is None else exact[1]
+
     def _checked(self, unknowns: Array, motion: Motion) -> CertifiedMotion:
         return CertifiedMotion(unknowns, motion, *self.checker.results_unless_violated(motion))
 

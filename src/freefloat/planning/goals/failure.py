@@ -15,6 +15,7 @@ from freefloat.planning.goals.goal_motion import GoalMotion, earlier
 from freefloat.planning.goals.joint_paths import Course
 from freefloat.planning.goals.resting import violation_at_rest
 from freefloat.planning.goals.search import REACHED, GoalSearch
+from freefloat.planning.goals.target import Target
 
 
 def why_not(
@@ -28,15 +29,10 @@ def why_not(
         seed: Seed of random paths.
         unlimited: Finds a motion to the same goal without the duration that was asked for.
     """
-    goal, target = outcome.goal, search.families[0].target
-    reach = VirtualManipulator.of(outcome.problem.model).reach
-    if target.pose is not None:
-        distance = float(np.linalg.norm(target.pose_at(search.families[0].reference).position))
-        if distance > reach:
-            reason = (
-                f"the pose is {distance:.4g} m from the centre of mass, the reach {reach:.4g} m"
-            )
-            return replace(outcome, reason=reason)
+    goal, first = outcome.goal, search.families[0]
+    reason = too_far(first.target, first.reference)
+    if reason is not None:
+        return replace(outcome, reason=reason)
     if goal.duration is not None and outcome.limits.timed:
         longer = unlimited()
         if longer.duration is not None and longer.feasible:
@@ -48,6 +44,15 @@ def why_not(
         return replace(outcome, reason=_at_the_goal(outcome, search, seed))
     results = search.certification.checker.results(nearest.motion)
     return outcome.with_motion(nearest.motion, results)
+
+
+def too_far(target: Target, t: float) -> str | None:
+    """Why no configuration reaches the pose of a target at time t [s]; None where it has none."""
+    reach = VirtualManipulator.of(target.problem.model).reach
+    distance = float(np.linalg.norm(target.pose_at(t).position))
+    if target.pose is None or distance <= reach:
+        return None
+    return f"the pose is {distance:.4g} m from the centre of mass, the reach {reach:.4g} m"
 
 
 def _at_the_goal(outcome: GoalMotion, search: GoalSearch, seed: int) -> str:

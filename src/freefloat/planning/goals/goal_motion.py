@@ -9,13 +9,27 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from freefloat.dynamics.measures import singularity_measure
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.system import System
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, violated
+from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.orientation import FixedOrientation
+from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.paths.timing import TimedPath, Timing
 from freefloat.planning.answer import Answer, PhaseResult
 from freefloat.planning.goals.goal import Goal
 from freefloat.planning.goals.target import EndState
+from freefloat.scene.scene import Scene
+from freefloat.so3 import Array
+
+_UNKNOWN = 60.0
+"""Duration of the path of a problem that has none, which is not followed [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,3 +122,24 @@ def earlier(problem: Problem, duration: float) -> Problem:
     """The problem a duration [s] earlier, with the scene from the centre of mass at that time."""
     scene = problem.scene.later(-duration, duration * problem.path.drift)
     return replace(problem, scene=scene)
+
+
+def goal_problem(
+    system: System, attitude: Array, joints: Array, goal: Goal, scene: Scene
+) -> Problem:
+    """A problem whose path, from the end-effector toward the axis of z, is not followed."""
+    model = system.model
+    model.require_one_arm("motions to a goal")
+    axes = np.array([body.axis for body in model.bodies[1:]])
+    planar = model.dof <= 3 and bool(np.abs(axes[:, :2]).max() == 0.0)
+    task = Task.PLANAR_POSITION if planar else Task.POSE if model.dof >= 6 else Task.POSITION
+    task = task if len(task.rows) <= model.dof or planar else Task.PLANAR_POSITION
+    pose = model.end_effector_pose(attitude, joints)
+    curve = PolynomialCurve.line(pose.position, [0.0, 0.0, pose.position[2]])
+    path = EndEffectorPath(curve, FixedOrientation(pose.rotation))
+    timing = Timing(goal.duration or _UNKNOWN, TimeLaw.UNIFORM)
+    margin = Margin(singularity_measure(model, task, "gjm"), 0.0)
+    return Problem(
+        model, TimedPath(path, timing, system.drift), task, system.momentum, margin, scene=scene,
+        wheel_momentum=system.wheels,
+    )  # fmt: skip

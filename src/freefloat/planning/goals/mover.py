@@ -12,25 +12,18 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.concurrency import Progress, step_of
 from freefloat.dynamics.inverse_dynamics import InverseDynamics
-from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.system import System
 from freefloat.errors import InputError, require_type, seed_number
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits
-from freefloat.motion.margin import Margin
+from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.paths.curves import PolynomialCurve
-from freefloat.paths.orientation import FixedOrientation
-from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.time_laws import TimeLaw
-from freefloat.paths.timing import TimedPath, Timing
 from freefloat.planning.goals.certification import Certification
 from freefloat.planning.goals.clearances import Clearances
 from freefloat.planning.goals.effort import Effort
-from freefloat.planning.goals.failure import why_not
+from freefloat.planning.goals.failure import too_far, why_not
 from freefloat.planning.goals.goal import Goal
-from freefloat.planning.goals.goal_motion import GoalMotion, earlier
+from freefloat.planning.goals.goal_motion import GoalMotion, earlier, goal_problem
 from freefloat.planning.goals.joint_paths import Ends, JointPaths
 from freefloat.planning.goals.placements import Arm
 from freefloat.planning.goals.relaxation import Relaxation
@@ -49,8 +42,6 @@ _USED = 0.99
 """Fraction of limits of rates that paths in a given duration use."""
 _SAME = 1e-9
 """Distance from a goal that is the state at the start [rad, m]."""
-_UNKNOWN = 60.0
-"""Duration of the path of a problem that has none, which is not followed [s]."""
 
 
 class Start(NamedTuple):
@@ -104,6 +95,37 @@ def move(
         >>> result.feasible, round(result.duration, 1)
         (True, 5.5)
     """
+    problem, start, limits = _posed(system, state, goal, limits, scene)
+    return move_from(problem, start, goal, limits, seed=seed, progress=progress)
+
+
+def sketch(
+    system: System,
+    state: tuple[npt.ArrayLike, npt.ArrayLike],
+    goal: Goal,
+    limits: Limits,
+    scene: Scene,
+    *,
+    seed: int = 0,
+) -> Motion | None:
+    """A motion to a goal that is found at once: clearance and pointing are left out.
+
+    Args and errors are those of :func:`move`; None where no motion was found.
+    """
+    problem, start, limits = _posed(system, state, goal, limits, scene)
+    _require_sense(problem, start, goal, limits)
+    rates = replace(limits, clearance=None, pointing=())
+    return _search(problem, start, goal, rates, LimitChecker(problem, rates)).sketch(seed)
+
+
+def _posed(
+    system: System,
+    state: tuple[npt.ArrayLike, npt.ArrayLike],
+    goal: Goal,
+    limits: Limits | None,
+    scene: Scene | None,
+) -> tuple[Problem, Start, Limits]:
+    """The problem, the state and the limits of a search that begins at rest."""
     require_type("system", system, System, "a System, such as System(model)")
     require_type("goal", goal, Goal, "a Goal, such as Goal(joints=joints)")
     limits, scene = Limits() if limits is None else limits, Scene() if scene is None else scene
@@ -112,29 +134,7 @@ def move(
     attitude = unit_quaternion("state.attitude", state[0])
     joints = system.model.joint_vector(state[1], "state.joints")
     problem = goal_problem(system, attitude, joints, goal, scene)
-    start = Start(attitude, joints, np.zeros_like(joints))
-    return move_from(problem, start, goal, limits, seed=seed, progress=progress)
-
-
-def goal_problem(
-    system: System, attitude: Array, joints: Array, goal: Goal, scene: Scene
-) -> Problem:
-    """A problem whose path, from the end-effector toward the axis of z, is not followed."""
-    model = system.model
-    model.require_one_arm("motions to a goal")
-    axes = np.array([body.axis for body in model.bodies[1:]])
-    planar = model.dof <= 3 and bool(np.abs(axes[:, :2]).max() == 0.0)
-    task = Task.PLANAR_POSITION if planar else Task.POSE if model.dof >= 6 else Task.POSITION
-    task = task if len(task.rows) <= model.dof or planar else Task.PLANAR_POSITION
-    pose = model.end_effector_pose(attitude, joints)
-    curve = PolynomialCurve.line(pose.position, [0.0, 0.0, pose.position[2]])
-    path = EndEffectorPath(curve, FixedOrientation(pose.rotation))
-    timing = Timing(goal.duration or _UNKNOWN, TimeLaw.UNIFORM)
-    margin = Margin(singularity_measure(model, task, "gjm"), 0.0)
-    return Problem(
-        model, TimedPath(path, timing, system.drift), task, system.momentum, margin, scene=scene,
-        wheel_momentum=system.wheels,
-    )  # fmt: skip
+    return problem, Start(attitude, joints, np.zeros_like(joints)), limits
 
 
 def move_from(
@@ -156,11 +156,6 @@ def move_from(
         seed: Seed of the random paths.
         progress: Called with the fraction done, in [0, 1].
     """
-    problem.model.require_one_arm("motions to a goal")
-    goal.require_applicable(problem)
-    if goal.duration is None and not limits.timed:
-        accepted = "a goal.duration, or limits.joint_rate, base_rate or joint_torque"
-        raise InputError("goal.duration", "nothing determines the duration", accepted)
     _require_sense(problem, start, goal, limits)
     limits = limits.without_turn
     checker = LimitChecker(problem, limits)
@@ -172,6 +167,28 @@ def move_from(
         if violation is not None:
             values = ", ".join(f"{value:.4g}" for value in joints)
             return replace(outcome, reason=violation.violation(f"with joints {values}"))
+    target = goal.target(problem, start.attitude, start.joints)
+    if goal.duration is not None or not (problem.scene.tumbles or problem.path.drifts):
+        reason = too_far(target, goal.duration or 0.0)
+        if reason is not None:
+            return replace(outcome, reason=reason)
+    search = _search(problem, start, goal, limits, checker, progress)
+    found = search.shortest(seed_number("seed", seed))
+    if found is None:
+        free = replace(goal, duration=None)
+        return why_not(outcome, search, seed, lambda: move_from(problem, start, free, limits))
+    return outcome.with_motion(found.motion, found.results)
+
+
+def _search(
+    problem: Problem,
+    start: Start,
+    goal: Goal,
+    limits: Limits,
+    checker: LimitChecker,
+    progress: Progress | None = None,
+) -> GoalSearch:
+    """The search for motions from a state to a goal."""
     shapes: list[ShapeLimits] = [StateLimits(problem, limits)]
     if checker.pairs is not None:
         clearances = Clearances(problem, checker.pairs, limits.clearance or 0.0)
@@ -183,16 +200,16 @@ def move_from(
         or goal.joint_rates is not None or goal.body(problem) is not None
     )  # fmt: skip
     certification = Certification(problem, checker, start.attitude, goal.duration is None, by_time)
-    search = GoalSearch(families, certification, step_of(progress, 0.0, 1.0))
-    found = search.shortest(seed_number("seed", seed))
-    if found is None:
-        free = replace(goal, duration=None)
-        return why_not(outcome, search, seed, lambda: move_from(problem, start, free, limits))
-    return outcome.with_motion(found.motion, found.results)
+    return GoalSearch(families, certification, step_of(progress, 0.0, 1.0))
 
 
 def _require_sense(problem: Problem, start: Start, goal: Goal, limits: Limits) -> None:
-    """Raise an InputError for a goal that is the state at the start, or too fast at its end."""
+    """Raise an InputError for a goal that robot, state and limits do not suit."""
+    problem.model.require_one_arm("motions to a goal")
+    goal.require_applicable(problem)
+    if goal.duration is None and not limits.timed:
+        accepted = "a goal.duration, or limits.joint_rate, base_rate or joint_torque"
+        raise InputError("goal.duration", "nothing determines the duration", accepted)
     if goal.joint_rates is not None and limits.joint_rate is not None:
         rates = zip(problem.model.joint_names, goal.joint_rates, limits.joint_rate, strict=True)
         for name, rate, most in rates:

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.concurrency import Progress
+from freefloat.motion.motion import Motion
 from freefloat.planning.goals.certification import FINAL, Certification, CertifiedMotion
 from freefloat.planning.goals.effort import Effort
 from freefloat.planning.goals.relaxation import Quadratic, Relaxation, Weights
@@ -17,6 +18,8 @@ from freefloat.so3 import Array, rotation_vector_between
 
 _STAGES = ((Weights(1.0, 1.0), 25), (Weights(0.1, 100.0), 40), (FINAL, 40))
 """Weights and iterations: first a short path without deep violations, then one without any."""
+_SKETCH = (Weights(1.0, 1.0), 4)
+"""Weights and iterations of a path that is shown while its goal is changed."""
 _RANDOM, _RANDOM_LOOPS = 6, 3
 """Random starts of a family without loops, and of one with loops, whose starts differ less."""
 _REPEATED = 2
@@ -71,6 +74,15 @@ class GoalSearch:
         weights, iterations = _STAGES[1]
         found = [family.relaxed(timed(family, path), weights, iterations) for path in random]
         return sorted(found, key=lambda path: float(np.abs(path.error).sum()))
+
+    def sketch(self, seed: int) -> Motion | None:
+        """The motion along the most promising path of a coarse family; None without any."""
+        coarse, rng = self.families[0].coarse, np.random.default_rng(seed)
+        rough = [coarse.relaxed(timed(coarse, begin), *_SKETCH) for begin in starts(coarse, rng, 1)]
+        path = min(rough, key=lambda path: path.promise, default=None)
+        if path is None:
+            return None
+        return self.certification.motion(coarse, path.course.unknowns)
 
     def shortest(self, seed: int) -> CertifiedMotion | None:
         """The shortest of some motions that keep all limits; None where none was found.

@@ -1,0 +1,21 @@
+"""The analysis of a scenario, by what it states: a path or a goal."""
+
+from __future__ import annotations
+
+from freefloat.io.scenario.scenario import parse_scenario
+from freefloat.studio.analysis import Analysis
+from freefloat.studio.goal_analysis import GoalAnalysis
+from freefloat.studio.messages import State
+from freefloat.studio.path_analysis import PathAnalysis
+from freefloat.studio.robots import Robots
+
+
+def analysis_of(state: State, robots: Robots) -> Analysis:
+    """The analysis of the scenario of a state.
+
+    Raises:
+        InputError: If the scenario is invalid.
+    """
+    scenario = parse_scenario(state.text, state.source)
+    kind = PathAnalysis if scenario.content.goal is None else GoalAnalysis
+    return kind(state, scenario, robots)

@@ -1,0 +1,100 @@
+"""What is known about a scenario with a goal: a sketch of the motion, then the motion found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import cast
+
+from freefloat.concurrency import Progress
+from freefloat.errors import InputError
+from freefloat.io.records.results import save
+from freefloat.io.scenario.scenario import Scenario
+from freefloat.motion.motion import Motion
+from freefloat.planning.goals.goal import Goal
+from freefloat.planning.goals.goal_motion import GoalMotion, goal_problem
+from freefloat.planning.goals.mover import move, sketch
+from freefloat.studio.analysis import Analysis, Attitude, free_file
+from freefloat.studio.goal_outline import goal_outline
+from freefloat.studio.messages import Answer, State
+from freefloat.studio.motions import limits_answer, motion_answer, place, playback_of
+from freefloat.studio.robots import Robots
+
+
+class GoalAnalysis(Analysis):
+    """Answers about a scenario with a goal."""
+
+    def __init__(self, state: State, scenario: Scenario, robots: Robots) -> None:
+        """Pose the problem of a scenario.
+
+        Raises:
+            InputError: If it is invalid.
+        """
+        super().__init__(state, robots.with_model(scenario))
+        self._goal, self._system = cast(Goal, self._scenario.goal()), self._scenario.system()
+        self._scene, model = self._scenario.scene(), self._scenario.model()
+        with self._scenario.error_context():
+            self._present = self._search.present_state(model)
+            self._problem = goal_problem(self._system, *self._present, self._goal, self._scene)
+            self._goal.require_applicable(self._problem)
+        self._sketched, self._unchecked = False, False
+        self._found: GoalMotion | None = None
+
+    def outline(self) -> Answer:
+        """The goal, its handle and the values of the sliders."""
+        content = goal_outline(self._scenario, self._goal, self._problem, *self._present)
+        return Answer("outline", content)
+
+    def urgent(self, state: State, progress: Progress) -> Answer | None:
+        """A sketch while the goal is dragged, then the motion and its limits."""
+        if state.dragging:
+            return None if self._sketched else self._sketch(state)
+        if self._found is None or self._wants_motion(state):
+            return self._move(state, progress)
+        if self._unchecked:
+            self._unchecked = False
+            return Answer("limits", {"results": limits_answer(self._found.limit_results)})
+        return None
+
+    def further(self, progress: Progress) -> Answer | None:
+        """Nothing: there are no maps of attitudes."""
+        return None
+
+    def save(self, file: Path, attitude: Attitude) -> Answer:
+        """Save the motion that was found."""
+        if self._found is None or not self._found.feasible:
+            reason = "no motion was found" if self._found is None else self._found.reason
+            return Answer("saved", {"refused": f"not saved: {reason}"})
+        file = free_file(file)
+        save(self._found, file, self._scenario)
+        return Answer("saved", {"file": str(file), "reason": self._found.reason, "contact": None})
+
+    def _sketch(self, state: State) -> Answer:
+        """A motion to the goal that limits may forbid; never abandoned, so that drags show some."""
+        self._sketched = True
+        try:
+            motion = sketch(
+                self._system, self._present, self._goal, self._limits, self._scene,
+                seed=self._search.seed,
+            )  # fmt: skip
+        except InputError:  # the present state is dragged to itself, for example
+            motion = None
+        return self._showing(state, motion, "a sketch, which need not keep clear of bodies")
+
+    def _move(self, state: State, progress: Progress) -> Answer:
+        """The motion to the goal, or why there is none."""
+        self._found = move(
+            self._system, self._present, self._goal, self._limits, self._scene,
+            seed=self._search.seed, progress=progress,
+        )  # fmt: skip
+        self._shown, self._unchecked = (state.attitude, state.choice), True
+        return self._showing(state, self._found.motion, self._found.reason)
+
+    def _showing(self, state: State, motion: Motion | None, outcome: str) -> Answer:
+        """Show a motion, or the present attitude where there is none."""
+        if motion is None:
+            self._playback = None
+            content = {"outcome": outcome, **place(self._problem, self._present[0])}
+        else:
+            self._playback = playback_of(motion, self._limits)
+            content = motion_answer(motion, self._playback, "goal", outcome)
+        return Answer("motion", {**content, "choice": state.choice})
