@@ -181,7 +181,7 @@ def _iterate(
 
     The state whose motion has the timing is held where it keeps margin and limits.
     """
-    problem = _with_fastest_timing(chosen.motion, limits)
+    problem, settled = _with_fastest_timing(chosen.motion, limits)
     for number in range(_MOST):
         step = step_of(progress, number / _MOST, (number + 1) / _MOST)
         known = ScreenedCandidate(chosen.motion.initial.attitude, chosen.branch.index)
@@ -191,25 +191,28 @@ def _iterate(
         )  # fmt: skip
         if current.chosen is None or not current.chosen.motion.completed:
             break
-        chosen = current.chosen
-        following = _with_fastest_timing(chosen.motion, limits)
+        same_state = np.array_equal(current.chosen.motion.initial.attitude, known.attitude)
+        chosen, following = current.chosen, problem
+        if not (settled and same_state and chosen.branch.index == known.branch):
+            following, settled = _with_fastest_timing(chosen.motion, limits)
         if current.feasible and _agree(problem, following):
             return _retiming(current, plan, agrees=True)
         problem = following
     return _retiming(replace(current, feasible=False), plan, agrees=False)
 
 
-def _with_fastest_timing(motion: Motion, limits: Limits) -> Problem:
-    """The problem with the fastest timing of the motion from the same state, where one is found."""
+def _with_fastest_timing(motion: Motion, limits: Limits) -> tuple[Problem, bool]:
+    """The problem with the fastest timing of the motion from the same state, and if it is found."""
     start = motion.initial
     intervals = INTERVALS if limits.joint_torque is None else _FEWER
     for _ in range(_MOST):
         before = motion.problem
         problem = _with_speeds(before, fastest_speeds(motion, limits, _INSIDE, intervals))
         motion = integrate_motion(problem, start.attitude, start.joints)
-        if _agree(before, problem) or not motion.completed:
+        settled = _agree(before, problem) and motion.completed
+        if settled or not motion.completed:
             break
-    return problem
+    return problem, settled
 
 
 def _agree(first: Problem, second: Problem) -> bool:

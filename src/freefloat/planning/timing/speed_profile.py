@@ -18,6 +18,7 @@ import numpy as np
 from scipy.optimize import linprog
 from scipy.sparse import csr_array
 
+from freefloat.dynamics.inverse_dynamics import InverseDynamics
 from freefloat.errors import InputError
 from freefloat.limits.kinds.base_rate import BaseRateLimit
 from freefloat.limits.kinds.joint_rate import JointRateLimit
@@ -176,7 +177,7 @@ class _PathLimits:
         self._path, self._timing = problem.path.path, problem.path.timing
         self._by_time, self._drift = problem.depends_on_timing, problem.path.drift_twist
         self._solver = problem.resolved_rate_solver()
-        self._law = PathLaw(problem)
+        self._law, self._dynamics = PathLaw(problem), InverseDynamics(problem.system)
         times = np.linspace(0.0, problem.path.duration, 201)
         fastest = max(problem.path.timing.s(t, 1) for t in times.tolist())
         self._slowest = _SLOW * fastest
@@ -226,21 +227,25 @@ class _PathLimits:
                 speed = min(speed, max(root, 0.0))
         return speed
 
-    def _torques(self, place: _Place, speed: float, acceleration: float) -> Array:
+    def _torques(self, place: _Place, speed: float) -> Array:
+        """Joint torques at a constant ds/dt."""
         prescribed = self._twist(place, speed), speed
-        change = place.curvature * speed**2 + place.tangent * acceleration, acceleration
+        change = place.curvature * speed**2, 0.0
         effort = self._law.effort_of(place.attitude, place.joints, prescribed, change)
         return effort.joint_torques
 
     def _torque_rows(self, place: _Place) -> tuple[Array, Array, Array]:
         """Rows a, b, c of a u + b x <= c, both signs of every joint, shape (2 n,) each."""
         v = place.speed
-        rest = self._torques(place, 0.0, 0.0) if self._by_time else 0.0 * place.joints
-        per_acceleration = self._torques(place, 0.0, 1.0) - rest
-        once = self._torques(place, v, 0.0) - rest
+        rest = self._torques(place, 0.0) if self._by_time else 0.0 * place.joints
+        still = np.zeros(3 + len(place.joints))
+        change = self._rates(place, 1.0)[1] - self._rates(place, 0.0)[1]
+        effort = self._dynamics.of_joints(place.attitude, place.joints, still, change)
+        per_acceleration = effort.joint_torques
+        once = self._torques(place, v) - rest
         linear = 0.0 * once
         if self._by_time:
-            twice = self._torques(place, 2.0 * v, 0.0) - rest
+            twice = self._torques(place, 2.0 * v) - rest
             linear = (4.0 * once - twice) / (2.0 * v)
         squared = (once - linear * v) / v**2
         squared = squared + linear / (2.0 * v)  # v is linearized in x = v²
