@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 from pathlib import Path
 
 import pytest
+from IPython.core.interactiveshell import InteractiveShell
+from IPython.utils.capture import capture_output
 
 from tests.documents import PAGES, ROOT, Page, assert_shown, blocks_of
 
@@ -33,6 +36,27 @@ def test_every_block_prints_what_is_shown(
             page.run(block)
     finally:
         page.close()
+
+
+@pytest.mark.slow
+def test_the_notebook_runs_the_example_of_the_readme(monkeypatch: pytest.MonkeyPatch) -> None:
+    cells = json.loads((ROOT / "docs" / "quickstart.ipynb").read_text("utf-8"))["cells"]
+    codes = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+    (example,) = (block for block in blocks_of("README.md") if block.language == "python")
+    lines = [line for line in example.text.splitlines() if not line.startswith("ff.playback")]
+    assert set(lines) <= set("\n".join(codes).splitlines())
+    monkeypatch.delenv("VIRTUAL_ENV", raising=False)  # IPython warns of another than its own
+    shell = InteractiveShell.instance()
+    monkeypatch.setattr(shell, "kernel", True, raising=False)  # as those of notebooks have
+    with capture_output() as captured:
+        results = [shell.run_cell(code) for code in codes]
+    shown = [shell.display_formatter.format(result.result)[0] for result in results[2:]]
+    InteractiveShell.clear_instance()
+    assert all(result.success for result in results)
+    assert captured.stdout.startswith(example.shown)
+    assert "<iframe" in captured.outputs[0].data["text/html"]
+    assert "<table" in shown[0]["text/html"]
+    assert {"image/png", "image/svg+xml"} & {*shown[1]}
 
 
 @pytest.mark.parametrize("page", PAGES)
