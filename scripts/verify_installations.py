@@ -22,6 +22,7 @@ COMMANDS = (
     "plan spatial_6dof/line -o space.h5 --html space.html --plots plots",
     "check space.h5",
     "export space.h5",
+    "plan spatial_6dof/around",
     "plan servicing/inspect_client",
     "map planar_3dof/parabola",
     "batch spatial_6dof/montecarlo -o study",

@@ -33,6 +33,20 @@ def test_the_deepest_contact_is_that_of_the_limit(simulation):
     assert (known.bodies, known.depth) == (contact.bodies, 0.5)  # no search
 
 
+def test_a_motion_to_a_goal_states_its_contact():
+    system = ff.System(ff.FreeFloatingModel.from_urdf("planar_2dof"))
+    state, there = ([0.0, 0.0, 0.0, 1.0], [0.2, 0.4]), [1.2, 0.4]
+    limits, goal = ff.Limits(joint_rate=[0.1, 0.1]), ff.Goal(joints=there)
+    free = ff.move(system, state, goal, limits)
+    half = ff.move(system, state, ff.Goal(joints=[0.7, 0.4]), limits).motion.final
+    place = system.model.end_effector_pose(half.attitude, half.joints).position
+    ball = ff.Scene((ff.SceneBody("ball", ff.Sphere(0.2), place),))
+    contact = ff.move(system, state, goal, limits, ball).contact
+    assert free.contact is None
+    assert contact.bodies[1] == "ball"
+    assert contact.depth > 0.04
+
+
 def between_cubes(folder, gap: float) -> Motion:
     """An end-effector of radius 0.1 m that passes between two cubes of one mesh."""
     away = gap / 2.0 + 0.05

@@ -23,9 +23,9 @@ from freefloat.errors import FreeFloatError
 
 if TYPE_CHECKING:  # the command line shows its help without NumPy
     from freefloat.limits.result import LimitResult
-    from freefloat.planning.plan import Plan
+    from freefloat.planning.answer import Answer
     from freefloat.planning.settings import Search
-    from freefloat.planning.simulation import SimulatedBranch, Simulation
+    from freefloat.planning.simulation import SimulatedBranch
 
 DONE = 0
 NEGATIVE = 1
@@ -251,9 +251,9 @@ def limit_tables(results: Iterable[LimitResult]) -> Iterator[RenderableType]:
         yield from lines
 
 
-def contact_lines(result: Plan | Simulation) -> Iterator[RenderableType]:
+def contact_lines(result: Answer) -> Iterator[RenderableType]:
     """The warning of contact between bodies, unless a limit on the clearance shows it."""
-    limited = result.limits is not None and result.limits.clearance is not None
+    limited = any(phase.limits and phase.limits.clearance is not None for phase in result.phases)
     if result.contact is not None and not limited:
         yield Text(f"Warning: {result.contact}.", "yellow")
         yield "  limits: {clearance: 0} in the scenario excludes motions with contact."

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, cast
 from rich.console import RenderableType
 from rich.text import Text
 
-from freefloat.cli.console import decimals, limit_tables, table
+from freefloat.cli.console import contact_lines, decimals, limit_tables, table
 
 if TYPE_CHECKING:
     from freefloat.dynamics.capture import Capture
@@ -39,6 +39,7 @@ def manoeuvre_tables(
                      _margin(phase), verdict)  # fmt: skip
     yield rows
     yield from _phases(manoeuvre) if verbose else _summary(manoeuvre)
+    yield from contact_lines(manoeuvre)
 
 
 def _summary(manoeuvre: Manoeuvre) -> Iterator[RenderableType]:
@@ -77,6 +78,7 @@ def goal_tables(name: str, result: GoalMotion) -> Iterator[RenderableType]:
         yield f"  last joints            {decimals(final.joints)}"
         yield f"  error at the goal      {result.error:.1e} rad, m"
     yield from limit_tables(result.limit_results)
+    yield from contact_lines(result)
 
 
 def _turn(phase: PhaseResult) -> str:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
 
+from freefloat.limits.contact import Contact, self_contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.motion import Motion
@@ -129,6 +130,10 @@ class Answer:
             """Why this answer, or why there is none that is feasible."""
 
         @property
+        def contact(self) -> Contact | None:
+            """The deepest contact of bodies along the motions; None without contact."""
+
+        @property
         def phases(self) -> tuple[PhaseResult, ...]:
             """The phases in order."""
 
@@ -140,3 +145,16 @@ class Answer:
         """Which limits the motions violate, as in a title; empty where they keep all."""
         names = [entry.limit for phase in self.phases for entry in violated(phase.limit_results)]
         return f"infeasible: violates {', '.join(dict.fromkeys(names))}" if names else ""
+
+    def deepest_contact(self) -> Contact | None:
+        """The deepest contact of bodies along the motions, at its time after the first path began.
+
+        None without contact.
+        """
+        found = list[Contact]()
+        for phase in self.phases:
+            motion = phase.motion
+            contact = None if motion is None else self_contact(motion, phase.limit_results)
+            if contact is not None:
+                found.append(replace(contact, time=phase.start + contact.time))
+        return max(found, key=lambda contact: contact.depth, default=None)

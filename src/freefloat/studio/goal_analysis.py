@@ -66,7 +66,10 @@ class GoalAnalysis(Analysis):
             return Answer("saved", {"refused": f"not saved: {reason}"})
         file = free_file(file)
         save(self._found, file, self._scenario)
-        return Answer("saved", {"file": str(file), "reason": self._found.reason, "contact": None})
+        contact = None if self._found.contact is None else str(self._found.contact)
+        return Answer(
+            "saved", {"file": str(file), "reason": self._found.reason, "contact": contact}
+        )
 
     def _sketch(self, state: State) -> Answer:
         """A motion to the goal that limits may forbid; never abandoned, so that drags show some."""

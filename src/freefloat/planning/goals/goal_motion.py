@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.system import System
+from freefloat.limits.contact import Contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.margin import Margin
@@ -82,6 +84,11 @@ class GoalMotion(Answer):
         final = self.motion.final.joints
         return float(max(residuals, 0.0 if end is None else np.abs(final - end).max()))
 
+    @cached_property
+    def contact(self) -> Contact | None:
+        """The deepest contact of bodies along the motion; None without contact."""
+        return self.deepest_contact()
+
     def with_motion(self, motion: Motion, results: Sequence[LimitResult]) -> GoalMotion:
         """The same with a motion that ends at the goal, feasible where it keeps its limits."""
         violation = next(iter(violated(results)), None)
@@ -104,6 +111,7 @@ class GoalMotion(Answer):
             "goal": self.goal.to_dict(),
             "duration": self.duration,
             "error": self.error,
+            "contact": self.contact and self.contact.to_dict(),
             "initial": None if motion is None else motion.initial.to_dict(),
             "final": None if motion is None else motion.final.to_dict(),
             "limits": [result.to_dict() for result in self.limit_results],

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar, Self
 
+from freefloat.limits.contact import Contact
 from freefloat.motion.problem import Problem
 from freefloat.planning.answer import Answer, PhaseResult
 from freefloat.planning.plan import Plan
@@ -50,11 +52,17 @@ class Manoeuvre(Answer):
         """Duration of all phases [s]."""
         return sum(phase.duration for phase in self.phases)
 
+    @cached_property
+    def contact(self) -> Contact | None:
+        """The deepest contact of bodies along the motions; None without contact."""
+        return self.deepest_contact()
+
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``freefloat plan`` for scenarios with phases."""
         return {
             "feasible": self.feasible,
             "reason": self.reason,
             "duration": self.duration,
+            "contact": self.contact and self.contact.to_dict(),
             "phases": [phase.to_dict() for phase in self.phases],
         }
