@@ -17,9 +17,10 @@ from typing import Any
 import psutil
 import pyarrow.parquet
 import pytest
+import yaml
 
 from freefloat.io.records.results import load
-from freefloat.robot.names import models_folder
+from freefloat.robot.names import find_scenario, models_folder
 from freefloat.studies.database import open_results
 from freefloat.studies.estimate import estimate_study
 from freefloat.studies.loading import load_study
@@ -280,6 +281,11 @@ def test_an_estimate_times_a_run_and_writes_nothing(folder: Path) -> None:
     assert printed["seconds"] == pytest.approx(whole)
     assert "60 to run" in run("batch", "study.yaml", "--dry-run").stdout
     assert sorted(folder.iterdir()) == before
+    arc = yaml.safe_load(find_scenario("ur5_servicer/arc").read_text("utf-8"))
+    masses = {"robot.spacecraft.mass": {"uniform": [190, 210]}}  # a fraction is that of each robot
+    upright = {"heading_deg": None, "attitude": [0, -0.1736, 0, 0.9848]}
+    write_study(folder, masses, base=arc, cases=20, **upright)
+    assert document("batch", "study.yaml", "--dry-run")["timed"].startswith("run ")
 
 
 @pytest.mark.parametrize(

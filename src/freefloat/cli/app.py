@@ -88,7 +88,7 @@ def _usage_error(error: Any) -> InputError:
         value = parameter.metavar or "VALUE"
         return InputError(key, "it is missing", f"{key} {value}" if key[0] == "-" else value)
     command = f" {context.info_name}" if context and context.parent else ""
-    return InputError(key, error.format_message(), f"see freefloat{command} --help")
+    return InputError(key, error.format_message().rstrip("."), f"see freefloat{command} --help")
 
 
 app = typer.Typer(

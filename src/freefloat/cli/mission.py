@@ -57,10 +57,28 @@ def mission_tables(scenario: Scenario) -> Iterator[RenderableType]:
     for key, bound in limits_content(limits, system.model.joint_names).items():
         if bound is not None and key != "pointing":
             yield f"limits.{key}: {_bound(bound)}"
+    if system.momentum.any() or system.wheels.any():
+        yield f"momentum: {decimals(system.momentum)} N m s, inertial axes"
+        yield _rate_at_rest(scenario)
     if system.wheels.any():
         yield f"momentum in wheels: {decimals(system.wheels)} N m s, spacecraft axes"
     if system.drift.any():
         yield f"drift of the centre of mass: {decimals(system.drift)} m/s"
+
+
+def _rate_at_rest(scenario: Scenario) -> str:
+    """How fast the spacecraft turns while the joints rest, in the present state or the zero one."""
+    import numpy as np
+
+    system, search = scenario.system(), scenario.search()
+    if search.from_attitude is None or search.joints is None:
+        where = "at the identity, joints at zero"
+        attitude, joints = np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(system.model.dof)
+    else:
+        where = "in the present state"
+        attitude, joints = search.present_state(system.model)
+    rate = math.degrees(math.hypot(*system.base_rate(attitude, joints, 0.0 * joints)))
+    return f"  {where} the spacecraft turns at {rate:.4g} deg/s while the joints rest"
 
 
 def _goal_value(value: Any) -> str:

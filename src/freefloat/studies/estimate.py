@@ -123,22 +123,23 @@ def estimate_study(
 def _timed(study: PortableStudy, missing: IntArray) -> tuple[float | None, str]:
     """Mean duration of missing runs on a core [s], None without any; and what was timed."""
     together = group_numbers(study.study)[missing] >= 0
-    total, bases = 0.0, []
+    total, bases, decided, alone = 0.0, [], 0.0, missing[~together]
     if together.any():
         from freefloat.studies.ensembles import chunks, integrated  # compiled kernels
 
         some = next(chunks(group_numbers(study.study), missing[together][:_TIMED]))
-        seconds = [integrated(study, some, 1)["seconds"] for _ in range(2)][1]
-        if not len(seconds):
-            return None, "no run could be timed: ensembles decide none of the first ones"
-        total += float(seconds[0]) * int(together.sum())
-        bases.append(f"{len(seconds)} runs of an ensemble")
-    alone = missing[~together]
+        rows = [integrated(study, some, 1) for _ in range(2)][1]
+        left = np.setdiff1d(some.numbers, rows[NUMBER])
+        alone = alone if len(alone) else left
+        if len(left) < len(some.numbers):
+            decided = int(together.sum()) * (1.0 - len(left) / len(some.numbers))
+            total += float(np.mean(rows["seconds"])) * decided
+            bases.append(f"{len(some.numbers) - len(left)} runs of an ensemble")
     if len(alone):
         first, second = (execute(study, int(alone[k])) for k in (0, len(alone) // 2))
         run = first if second.values["verdict"] == ERROR else second
         if run.values["verdict"] == ERROR:
             return None, f"no run could be timed, run {run.number}: {run.values['error']}"
-        total += run.values["seconds"] * len(alone)
+        total += run.values["seconds"] * (len(missing) - decided)
         bases.append(f"run {run.number}")
     return total / len(missing), " and ".join(bases)

@@ -187,7 +187,7 @@ class Dial {
 
   place(event) {
     const { left, top, width, height } = this.svg.getBoundingClientRect(), side = Math.min(width, height);
-    return [2.4 * (event.clientX - left - width / 2) / side, -2.4 * (event.clientY - top - height / 2) / side];
+    return [2.6 * (event.clientX - left - width / 2) / side, -2.6 * (event.clientY - top - height / 2) / side];
   }
 
   heading(event) {

@@ -55,7 +55,7 @@ class Goal:
     joint_rates: Joints | None = None
 
     def __post_init__(self) -> None:
-        require_type("goal.pose", self.pose, Pose | None, "a Pose")
+        require_type("goal.pose", self.pose, Pose | None, "so3.Pose(position, rotation)")
         require_type("goal.pose.frame", self.frame, str, ", ".join(FRAMES) + ", or a body")
         if self.attitude is not None:
             attitude = frozen(unit_quaternion("goal.attitude", self.attitude))

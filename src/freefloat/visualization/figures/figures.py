@@ -145,7 +145,8 @@ def _goal_figures(result: GoalMotion, threads: int | None, progress: Progress | 
 def _manoeuvre_figures(
     manoeuvre: Manoeuvre, threads: int | None, progress: Progress | None
 ) -> Figures:
-    drawn = Figures({"manoeuvre": partial(manoeuvre_figure, manoeuvre)})
+    moves = any(phase.motion is not None for phase in manoeuvre.phases)
+    drawn = Figures({"manoeuvre": partial(manoeuvre_figure, manoeuvre)} if moves else {})
     return drawn | _plan_figures(manoeuvre.path, threads, progress)
 
 

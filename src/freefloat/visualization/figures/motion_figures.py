@@ -36,6 +36,7 @@ from freefloat.visualization.figure_style import (
 )
 
 _SAMPLES = 401
+_ROUNDING = 1e-9
 _BOUNDED = 0.97
 """Initial fraction of a singular motion whose rates set the axis limits."""
 _HEADROOM = 1.5
@@ -74,7 +75,8 @@ def euler_angles(attitudes: Array) -> Array:
 def headings(attitudes: Array) -> Array:
     """Return headings of a planar spacecraft [deg], without jumps from [0, 360), shape (K,)."""
     angles = np.unwrap(2.0 * np.arctan2(attitudes[:, 2], attitudes[:, 3]))
-    return np.asarray(np.degrees(angles - 2.0 * np.pi * np.floor(angles[0] / (2.0 * np.pi))))
+    turns = np.floor((angles[0] + _ROUNDING) / (2.0 * np.pi))  # zero is not a whole turn
+    return np.asarray(np.degrees(angles - 2.0 * np.pi * turns))
 
 
 def joint_scale(model: FreeFloatingModel) -> tuple[float, str]:
