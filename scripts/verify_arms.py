@@ -1,8 +1,9 @@
 """Compare motions of random robots with two arms with an integration of our own and with MuJoCo.
 
-One arm follows a line, the other a joint curve; the robots have 4 to 14 joints, some of them
-prismatic, half of them momentum, wheels and a drift. ``python scripts/verify_arms.py --cases 40``
-prints the largest deviations; exit code 1 if one is larger than allowed.
+One arm follows a line, the other a joint curve, or with ``--both`` a line of its own; the robots
+have 4 to 14 joints, some of them prismatic, half of them momentum, wheels and a drift.
+``python scripts/verify_arms.py --cases 40`` prints the largest deviations; exit code 1 if one is
+larger than allowed.
 """
 
 from __future__ import annotations

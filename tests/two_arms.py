@@ -1,7 +1,7 @@
 """Random robots with two arms, and their motions by an integration of our own.
 
-One arm follows a line, the other a joint curve. The robot is read by Pinocchio's own URDF reader,
-equation (4) is solved by pseudoinverses, and SciPy integrates it.
+One arm follows a line, the other a joint curve or a line of its own. The robot is read by
+Pinocchio's own URDF reader, equation (4) is solved by pseudoinverses, and SciPy integrates it.
 """
 
 from __future__ import annotations
@@ -25,25 +25,42 @@ ROWS = {"pose": slice(0, 6), "position": slice(0, 3)}
 
 @dataclass(frozen=True)
 class Case:
-    """A problem with two arms, a state at its start, and what an integration needs of both."""
+    """A problem with two arms, a state at its start, and what an integration needs of both.
+
+    ``joints`` are those of the arms that follow lines, with the ends ``lines``.
+    """
 
     robot: Robot
     problem: ff.Problem
     attitude: np.ndarray
     joints: np.ndarray
-    line: tuple[np.ndarray, np.ndarray]
+    lines: tuple[tuple[np.ndarray, np.ndarray], ...]
 
     @property
     def other_end(self) -> str:
         """Last link of the other arm."""
-        return self.problem.model.arms["other"]
+        model = self.problem.model
+        return {**model.arms, **model.path_arms}["other"]
+
+    @property
+    def curve(self) -> CubicSpline:
+        """Joints of the other arm, none where it follows a line."""
+        if not self.problem.arms:
+            return CubicSpline([0.0, DURATION], np.zeros((2, 0)))
+        curve = self.problem.arms.curves["other"]
+        return CubicSpline(curve.times, curve.waypoints, bc_type="clamped")
 
 
-def random_case(rng: np.random.Generator) -> Case:
-    """A case with 4 to 14 joints, a fifth of them prismatic; half of the cases have momenta."""
+def random_case(rng: np.random.Generator, *, both: bool = False) -> Case:
+    """A case with 4 to 14 joints, a fifth of them prismatic; half of the cases have momenta.
+
+    The other arm moves along a joint curve, or both follow lines.
+    """
     task = str(rng.choice(["pose", "position"]))
     count = int(rng.integers(6, 9) if task == "pose" else rng.integers(3, 7))
     other = int(rng.integers(1, min(7, 15 - count)))
+    if both:
+        other = int(rng.integers(6, 15 - count) if task == "pose" else rng.integers(3, 6))
 
     def structure(number: int) -> str:
         return "".join(rng.choice([*"RRCCP"], number))
@@ -54,54 +71,48 @@ def random_case(rng: np.random.Generator) -> Case:
     times = np.array([0.0, *np.sort(rng.uniform(0.2, 0.8, 2)), 1.0]) * DURATION
     curve = ff.ArmCurve(np.cumsum(rng.normal(0.0, 0.4, (4, other)), axis=0), times)
     joints, attitude = rng.uniform(-2.0, 2.0, count), Rotation.random(rng=rng).as_quat()
+    curves, every = ff.ArmCurves({"other": curve}), np.append(joints, curve.waypoints[0])
+    if both:
+        model, curves, joints = model.with_paths("other"), ff.ArmCurves(), every
     loaded = rng.random() < 0.5
     h, w, drift = rng.normal(size=(3, 3)) * [[2.0], [1.0], [0.003]] * loaded
-    start = model.end_effector_pose(attitude, np.concatenate([joints, curve.waypoints[0]]))
-    end = start.position + rng.normal(0.0, 0.12, 3)
-    path = ff.EndEffectorPath(
-        ff.paths.PolynomialCurve.line(start.position, end),
-        ff.paths.FixedOrientation(start.rotation),
-    )
+    paths, lines = [], []
+    for start in model.end_effector_poses(attitude, every):
+        lines.append((start.position, start.position + rng.normal(0.0, 0.12, 3)))
+        line = ff.paths.PolynomialCurve.line(*lines[-1])
+        path = ff.EndEffectorPath(line, ff.paths.FixedOrientation(start.rotation))
+        paths.append(ff.TimedPath(path, ff.Timing(DURATION), drift))
+    path = ff.paths.PathStack.of(paths[0], {"other": paths[1]}) if both else paths[0]
     margin = ff.Margin(ff.singularity_measure(model, task, "gjm"), 0.0)
-    problem = ff.Problem(
-        model, ff.TimedPath(path, ff.Timing(DURATION), drift), task, h, margin,
-        wheel_momentum=w, arms=ff.ArmCurves({"other": curve}),
-    )  # fmt: skip
-    return Case(robot, problem, attitude, joints, (start.position, end))
+    problem = ff.Problem(model, path, task, h, margin, wheel_momentum=w, arms=curves)
+    return Case(robot, problem, attitude, joints, tuple(lines))
 
 
 def own_motion(case: Case) -> tuple[np.ndarray, np.ndarray]:
-    """Attitude and joints of the arm at the end."""
-    problem, curve = case.problem, case.problem.arms.curves["other"]
-    spline = CubicSpline(curve.times, curve.waypoints, bc_type="clamped")
+    """Attitude and joints of the arms that follow lines at the end."""
+    problem, spline = case.problem, case.curve
     model = pin.buildModelFromXML(case.robot.text, pin.JointModelFreeFlyer())
-    data, frame = model.createData(), model.getFrameId(case.robot.end_effector)
-    own, other = (
-        [model.joints[model.getJointId(name)].idx_v for name in names]
-        for names in (case.robot.joints, case.robot.others)
-    )
+    ends = [case.robot.end_effector, case.other_end][: len(case.lines)]
+    data, frames = model.createData(), [model.getFrameId(end) for end in ends]
+    every = (*case.robot.joints, *case.robot.others)
+    columns = [model.joints[model.getJointId(name)].idx_v for name in every]
+    own, other = columns[: len(case.joints)], columns[len(case.joints) :]
     rows = ROWS[str(problem.task)]
     h, w, drift = problem.momentum, problem.wheel_momentum, problem.path.drift
 
-    def configuration(attitude, joints, others):
-        q = pin.neutral(model)
-        q[3:7] = attitude
-        for names, values in ((case.robot.joints, joints), (case.robot.others, others)):
-            for name, value in zip(names, values, strict=True):
-                joint = model.joints[model.getJointId(name)]
-                q[joint.idx_q : joint.idx_q + joint.nq] = (
-                    [np.cos(value), np.sin(value)] if joint.nq == 2 else [value]
-                )
-        return q
-
     def slopes(t, y):
         attitude, joints = y[:4] / np.linalg.norm(y[:4]), y[4:]
-        q = configuration(attitude, joints, spline(t))
+        q = _configuration(model, attitude, every, [*joints, *spline(t)])
         A = pin.computeCentroidalMap(model, data, q)
-        J = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[rows]
+        J = np.vstack([
+            pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[rows]
+            for frame in frames
+        ])  # fmt: skip
         tau = t / DURATION
         speed = 30.0 * tau**2 * (1.0 - tau) ** 2 / DURATION
-        twist = np.append((case.line[1] - case.line[0]) * speed - drift, np.zeros(3))[rows]
+        twist = np.concatenate([
+            np.append((end - start) * speed - drift, np.zeros(3))[rows] for start, end in case.lines
+        ])  # fmt: skip
         R = Rotation.from_quat(attitude).as_matrix()
         prescribed = np.append(np.zeros(3), h - R @ w) - A[:, other] @ spline(t, 1)
         base = np.linalg.inv(A[:, :6])
@@ -114,33 +125,38 @@ def own_motion(case: Case) -> tuple[np.ndarray, np.ndarray]:
         return np.concatenate([product @ spin / 2.0, rates])
 
     state = np.concatenate([case.attitude, case.joints])
-    for start, end in pairwise(curve.times):
+    for start, end in pairwise(spline.x):
         state = solve_ivp(
             slopes, (start, end), state, method="DOP853", rtol=1e-12, atol=1e-13
         ).y[:, -1]  # fmt: skip
     return state[:4] / np.linalg.norm(state[:4]), state[4:]
 
 
+def _configuration(model, attitude, names, values) -> np.ndarray:
+    """Pinocchio's configuration, the spacecraft at the origin."""
+    q = pin.neutral(model)
+    q[3:7] = attitude
+    for name, value in zip(names, values, strict=True):
+        joint = model.joints[model.getJointId(name)]
+        place = slice(joint.idx_q, joint.idx_q + joint.nq)
+        q[place] = [np.cos(value), np.sin(value)] if joint.nq == 2 else [value]
+    return q
+
+
 def tip_errors(case: Case, motion: Motion) -> tuple[float, float]:
     """Distances of both tips from where they belong, at 21 instants [m].
 
-    That of the arm on the path is found by Pinocchio's own model; that of the other one is seen
-    from the spacecraft, with the joints of the curve.
+    Those of arms on lines are found by Pinocchio's own model; that of another one is seen from the
+    spacecraft, with the joints of the curve.
     """
-    problem, model = case.problem, case.problem.model
-    curve = problem.arms.curves["other"]
+    problem, model, spline = case.problem, case.problem.model, case.curve
+    names = (*case.robot.joints, *case.robot.others)
     pinocchio = pin.buildModelFromXML(case.robot.text, pin.JointModelFreeFlyer())
     data = pinocchio.createData()
     worst = [0.0, 0.0]
     for state in motion.sample(np.linspace(0.0, DURATION, 21)):
-        q = pin.neutral(pinocchio)
-        q[3:7] = state.attitude
-        spline = CubicSpline(curve.times, curve.waypoints, bc_type="clamped")
         exact = [*state.joints[: model.arm_dof], *spline(state.time)]
-        for name, value in zip((*case.robot.joints, *case.robot.others), exact, strict=True):
-            joint = pinocchio.joints[pinocchio.getJointId(name)]
-            place = slice(joint.idx_q, joint.idx_q + joint.nq)
-            q[place] = [np.cos(value), np.sin(value)] if joint.nq == 2 else [value]
+        q = _configuration(pinocchio, state.attitude, names, exact)
         com = pin.centerOfMass(pinocchio, data, q)
         pin.framesForwardKinematics(pinocchio, data, q)
         ends = [
@@ -149,9 +165,10 @@ def tip_errors(case: Case, motion: Motion) -> tuple[float, float]:
         ]
         tau = state.time / DURATION
         s = tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)
-        wanted = case.line[0] + s * (case.line[1] - case.line[0])
         body, place = model.link_places[case.other_end]
-        found = (model.body_poses(state.attitude, state.joints)[body] @ place).position
-        errors = (ends[0] - wanted + state.time * problem.path.drift, ends[1] - found)
+        wanted = [start + s * (end - start) - state.time * problem.path.drift
+                  for start, end in case.lines]  # fmt: skip
+        wanted.append((model.body_poses(state.attitude, state.joints)[body] @ place).position)
+        errors = (ends[0] - wanted[0], ends[1] - wanted[1])
         worst = [max(w, float(np.linalg.norm(e))) for w, e in zip(worst, errors, strict=True)]
     return worst[0], worst[1]

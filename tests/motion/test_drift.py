@@ -134,7 +134,8 @@ def test_a_fixed_point_is_held() -> None:
     for state in motion.sample([0.0, 40.0, 100.0]):
         place = problem.model.end_effector_pose(state.attitude, state.joints).position
         np.testing.assert_allclose(place + state.time * timed.drift, point, atol=1e-7)
-    assert error_key(lambda: ff.TimedPath(path, ff.Timing(100.0))) == "path"
+    still = ff.TimedPath(path, ff.Timing(100.0))
+    assert error_key(problem.replace, path=still) == "path"
 
 
 def _upright() -> ff.paths.FixedOrientation:

@@ -22,7 +22,8 @@ sqrt(2) |u| |v| at most. As the mu_i sum up to one, the weights of the pairs sum
     m_2 = (1 - sum_i mu_i^2) / 2.
 
 Where further arms move, w and L add up the rates and links of all arms, and the columns are those
-of the arm that follows the path.
+of the arms that follow paths. The norms of the rows of e end-effectors are sqrt(e) times those of
+one.
 
 An inertia R I R^T is a product of two rotations; its isotropic part is constant, the rest counts
 with its Frobenius norm.
@@ -107,6 +108,7 @@ class ScaledSystem:
         self._model, self._task, self._length = model, task, L
         self._locked = float(np.sqrt(2.0) * pairs * L**2 + spread.sum())
         self._moving = np.cumsum(moved[::-1])[::-1][: model.arm_dof]
+        self._end_effectors = len(model.end_effector_links)
         self._joint_units = np.where(model.prismatic, reach, 1.0)
         self.base = 1 if task.planar else 3
         rows, columns = unit_factors(model, task)
@@ -137,10 +139,11 @@ class ScaledSystem:
         """
         p1, p2, p3 = (k * (w * w + change) + k * (k - 1.0) * w * w for k in (1.0, 2.0, 3.0))
         D, Dq, L = self._locked * p2, self._moving * p3, self._length
+        base, linear, angular = float(np.sqrt(2.0) * L * p1), L * p2, p1
         if self._task is Task.POINTING:
-            base = float(np.sqrt(2.0) * np.hypot(L * p2, p1))
-            return SecondDerivatives(D, Dq, base, L * p3, p2)
-        return SecondDerivatives(D, Dq, float(np.sqrt(2.0) * L * p1), L * p2, p1)
+            base, linear, angular = float(np.sqrt(2.0) * np.hypot(L * p2, p1)), L * p3, p2
+        several = float(np.sqrt(self._end_effectors))
+        return SecondDerivatives(D, Dq, *(several * norm for norm in (base, linear, angular)))
 
 
 def _chain_length(motion: Motion) -> float:
@@ -148,7 +151,8 @@ def _chain_length(motion: Motion) -> float:
     model = motion.problem.model
     extents = joint_extents(motion)
     centres = max(float(np.linalg.norm(body.centre)) for body in model.bodies)
-    last = max(float(np.linalg.norm(model.tool.position)), centres)
+    tools = [model.link_places[link][1].position for link in model.end_effector_links]
+    last = max(*(float(np.linalg.norm(tool)) for tool in tools), centres)
     links = sum(float(np.linalg.norm(body.placement.position)) for body in model.bodies[1:])
     strokes = np.maximum(np.abs(extents.low), np.abs(extents.high))[model.prismatic].sum()
     return float(centres + links + last + strokes)

@@ -184,8 +184,11 @@ def extent(low: float, high: float) -> str:
 
 def short_label(label: str) -> str:
     """``s+ e- w+`` for ``shoulder+ elbow- wrist+``; nothing for numbers and words."""
-    words = [word for word in label.split() if word[-1] in "+-" or re.fullmatch("[a-z]", word)]
-    return " ".join(word[0] + word[1:][-1:] for word in words)
+    arms = []
+    for arm in label.split(", "):
+        words = [word for word in arm.split() if word[-1] in "+-" or re.fullmatch("[a-z]", word)]
+        arms.append(" ".join(word[0] + word[1:][-1:] for word in words))
+    return ", ".join(filter(None, arms))
 
 
 def search_lines(search: Search) -> Iterator[str]:

@@ -149,6 +149,8 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
     yield f"end-effector {model.end_effector}{default}, task {summary.task}, {model.arm_dof} joints"
     for name, link in model.arms.items():
         yield f"arm {name}, to {link}, moves along a joint curve; lengths and reach are for zero"
+    for name, link in model.path_arms.items():
+        yield f"arm {name}, to {link}, follows a path of its own; lengths and reach are for zero"
     yield (
         f"barycentric lengths {decimals(virtual.lengths)} m; no configuration puts the "
         f"end-effector farther than {virtual.reach:.4f} m from the centre of mass"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
+from freefloat.dynamics.momentum import Task, momentum_map, task_rows
 from freefloat.dynamics.system import System
 from freefloat.so3 import Array, cross, rotation_matrix
 
@@ -67,19 +67,22 @@ class InverseDynamics:
         joints: Array,
         rates: Array,
         twist_rate: Array,
-        rows: list[int],
+        task: Task,
         further: Array,
     ) -> Effort:
-        """Forces for the derivative of the end-effector's twist (6,), of which some rows count.
+        """Forces for the derivative of the end-effectors' twists, of which the task's rows count.
 
-        The arm has as many joints as these rows; those of further arms that move have prescribed
-        accelerations, shape (dof - arm_dof,).
+        The arms that follow paths have as many joints as there are rows; those of further arms that
+        move have prescribed accelerations, shape (dof - arm_dof,).
         """
         A, q, v, drift = self._moving(attitude, joints, rates)
-        bias = pin.getFrameClassicalAcceleration(
-            self._weightless, self._scratch, self._model.frame_id, pin.LOCAL_WORLD_ALIGNED
-        ).vector[rows]
-        J = end_effector_jacobian(self._model, joints, attitude)[rows]
+        robot, data, rows = self._weightless, self._scratch, task_rows(self._model, task)
+        frames, axes = self._model.frame_ids, pin.LOCAL_WORLD_ALIGNED
+        bias = np.concatenate([
+            pin.getFrameClassicalAcceleration(robot, data, frame, axes).vector for frame in frames
+        ])[rows]  # fmt: skip
+        J = np.vstack([pin.computeFrameJacobian(robot, data, q, frame, axes) for frame in frames])
+        J = J[rows]
         own = np.eye(len(v))[6 + self._model.arm_dof :]
         right = np.concatenate([-drift, twist_rate[rows] - bias, further])
         return self._effort(q, v, np.linalg.solve(np.vstack([A, J, own]), right))

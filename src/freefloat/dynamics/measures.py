@@ -24,6 +24,7 @@ from freefloat.dynamics.momentum import (
     inertia_matrices,
     require_enough_joints,
     system_matrix,
+    task_rows,
 )
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator, meeting_point
 from freefloat.errors import InputError, require_type
@@ -83,11 +84,12 @@ def singularity_measure(
     """
     require_type("model", model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
     task = Task.of(task)
-    if name == "arm" and model.arms:
+    if name == "arm" and not model.has_one_arm:
         raise InputError("measure", "arm, but another arm moves", "gjm, system or sigma")
-    m, n = len(task.rows), model.arm_dof
+    rows, n = task_rows(model, task), model.arm_dof
+    m = len(rows)
     require_enough_joints(model, task)
-    lengths = sum(row < 3 for row in task.rows) - int(model.prismatic[:n].sum())
+    lengths = sum(row % 6 < 3 for row in rows) - int(model.prismatic[:n].sum())
     gjm_definition = "det S* (6)" if m == n else "sqrt(det(S* S*^T)) of S* (7)"
     if name == "gjm":
         return SingularityMeasure(name, gjm_definition, _unit(lengths), partial(_gjm, model, task))
@@ -114,7 +116,7 @@ def _unit(power: int) -> str:
 
 
 def _gjm(model: FreeFloatingModel, task: Task, joints: Array) -> float:
-    if len(task.rows) == model.arm_dof:
+    if len(task_rows(model, task)) == model.arm_dof:
         return generalized_determinant(model, joints, task)
     S = generalized_jacobian(model, joints, task)
     return float(np.prod(np.linalg.svd(S, compute_uv=False)))
@@ -131,7 +133,7 @@ def _system(model: FreeFloatingModel, task: Task, joints: Array) -> float:
 def unit_factors(model: FreeFloatingModel, task: Task) -> tuple[Array, Array]:
     """Factors of the rows (m,) and columns (n,) of S* that put lengths in units of the reach."""
     reach = unit_of_length(model)
-    rows = np.where(np.array(task.rows) < 3, 1.0 / reach, 1.0)
+    rows = np.where(np.array(task_rows(model, task)) % 6 < 3, 1.0 / reach, 1.0)
     return rows, np.where(model.prismatic[: model.arm_dof], reach, 1.0)
 
 

@@ -84,13 +84,20 @@ _ROWS = {
 }
 
 
+def task_rows(model: FreeFloatingModel, task: Task) -> list[int]:
+    """Rows of the twists of all end-effectors that follow paths, one after the other."""
+    arms = range(len(model.end_effector_links))
+    return [6 * arm + row for arm in arms for row in task.rows]
+
+
 def require_enough_joints(model: FreeFloatingModel, task: Task) -> None:
-    """Raise an InputError if a task prescribes more rates than the arm has joints."""
-    if len(task.rows) > model.arm_dof:
-        feasible = [str(other) for other in Task if len(other.rows) <= model.arm_dof]
+    """Raise an InputError if a task prescribes more rates than an arm has joints."""
+    joints = min(arm.dof for arm in model.single_arms)
+    if len(task.rows) > joints:
+        feasible = [str(other) for other in Task if len(other.rows) <= joints]
         raise InputError(
             "task",
-            f"{task} prescribes {len(task.rows)} rates, the arm has {model.arm_dof} joints",
+            f"{task} prescribes {len(task.rows)} rates, the arm has {joints} joints",
             ", ".join(feasible) or "a robot with more joints",
         )
 
@@ -153,7 +160,8 @@ def system_matrix(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = 
     """The matrix A of (5), which maps the rates to angular momentum and end-effector twist.
 
     Rows: angular momentum about the centre of mass, then the task's rows of the end-effector twist.
-    Columns: spacecraft angular velocity, then rates of the arm that follows the path. All are in
+    Columns: spacecraft angular velocity, then rates of the arm that follows the path. Where several
+    arms follow paths, rows and columns are those of one arm after the other. All are in
     the spacecraft frame, except the end-effector twist of ``pointing``, which is in the
     end-effector's. The linear velocity of the spacecraft is eliminated by zero linear momentum.
     Planar tasks keep only the z components of
@@ -168,7 +176,7 @@ def system_matrix(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = 
         Shape (3 + m, 3 + n), for planar tasks (1 + m, 1 + n); (K, ...) for a stack of joints.
     """
     A_G, J = _stacked(lambda q: _maps(model, q, task), joints)
-    J = J[..., task.rows, :]
+    J = J[..., task_rows(model, task), :]
     J = J[..., 3:] - J[..., :3] @ (A_G[..., :3, 3:] / model.total_mass)
     A = np.concatenate([A_G[..., 3:, 3:], J], axis=-2)
     return A[..., 2:, 2:] if task.planar else A
@@ -180,7 +188,8 @@ def system_matrix_derivative(
     """Time derivative of :func:`system_matrix` at joint rates of the shape of the joints."""
     A_G, J, dA_G, dJ = _stacked(lambda q, v: _map_derivatives(model, q, v, task), joints, rates)
     mass = model.total_mass
-    J, dJ = J[..., task.rows, :], dJ[..., task.rows, :]
+    rows = task_rows(model, task)
+    J, dJ = J[..., rows, :], dJ[..., rows, :]
     dJ = dJ[..., 3:] - (dJ[..., :3] @ A_G[..., :3, 3:] + J[..., :3] @ dA_G[..., :3, 3:]) / mass
     dA = np.concatenate([dA_G[..., 3:, 3:], dJ], axis=-2)
     return dA[..., 2:, 2:] if task.planar else dA
@@ -199,7 +208,8 @@ def generalized_jacobian(
     Returns:
         The task's rows, shape (m, n), of the end-effector twist [m/s; rad/s], in the spacecraft
         frame (``pointing``: in the end-effector's), per joint rate of the arm that follows the
-        path, while the momentum is zero.
+        path, while the momentum is zero. Where several arms follow paths, rows and columns are
+        those of one arm after the other.
 
     Raises:
         InputError: If there is no such task, or the joints are not those of the robot.
@@ -227,7 +237,7 @@ def generalized_jacobian(
     if singular:
         raise np.linalg.LinAlgError("the inertia matrix of the spacecraft's rates is singular")
     S: Array = J[:, 6:] - J[:, :6].dot(base)
-    return S if task is Task.POSE else S[task.rows]
+    return S if task is Task.POSE else S[task_rows(model, task)]
 
 
 def generalized_determinant(
@@ -239,7 +249,7 @@ def generalized_determinant(
     the momentum matrix's base block: the total mass cubed times det D.
     """
     A_G, J = _maps(model, joints, task)
-    M = np.vstack([A_G, J[task.rows]])
+    M = np.vstack([A_G, J[task_rows(model, task)]])
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = A_G[3:, 3:6].tolist()  # D
     det_D = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
     return determinant(M) / float(model.total_mass**3 * det_D)
@@ -248,11 +258,15 @@ def generalized_determinant(
 def _maps(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task) -> tuple[Array, Array]:
     """The momentum matrix in the spacecraft frame and the end-effector Jacobian for the task.
 
-    Their columns are those of the spacecraft and of the arm that follows the path.
+    Their columns are those of the spacecraft and of the arms that follow paths. The Jacobians of
+    these are stacked, shape (6 times their number, 6 + n).
     """
-    q = np.concatenate((_BASE, joints))
-    A_G = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
-    J = pin.getFrameJacobian(model.pin_model, model.scratch, model.frame_id, task.reference_frame)
+    robot, data, axes = model.pin_model, model.scratch, task.reference_frame
+    A_G = pin.computeCentroidalMap(robot, data, np.concatenate((_BASE, joints)))
+    J = pin.getFrameJacobian(robot, data, model.frame_id, axes)
+    if model.path_arms:
+        others = [pin.getFrameJacobian(robot, data, frame, axes) for frame in model.frame_ids[1:]]
+        J = np.vstack([J, *others])
     if model.arms:
         return A_G[:, : 6 + model.arm_dof], J[:, : 6 + model.arm_dof]
     return A_G, J
@@ -265,7 +279,10 @@ def _map_derivatives(
     robot, data = model.pin_model, model.scratch
     q, v = np.concatenate((_BASE, joints)), np.concatenate((np.zeros(6), rates))
     columns = slice(6 + model.arm_dof)
-    dJ = pin.frameJacobianTimeVariation(robot, data, q, v, model.frame_id, task.reference_frame)
+    dJ = np.vstack([
+        pin.frameJacobianTimeVariation(robot, data, q, v, frame, task.reference_frame)
+        for frame in model.frame_ids
+    ])  # fmt: skip
     A_G, J = (np.array(matrix) for matrix in _maps(model, joints, task))
     momentum = data.Ag[:3] @ v
     dA_G = np.array(pin.computeCentroidalMapTimeVariation(robot, data, q, v))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.momentum import Task, task_rows
 from freefloat.errors import InputError, did_you_mean, finite_number, member, require_type
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
@@ -109,10 +109,11 @@ class Redundancy:
     def require_applicable(self, model: FreeFloatingModel, task: Task) -> None:
         """Raise an InputError if the settings do not apply to an arm and a task."""
         arm = model.joint_names[: model.arm_dof]
-        if len(arm) <= len(task.rows):
+        rows = task_rows(model, task)
+        if len(arm) <= len(rows):
             raise InputError(
                 "redundancy",
-                f"the task prescribes {len(task.rows)} rates and the arm has {len(arm)} joints: "
+                f"the task prescribes {len(rows)} rates and the arm has {len(arm)} joints: "
                 "not redundant",
                 "no such key, or a task that prescribes less",
             )
@@ -132,7 +133,7 @@ class Redundancy:
             raise InputError(
                 "redundancy.metric", f"{self.metric}, but the arm has no mass", accepted
             )
-        needed = len(task.rows) + (1 if task.planar else 3)
+        needed = len(rows) + (1 if task.planar else 3)
         if self.metric is Metric.BASE and self.toward is not Toward.NONE and len(arm) <= needed:
             raise InputError(
                 "redundancy.toward",

@@ -4,7 +4,8 @@
                 [  J  ]  v  =  [ h   ]
                                [ v_E ]
 
-with the centroidal momentum matrix A_G and the task's rows of the end-effector Jacobian J. With as
+with the centroidal momentum matrix A_G and the task's rows of the end-effector Jacobian J. Where
+several arms follow paths, J and v_E are those of one arm after the other. With as
 many joints as task rows the solution is unique. The joint rates of a redundant arm differ by
 motions in the null space of the generalized Jacobian S*, which neither move the end-effector nor
 change the momentum. Among them the rates ``u`` are taken that minimize
@@ -40,7 +41,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg.lapack import dgeqrf, dgesv, dorgqr, dtrtrs
 
-from freefloat.dynamics.momentum import Task, mass_matrix, require_enough_joints
+from freefloat.dynamics.momentum import Task, mass_matrix, require_enough_joints, task_rows
 from freefloat.dynamics.redundancy import (
     DAMPED_BELOW,
     NEARLY_DEPENDENT,
@@ -75,12 +76,17 @@ class ResolvedRateSolver:
                 not apply to the arm.
         """
         model = system.model
-        m, n, k = len(task.rows), model.dof, model.dof - model.arm_dof
+        self._rows = task_rows(model, task)
+        m, n, k = len(self._rows), model.dof, model.dof - model.arm_dof
         require_enough_joints(model, task)
         if redundancy is not None:
             redundancy.require_applicable(model, task)
-        self._model, self._rows, self._planar = model, task.rows, task.planar
-        self._selected = slice(None) if m == 6 else task.rows
+        self._model, self._planar = model, task.planar
+        self._selected = slice(None) if task is Task.POSE else task.rows
+        self._parts = [
+            (frame, slice(6 + first, 6 + first + len(task.rows)))
+            for frame, first in zip(model.frame_ids, range(0, m, len(task.rows)), strict=True)
+        ]
         self._frame, self._own_axes = task.reference_frame, task is Task.POINTING
         self._q = np.zeros(7 + n)
         self._M = np.zeros((6 + m + k, 6 + n), order="F")
@@ -107,7 +113,8 @@ class ResolvedRateSolver:
         Args:
             attitude: Unit quaternion x, y, z, w.
             joints: Joint values, shape (n,).
-            twist: End-effector twist, inertial frame, shape (6,).
+            twist: End-effector twist, inertial frame, shape (6,); of several arms that follow
+                paths one after the other.
             speed: Path speed ds/dt [1/s], which scales the attraction of a redundant arm.
             arm_rates: Joint rates of further arms that move, shape (dof - arm_dof,).
 
@@ -118,13 +125,15 @@ class ResolvedRateSolver:
         model, q, M, b = self._model, self._q, self._M, self._b
         q[3:7], q[7:] = attitude, joints
         M[:6] = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
-        M[self._task] = pin.getFrameJacobian(
-            model.pin_model, model.scratch, model.frame_id, self._frame
-        )[self._selected]
-        if self._own_axes:
-            placement = pin.updateFramePlacement(model.pin_model, model.scratch, model.frame_id)
-            twist = (twist.reshape(2, 3) @ placement.rotation).ravel()
-        b[self._task] = twist[self._selected]
+        for arm, (frame, rows) in enumerate(self._parts):
+            M[rows] = pin.getFrameJacobian(model.pin_model, model.scratch, frame, self._frame)[
+                self._selected
+            ]
+            own = twist[6 * arm : 6 * arm + 6]
+            if self._own_axes:
+                placement = pin.updateFramePlacement(model.pin_model, model.scratch, frame)
+                own = (own.reshape(2, 3) @ placement.rotation).ravel()
+            b[rows] = own[self._selected]
         if model.arms:
             if arm_rates is None:
                 model.require_one_arm("these joint rates")
@@ -217,15 +226,16 @@ class ResolvedRateSolver:
         unless the twist is in the axes of the end-effector.
         """
         model, data = self._model.pin_model, self._model.scratch
-        frame, axes = self._model.frame_id, self._frame
+        frames, axes = self._model.frame_ids, self._frame
         q, M = self._q, self._M
         columns = np.linalg.pinv(S)
         motions = np.vstack([-base @ columns, columns])
         recoil = np.linalg.solve(M[:6, :6].T, M[6:, :6].T).T
-        J = np.array(pin.computeFrameJacobian(model, data, q, frame, axes))
+        Js = [np.array(pin.computeFrameJacobian(model, data, q, frame, axes)) for frame in frames]
         gradient = np.zeros(len(columns))
         no_acceleration = np.zeros(len(motions))
-        for i, row in enumerate(self._rows):
+        for i, (arm, row) in enumerate(divmod(row, 6) for row in self._rows):
+            J, frame = Js[arm], frames[arm]
             momentum = pin.computeCentroidalDynamicsDerivatives(
                 model, data, q, np.ascontiguousarray(motions[:, i]), no_acceleration
             )[0]

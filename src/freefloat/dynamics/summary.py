@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.joint_space import Extremes, joint_space_extremes
 from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.momentum import Task, task_rows
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.robot.description import Severity, UrdfDiagnostic
@@ -74,10 +74,15 @@ def configuration_at(
     return Configuration(q, x, poses, {measure.name: measure(q) for measure in measures})
 
 
-def frames_at(model: FreeFloatingModel, attitude: Array, joints: Array) -> dict[str, Pose]:
-    """Poses of the spacecraft, the base (the link that carries the arm) and the inertial frame."""
+def frames_at(
+    model: FreeFloatingModel, attitude: Array, joints: Array, first: int = 0
+) -> dict[str, Pose]:
+    """Poses of the spacecraft, the base and the inertial frame.
+
+    The base is the link that carries an arm, of which ``first`` is the number of the first joint.
+    """
     root = model.body_poses(attitude, joints)[0]
-    _, carrier = model.link_places[model.moving_joints[0].parent]
+    _, carrier = model.link_places[model.moving_joints[first].parent]
     return {"spacecraft": root, "base": root @ carrier, "inertial": Pose(np.zeros(3), np.eye(3))}
 
 
@@ -146,7 +151,7 @@ class RobotSummary:
             "total_mass": model.total_mass,
             "dof": model.dof,
             "task": str(self.task),
-            "spare_joints": model.arm_dof - len(self.task.rows),
+            "spare_joints": model.arm_dof - len(task_rows(model, self.task)),
             "joints": [
                 {
                     "name": body.joint,
@@ -184,5 +189,6 @@ def natural_task(model: FreeFloatingModel) -> Task:
         VirtualManipulator.of(model.with_arms_at_zero).is_planar,
         set(Task) - {Task.POINTING},
     )
-    tasks = [task for task in others if task.planar is planar and len(task.rows) <= model.arm_dof]
+    joints = min(arm.dof for arm in model.single_arms)
+    tasks = [task for task in others if task.planar is planar and len(task.rows) <= joints]
     return max(tasks, key=lambda task: len(task.rows), default=Task.PLANAR_POSITION)

@@ -6,7 +6,7 @@ barycentric vectors (17). At a given attitude the kinematics of fixed-base arms 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -152,6 +152,33 @@ class VirtualManipulator:
         along_z = np.abs(axes[:, 0, :2]).max(axis=1) < _TOLERANCE
         across_z = np.abs(axes[:, 0, 2]) < _TOLERANCE
         return bool(np.where(self.prismatic, across_z, along_z).all())
+
+
+def first_moment(model: FreeFloatingModel) -> VirtualManipulator:
+    """The chain at whose end is the first moment of a single arm over the total mass.
+
+    The moment is that about the origin of the spacecraft frame, up to a constant. This chain and
+    the virtual manipulator add up to the arm on a fixed base. Attributes that are no lengths are
+    those of the virtual manipulator.
+    """
+    virtual = VirtualManipulator.of(model)
+    steps = [*(body.placement.position for body in model.bodies[1:]), model.tool.position]
+    links, strokes = np.array(steps) - virtual.links, 1.0 - virtual.strokes
+    return replace(virtual, links=frozen(links), strokes=frozen(strokes))
+
+
+def reach_bound(model: FreeFloatingModel) -> float:
+    """Upper bound of the distance from the centre of mass to the end-effector [m].
+
+    That of the first arm, where several follow paths. Others may displace the centre of mass.
+    """
+    first, *others = model.single_arms
+    reach = VirtualManipulator.of(first).reach
+    for arm in others:
+        moment, ranges = first_moment(arm), np.abs(arm.joint_ranges).max(axis=0)
+        strokes = (moment.strokes * ranges)[arm.prismatic].sum()
+        reach += float(2.0 * np.linalg.norm(moment.links[1:], axis=1).sum() + strokes)
+    return reach
 
 
 def meeting_point(points: Array, axes: Array, tolerance: float) -> Array | None:

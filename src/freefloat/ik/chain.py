@@ -75,11 +75,15 @@ class Chain:
     @lru_cache(maxsize=16)
     def of(cls, model: FreeFloatingModel) -> Chain:
         """The virtual manipulator of a robot."""
-        virtual = VirtualManipulator.of(model)
-        p, R, points, axes = virtual.kinematics(np.zeros(model.dof))
+        return cls.of_virtual(VirtualManipulator.of(model), model.joint_ranges)
+
+    @classmethod
+    def of_virtual(cls, virtual: VirtualManipulator, joint_ranges: tuple[Array, Array]) -> Chain:
+        """A virtual manipulator whose joints have some ranges, shape (n,) each."""
+        p, R, points, axes = virtual.kinematics(np.zeros(len(virtual.axes)))
         return cls(
             points[:, 0].T, axes[:, 0].T, p[0], R[0], virtual.prismatic, virtual.strokes,
-            *model.joint_ranges,
+            *joint_ranges,
         )  # fmt: skip
 
     @cached_property

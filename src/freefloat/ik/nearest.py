@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import tau
 
 import numpy as np
@@ -12,18 +13,24 @@ from freefloat.ik.branches import ArmBranch, BranchSets, many_arm_branches
 from freefloat.ik.chain import Chain
 from freefloat.ik.numbering import MAX_BRANCHES
 from freefloat.ik.numeric import solutions
+from freefloat.ik.several_arms import newton_combination
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, Pose, frozen
 
 
 def newton_configuration(
-    model: FreeFloatingModel, target: Pose, task: Task, joints: Array
+    model: FreeFloatingModel, targets: Sequence[Pose], task: Task, joints: Array
 ) -> ArmBranch | None:
     """The configuration to which Newton's method converges from joints (n,), None if it does not.
 
-    For redundant arms, whose configurations at a pose form a continuum.
+    For redundant arms, whose configurations at a pose form a continuum. There is a pose for each
+    arm that follows a path.
     """
-    q = newton_solutions(model, target.position[None], target.rotation[None], task, joints)[0]
+    if model.path_arms:
+        q = newton_combination(model, targets, task, joints)
+    else:
+        position, rotation = targets[0].position, targets[0].rotation
+        q = newton_solutions(model, position[None], rotation[None], task, joints)[0]
     return ArmBranch(MAX_BRANCHES, "given", frozen(q)) if np.isfinite(q).all() else None
 
 

@@ -125,7 +125,7 @@ def _require_on_curves(problem: Problem, errors: Array, t: float) -> None:
     if errors[k] > _ON_PATH:
         name = problem.model.joint_names[k]
         problem_text = f"{name} is {errors[k]:.3g} off the joint curve of its arm at t = {t:g} s"
-        raise InputError("joints", problem_text, "the joints of the arm that follows the path")
+        raise InputError("joints", problem_text, "the joints of the arms that follow paths")
 
 
 def _cut(motion: Motion, f: Callable[[Array], float], level: float, ending: Ending) -> Motion:
@@ -152,9 +152,8 @@ def _integrate(
     panels = [row[None]]
     reference = np.zeros(len(row))
     reference[0] = direction
-    stepper = _Stepper(
-        flow, tolerance, reference, bool(len(problem.path.path.breaks) or problem.arms)
-    )
+    short = bool(problem.arms) or any(len(path.path.breaks) for path in problem.path.every)
+    stepper = _Stepper(flow, tolerance, reference, short)
     for leg_start, leg_end in pairwise(times):
         leg = problem.leg(leg_start, leg_end)
         for panel, singular in stepper.panels(panels[-1][-1], leg, leg_end):

@@ -127,7 +127,7 @@ class PathLaw:
         change: tuple[Array, float],
         further: tuple[Array, Array] | None = None,
     ) -> Effort:
-        """The same for an end-effector twist (6,) with ds/dt, and for their derivatives.
+        """The same for an end-effector twist with ds/dt, and for their derivatives.
 
         Further arms that move have given joint rates and accelerations.
         """
@@ -138,9 +138,8 @@ class PathLaw:
             return Effort.unknown(len(joints))
         problem, rates = self._problem, np.concatenate([omega, joint_rates])
         if not problem.redundant and problem.task is not Task.POINTING:
-            rows = problem.task.rows
             return self._dynamics.of_end_effector(
-                attitude, joints, rates, change[0], rows, arm_accelerations
+                attitude, joints, rates, change[0], problem.task, arm_accelerations
             )
         accelerations = self._differentiated(
             attitude, joints, rates,
@@ -162,20 +161,21 @@ class PathLaw:
             attitude: Unit quaternion x, y, z, w.
             joints: Joint values, shape (n,).
             rates: Angular velocity of the base and joint rates, shape (3 + n,).
-            prescribed: Twist of the end-effector, ds/dt, and joint rates of further arms that
-                move, shape (7 + dof - arm_dof,).
+            prescribed: Twist of the end-effector, or twists of several, ds/dt, and joint rates of
+                further arms on joint curves.
             change: Its time derivative.
         """
         largest = max(float(np.abs(rates).max()), _EXCURSION / self._problem.path.duration)
         step, now = _EXCURSION / largest, Rotation.from_quat(attitude)
-        total = np.zeros(len(joints))
+        total, end = np.zeros(len(joints)), 6 * len(self._problem.model.end_effector_links)
         for side in (1.0, -1.0):
             for ahead, weight in zip(side * step * _STEPS, side * _WEIGHTS, strict=True):
                 rotated = (now * Rotation.from_rotvec(ahead * rates[:3])).as_quat()
                 later = prescribed + ahead * change
                 solved = self._solver.rates(
-                    rotated, joints + ahead * rates[3:], later[:6], float(later[6]), later[7:]
-                )
+                    rotated, joints + ahead * rates[3:],
+                    later[:end], float(later[end]), later[end + 1 :],
+                )  # fmt: skip
                 total += weight * solved[1]
         return np.asarray(total / step)
 

@@ -34,20 +34,27 @@ def require_planar(system: System, path: TimedPath, task: Task) -> None:
     require_in_plane("wheels.momentum", system.wheels)
     require_level("drift", system.drift)
     model = system.model
-    virtual = VirtualManipulator.of(model.with_arms_at_zero)
-    if not (virtual.is_planar and _drifts_in_plane(model)):
+    arms = [VirtualManipulator.of(arm) for arm in model.single_arms]
+    if not (all(arm.is_planar for arm in arms) and _drifts_in_plane(model)):
         raise InputError(
             "task",
             f"{task}, but this robot does not stay in the x-y plane",
             "pose, pointing or position; planar tasks require joint axes along z and a mass "
             "distribution symmetric about z = 0",
         )
-    straight = virtual.pose(np.zeros(model.arm_dof))
+    keys = ["path", *(f"robot.arms.{name}.law.path" for name in path.arms)]
+    for key, arm, own in zip(keys, arms, path.every, strict=True):
+        _require_level_path(key, arm, own, task)
+
+
+def _require_level_path(key: str, virtual: VirtualManipulator, path: TimedPath, task: Task) -> None:
+    """Raise an InputError that names a key unless a path stays in the plane of an arm."""
+    straight = virtual.pose(np.zeros(len(virtual.axes)))
     level = float(straight.position[2])
     heights = [path.path.curve(float(s))[2] for s in np.linspace(0.0, 1.0, 21)]
     if np.abs(np.array(heights) - level).max() > 1e-6:
         raise InputError(
-            "path",
+            key,
             f"it leaves the plane of the end-effector, z = {level:g} m",
             f"a path with z = {level:g} m everywhere",
         )
@@ -55,7 +62,7 @@ def require_planar(system: System, path: TimedPath, task: Task) -> None:
         upright = path.path.orientation.rotation(float(s)) @ straight.rotation.T
         if upright[2, 2] < 1.0 - 1e-9:
             raise InputError(
-                "path.attitude",
+                f"{key}.attitude",
                 f"the end-effector would leave the plane at s = {s:.2g}",
                 "orientations about z only",
             )

@@ -12,13 +12,20 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.momentum import Task, inertia_matrices, require_enough_joints
+from freefloat.dynamics.momentum import (
+    Task,
+    inertia_matrices,
+    require_enough_joints,
+    task_rows,
+)
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.system import System
+from freefloat.dynamics.virtual_manipulator import reach_bound
 from freefloat.errors import InputError, finite_number, require_type
 from freefloat.ik.branches import ArmBranch, BranchSets, arm_branches, many_arm_branches
 from freefloat.ik.nearest import closest_branches, newton_configuration
+from freefloat.ik.several_arms import several_arm_branches
 from freefloat.motion.arm_curves import ArmCurves
 from freefloat.motion.margin import Margin
 from freefloat.motion.planar_requirements import require_planar
@@ -26,7 +33,15 @@ from freefloat.paths.orientation import FreeOrientation
 from freefloat.paths.timing import TimedPath
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.scene.scene import Scene
-from freefloat.so3 import Array, frozen, heading_quaternion, rotation_matrix, unit_quaternion, zeros
+from freefloat.so3 import (
+    Array,
+    Pose,
+    frozen,
+    heading_quaternion,
+    rotation_matrix,
+    unit_quaternion,
+    zeros,
+)
 
 Prescribed = tuple[Array, float, Array | None]
 """Twist of the end-effector, path speed ds/dt, joint rates of further arms that move."""
@@ -46,7 +61,8 @@ class Problem:
 
     Attributes:
         model: Robot.
-        path: Pose of the end-effector by time.
+        path: Pose of the end-effector by time; a :class:`~freefloat.paths.path_stack.PathStack`
+            where further arms follow paths of their own.
         task: Prescribed components of the end-effector twist, or its value, such as ``"pose"``.
         momentum: Angular momentum about the centre of mass, inertial axes [N m s], shape (3,).
         margin: Required distance from dynamic singularities.
@@ -58,7 +74,7 @@ class Problem:
         wheel_momentum: Part of the momentum that wheels store, constant in the spacecraft frame
             [N m s], shape (3,): the wheels turn with constant rates relative to the spacecraft, and
             their masses and inertias belong to it.
-        arms: Joint curves of further arms that move.
+        arms: Joint curves of further arms that move along these.
 
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
@@ -83,6 +99,8 @@ class Problem:
 
     def __post_init__(self) -> None:
         require_type("path", self.path, TimedPath, "TimedPath(EndEffectorPath(...), Timing(...))")
+        if not self.path.moves:
+            raise InputError("path", "its length is zero", "a path that moves or rotates")
         accepted = "Margin(singularity_measure(model, task, name), threshold)"
         require_type("margin", self.margin, Margin, accepted)
         object.__setattr__(self, "task", Task.of(self.task))
@@ -91,6 +109,7 @@ class Problem:
         require_enough_joints(self.model, self.task)
         require_type("arms", self.arms, ArmCurves, "ArmCurves({name: ArmCurve(...)})")
         self.arms.require_applicable(self.model, self.path.duration)
+        self._require_paths()
         if self.start_joints is not None:
             joints = frozen(self.model.joint_vector(self.start_joints, "start_joints"))
             object.__setattr__(self, "start_joints", frozen(joints[: self.model.arm_dof]))
@@ -100,17 +119,27 @@ class Problem:
             self.redundancy.require_applicable(self.model, self.task)
         require_type("scene", self.scene, Scene, "Scene(bodies, corridor)")
         self.scene.require_applicable(self.model, self.path.duration)
-        if self.task.prescribes_orientation and isinstance(
-            self.path.path.orientation, FreeOrientation
-        ):
-            raise InputError(
-                "path.attitude",
-                f"it is missing, task {self.task} needs it",
-                "EndEffectorPath(curve, FixedOrientation(axes)), or another law",
-            )
         if self.task.planar:
             require_planar(self.system, self.path, self.task)
         self._require_few_revolutions()
+
+    def _require_paths(self) -> None:
+        """Raise an InputError unless there is a path for each arm, as the task needs it."""
+        names, arms = self.path.arms, tuple(self.model.path_arms)
+        if names != arms:
+            problem = f"paths of {', '.join(names) or 'no further arm'} were given"
+            accepted = f"paths of {', '.join(arms) or 'no further arm'}: PathStack.of(...)"
+            raise InputError("robot.arms", problem, accepted)
+        keys = ["path", *(f"robot.arms.{name}.law.path" for name in arms)]
+        for key, path in zip(keys, self.path.every, strict=True):
+            if self.task.prescribes_orientation and isinstance(
+                path.path.orientation, FreeOrientation
+            ):
+                raise InputError(
+                    f"{key}.attitude",
+                    f"it is missing, task {self.task} needs it",
+                    "EndEffectorPath(curve, FixedOrientation(axes)), or another law",
+                )
 
     @cached_property
     def system(self) -> System:
@@ -119,8 +148,8 @@ class Problem:
 
     @property
     def redundant(self) -> bool:
-        """Whether the arm has more joints than the task has rows."""
-        return self.model.arm_dof > len(self.task.rows)
+        """Whether the arms that follow paths have more joints than the task has rows."""
+        return self.model.arm_dof > len(task_rows(self.model, self.task))
 
     @property
     def depends_on_timing(self) -> bool:
@@ -153,18 +182,25 @@ class Problem:
 
     def with_system(self, system: System) -> Problem:
         """The same problem for another system, whose drift its path has, checked again."""
-        path = replace(self.path, drift=system.drift)
         return self.replace(
-            model=system.model, momentum=system.momentum, wheel_momentum=system.wheels, path=path
-        )
+            model=system.model, momentum=system.momentum, wheel_momentum=system.wheels,
+            path=self.path.with_drift(system.drift),
+        )  # fmt: skip
 
     def chain(self, t: float = 0.0) -> FreeFloatingModel:
-        """The robot with the arm that follows the path, further arms fixed as at a time [s]."""
+        """The robot with the arms that follow paths, further arms fixed as at a time [s]."""
         if not self.arms:
             return self.model
         if t not in self._chains:
             self._chains[t] = self.model.with_arms_at(self.arms.at(t))
         return self._chains[t]
+
+    def reach(self, t: float = 0.0) -> float:
+        """Upper bound of the distance from the centre of mass to the end-effector [m].
+
+        Further arms on joint curves are as at a time [s].
+        """
+        return reach_bound(self.chain(t))
 
     @cached_property
     def _chains(self) -> dict[float, FreeFloatingModel]:
@@ -265,13 +301,15 @@ class Problem:
             The branches; none where the path is out of reach.
         """
         attitude = unit_quaternion("attitude", attitude)
-        if self.start_joints is not None:
+        if self.start_joints is not None or self.path.arms:
             return self.many_branches(attitude[None], t)[0]
         R0 = rotation_matrix(attitude)
         return arm_branches(self.chain(t), self.path.pose(t).seen_from(R0), self.task)
 
     def many_branches(self, attitudes: Array, t: float = 0.0) -> BranchSets:
         """The same for many attitudes (K, 4)."""
+        if self.path.arms:
+            return self._many_combinations(attitudes, t)
         poses = self.poses_seen_from(attitudes, t)
         if self.start_joints is None or t != 0.0:
             return many_arm_branches(self.chain(t), *poses, self.task)
@@ -279,9 +317,21 @@ class Problem:
 
     def poses_seen_from(self, attitudes: Array, t: float = 0.0) -> tuple[Array, Array]:
         """Positions (K, 3) and rotations (K, 3, 3) of the path relative to attitudes (K, 4)."""
-        pose, R0 = self.path.pose(t), Rotation.from_quat(attitudes).as_matrix()
-        position = np.einsum("kji,j->ki", R0, pose.position)
-        return position, np.einsum("kji,jl->kil", R0, pose.rotation)
+        return _seen_from(attitudes, self.path.pose(t))
+
+    def _many_combinations(self, attitudes: Array, t: float) -> BranchSets:
+        """The branches of several arms that follow paths; see also ``start_joints``."""
+        seen = [_seen_from(attitudes, pose) for pose in self.path.poses(t)]
+        positions, rotations = (np.array(part) for part in zip(*seen, strict=True))
+        sets = several_arm_branches(self.chain(t), positions, rotations, self.task)
+        if self.start_joints is None or t != 0.0:
+            return sets
+        apart = self.model.joint_distance(sets.joints, self.start_joints)
+        apart = np.where(sets.exist, apart, np.inf)
+        closest = np.arange(apart.shape[1]) == apart.argmin(axis=1)[:, None]
+        closest &= sets.exist
+        joints = np.where(closest[..., None], sets.joints, np.nan)
+        return BranchSets(joints, np.where(closest, sets.names, -1), sets.labels)
 
     def closest_start(self, attitude: npt.ArrayLike) -> Array | None:
         """Joints (n,) at the start closest to ``start_joints``; None without, or out of reach."""
@@ -314,8 +364,9 @@ class Problem:
         values = self.model.joint_vector(joints)[: self.model.arm_dof]
         near = self.nearest(values, branches)
         if self.redundant:
-            target = self.path.pose(0.0).seen_from(rotation_matrix(attitude))
-            given = newton_configuration(self.chain(), target, self.task, values)
+            R0 = rotation_matrix(attitude)
+            targets = [pose.seen_from(R0) for pose in self.path.poses(0.0)]
+            given = newton_configuration(self.chain(), targets, self.task, values)
             if given is not None and self.nearest(values, [given]):
                 near = self.nearest(given.joints, branches, _SAME) or given
         if near is not None:
@@ -326,6 +377,13 @@ class Problem:
             f"within {_NEAR} rad each of: "
             + "; ".join(f"{b.index} {np.round(b.joints, 4).tolist()}" for b in branches),
         )
+
+
+def _seen_from(attitudes: Array, pose: Pose) -> tuple[Array, Array]:
+    """Position (K, 3) and rotation (K, 3, 3) of a pose relative to attitudes (K, 4)."""
+    R0 = Rotation.from_quat(attitudes).as_matrix()
+    position = np.einsum("kji,j->ki", R0, pose.position)
+    return position, np.einsum("kji,jl->kil", R0, pose.rotation)
 
 
 def mean_inertia(model: FreeFloatingModel) -> float:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import brentq
 
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.problem import Problem
 
 _SAMPLES = 401
@@ -23,8 +22,7 @@ def out_of_reach(problem: Problem) -> float | None:
 
     def excess(s: float) -> float:
         t = problem.path.timing.time_at(s) if problem.arms else 0.0
-        reach = VirtualManipulator.of(problem.chain(t)).reach
-        return float(np.linalg.norm(problem.path.pose_at(s).position)) - reach
+        return float(np.linalg.norm(problem.path.pose_at(s).position)) - problem.reach(t)
 
     samples = np.linspace(0.0, 1.0, _SAMPLES).tolist()
     outside = next((k for k, s in enumerate(samples) if excess(s) > 0.0), None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.dynamics.momentum import Task, momentum_map
 from freefloat.motion.panels import TO_COEFFICIENTS, with_slopes
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array, IntArray, rotation_vector_between
+from freefloat.so3 import Array, IntArray, Pose, rotation_vector_between
 
 _UNRESOLVED = 1e-7
 """Changes in a panel [rad, m, fraction of duration] below which derivatives are not resolved."""
@@ -45,7 +46,8 @@ class Residuals:
 def path_errors(problem: Problem, times: Array, attitudes: Array, joints: Array) -> Array:
     """Distances from the path [m] and angles from its orientation [rad], shape (K, 2).
 
-    Only components prescribed by the task count; of ``pointing`` the angle between the z axes.
+    Only components prescribed by the task count; of ``pointing`` the angle between the z axes. Of
+    several end-effectors that follow paths the larger errors count.
 
     Args:
         problem: Robot, path and task.
@@ -53,13 +55,22 @@ def path_errors(problem: Problem, times: Array, attitudes: Array, joints: Array)
         attitudes: Attitudes of the spacecraft, unit quaternions x, y, z, w, shape (K, 4).
         joints: Joint values, shape (K, n).
     """
-    rows = problem.task.rows
     states = zip(attitudes, joints, strict=True)
-    poses = [problem.model.end_effector_pose(attitude, q) for attitude, q in states]
-    path = [problem.path.pose(float(t)) for t in times]
+    poses = [problem.model.end_effector_poses(attitude, q) for attitude, q in states]
+    paths = [problem.path.poses(float(t)) for t in times]
+    errors = [
+        _pose_errors(problem.task, *pair)
+        for pair in zip(zip(*poses, strict=True), zip(*paths, strict=True), strict=True)
+    ]
+    return np.asarray(np.max(errors, axis=0))
+
+
+def _pose_errors(task: Task, poses: Sequence[Pose], path: Sequence[Pose]) -> Array:
+    """Distances and angles (K, 2) between poses of an end-effector and those of its path."""
+    rows = task.rows
     offsets = np.array([a.position - b.position for a, b in zip(poses, path, strict=True)])
     turned = [pose.rotation for pose in poses], [pose.rotation for pose in path]
-    if problem.task is Task.POINTING:
+    if task is Task.POINTING:
         axes, wanted = (np.array(rotations)[:, :, 2] for rotations in turned)
         sines = np.linalg.norm(np.cross(axes, wanted), axis=1)
         angles = np.arctan2(sines, np.einsum("ki,ki->k", axes, wanted))

@@ -178,17 +178,34 @@ class TimedPath:
         require_type("path", self.path, EndEffectorPath, "EndEffectorPath(curve, orientation)")
         require_type("timing", self.timing, Timing, "Timing(duration), in seconds")
         object.__setattr__(self, "drift", frozen(finite_vector("drift", self.drift, 3)))
-        if not (self.drifts or self.path.moves):
-            raise InputError("path", "its length is zero", "a path that moves or rotates")
 
     @property
     def duration(self) -> float:
         """Duration of the path [s]."""
         return self.timing.duration
 
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """Names of the further arms that follow paths of their own."""
+        return ()
+
+    @property
+    def every(self) -> tuple[TimedPath, ...]:
+        """The paths of all end-effectors that follow one: this path."""
+        return (self,)
+
+    @property
+    def moves(self) -> bool:
+        """Whether an end-effector moves relative to the centre of mass, or rotates."""
+        return self.drifts or any(path.path.moves for path in self.every)
+
     def stretched(self, factor: float) -> TimedPath:
         """The same path at another speed, its duration multiplied by a factor."""
         return replace(self, timing=self.timing.stretched(factor))
+
+    def with_drift(self, drift: Array) -> TimedPath:
+        """The same path, relative to a centre of mass with another velocity (3,) [m/s]."""
+        return replace(self, drift=drift)
 
     @property
     def frame(self) -> str | None:
@@ -223,6 +240,10 @@ class TimedPath:
         """End-effector pose at time t [s] relative to the centre of mass, inertial axes."""
         pose = self.path.pose(self.timing.s(t))
         return Pose(pose.position + self.origin(t), pose.rotation)
+
+    def poses(self, t: float) -> tuple[Pose, ...]:
+        """Those of all end-effectors that follow a path."""
+        return tuple(path.pose(t) for path in self.every)
 
     def pose_at(self, s: float) -> Pose:
         """The pose at a value of s; :meth:`pose` is more accurate near rests."""

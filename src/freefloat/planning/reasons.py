@@ -12,7 +12,6 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
 from freefloat.errors import UnreachableError
 from freefloat.limits.kinds.corridor import CorridorLimit
@@ -142,7 +141,7 @@ def reach_message(problem: Problem) -> str | None:
     s = out_of_reach(problem)
     if s is None:
         return None
-    reach = VirtualManipulator.of(problem.chain()).reach
+    reach = problem.reach()
     hint = light_spacecraft_hint(problem)
     if s > 0.0:
         return f"the path leaves the reach of {reach:.4g} m at s = {s:.3g}{hint}"
@@ -162,7 +161,7 @@ def unreached_start_message(problem: Problem, origin: str) -> str:
         problem: The problem.
         origin: Attitudes from which it does not, such as ``"no heading"``.
     """
-    start, reach = problem.path.pose(0.0).position, VirtualManipulator.of(problem.chain()).reach
+    start, reach = problem.path.pose(0.0).position, problem.reach()
     return (
         f"the arm reaches the start of the path, {np.round(start, 6).tolist()} m, from {origin}; "
         f"it is {np.linalg.norm(start):.4g} m from the centre of mass, and no configuration gets "
@@ -175,11 +174,14 @@ def unreachable(problem: Problem, attitude: Array) -> UnreachableError:
     if out_of_reach(problem) == 0.0:
         message = str(reach_message(problem))
         return UnreachableError("path", message, "a path that begins within the reach")
-    start = problem.path.pose(0.0).position
+    starts = [np.round(pose.position, 6).tolist() for pose in problem.path.poses(0.0)]
+    ends = "end-effectors at the starts of their paths" if problem.path.arms else (
+        "end-effector at the start of the path"
+    )  # fmt: skip
     return UnreachableError(
         "attitude",
-        f"from {np.round(attitude, 6).tolist()} no arm configuration puts the end-effector at the "
-        f"start of the path, {np.round(start, 6).tolist()} m from the centre of mass"
+        f"from {np.round(attitude, 6).tolist()} no arm configuration puts the {ends}, "
+        f"{' and '.join(map(str, starts))} m from the centre of mass"
         + light_spacecraft_hint(problem),
         "an attitude from which the arm reaches it, or a path that begins nearer",
     )

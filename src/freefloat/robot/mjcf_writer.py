@@ -49,7 +49,10 @@ def robot_mjcf(model: FreeFloatingModel, *, shapes: bool = True) -> ET.Element:
                 _add_shapes(model, link, place, parent, assets)
         if number > 0:
             _add(motors, "motor", name=body.joint, joint=body.joint)
-    _add(elements[model.arm_dof], "site", name="end_effector", size="0.01", **_place(model.tool))
+    names = ["end_effector", *(f"{arm}_end_effector" for arm in model.path_arms)]
+    for name, link in zip(names, model.end_effector_links, strict=True):
+        number, place = model.link_places[link]
+        _add(elements[number], "site", name=name, size="0.01", **_place(place))
     return root
 
 

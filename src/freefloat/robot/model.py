@@ -42,16 +42,18 @@ class FreeFloatingModel:
     The joints between the spacecraft and the end-effector move, except those that are fixed by
     name, and those of further arms that are named; all other joints of the robot are fixed. Joint
     vectors list the moving joints from the spacecraft to the end-effector, then those of the
-    further arms, see :attr:`joint_names`.
+    further arms, arms that follow paths first, see :attr:`joint_names`.
 
     Attributes:
         description: The valid URDF.
         end_effector: Name of the link, or of the joint that moves it, that follows the path.
         fixed_joints: Values of joints that are fixed, by name [rad or m]; zero for joints off the
             chain that are not named.
-        arms: End-effector links of further arms that move, by the arm's name.
+        arms: End-effector links of further arms that move along joint curves, by the arm's name.
+        path_arms: Those of further arms that follow paths of their own, see :meth:`with_paths`.
         moving_joints: The joints that move, from the spacecraft to the end-effector, then those of
             the further arms.
+        arm_dof: Number of joints of all arms that follow paths, the first in joint vectors.
 
     Raises:
         ModelError: If the robot has no such end-effector, no joint moves it, or it resists no
@@ -69,11 +71,13 @@ class FreeFloatingModel:
     end_effector: str
     fixed_joints: Mapping[str, float]
     arms: Mapping[str, str] = field(default_factory=dict)
+    path_arms: Mapping[str, str] = field(default_factory=dict)
     moving_joints: tuple[Joint, ...] = field(init=False, repr=False)
     arm_dof: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         joints = moving_joints(self.description, self.end_effector_link, self.fixed_joints)
+        joints += joints_of_arms(self.description, self.path_arms, joints, self.fixed_joints)
         object.__setattr__(self, "arm_dof", len(joints))
         joints += joints_of_arms(self.description, self.arms, joints, self.fixed_joints)
         object.__setattr__(self, "moving_joints", joints)
@@ -132,35 +136,71 @@ class FreeFloatingModel:
 
     def scaled(self, scale_mass: float | Mapping[str, float]) -> FreeFloatingModel:
         """The robot with a factor on every mass and inertia, or on those of named links."""
-        description = scaled(self.description, scale_mass)
-        return FreeFloatingModel(description, self.end_effector, self.fixed_joints, self.arms)
+        return replace(self, description=scaled(self.description, scale_mass))
+
+    def with_paths(self, *names: str) -> FreeFloatingModel:
+        """The robot of whose further arms those with some names follow paths of their own.
+
+        Raises:
+            InputError: If there is no such arm.
+
+        Example:
+            >>> robot = ff.load_scenario("servicing/two_arms").model()
+            >>> arms = {"left": "left_tool0"}
+            >>> moving = ff.FreeFloatingModel(robot.description, "tool0", {}, arms)
+            >>> moving.with_paths("left").end_effector_links
+            ('tool0', 'left_tool0')
+        """
+        for name in names:
+            if name not in self.arms:
+                accepted = ", ".join(self.arms) or "a robot with further arms that move"
+                raise InputError("arms", f"there is no arm {name!r}", accepted)
+        paths = {name: self.arms[name] for name in names}
+        others = {name: link for name, link in self.arms.items() if name not in paths}
+        return replace(self, arms=others, path_arms={**self.path_arms, **paths})
 
     def with_arms_at(self, joints: Array) -> FreeFloatingModel:
-        """The robot whose further arms are fixed at joint values, shape (dof - arm_dof,)."""
+        """The robot whose arms on joint curves are fixed at values, shape (dof - arm_dof,)."""
         if not self.arms:
             return self
         names = self.joint_names[self.arm_dof :]
         fixed = {**self.fixed_joints, **dict(zip(names, joints.tolist(), strict=True))}
-        return FreeFloatingModel(self.description, self.end_effector, fixed)
+        return replace(self, fixed_joints=fixed, arms={})
 
     def joints_of_arm(self, name: str) -> tuple[str, ...]:
         """Names of the joints that move one of the further arms."""
-        link = self.arms[name]
+        link = {**self.arms, **self.path_arms}[name]
         joints = moving_joints(self.description, link, self.fixed_joints)
         return tuple(joint.name for joint in joints)
 
+    @property
+    def has_one_arm(self) -> bool:
+        """Whether no further arm moves."""
+        return not (self.arms or self.path_arms)
+
     def require_one_arm(self, what: str) -> None:
         """Raise an InputError if further arms move, naming what considers one arm only."""
-        if self.arms:
+        if not self.has_one_arm:
+            moves = "moves along a joint curve" if self.arms else "follows a path of its own"
             problem = (
-                f"{', '.join(self.arms)} moves along a joint curve; {what} need one moving arm"
+                f"{', '.join(self.arms or self.path_arms)} {moves}; {what} need one moving arm"
             )
             raise InputError("robot.arms", problem, "the law held for the other arms")
 
     @cached_property
     def with_arms_at_zero(self) -> FreeFloatingModel:
         """The robot whose further arms are fixed at zero."""
-        return self.with_arms_at(np.zeros(self.dof - self.arm_dof))
+        return self.single_arms[0]
+
+    @cached_property
+    def single_arms(self) -> tuple[FreeFloatingModel, ...]:
+        """For each arm that follows a path, the robot with this one moving, all others at zero."""
+        if self.has_one_arm:
+            return (self,)
+        return tuple(
+            FreeFloatingModel(self.description, link, self.fixed_joints)
+            for link in (self.end_effector, *self.path_arms.values())
+        )
 
     def _require_inertia(self) -> None:
         for joints in 2.0 * low_discrepancy(_CONFIGURATIONS, self.dof) - 1.0:
@@ -205,9 +245,21 @@ class FreeFloatingModel:
         return self.pin_model.createData()
 
     @cached_property
+    def end_effector_links(self) -> tuple[str, ...]:
+        """Links that follow paths: :attr:`end_effector_link`, then those of further arms."""
+        return (self.end_effector_link, *self.path_arms.values())
+
+    @cached_property
+    def frame_ids(self) -> tuple[int, ...]:
+        """Pinocchio's indices of the frames of :attr:`end_effector_links`."""
+        return tuple(
+            int(self.pin_model.getFrameId(link, pin.BODY)) for link in self.end_effector_links
+        )
+
+    @property
     def frame_id(self) -> int:
         """Pinocchio's index of the end-effector frame."""
-        return int(self.pin_model.getFrameId(self.end_effector_link, pin.BODY))
+        return self.frame_ids[0]
 
     @property
     def warnings(self) -> tuple[UrdfDiagnostic, ...]:
@@ -288,9 +340,15 @@ class FreeFloatingModel:
 
     def end_effector_pose(self, attitude: npt.ArrayLike, joints: npt.ArrayLike) -> Pose:
         """Pose of the end-effector in the inertial frame, whose origin is the centre of mass."""
+        return self.end_effector_poses(attitude, joints)[0]
+
+    def end_effector_poses(
+        self, attitude: npt.ArrayLike, joints: npt.ArrayLike
+    ) -> tuple[Pose, ...]:
+        """Poses of :attr:`end_effector_links` in the inertial frame."""
         q = self.configuration(attitude, joints)
         pin.framesForwardKinematics(self.pin_model, self.scratch, q)
-        return pose_of(self.scratch.oMf[self.frame_id])
+        return tuple(pose_of(self.scratch.oMf[frame]) for frame in self.frame_ids)
 
     def body_poses(self, attitude: npt.ArrayLike, joints: npt.ArrayLike) -> tuple[Pose, ...]:
         """Poses of the bodies' joint frames in the inertial frame, the root link's first."""

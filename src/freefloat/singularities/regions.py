@@ -111,7 +111,7 @@ def exact_workspace(problem: Problem) -> Workspace | None:
     Returns:
         None for other arms, and where further arms move.
     """
-    if problem.arms:
+    if not problem.model.has_one_arm:
         return None
     virtual = VirtualManipulator.of(problem.model)
     name = "system"

@@ -211,7 +211,7 @@ def _group(study: Study, number: int) -> Group | None:
     document = with_values(study.base, own)
     scenario = scenario_from(document, study.base_source.absolute())
     problem, timing, margin = scenario.problem(), scenario.content.timing, scenario.content.margin
-    if problem.arms:
+    if not problem.model.has_one_arm:
         return None
     stretched = not (timing.stops or timing.speeds or problem.path.frame)
     if "timing.duration" in parameters and not stretched:

@@ -12,7 +12,6 @@ from freefloat.certificate.certificate import Certificate, CertifiedMinimum
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import generalized_jacobian, inertia_matrices
 from freefloat.dynamics.redundancy import singular_speed
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import FreeFloatError
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Ending, Motion
@@ -141,7 +140,7 @@ def path_tolerances(motion: Motion) -> tuple[float, float]:
 
 def _reach(motion: Motion) -> float:
     """Reach of the arm, or one metre if that is more."""
-    return max(1.0, VirtualManipulator.of(motion.problem.chain()).reach)
+    return max(1.0, motion.problem.reach())
 
 
 def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool) -> list[Check]:

@@ -21,6 +21,7 @@ from freefloat.io.hdf5 import AlteredFileError, read_hdf5, write_hdf5
 from freefloat.io.records.differences import differences
 from freefloat.io.records.kinds import CODEC, KINDS, Result
 from freefloat.io.records.manoeuvres import decode_manoeuvre
+from freefloat.io.scenario.arms_section import paths_of_arms
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.io.scenario.scene_section import file_shapes, parse_shapes, shapes_text
 from freefloat.io.scenario.writing import scenario_of
@@ -121,6 +122,7 @@ def _origin(model: FreeFloatingModel, scenario: Scenario | None) -> dict[str, An
         "robot_file": os.path.abspath(model.description.source),
         "held": json.dumps(dict(model.fixed_joints)),
         "arms": json.dumps(dict(model.arms)),
+        "path_arms": json.dumps(dict(model.path_arms)),
     }
     if scenario is None:
         return robot
@@ -207,8 +209,11 @@ def _read_robot(tree: Tree) -> FreeFloatingModel:
     """The robot of a file."""
     description = replace(read_urdf(_text(tree, "robot")), source=_text(tree, "robot_file"))
     held = {str(name): float(value) for name, value in json.loads(_text(tree, "held")).items()}
-    arms = {str(name): str(link) for name, link in json.loads(_text(tree, "arms")).items()}
-    return FreeFloatingModel(description, _text(tree, "end_effector"), held, arms)
+    arms, path_arms = (
+        {str(name): str(link) for name, link in json.loads(_text(tree, key)).items()}
+        for key in ("arms", "path_arms")
+    )
+    return FreeFloatingModel(description, _text(tree, "end_effector"), held, arms, path_arms)
 
 
 def _read_scenario(tree: Tree, model: FreeFloatingModel) -> Scenario:
@@ -217,8 +222,9 @@ def _read_scenario(tree: Tree, model: FreeFloatingModel) -> Scenario:
     samples = _text(tree, "samples")
     scenario = parse_scenario(_text(tree, "scenario"), source, samples, model, shapes)
     robot = scenario.content.robot
-    stated = robot.path_link, robot.held, robot.moving_arms
-    if stated != (model.end_effector, dict(model.fixed_joints), dict(model.arms)):
+    stated = robot.path_link, robot.held, robot.moving_arms, [*paths_of_arms(robot.arms)]
+    arms = {**model.arms, **model.path_arms}
+    if stated != (model.end_effector, dict(model.fixed_joints), arms, [*model.path_arms]):
         raise ValueError("its robot is not that of its scenario")
     return scenario
 

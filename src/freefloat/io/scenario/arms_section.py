@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from freefloat.errors import InputError, finite_vector
 from freefloat.io.scenario.field_types import Name, Number, Section, Seed
+from freefloat.io.scenario.path_schema import PathSection
 from freefloat.io.scenario.yaml import error_context, file_keys
 from freefloat.motion.arm_curves import ArmCurve, ArmCurves
 from freefloat.planning.balance_settings import BalanceSettings
@@ -77,15 +78,23 @@ class BalanceLaw(Section):
     """Which axes are balanced, and from where."""
 
 
+class OwnPathLaw(Section):
+    """The arm follows a path of its own."""
+
+    path: PathSection
+    """Its keys are those of ``path``, but samples; task and timing are those of the scenario."""
+
+
 class ArmSection(Section):
     """An arm beside others."""
 
     end_effector: Name
     """Its last link."""
-    law: Literal["held", "balance"] | JointsLaw | BalanceLaw | None = None
+    law: Literal["held", "balance"] | JointsLaw | BalanceLaw | OwnPathLaw | None = None
     """What moves it: ``held``, the default, nothing: its joints keep the values of ``robot.held``,
     or zero; ``{joints: ...}``, a joint curve; ``balance`` or ``{balance: ...}``, the one that keeps
-    the spacecraft's attitude, which ``plan`` finds. The arm that follows the path has no law."""
+    the spacecraft's attitude, which ``plan`` finds; ``{path: ...}``, a path of its own. The arm
+    that follows the scenario's path has no law."""
 
     @property
     def balancing(self) -> BalanceSection | None:
@@ -98,6 +107,11 @@ class ArmSection(Section):
 def moving_arms(arms: Mapping[str, ArmSection]) -> dict[str, str]:
     """End-effector links of the arms that move beside the one on the path, by name."""
     return {name: arm.end_effector for name, arm in arms.items() if arm.law not in (None, "held")}
+
+
+def paths_of_arms(arms: Mapping[str, ArmSection]) -> dict[str, PathSection]:
+    """The paths of further arms that follow one of their own, by name."""
+    return {name: arm.law.path for name, arm in arms.items() if isinstance(arm.law, OwnPathLaw)}
 
 
 def balance_of(arms: Mapping[str, ArmSection]) -> BalanceSettings | None:
@@ -143,15 +157,15 @@ def curves_of(
     return ArmCurves(curves)
 
 
-def arms_content(model: FreeFloatingModel, curves: ArmCurves) -> dict[str, Any]:
-    """The content of the key for arms that move along joint curves."""
-    return {
-        name: {
-            "end_effector": model.arms[name],
-            "law": {"joints": curve.waypoints.tolist(), "times": curve.times.tolist()},
-        }
-        for name, curve in curves.curves.items()
-    }
+def arms_content(
+    model: FreeFloatingModel, curves: ArmCurves, paths: Mapping[str, dict[str, Any]]
+) -> dict[str, Any]:
+    """The content of the key for arms that move, those on paths with the content of these."""
+    laws: dict[str, dict[str, Any]] = {name: {"path": path} for name, path in paths.items()}
+    for name, curve in curves.curves.items():
+        laws[name] = {"joints": curve.waypoints.tolist(), "times": curve.times.tolist()}
+    links = {**model.path_arms, **model.arms}
+    return {name: {"end_effector": links[name], "law": law} for name, law in laws.items()}
 
 
 def _saved_curve(path: Path, key: str, joints: tuple[str, ...]) -> ArmCurve:

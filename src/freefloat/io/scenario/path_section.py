@@ -33,22 +33,33 @@ from freefloat.paths.orientation import (
     SlerpOrientation,
 )
 from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.samples import parse_samples
+from freefloat.paths.timing import TimedPath, Timing
 from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.scene.scene import Scene
 from freefloat.scene.scene_body import SceneBody
-from freefloat.so3 import Pose
+from freefloat.so3 import Array, Pose
 
 SAMPLES = "samples.csv"
 """Name of the CSV file in a scenario that was made from a path of samples."""
+_SAME = 1e-12
+"""Rounding of the knots of a spline."""
 _INERTIAL = Pose(np.zeros(3), np.eye(3))
 
 
 def frame_of(
-    kind: PathFrame | str, model: FreeFloatingModel, search: Search, scene: Scene
+    kind: PathFrame | str, model: FreeFloatingModel, search: Search, scene: Scene, joint: int = 0
 ) -> Pose | SceneBody | None:
     """The frame of a path relative to the inertial one, at the present attitude and joints.
+
+    Args:
+        kind: The frame.
+        model: Robot.
+        search: Present attitude and joints.
+        scene: Bodies beside the robot.
+        joint: Number of the first joint of the arm that follows the path.
 
     Returns:
         None for the inertial frame; a tumbling body of the scene for its frame.
@@ -71,7 +82,16 @@ def frame_of(
     joints = model.joint_vector(search.joints, "search.joints")
     attitude = search.from_attitude
     attitude = np.array([0.0, 0.0, 0.0, 1.0]) if attitude is None else attitude
-    return frames_at(model, attitude, joints)[kind]
+    return frames_at(model, attitude, joints, joint)[kind]
+
+
+def timed_path(
+    path: EndEffectorPath, timing: Timing, drift: Array, frame: Pose | SceneBody | None
+) -> TimedPath:
+    """A path by time: of coordinates in the frame of a tumbling body, relative to that."""
+    if isinstance(frame, SceneBody):
+        return RelativePath(frame, path, timing).timed(drift)
+    return TimedPath(path, timing, drift)
 
 
 def path_of(
@@ -151,6 +171,25 @@ def section_of(path: EndEffectorPath) -> tuple[dict[str, Any], str | None]:
             attitude = {} if sampled else _attitude_section(law)
             return {"samples": SAMPLES, **attitude}, _csv_text(curve, law)
     return curve_content(curve) | _attitude_section(law), None
+
+
+def sections_of_arms(path: TimedPath) -> dict[str, dict[str, Any]]:
+    """Contents of the ``path`` sections of further arms that follow paths, by name.
+
+    Raises:
+        InputError: As for :func:`section_of`, or if a path is one of samples.
+    """
+    contents = {}
+    for name, own in zip(path.arms, path.every[1:], strict=True):
+        curve, law = own.stated[0].curve, own.stated[0].orientation
+        if isinstance(curve, SplineCurve):
+            chords = SplineCurve(curve.points).knots
+            if not np.allclose(curve.knots, chords, rtol=0.0, atol=_SAME):
+                raise inexpressible(f"robot.arms.{name}.law.path.curve", curve)
+        contents[name] = curve_content(curve) | _attitude_section(law)
+        if own.frame is not None:
+            contents[name]["frame"] = own.frame
+    return contents
 
 
 def _csv_text(curve: SplineCurve, law: OrientationLaw) -> str:

@@ -10,7 +10,13 @@ import numpy as np
 from pydantic import Field
 
 from freefloat.errors import InputError
-from freefloat.io.scenario.arms_section import ArmSection, JointsLaw, moving_arms
+from freefloat.io.scenario.arms_section import (
+    ArmSection,
+    BalanceLaw,
+    JointsLaw,
+    moving_arms,
+    paths_of_arms,
+)
 from freefloat.io.scenario.field_types import (
     Factor,
     Inertia,
@@ -142,8 +148,12 @@ class RobotSection(Section):
     @property
     def has_own_curves(self) -> bool:
         """Whether the text of the scenario has the joint curves of all arms, if any moves."""
-        laws = [arm.law for arm in self.arms.values() if arm.law not in (None, "held")]
-        return all(isinstance(law, JointsLaw) and not isinstance(law.joints, str) for law in laws)
+        return not any(
+            law == "balance"
+            or isinstance(law, BalanceLaw)
+            or (isinstance(law, JointsLaw) and isinstance(law.joints, str))
+            for law in (arm.law for arm in self.arms.values())
+        )
 
     def source(self, scenario: Path) -> RobotSource:
         """The file of the robot, before anything is assembled with it.
@@ -186,9 +196,10 @@ class RobotSection(Section):
                     part.to_attachment(scenario, f"robot.attached.{index}.", source.packages)
                     for index, part in enumerate(self.attached)
                 ],
-            )
+            ).with_paths(*paths_of_arms(self.arms))
+            moving = {self.path_link, *self.moving_arms.values()}
             held = {name: arm.end_effector for name, arm in self.arms.items()
-                    if name not in model.arms and arm.end_effector != self.path_link}  # fmt: skip
+                    if arm.end_effector not in moving}  # fmt: skip
             joints_of_arms(model.description, held, model.moving_joints, {})
             return model
 

@@ -17,9 +17,9 @@ from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.system import System
 from freefloat.errors import InputError
-from freefloat.io.scenario.arms_section import balance_of, curves_of
+from freefloat.io.scenario.arms_section import balance_of, curves_of, paths_of_arms
 from freefloat.io.scenario.limits_section import limits_of
-from freefloat.io.scenario.path_section import frame_of, path_of
+from freefloat.io.scenario.path_section import frame_of, path_of, timed_path
 from freefloat.io.scenario.phase_section import phases_of
 from freefloat.io.scenario.robot_section import RobotFile
 from freefloat.io.scenario.scene_section import FileShapes
@@ -28,9 +28,9 @@ from freefloat.io.scenario.yaml import error_context, file_keys, parse_yaml, rea
 from freefloat.limits.limits import Limits
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
-from freefloat.paths.relative_path import RelativePath
+from freefloat.paths.path_stack import PathStack
 from freefloat.paths.samples import samples_text
-from freefloat.paths.timing import TimedPath
+from freefloat.paths.timing import TimedPath, Timing
 from freefloat.planning.balance_settings import BalanceSettings
 from freefloat.planning.goals.goal import Goal
 from freefloat.planning.objectives.objective import Objective
@@ -41,9 +41,8 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_scenario
 from freefloat.robot.source import RobotSource
 from freefloat.scene.scene import Scene
-from freefloat.scene.scene_body import SceneBody
 from freefloat.singularities.global_maximum import guaranteed_magnitude
-from freefloat.so3 import Pose, frozen, unit_quaternion
+from freefloat.so3 import Array, Pose, frozen, unit_quaternion
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,14 +127,34 @@ class Scenario:
             if content.redundancy is not None:
                 redundancy = Redundancy(**content.redundancy.model_dump(exclude_none=True))
             drift = np.array(content.drift)
-            timed = TimedPath(path, timing, drift)
-            if isinstance(frame, SceneBody):
-                timed = RelativePath(frame, path, timing).timed(drift)
+            timed = timed_path(path, timing, drift, frame)
+        further = self._paths_of_arms(timing, drift, scene)
+        with self.error_context():
+            if further:
+                timed = PathStack.of(timed, further)
             momentum, margin = np.array(content.momentum), Margin(measure, value)
             return Problem(
                 model, timed, content.task, momentum, margin, redundancy, scene=scene,
                 wheel_momentum=np.array(content.wheels.momentum), arms=arms,
             )  # fmt: skip
+
+    def _paths_of_arms(self, timing: Timing, drift: Array, scene: Scene) -> dict[str, TimedPath]:
+        """The paths of further arms that follow one of their own."""
+        model, paths = self.model(), {}
+        for name, section in paths_of_arms(self.content.robot.arms).items():
+            key = f"robot.arms.{name}.law.path"
+            with self.error_context(), file_keys(path=key):
+                if section.samples is not None:
+                    problem = "a file was given for the path of a further arm"
+                    raise InputError("path.samples", problem, "waypoints, or another curve")
+                joint = model.joint_names.index(model.joints_of_arm(name)[0])
+                frame = frame_of(section.frame, model, self.search(), scene, joint)
+            with self.error_context(f"{key}."):
+                known = frame if isinstance(frame, Pose) else None
+                path = path_of(section, self.content.task, None, self.source.parent, known)
+            with self.error_context(), file_keys(path=key):
+                paths[name] = timed_path(path, timing, drift, frame)
+        return paths
 
     def system(self) -> System:
         """The robot with its momentum, wheels and drift."""
@@ -161,7 +180,7 @@ class Scenario:
     def _largest_measure(self, measure: SingularityMeasure) -> float:
         """Largest magnitude of a measure, guaranteed for det A unless the arm is redundant."""
         model, task = self.model(), self.content.task
-        if measure.name == "system" and not model.arms and model.dof == len(task.rows):
+        if measure.name == "system" and model.has_one_arm and model.dof == len(task.rows):
             return guaranteed_magnitude(model, task, measure.name).value
         return largest_measure(model, measure)
 

@@ -10,7 +10,7 @@ import yaml
 from freefloat.dynamics.redundancy import Toward
 from freefloat.io.scenario.arms_section import arms_content
 from freefloat.io.scenario.limits_section import limits_content
-from freefloat.io.scenario.path_section import section_of
+from freefloat.io.scenario.path_section import section_of, sections_of_arms
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.io.scenario.scene_section import file_shapes, scene_content
 from freefloat.limits.limits import Limits
@@ -42,7 +42,7 @@ def scenario_of(
             "urdf": model.description.source,
             "end_effector": model.end_effector,
             "held": {name: float(value) for name, value in model.fixed_joints.items()},
-            "arms": arms_content(model, problem.arms) or None,
+            "arms": arms_content(model, problem.arms, sections_of_arms(problem.path)) or None,
         },
         "path": path,
         "timing": {

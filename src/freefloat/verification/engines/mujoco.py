@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.motion import Motion, State
 from freefloat.so3 import Array
 from freefloat.verification.engines.forward import (
@@ -61,7 +60,7 @@ def inverse_run(motion: Motion, engine: Engine) -> InverseRun:
     """Inverse dynamics of the recorded positions, differentiated twice."""
     first, last = known_span(motion)
     problem, window = motion.problem, _window(motion, first, last)
-    reach = VirtualManipulator.of(problem.chain()).reach
+    reach = problem.reach()
     rows = []
     for t, half in _instants(motion, first, last, window):
         wrench, torque = engine.inverse(*_differentiated(motion, t, half))
@@ -124,11 +123,11 @@ def _differentiated(motion: Motion, t: float, window: float) -> tuple[Array, Arr
 
 
 def _off_path(motion: Motion, engine: Engine, t: float) -> float:
-    """Distance of MuJoCo's end-effector from the path [m]."""
-    position, _ = engine.end_effector()
+    """Largest distance of MuJoCo's end-effectors from their paths [m]."""
     rows = [row for row in motion.problem.task.rows if row < 3]
-    path = motion.problem.path
-    return float(np.linalg.norm((position - path.path.curve(path.timing.s(t)))[rows]))
+    places = [path.path.curve(path.timing.s(t)) for path in motion.problem.path.every]
+    offsets = engine.end_effector_positions() - np.array(places)
+    return float(np.linalg.norm(offsets[:, rows], axis=1).max())
 
 
 def forward_run(motion: Motion, engine: Engine, *, steps: int | None = None) -> ForwardRun:

@@ -69,7 +69,7 @@ class Engine:
         joints = (self.model.joint(name) for name in model.joint_names)
         self._moving = [self.root, *(int(joint.bodyid[0]) for joint in joints)]
         self._set_inertias(model)
-        self.tool = self.model.body(model.end_effector_link).id
+        self.tools = [self.model.body(link).id for link in model.end_effector_links]
 
     def _set_inertias(self, model: FreeFloatingModel) -> None:
         """Set the inertias of the moving bodies, and zero for all others."""
@@ -108,9 +108,13 @@ class Engine:
 
     def end_effector(self) -> tuple[Array, Array]:
         """Position [m] and axes (3, 3) of the end-effector at the present state, inertial frame."""
+        axes = self.data.xmat[self.tools[0]].reshape(3, 3)
+        return self.end_effector_positions()[0], axes.copy()
+
+    def end_effector_positions(self) -> Array:
+        """Positions of all end-effectors that follow paths, inertial frame [m], shape (E, 3)."""
         self._mujoco.mj_kinematics(self.model, self.data)
-        axes = self.data.xmat[self.tool].reshape(3, 3).copy()
-        return self.data.xpos[self.tool].copy(), axes
+        return np.array(self.data.xpos[self.tools])
 
     def inertia(self) -> tuple[Array, Array]:
         """The mass matrix (6 + n, 6 + n) and the bias forces (6 + n,) at the present state.
@@ -240,7 +244,7 @@ def _urdf_without_shapes(model: FreeFloatingModel) -> str:
             joint.remove(friction)
         if joint.get("name") not in model.joint_names:
             _fix(joint, float(model.fixed_joints.get(joint.get("name", ""), 0.0)))
-    if model.arms:
+    if not model.has_one_arm:
         _order(robot, model)
     return ET.tostring(robot, encoding="unicode")
 

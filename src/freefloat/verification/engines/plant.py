@@ -46,7 +46,7 @@ class Plants:
             friction: Dry friction in every joint [N m or N], shape (K,).
             period: Time between two commands [s].
         """
-        self._system, self._tool, self._period = engine.system, engine.tool, period
+        self._system, self._tool, self._period = engine.system, engine.tools[0], period
         self._batch = engine.batch(factors)
         self._friction = Friction(friction, *engine.friction_law(self._batch))
         self._rows = engine.mass_matrix_rows()

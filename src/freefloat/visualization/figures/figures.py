@@ -118,7 +118,7 @@ def _snapshots(motion: Motion) -> Figures:
 
 def _areas(problem: Problem) -> Workspace | None:
     """Reach and areas of a robot; None where further arms move, with which they change."""
-    return None if problem.arms else _workspace(problem)
+    return _workspace(problem) if problem.model.has_one_arm else None
 
 
 @lru_cache(maxsize=2)
@@ -184,7 +184,7 @@ def _map_figures(
 def _plan_figures(plan: Plan, threads: int | None, progress: Progress | None) -> Figures:
     problem, chosen = plan.problem, plan.chosen
     drawn = Figures({})
-    if not problem.arms:
+    if problem.model.has_one_arm:
         drawn |= Figures({"workspace": lambda: workspace_figure(problem, _workspace(problem))})
     marks = []
     if chosen is not None:

@@ -62,7 +62,8 @@ class Outline:
     Attributes:
         spacecraft: Corners of the box [m], z changing fastest, then y, shape (8, 3).
         arm: Mount on the box, joints, end-effector [m], shape (n + 2, 3).
-        others: Joints of each further arm that moves [m], shape (n, 3).
+        others: Joints of each further arm that moves, and its end-effector where that follows a
+            path [m], shape (n, 3) or (n + 1, 3).
     """
 
     spacecraft: Array
@@ -82,9 +83,12 @@ def outlines(motion: Motion, times: npt.ArrayLike) -> list[Outline]:
     fractions = edges @ (model.bodies[1].placement.position - box[0]) / (edges**2).sum(axis=1)
     mount = box[0] + np.clip(fractions, 0.0, 1.0) @ edges  # point nearest to the first joint
     positions, rotations = body_poses(motion, motion.coordinates_at(times))
-    arm = [*range(1, model.arm_dof + 1), -1]
-    starts = [k for k, body in enumerate(model.bodies) if k > model.arm_dof and body.parent == 0]
-    others = [slice(*ends) for ends in pairwise([*starts, len(model.bodies)])]
+    last, bodies = model.link_places[model.end_effector_link][0], len(model.bodies)
+    arm = [*range(1, last + 1), -1]
+    starts = [k for k, body in enumerate(model.bodies) if k > last and body.parent == 0]
+    others = [[*range(*ends)] for ends in pairwise([*starts, bodies])]
+    for tip in range(len(model.path_arms)):
+        others[tip].append(bodies + tip)
     return [
         Outline(
             points[0] + box @ R.T, np.vstack([points[0] + R @ mount, points[arm]]),
@@ -132,6 +136,13 @@ def _sampled_path(problem: Problem, workspace: Workspace | None) -> tuple[Array,
     offset = np.zeros(3) if workspace is None else workspace.offset
     path = np.array([pose.position for pose in poses])
     return s, path, path + np.array([pose.rotation @ offset for pose in poses])
+
+
+def _further_paths(problem: Problem) -> list[Array]:
+    """Positions (K, 3) of the end-effectors of further arms along their paths [m]."""
+    s = np.linspace(0.0, 1.0, 301).tolist()
+    return [np.array([path.pose_at(value).position for value in s])
+            for path in problem.path.every[1:]]  # fmt: skip
 
 
 def _labelled_areas(workspace: Workspace) -> Iterator[tuple[str | None, Interval, str]]:
@@ -234,6 +245,8 @@ def _draw_path(axes: Any, problem: Problem, workspace: Workspace | None) -> None
     """Draw a planar path and the path of the reference point (point 3 of the paper)."""
     _, path, points = _sampled_path(problem, workspace)
     axes.plot(*path[:, :2].T, color=BLUE, linestyle="-", linewidth=1.6, label="path")
+    for further in _further_paths(problem):
+        axes.plot(*further[:, :2].T, color=BLUE, linestyle="-", linewidth=1.6)
     if workspace is not None and workspace.offset.any():
         style = {"color": GREEN, "linestyle": "--", "linewidth": 1.3}
         axes.plot(*points[:, :2].T, label=workspace.point, **style)
@@ -252,6 +265,8 @@ def _mark_ends(axes: Any, path: Array) -> None:
 def _draw_in_space(axes: Any, problem: Problem, robot: Outline) -> None:
     _, path, _ = _sampled_path(problem, None)
     axes.plot(*path.T, color=BLUE, linestyle="-", linewidth=1.6, label="path")
+    for further in _further_paths(problem):
+        axes.plot(*further.T, color=BLUE, linestyle="-", linewidth=1.6)
     _mark_ends(axes, path)
     faces = robot.spacecraft[_FACES]
     style = {"facecolors": _DEPENDENT, "edgecolors": GREY, "linewidths": 0.6, "alpha": 0.45}

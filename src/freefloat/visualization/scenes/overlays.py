@@ -7,7 +7,6 @@ import numpy.typing as npt
 from meshcat import geometry as g
 from trimesh.creation import icosphere
 
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.singularities.regions import Workspace
@@ -36,19 +35,22 @@ _AROUND = 64
 
 def thickness(problem: Problem) -> float:
     """Return the radius of lines [m]."""
-    return 0.006 * VirtualManipulator.of(problem.chain()).reach
+    return 0.006 * problem.reach()
 
 
 def draw_path(builder: SceneBuilder, root: str, problem: Problem) -> list[Label]:
-    """Draw the path as a thin tube; return the labels of its ends."""
-    path = problem.path
-    points = np.array([path.pose_at(float(s)).position for s in np.linspace(0.0, 1.0, 201)])
-    if not np.ptp(points, axis=0).any():
-        return [Label("path", points[0].tolist(), PATH)]
-    line = tube(points, 0.5 * thickness(problem))
-    builder.mesh(f"{root}/{PATH}", line, _PALE, shaded=False)
-    ends = {"start": points[0], "end": points[-1]}
-    return [Label(text, point.tolist(), PATH) for text, point in ends.items()]
+    """Draw paths as thin tubes; return the labels of their ends."""
+    labels = []
+    for name, path in zip(("", *problem.path.arms), problem.path.every, strict=True):
+        points = np.array([path.pose_at(float(s)).position for s in np.linspace(0.0, 1.0, 201)])
+        if not np.ptp(points, axis=0).any():
+            labels.append(Label(f"{name} path".strip(), points[0].tolist(), PATH))
+            continue
+        line = tube(points, 0.5 * thickness(problem))
+        builder.mesh(f"{root}/{PATH}/{name}".rstrip("/"), line, _PALE, shaded=False)
+        for text, point in (("start", points[0]), ("end", points[-1])):
+            labels.append(Label(f"{name} {text}".strip(), point.tolist(), PATH))
+    return labels
 
 
 def draw_trail(

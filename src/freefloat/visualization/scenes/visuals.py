@@ -58,13 +58,16 @@ def body_poses(motion: Motion, parameters: Array) -> tuple[Array, Array]:
     """Return poses in the inertial frame at panel coordinates of a motion, shape (K,).
 
     Returns:
-        Positions [m], shape (K, n + 2, 3), and rotation matrices, shape (K, n + 2, 3, 3), of the
-        spacecraft's root link, of every joint and of the end-effector.
+        Positions [m], shape (K, n + 1 + E, 3), and rotation matrices, shape (K, n + 1 + E, 3, 3),
+        of the spacecraft's root link, of every joint, and of the E end-effectors that follow paths,
+        that of the problem's path last.
     """
     model = motion.problem.model
     _, attitudes, joints = motion.evaluate(parameters)
     poses = [model.body_poses(a, q) for a, q in zip(attitudes, joints, strict=True)]
-    poses = [(*row, row[model.arm_dof] @ model.tool) for row in poses]
+    first, *further = (model.link_places[link] for link in model.end_effector_links)
+    tips = *further, first
+    poses = [(*row, *(row[body] @ place for body, place in tips)) for row in poses]
     positions = np.array([[pose.position for pose in row] for row in poses])
     return positions, np.array([[pose.rotation for pose in row] for row in poses])
 
@@ -166,7 +169,9 @@ def _default_visuals(
     ends: list[list[Array]] = [[] for _ in model.bodies]
     for body in model.bodies[1:]:
         ends[body.parent].append(body.placement.position)
-    ends[model.arm_dof].append(model.tool.position)
+    for link in model.end_effector_links:
+        number, place = model.link_places[link]
+        ends[number].append(place.position)
     size = float(sum(np.linalg.norm(end) for end in itertools.chain(*ends[1:]))) or 1.0
     for index, (body, name) in enumerate(zip(model.bodies, model.body_names, strict=True)):
         if index in drawn:
