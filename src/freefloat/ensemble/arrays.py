@@ -7,9 +7,15 @@ from functools import lru_cache
 import numpy as np
 
 from freefloat.dynamics.arm_factor import ArmPlane
-from freefloat.dynamics.link_frames import LinkFrames, frames_at_zero, link_frames
+from freefloat.dynamics.link_frames import (
+    LinkFrames,
+    frames_at_zero,
+    in_frame,
+    inertial_row,
+    link_frames,
+)
 from freefloat.dynamics.measures import NAMES, unit_of_length
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.momentum import Task, task_rows
 from freefloat.dynamics.redundancy import (
     DAMPED_BELOW,
     Metric,
@@ -36,6 +42,7 @@ from freefloat.ensemble.kernels.records import (
     Measure,
     NullSpace,
     Robot,
+    SecondArm,
 )
 from freefloat.ensemble.kernels.records import Problem as KernelProblem
 from freefloat.ensemble.kernels.steps import TABLEAU
@@ -44,6 +51,7 @@ from freefloat.errors import InputError
 from freefloat.motion.pointing import AttitudeLimits, Keep
 from freefloat.motion.problem import Problem
 from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.timing import TimedPath
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
@@ -60,16 +68,19 @@ _THROUGH_NODES = np.linalg.inv(np.vander(_NODES[:4], increasing=True))
 @lru_cache(maxsize=8)
 def kernel_problem(problem: Problem, limits: AttitudeLimits | None = None) -> KernelProblem:
     """The arrays that the kernels read of a problem and of limits of attitude."""
-    model = problem.chain()
+    model, path = problem.chain().single_arms[0], problem.path
     frames = link_frames(model)
     robot, measure = kernel_robot(model, problem.task, problem.margin.measure.name, frames)
-    if problem.arms:
-        robot = _with_arms(problem, robot, frames)
     limits = limits or AttitudeLimits()
+    if path.arms:
+        _require_two_paths(problem, limits)
+        robot = _with_second_arm(problem, robot, frames)
+    elif problem.arms:
+        robot = _with_arms(problem, robot, frames)
     _require_own_bodies(problem.model, limits)
-    cones = _cones(model, frames, limits, problem.path.duration)
-    null_space = _null_space(problem)
-    return KernelProblem(robot, _course(problem), measure, null_space, TABLEAU, cones)
+    cones = _cones(model, frames, limits, path.duration)
+    course = _course(path.every[0], path.breaks)
+    return KernelProblem(robot, course, measure, _null_space(problem), TABLEAU, cones)
 
 
 def kernel_robot(
@@ -84,7 +95,7 @@ def kernel_robot(
     robot = Robot(
         frames.joints, robot_properties(frames.base, frames.bodies, reach, coefficients),
         frames.tool, np.array(task.rows, dtype=float), model.dof, len(task.rows), task.planar,
-        pointing, singular_speed(task), frames.across, NO_ARMS,
+        pointing, singular_speed(task), frames.across, NO_ARMS, None,
     )  # fmt: skip
     return robot, Measure(NAMES.index(name), len(multiples), multiples)
 
@@ -94,6 +105,45 @@ def _with_arms(problem: Problem, robot: Robot, frames: LinkFrames) -> Robot:
     properties = robot.properties.copy()
     properties[REACH] = unit_of_length(problem.model)
     return robot._replace(properties=properties, arms=kernel_arms(problem, frames))
+
+
+def _require_two_paths(problem: Problem, limits: AttitudeLimits) -> None:
+    """Raise an InputError for what kernels of two arms on paths do not know."""
+    key, accepted = "robot.arms", "two arms, each on a path; simulate also takes others"
+    if problem.arms or len(problem.path.arms) > 1:
+        moving = [*problem.path.arms, *problem.arms.curves]
+        raise InputError(key, f"{', '.join(moving)} move beside the first arm", accepted)
+    if limits.pointing:
+        problem_text = "it was given, but two arms follow paths"
+        raise InputError("limits.pointing", problem_text, "no such limit, or simulate")
+    if problem.redundancy is not None and not problem.redundancy.minimum_norm:
+        problem_text = "another than minimum norm was given, but two arms follow paths"
+        raise InputError("redundancy", problem_text, "no such key, or simulate")
+
+
+def _with_second_arm(problem: Problem, robot: Robot, frames: LinkFrames) -> Robot:
+    """The arrays of a robot with a second arm that follows a path."""
+    model, path = problem.chain(), problem.path.every[1]
+    first, second = model.single_arms
+    behind, body = link_frames(second), model.bodies[0]
+    root = inertial_row(body.mass, body.centre, body.inertia)
+    own, other = (
+        in_frame(root, entry.base[:3], -entry.base[:3] @ entry.base[3])
+        for entry in (frames, behind)
+    )
+    bodies = np.vstack([own, frames.bodies[1:], behind.bodies[1:]])
+    reach = robot.properties[REACH]
+    rows = task_rows(model, problem.task)
+    masses = [float(entry.bodies[1:, 0].sum()) for entry in (frames, behind)]
+    return robot._replace(
+        joints=np.vstack([frames.joints, behind.joints]),
+        properties=robot_properties(frames.base, bodies, reach, np.zeros((0, 2))),
+        rows=np.array(rows, dtype=float), n=model.dof, m=len(rows),
+        second=SecondArm(
+            first.dof, np.array(masses), root[None], other[None], behind.base, behind.tool,
+            behind.across, _course(path, problem.path.breaks),
+        ),
+    )  # fmt: skip
 
 
 def _require_own_bodies(model: FreeFloatingModel, limits: AttitudeLimits) -> None:
@@ -157,10 +207,9 @@ def _null_space(problem: Problem) -> NullSpace | None:
     )  # fmt: skip
 
 
-def _course(problem: Problem) -> Course:
-    """Path and timing as arrays."""
-    path = problem.path
-    ends = np.append(path.breaks, path.duration)
+def _course(path: TimedPath, breaks: Array) -> Course:
+    """Path and timing as arrays, with segments between some breaks [s]."""
+    ends = np.append(breaks, path.duration)
     starts = np.append(0.0, ends[:-1])
     segments = [
         path.timing.segments[path.timing.segment_at(t)] for t in ((starts + ends) / 2.0).tolist()

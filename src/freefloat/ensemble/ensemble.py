@@ -123,7 +123,10 @@ class EnsembleIntegrator:
         def integrate_chunk(first: int) -> None:
             integrate_many(
                 self._arrays, motions, first, min(first + chunk, K), self.tolerance,
-                make_workspace(n, self._arrays.robot.m, len(self._spares), properties), result,
+                make_workspace(
+                    n, self._arrays.robot.m, len(self._spares), properties,
+                    len(self.problem.path.every),
+                ), result,
             )  # fmt: skip
 
         run_chunks(integrate_chunk, range(0, K, chunk), self.threads, progress)

@@ -33,8 +33,8 @@ Branch = int | IntArray | None
 class FeasibilityEvaluator:
     """Integrator of the motions from many attitudes, which decides which keep the margin.
 
-    Arm branches without closed form take far longer than integrating the motions; searches then
-    divide their numbers of attitudes by ``sample_reduction``.
+    Arm branches without closed form, and those of two arms, take far longer than integrating the
+    motions; searches then divide their numbers of attitudes by ``sample_reduction``.
     """
 
     def __init__(
@@ -63,7 +63,8 @@ class FeasibilityEvaluator:
             problem, threads, tolerance=tolerance, limits=self.limits
         )
         self.wrist_flipped = has_wrist_flipped_branches(problem) and not self._on_wrist()
-        self.sample_reduction = 1 if closed_form(problem.chain(), problem.task) else _REDUCTION
+        exact = not problem.path.arms and closed_form(problem.chain(), problem.task)
+        self.sample_reduction = 1 if exact else _REDUCTION
 
     def _on_wrist(self) -> bool:
         """Whether an axis moves differently along wrist-flipped branches."""
@@ -101,7 +102,7 @@ class FeasibilityEvaluator:
             stop_at_margin: Stop motions that violate the margin.
             progress: Called with the fraction done, in [0, 1].
         """
-        branches = self.problem.many_branches(attitudes)
+        branches = self.problem.many_branches(attitudes, branch=branch)
         joints, exist = branches.joints, branches.exist
         columns = np.arange(joints.shape[1])
         columns = columns if branch is None else columns[branch : branch + 1]
@@ -161,7 +162,7 @@ class FeasibilityEvaluator:
         """Results of the motions of all arm branches, shape (K, B), or of a branch each, (K, 1)."""
         if not isinstance(branch, np.ndarray):
             return self.evaluate(attitudes, branch, stop_at_margin=stop_at_margin).motions
-        branches = self.problem.many_branches(attitudes)
+        branches = self.problem.many_branches(attitudes, branch=branch)
         chosen = np.arange(len(attitudes)), branch
         joints, exist = branches.joints[chosen], branches.exist[chosen]
         result = self.integrator.integrate(

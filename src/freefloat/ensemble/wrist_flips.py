@@ -26,6 +26,8 @@ def has_wrist_flipped_branches(problem: Problem) -> bool:
     rotating the fourth and sixth joints by pi and reversing the fifth gives the same end-effector
     pose and moves no mass. Branch 2 k + 1 is then the wrist-flipped branch of branch 2 k.
     """
+    if problem.path.arms:
+        return False
     virtual, model = VirtualManipulator.of(problem.chain()), problem.chain()
     if closed_form(model, problem.task) is not ClosedForm.ELBOW_AND_WRIST:
         return False

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import product
 from math import prod
 
@@ -22,18 +22,19 @@ from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import first_moment
 from freefloat.ik.branches import BranchSets, closed_form, many_arm_branches
 from freefloat.ik.chain import CONVERGED, EXACT, SAME, Chain, damped_step, task_rows
+from freefloat.ik.numbering import numbered_branches
 from freefloat.ik.vectors import rotation_vector, tilt
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, BoolArray, IntArray, Pose
 
 _SAMPLES = 256
 """Configurations over which the displacement of the centre of mass is averaged."""
-_STEPS = 30
+_STEPS = 12
 """Largest number of Newton steps."""
 _SPREAD = 4
 """Configurations of a redundant arm that are combined with those of the others."""
-_SLICE = 64
-"""Poses that are solved at once."""
+_SLICE, _SLICE_OF_ONE = 64, 1024
+"""Poses that are solved at once, the second where one combination of each is looked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +48,10 @@ class _Arm:
 
     model: FreeFloatingModel
     joints: slice
+
+    def closed(self, task: Task) -> bool:
+        """Whether its branches have a closed form."""
+        return closed_form(self.model, task) is not None
 
     @cached_property
     def chain(self) -> Chain:
@@ -66,6 +71,7 @@ class _Arm:
         """Its Jacobian, shape (3, n, N)."""
         return np.asarray(self._moment.jacobian(self._moment.kinematics(q))[:3])
 
+    @cached_property
     def guesses(self) -> Array:
         """Displacements: their mean, and a standard deviation to each side of it, shape (7, 3)."""
         lower, upper = joint_box(self.model)
@@ -76,8 +82,9 @@ class _Arm:
 
 
 def several_arm_branches(
-    model: FreeFloatingModel, positions: Array, rotations: Array, task: Task
-) -> BranchSets:
+    model: FreeFloatingModel, positions: Array, rotations: Array, task: Task,
+    only: IntArray | None = None,
+) -> BranchSets:  # fmt: skip
     """The combinations of arm branches with which all end-effectors reach their poses.
 
     Args:
@@ -86,17 +93,21 @@ def several_arm_branches(
             frame [m], shape (E, K, 3).
         rotations: From the end-effector frames into the spacecraft frame, shape (E, K, 3, 3).
         task: Part of the poses that is prescribed.
+        only: Numbers of the combinations that are looked for, one at each instant, shape (K,);
+            others may be missing.
 
     Returns:
         The combinations; the number of one has those of the arms as digits, the first arm's first.
         Of arms without closed form they are those that are found, see
         :func:`~freefloat.ik.branches.many_arm_branches`; of redundant ones a well-spread choice.
     """
-    arms = _arms_of(model)
+    arms, size = _arms_of(model), _SLICE if only is None else _SLICE_OF_ONE
     parts = [
-        _Search(arms, task, positions[:, part], rotations[:, part]).combinations()
-        for first in range(0, max(1, positions.shape[1]), _SLICE)
-        for part in (slice(first, first + _SLICE),)
+        _Search(arms, task, positions[:, part], rotations[:, part]).combinations(
+            None if only is None else only[part]
+        )
+        for first in range(0, max(1, positions.shape[1]), size)
+        for part in (slice(first, first + size),)
     ]
     joints = np.concatenate([part.joints for part in parts])
     return BranchSets(joints, np.concatenate([part.names for part in parts]), parts[0].labels)
@@ -112,6 +123,7 @@ def newton_combination(
     return np.asarray(search.solved(joints[None], np.zeros(1, dtype=int))[0])
 
 
+@lru_cache(maxsize=16)
 def _arms_of(model: FreeFloatingModel) -> tuple[_Arm, ...]:
     """The arms of a robot that follow paths."""
     ends = np.cumsum([arm.dof for arm in model.single_arms]).tolist()
@@ -128,17 +140,21 @@ class _Search:
     positions: Array
     rotations: Array
 
-    def combinations(self) -> BranchSets:
-        """The combinations."""
-        guesses = np.stack([arm.guesses() for arm in self.arms], axis=1)[..., None]
+    def combinations(self, only: IntArray | None) -> BranchSets:
+        """The combinations; see :func:`several_arm_branches`."""
+        guesses = np.stack([arm.guesses for arm in self.arms], axis=1)[..., None]
         every = np.arange(self.positions.shape[1])
-        single = [self._single_branches(guess, every) for guess in guesses]
-        shape = tuple(part.names.shape[1] for part in single[0])
-        labels = tuple(map(", ".join, product(*(part.labels for part in single[0]))))
+        first = self._single_branches(guesses[0], every)
+        shape = tuple(part.names.shape[1] for part in first)
+        labels = tuple(map(", ".join, product(*(part.labels for part in first))))
         joints = np.full((len(every), prod(shape), self.arms[-1].joints.stop), np.nan)
         names = np.full(joints.shape[:2], -1)
-        for sets in single:
-            pose, column = np.nonzero(self._exist(sets) & (names < 0))
+        wanted = np.ones_like(names, dtype=bool)
+        if only is not None:
+            wanted = np.arange(names.shape[1]) == only[:, None]
+        for number, guess in enumerate(guesses):
+            sets = self._single_branches(guess, every) if number else first
+            pose, column = np.nonzero(self._exist(sets) & wanted & (names < 0))
             digits = np.array(np.unravel_index(column, shape))
             parts = [part.joints[pose, digit] for part, digit in zip(sets, digits, strict=True)]
             q = self.solved(np.concatenate(parts, axis=1), pose)
@@ -195,12 +211,14 @@ class _Search:
     def _single_branches(self, displacements: Array, pose: IntArray) -> list[BranchSets]:
         """The branches of each arm where the arms displace the centre of mass, (E, 3, N)."""
         others = np.moveaxis(displacements.sum(axis=0) - displacements, 1, -1)
-        return [
-            many_arm_branches(arm.model, p[pose] + other, R[pose], self.task)
-            for arm, p, R, other in zip(
-                self.arms, self.positions, self.rotations, others, strict=True
-            )
-        ]
+        sets = []
+        for arm, p, R, other in zip(self.arms, self.positions, self.rotations, others, strict=True):
+            part = many_arm_branches(arm.model, p[pose] + other, R[pose], self.task)
+            if arm.closed(self.task):  # its branches are in the first columns
+                few = len(part.labels)
+                part = BranchSets(part.joints[:, :few], part.names[:, :few], part.labels)
+            sets.append(part)
+        return sets
 
     def _exist(self, sets: Sequence[BranchSets]) -> BoolArray:
         """Which combinations of the arms' branches exist, shape (K, C)."""
@@ -218,22 +236,21 @@ class _Search:
         self, sets: Sequence[BranchSets], q: Array, pose: IntArray, digits: IntArray
     ) -> tuple[IntArray, IntArray]:
         """Columns and names (N,) of the combinations to which some with other digits converged."""
-        d = np.array([arm.displacement(q[:, arm.joints].T) for arm in self.arms])
-        own = self._single_branches(d, pose)
-        rows, names = np.arange(len(pose)), []
+        names = []
         for e, arm in enumerate(self.arms):
-            if closed_form(arm.model, self.task) is None:
+            if arm.closed(self.task):  # of a single branch: its signs
+                digits[e] = numbered_branches(
+                    arm.chain, self.task, q[:, arm.joints].T[:, None]
+                )[1].max(axis=1, initial=-1)  # fmt: skip
+                names.append(digits[e])
+            else:
                 names.append(sets[e].names[pose, digits[e]])
-                continue
-            apart = arm.model.joint_distance(own[e].joints, q[:, None, arm.joints])
-            digits[e] = np.where(np.isnan(apart), np.inf, apart).argmin(axis=1)
-            names.append(own[e].names[rows, digits[e]])
         columns = np.ravel_multi_index(tuple(digits), [part.names.shape[1] for part in sets])
         return columns, np.ravel_multi_index(tuple(names), [len(part.labels) for part in sets])
 
     def _drop_repeated(self, joints: Array, names: IntArray) -> None:
         """Drop combinations that equal earlier ones, as arms without closed form may have."""
-        if all(closed_form(arm.model, self.task) for arm in self.arms):
+        if all(arm.closed(self.task) for arm in self.arms):
             return
         for row, name in zip(joints, names, strict=True):
             found = np.flatnonzero(name >= 0)

@@ -35,6 +35,7 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.scene.scene import Scene
 from freefloat.so3 import (
     Array,
+    IntArray,
     Pose,
     frozen,
     heading_quaternion,
@@ -306,10 +307,15 @@ class Problem:
         R0 = rotation_matrix(attitude)
         return arm_branches(self.chain(t), self.path.pose(t).seen_from(R0), self.task)
 
-    def many_branches(self, attitudes: Array, t: float = 0.0) -> BranchSets:
-        """The same for many attitudes (K, 4)."""
+    def many_branches(
+        self, attitudes: Array, t: float = 0.0, branch: int | IntArray | None = None
+    ) -> BranchSets:
+        """The same for many attitudes (K, 4).
+
+        With the number of an arm branch, or of one for each attitude (K,), others may be missing.
+        """
         if self.path.arms:
-            return self._many_combinations(attitudes, t)
+            return self._many_combinations(attitudes, t, branch)
         poses = self.poses_seen_from(attitudes, t)
         if self.start_joints is None or t != 0.0:
             return many_arm_branches(self.chain(t), *poses, self.task)
@@ -319,14 +325,20 @@ class Problem:
         """Positions (K, 3) and rotations (K, 3, 3) of the path relative to attitudes (K, 4)."""
         return _seen_from(attitudes, self.path.pose(t))
 
-    def _many_combinations(self, attitudes: Array, t: float) -> BranchSets:
+    def _many_combinations(
+        self, attitudes: Array, t: float, branch: int | IntArray | None
+    ) -> BranchSets:
         """The branches of several arms that follow paths; see also ``start_joints``."""
         seen = [_seen_from(attitudes, pose) for pose in self.path.poses(t)]
         positions, rotations = (np.array(part) for part in zip(*seen, strict=True))
-        sets = several_arm_branches(self.chain(t), positions, rotations, self.task)
-        if self.start_joints is None or t != 0.0:
+        near = self.start_joints if t == 0.0 else None
+        only = (
+            None if branch is None or near is not None else np.broadcast_to(branch, len(attitudes))
+        )
+        sets = several_arm_branches(self.chain(t), positions, rotations, self.task, only)
+        if near is None:
             return sets
-        apart = self.model.joint_distance(sets.joints, self.start_joints)
+        apart = self.model.joint_distance(sets.joints, near)
         apart = np.where(sets.exist, apart, np.inf)
         closest = np.arange(apart.shape[1]) == apart.argmin(axis=1)[:, None]
         closest &= sets.exist

@@ -39,7 +39,7 @@ class Measured(NamedTuple):
 @compiled
 def command(problem: Problem, measured: Measured, workspace: Workspace, out: Array) -> None:
     """Solve (4) in measured states; write joint rates (K, n)."""
-    work = workspace_in_tables(workspace)
+    work = workspace_in_tables(workspace, problem.robot.second)
     problem = problem_in_tables(problem, None, work)
     robot, count = problem.robot, len(measured.joints)
     for first in range(0, count, WIDTH):
@@ -83,7 +83,7 @@ def solve(robot: Robot, null_space: NullSpace | None, speed: float, work: Worksp
 @compiled
 def weigh(problem: Problem, joints: Array, workspace: Workspace, out: Array) -> None:
     """Write generalized inertias of the joint rates (K, n, n)."""
-    work = workspace_in_tables(workspace)
+    work = workspace_in_tables(workspace, problem.robot.second)
     problem = problem_in_tables(problem, None, work)
     robot, (count, n) = problem.robot, joints.shape
     for first in range(0, count, WIDTH):
@@ -103,7 +103,7 @@ def measure_all(
     robot: Robot, measure: Measure, joints: Array, workspace: Workspace, out: Array
 ) -> None:
     """Write the singularity measure at joint values (K, n)."""
-    work, (count, n) = workspace_in_tables(workspace), joints.shape
+    work, (count, n) = workspace_in_tables(workspace, robot.second), joints.shape
     robot, measure = robot_in_tables(robot, None, work), measure_in_tables(measure)
     for first in range(0, count, WIDTH):
         for lane in range(WIDTH):

@@ -14,11 +14,16 @@ P / M, and with the angular velocity y = inverse(D) L. The end-effector then has
 (P / M + y x r, y), column j of S*, and the spacecraft turns with y - a (prismatic: y), which is
 -inverse(D) Dq.
 
+A second arm that follows a path is on the spacecraft's side of the joints of the first one, and the
+other way round: its bodies add to the momentum of the joint. Its own end-effector moves with them.
+
 All vectors are in the spacecraft frame. The angular rows of the task ``pointing`` are those along
 the x and y axes of the end-effector.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 from freefloat.ensemble.kernels.inertia import (
     Inertia,
@@ -32,9 +37,13 @@ from freefloat.ensemble.kernels.inertia import (
 )
 from freefloat.ensemble.kernels.records import (
     BASE,
+    BODY_COLUMNS,
+    FRAME_COLUMNS,
+    JOINT_COLUMNS,
     TOTAL_MASS,
     Arms,
     Robot,
+    SecondArm,
     Workspace,
     bodies_of,
 )
@@ -116,24 +125,35 @@ def without_arms(
     return h - moment, v + P * share
 
 
-@inlined
-def place_bodies(robot: Robot, q: Table, work: Workspace) -> tuple[Vector, Vector, Inertia, Vector]:
-    """Write axis, point, P and L about the spacecraft's origin of each joint to ``work.momenta``.
+class ArmTables(NamedTuple):
+    """The tables of an arm."""
 
-    ``M``, ``u`` and ``I`` are mass, first moment and inertia of the bodies between spacecraft and
-    joint, in the frame (``ex``, ``ey``, ``ez``) at ``p``, about its origin.
+    joints: Table  # as of Robot
+    bodies: Table  # a row for each body, behind one row
+    base: Table
+    tool: Table
+    across: Table
+    n: int
+    pointing: bool
+
+
+@inlined
+def place_bodies(
+    arm: ArmTables, M: Float, u: Vector, I: Inertia, q: Table, w: Table, axes: Table
+) -> tuple[Vector, Vector, Inertia, Vector]:  # fmt: skip
+    """Write axis, point, P and L about the spacecraft's origin of each joint of an arm to ``w``.
+
+    ``M``, ``u`` and ``I`` are mass, first moment and inertia of the spacecraft, then of all bodies
+    between spacecraft and joint, in the frame (``ex``, ``ey``, ``ez``) at ``p``, about its origin.
 
     Returns:
-        End-effector position, first moment and inertia of all bodies, and the point to which these
-        refer.
+        End-effector position, first moment and inertia of spacecraft and arm, and the point to
+        which these refer.
     """
-    joints, bodies, w = robot.joints, bodies_of(robot), work.momenta
-    base = below(robot.properties, BASE, 3)
+    joints, bodies, base = arm.joints, arm.bodies, arm.base
     ex, ey, ez, p = (get_vector(base, 0, 0), get_vector(base, 1, 0), get_vector(base, 2, 0),
                      get_vector(base, 3, 0))  # fmt: skip
-    M = bodies[0, MASS]
-    u, I = spacecraft(robot, q, work)
-    for k in range(1, robot.n + 1):
+    for k in range(1, arm.n + 1):
         s, c, d = joints[k - 1, SINE], joints[k - 1, COSINE], joints[k - 1, ALONG_X]
         p = p + ex * d
         ey, ez = ey * c + ez * s, ez * c - ey * s
@@ -165,16 +185,16 @@ def place_bodies(robot: Robot, q: Table, work: Workspace) -> tuple[Vector, Vecto
     x, y, z = components(u)
     u = ex * x + ey * y + ez * z
     I = in_axes(I, ex, ey, ez)
-    place_axes(robot, ex, ey, ez, work.across)
-    x, y, z = robot.tool[0], robot.tool[1], robot.tool[2]
+    place_axes(arm, ex, ey, ez, axes)
+    x, y, z = arm.tool[0], arm.tool[1], arm.tool[2]
     return p + ex * x + ey * y + ez * z, u, I, p
 
 
 @inlined
-def place_axes(robot: Robot, ex: Vector, ey: Vector, ez: Vector, axes: Table) -> None:
+def place_axes(arm: ArmTables, ex: Vector, ey: Vector, ez: Vector, axes: Table) -> None:
     """Write the end-effector's x and y axes, given in the last frame, if the task needs them."""
-    across = robot.across
-    if robot.pointing:
+    across = arm.across
+    if arm.pointing:
         for i in range(2):
             set_vector(axes, i, 0, ex * across[i, 0] + ey * across[i, 1] + ez * across[i, 2])
 
@@ -195,9 +215,22 @@ def form_jacobian(robot: Robot, q: Table, work: Workspace) -> tuple[Vector, Iner
         End-effector position from the centre of mass, inverse and determinant of D; for planar
         tasks the latter is its zz element.
     """
+    return form_rows(robot, robot.second, q, work)
+
+
+@inlined
+def form_rows(
+    robot: Robot, second: SecondArm | None, q: Table, work: Workspace
+) -> tuple[Vector, Inertia, Float]:
+    """See :func:`form_jacobian`."""
+    if second is not None:
+        return form_rows_of_two(robot, second, q, work)
     w, S, mass = work.momenta, work.S, robot.properties[TOTAL_MASS]
     share = 1.0 / mass
-    tip, u, I, p = place_bodies(robot, q, work)
+    u, I = spacecraft(robot, q, work)
+    tip, u, I, p = place_bodies(
+        first_arm(robot, robot.n), bodies_of(robot)[0, MASS], u, I, q, w, work.across
+    )
     u = u * share
     c = p + u
     r = tip - c
@@ -220,6 +253,87 @@ def form_jacobian(robot: Robot, q: Table, work: Workspace) -> tuple[Vector, Iner
             for i in range(robot.m):
                 S[j, i] = S[j, int(robot.rows[i])]
     return r, inverse_D, det_D
+
+
+@inlined
+def first_arm(robot: Robot, n: int) -> ArmTables:
+    """The tables of the first n joints."""
+    base = below(robot.properties, BASE, 3)
+    return ArmTables(robot.joints, bodies_of(robot), base, robot.tool, robot.across, n,
+                     robot.pointing)  # fmt: skip
+
+
+@inlined
+def row_of(bodies: Table) -> tuple[Vector, Inertia]:
+    """First moment and inertia in the first row of bodies."""
+    I = Inertia(get_vector(bodies, 0, DIAGONAL), get_vector(bodies, 0, PRODUCTS))
+    return get_vector(bodies, 0, MOMENT), I
+
+
+@inlined
+def about_origin(M: Float, u: Vector, I: Inertia, p: Vector) -> tuple[Vector, Inertia]:
+    """First moment and inertia about the origin, for those about a point."""
+    r = u * (1.0 / M)
+    return u + p * M, plus(minus(I, of_point(M, r)), of_point(M, p + r))
+
+
+@inlined
+def form_rows_of_two(
+    robot: Robot, second: SecondArm, q: Table, work: Workspace
+) -> tuple[Vector, Inertia, Float]:
+    """:func:`form_jacobian` of two arms that follow paths."""
+    w, S, bodies, mass = work.momenta, work.S, bodies_of(robot), robot.properties[TOTAL_MASS]
+    share, n, M = 1.0 / mass, second.joints, bodies[0, MASS]
+    u, I = row_of(bodies)
+    first = first_arm(robot, n)
+    tip, u1, I1, p = place_bodies(first, M, u, I, q, w, work.across)
+    u1, I1 = about_origin(M + second.masses[0], u1, I1, p)
+    u, I = row_of(second.root_in_base)
+    other = ArmTables(
+        below(robot.joints, n, FRAME_COLUMNS), below(bodies, n, BODY_COLUMNS), second.base,
+        second.tool, second.across, robot.n - n, robot.pointing,
+    )  # fmt: skip
+    other_tip, u2, I2, p = place_bodies(
+        other, M, u, I, below(q, n, 1), below(w, n, JOINT_COLUMNS), below(work.across, 2, 3)
+    )
+    u2, I2 = about_origin(M + second.masses[1], u2, I2, p)
+    u, I = row_of(second.root)
+    c = (u1 + u2 - u) * share
+    D = minus(minus(plus(I1, I2), I), of_point(mass, c))
+    u1, I1, u2, I2 = u1 - u, minus(I1, I), u2 - u, minus(I2, I)  # without the spacecraft
+    inverse_D, det_D = inverse(D)
+    if robot.planar:
+        det_D = components(D.diagonal)[2]
+    set_vector(work.centre, 0, 0, c)
+    set_vector(work.centre, 1, 0, other_tip - c)
+    for j in range(robot.n):
+        a, p = get_vector(w, j, AXIS), get_vector(w, j, POINT)
+        slides = robot.joints[j, PRISMATIC] != 0.0
+        own, far, place = tip, other_tip, 0
+        m, u, I = second.masses[1], u2, I2
+        if j >= n:
+            own, far, place = other_tip, tip, 1
+            m, u, I = second.masses[0], u1, I1
+        P, L, step, turn = a * m, cross(u, a), a, a * 0.0  # of the other arm
+        if not slides:
+            P, L = cross(a, u - p * m), times(I, a) - cross(u, cross(a, p))
+            step, turn = cross(a, far - p), a
+        P = P + get_vector(w, j, LINEAR)
+        L = L + get_vector(w, j, ANGULAR) - cross(c, P)
+        y = times(inverse_D, L)
+        v = P * share
+        set_vector(S, j, 6 * place, v + cross(y, own - c))
+        set_vector(S, j, 6 * place + 3, rotational_rows(robot, below(work.across, 2 * place, 3), y))
+        place = 1 - place
+        set_vector(S, j, 6 * place, v + cross(y, far - c) - step)
+        y = y - turn
+        set_vector(S, j, 6 * place + 3, rotational_rows(robot, below(work.across, 2 * place, 3), y))
+        set_vector(w, j, TURN, y)
+    if robot.m < 12:
+        for j in range(robot.n):
+            for i in range(robot.m):
+                S[j, i] = S[j, int(robot.rows[i])]
+    return tip - c, inverse_D, det_D
 
 
 @inner
@@ -255,11 +369,27 @@ def solve_rates(
     b = work.b
     for i in range(6):
         b[i] = twist[i]
+    add_second_twist(robot, robot.second, drift, work)
     for i in range(robot.m):
         b[i] = b[int(robot.rows[i])]
     determinant = factorize(robot.m, robot.n, work.S, work.scales)
     solve_least_norm(robot.m, robot.n, work.S, work.scales, b, work.rates)
     return drift, determinant, det_D
+
+
+@inlined
+def add_second_twist(
+    robot: Robot, second: SecondArm | None, drift: Vector, work: Workspace
+) -> None:
+    """Write the rows of the second end-effector behind those of the first."""
+    if second is not None:
+        v, omega = get_vector(work.second_twist, 0, 0), get_vector(work.second_twist, 1, 0)
+        v = v - cross(drift, get_vector(work.centre, 1, 0))
+        turn = rotational_rows(robot, below(work.across, 2, 3), omega - drift)
+        x, y, z = components(v)
+        a, b, c = components(turn)
+        work.b[6], work.b[7], work.b[8] = x, y, z
+        work.b[9], work.b[10], work.b[11] = a, b, c
 
 
 @inlined

@@ -11,11 +11,12 @@ from freefloat.ensemble.kernels.records import (
     Course,
     NullSpace,
     Robot,
+    SecondArm,
     Workspace,
 )
 from freefloat.lockstep.compilation import inlined
 from freefloat.lockstep.lanes import Float, floor, maximum, minimum, select, sqrt
-from freefloat.lockstep.tables import Table, below, pick
+from freefloat.lockstep.tables import Table, below, pick, set_vector
 from freefloat.lockstep.vectors import Vector, components, cross, dot, vector
 
 END, ORIGIN, FREQUENCY, FIRST_S, DENSITY, FIRST_CELL, CELLS, LAW = 0, 1, 2, 3, 4, 5, 6, 7
@@ -78,6 +79,18 @@ def to_spacecraft(a: Vector, e: Float, v: Vector) -> Vector:
 
 
 @inlined
+def note_second_twist(
+    second: SecondArm | None, x: Vector, e: Float, t: Float, work: Workspace
+) -> None:
+    """Write the twist of the second end-effector, attitude quaternion (x, e), to the workspace."""
+    if second is not None:
+        v, omega, _ = twist_at(second.course, work.status[SEGMENT], t)
+        v = v - vector(work.h[6], work.h[7], work.h[8])
+        set_vector(work.second_twist, 0, 0, to_spacecraft(x, e, v))
+        set_vector(work.second_twist, 1, 0, to_spacecraft(x, e, omega))
+
+
+@inlined
 def flow(
     robot: Robot,
     course: Course,
@@ -106,6 +119,7 @@ def flow(
     x, e = x * scale, e * scale
     v, omega, speed = twist_at(course, status[SEGMENT], y[4 + n])
     v = v - vector(work.h[6], work.h[7], work.h[8])  # relative to the centre of mass
+    note_second_twist(robot.second, x, e, y[4 + n], work)
     h = to_spacecraft(x, e, vector(work.h[0], work.h[1], work.h[2]))
     h = h - vector(work.h[3], work.h[4], work.h[5])  # what wheels do not store
     if null_space is not None and null_space.toward != 0:

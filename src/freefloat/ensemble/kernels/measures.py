@@ -71,7 +71,7 @@ def smallest_singular_value(robot: Robot, S: Table) -> Float:
     for j in range(n):
         factor = reach if robot.joints[j, PRISMATIC] != 0.0 else 1.0
         for i in range(m):
-            S[j, i] = S[j, i] * (factor / reach if robot.rows[i] < 3.0 else factor)
+            S[j, i] = S[j, i] * (factor / reach if robot.rows[i] % 6.0 < 3.0 else factor)
     for _ in range(_SWEEPS):
         largest = 0.0 * S[0, 0]
         for i in range(m):

@@ -35,28 +35,6 @@ class Arms(NamedTuple):
     # 0, then the angular momentum relative to the spacecraft and about its origin, in its frame
 
 
-class Robot(NamedTuple):
-    """A robot and its task, see :class:`freefloat.ensemble.link_frames.LinkFrames`."""
-
-    joints: Table  # (n, 6)
-    properties: Table  # what may differ between the robots of the motions, one row
-    tool: Table
-    rows: Table  # of the end-effector twist that the task prescribes, (m,)
-    n: int
-    m: int
-    planar: bool
-    pointing: bool
-    singular_speed: float  # of joints per duration, above which a redundant arm is singular
-    across: Table  # x and y axes of the end-effector, for the task ``pointing``, (2, 3)
-    arms: Arms
-
-
-@inlined
-def bodies_of(robot: Robot) -> Table:
-    """Rows of mass, first moment and inertia of the bodies, in their link frames."""
-    return below(robot.properties, BODIES, BODY_COLUMNS)
-
-
 class Course(NamedTuple):
     """The end-effector's path and its timing."""
 
@@ -66,6 +44,46 @@ class Course(NamedTuple):
     degree: int  # of the time law
     cells: Table  # the tangent by s: six cubics of each cell, highest power first
     single_cell: bool
+
+
+class SecondArm(NamedTuple):
+    """A second arm that follows a path of its own.
+
+    Its joints and bodies are behind those of the first one. The spacecraft is a row of mass, first
+    moment and inertia.
+    """
+
+    joints: int  # number of joints of the first arm
+    masses: Table  # of the arms, without the spacecraft, (2,)
+    root: Table  # the spacecraft in its own frame, (1, 10)
+    root_in_base: Table  # the spacecraft in link frame 0 of this arm, (1, 10)
+    base: Table  # link frame 0 in the spacecraft frame, (4, 3)
+    tool: Table
+    across: Table  # as of Robot
+    course: Course
+
+
+class Robot(NamedTuple):
+    """A robot and its task, see :class:`freefloat.ensemble.link_frames.LinkFrames`."""
+
+    joints: Table  # (n, 6)
+    properties: Table  # what may differ between the robots of the motions, one row
+    tool: Table
+    rows: Table  # of the end-effectors' twists that the task prescribes, (m,)
+    n: int
+    m: int
+    planar: bool
+    pointing: bool
+    singular_speed: float  # of joints per duration, above which a redundant arm is singular
+    across: Table  # x and y axes of the end-effector, for the task ``pointing``, (2, 3)
+    arms: Arms
+    second: SecondArm | None
+
+
+@inlined
+def bodies_of(robot: Robot) -> Table:
+    """Rows of mass, first moment and inertia of the bodies, in their link frames."""
+    return below(robot.properties, BODIES, BODY_COLUMNS)
 
 
 class Measure(NamedTuple):
@@ -133,8 +151,8 @@ class Workspace(NamedTuple):
     h: Table  # angular momentum, that of wheels in the spacecraft frame, and the drift
     extent: Table  # of each joint, the largest rate, smallest and largest value
     momenta: Table  # see freefloat.ensemble.kernels.equation
-    centre: Table  # of mass
-    S: Table  # columns of S* in rows, then its factors, (n, 6)
+    centre: Table  # of mass; then the second end-effector from there
+    S: Table  # columns of S* in rows, then its factors, (n, 6), of two arms (n, 12)
     scales: Table
     b: Table
     rates: Table
@@ -150,9 +168,10 @@ class Workspace(NamedTuple):
     across: Table  # x and y axes of the end-effector, for the task ``pointing``
     properties: Table  # of the motions' robots, see ``Robot.properties``; empty where all are equal
     carried: Table  # linear and angular momentum of further arms, relative to the spacecraft
+    second_twist: Table  # of the second end-effector, spacecraft frame
 
 
-def make_workspace(n: int, m: int, cones: int = 0, properties: int = 0) -> Workspace:
+def make_workspace(n: int, m: int, cones: int = 0, properties: int = 0, arms: int = 1) -> Workspace:
     """Workspace for a robot of n joints and a task of m rows.
 
     Args:
@@ -160,29 +179,31 @@ def make_workspace(n: int, m: int, cones: int = 0, properties: int = 0) -> Works
         m: Number of the task's rows.
         cones: Number of limits of attitude.
         properties: Number of properties that differ between the motions' robots.
+        arms: Number of arms that follow paths, 1 or 2.
     """
     r = n - m
     shapes = (
         (5 + n,), (5 + n,), (5 + n, 7), (1 + n,), (7,), (STATUS_ROWS,), (9,), (3 * n,),
-        (n, JOINT_COLUMNS), (3,), (n, 6), (6,), (6,), (n,), (n * n,), (n * r,), (r * r,), (2 * r,),
-        (n,), (n,), (4,), (5 + n,), (2 * cones,),
-        (2, 3), (properties,), (2, 3),
+        (n, JOINT_COLUMNS), (arms, 3), (n, 6 * arms), (6 * arms,), (6 * arms,), (n,), (n * n,),
+        (n * r,), (r * r,), (2 * r,), (n,), (n,), (4,), (5 + n,), (2 * cones,),
+        (2 * arms, 3), (properties,), (2, 3), (2, 3),
     )  # fmt: skip
     return Workspace(*(np.zeros((*shape, WIDTH)) for shape in shapes))
 
 
 @inner
-def workspace_in_tables(work: Workspace) -> Workspace:
+def workspace_in_tables(work: Workspace, second: SecondArm | None) -> Workspace:
     """A workspace's arrays as tables."""
     return Workspace(
         lanes(work.y, 1), lanes(work.at, 1), lanes(work.K, 7), lanes(work.probe, 1),
         lanes(work.weights, 1), lanes(work.status, 1), lanes(work.h, 1), lanes(work.extent, 1),
-        lanes(work.momenta, JOINT_COLUMNS), lanes(work.centre, 3), lanes(work.S, 6),
+        lanes(work.momenta, JOINT_COLUMNS), lanes(work.centre, 3),
+        first_if_none(second, lanes(work.S, 6), lanes(work.S, 12)),
         lanes(work.scales, 1), lanes(work.b, 1), lanes(work.rates, 1), lanes(work.metric, 1),
         lanes(work.basis, 1), lanes(work.normal, 1), lanes(work.right, 1), lanes(work.column, 1),
         lanes(work.gradient, 1), lanes(work.initial, 1), lanes(work.inside, 1),
         lanes(work.slacks, 1), lanes(work.across, 3), lanes(work.properties, 1),
-        lanes(work.carried, 3),
+        lanes(work.carried, 3), lanes(work.second_twist, 3),
     )  # fmt: skip
 
 
@@ -195,6 +216,27 @@ def robot_in_tables(robot: Robot, robots: Array | None, work: Workspace) -> Robo
         floats(robot.tool, 1), floats(robot.rows, 1), robot.n, robot.m, robot.planar,
         robot.pointing, robot.singular_speed, floats(robot.across, 3),
         Arms(robot.arms.number, robot.arms.density, floats(robot.arms.cells, 1)),
+        _second_in_tables(robot.second),
+    )  # fmt: skip
+
+
+@inner
+def _second_in_tables(second: Any) -> Any:
+    if second is None:
+        return None
+    return SecondArm(
+        second.joints, floats(second.masses, 1), floats(second.root, BODY_COLUMNS),
+        floats(second.root_in_base, BODY_COLUMNS), floats(second.base, 3), floats(second.tool, 1),
+        floats(second.across, 3), course_in_tables(second.course),
+    )  # fmt: skip
+
+
+@inner
+def course_in_tables(course: Course) -> Course:
+    """A course's arrays as tables."""
+    return Course(
+        course.duration, floats(course.segments, 1), course.number, course.degree,
+        floats(course.cells, 1), course.single_cell,
     )  # fmt: skip
 
 
@@ -207,13 +249,9 @@ def measure_in_tables(measure: Measure) -> Measure:
 @inner
 def problem_in_tables(problem: Problem, robots: Array | None, work: Workspace) -> Problem:
     """A problem's arrays as tables; the properties of robots that differ are those in the lanes."""
-    course, cones = problem.course, problem.cones
+    cones = problem.cones
     return Problem(
-        robot_in_tables(problem.robot, robots, work),
-        Course(
-            course.duration, floats(course.segments, 1), course.number, course.degree,
-            floats(course.cells, 1), course.single_cell,
-        ),
+        robot_in_tables(problem.robot, robots, work), course_in_tables(problem.course),
         measure_in_tables(problem.measure),
         _settings_in_tables(problem.null_space), floats(problem.tableau, 7),
         Cones(cones.number, cones.duration, floats(cones.table, CONE_COLUMNS)),
