@@ -172,9 +172,8 @@ class Kernels:
 
     def __init__(self, problem: ff.Problem) -> None:
         arrays = EnsembleIntegrator(problem, 1)._arrays
-        self.work = records.workspace_in_tables(
-            records.make_workspace(arrays.robot.n, arrays.robot.m)
-        )
+        work = records.make_workspace(arrays.robot.n, arrays.robot.m)
+        self.work = records.workspace_in_tables(work, None)
         self.problem = records.problem_in_tables(arrays, None, self.work)
         self.robot = self.problem.robot
 
