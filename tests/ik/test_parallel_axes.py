@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.branches import BranchSets, many_arm_branches, search_arm_branches
-from freefloat.robot.names import find_robot
 from freefloat.so3 import Array
 from tests.motions import gaps
 from tests.robots import inertial_text, joint_text, link_text, numbers, random_inertia
@@ -76,21 +73,6 @@ def test_random_arms_have_the_branches_that_a_search_finds(
         assert np.nanmin(gaps(closed.joints[reached], q[reached, None]), axis=1).max() < 1e-6
         assert (closed.exist.sum(axis=1) % 2 == 0).all()
         assert closed.exist.sum(axis=1).max() >= 4
-
-
-@pytest.mark.parametrize("name", ["ur5", "ur10"])
-def test_stock_arms_have_the_branches_that_a_search_finds(
-    name: str, rng: np.random.Generator
-) -> None:
-    model = ff.FreeFloatingModel.from_urdf(
-        find_robot(f"example-robot-data:{name}", Path()), "tool0"
-    )
-    virtual = VirtualManipulator.of(model)
-    assert virtual.has_three_parallel_axes
-    p, R, _, _ = virtual.kinematics(rng.uniform(-np.pi, np.pi, (60, 6)))
-    closed = many_arm_branches(model, p, R, ff.Task.POSE)
-    assert_the_same(closed, search_arm_branches(model, p, R, ff.Task.POSE))
-    assert closed.exist.sum(axis=1).max() == 8
 
 
 @pytest.mark.parametrize("joint", [2, 4])

@@ -1,4 +1,4 @@
-"""Motions of robots with a second arm on a joint curve."""
+"""Motions of robots with a second arm on a joint curve, or on a path of its own."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.ik.several_arms import newton_combination
 from freefloat.limits.limits import Limits
+from freefloat.motion.residuals import path_errors
 from freefloat.robot.mjcf_writer import robot_mjcf
 from freefloat.so3 import angle_between
 from freefloat.verification.engines.mujoco import forward_run
@@ -53,15 +55,22 @@ def changed(*keys, value):
     return scenario
 
 
+LAW = "robot", "arms", "left", "law"
+LEFT = {"line": {"from": [-0.9, 0.3, 0.0], "to": [-0.7, 0.6, 0.0]}}
+BOTH = changed(*LAW, value={"path": LEFT}) | {"margin": {"measure": "gjm", "value": 0.05}}
+
+
 @pytest.fixture
 def problem():
     return ff.load_scenario(PLANAR).problem()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [4, 17])  # position with a redundant arm, pose, both loaded
-def test_motions_agree_with_an_integration_of_our_own_and_with_mujoco(seed):
-    case = random_case(np.random.default_rng(seed))
+@pytest.mark.parametrize(  # position with a redundant arm, pose, both loaded; two redundant arms
+    ("seed", "both"), [(4, False), (17, False), ([5, 6], True)]
+)
+def test_motions_agree_with_an_integration_of_our_own_and_with_mujoco(seed, both):
+    case = random_case(np.random.default_rng(seed), both=both)
     problem, n = case.problem, case.problem.model.arm_dof
     motion = ff.integrate_motion(problem, case.attitude, case.joints)
     assert motion.completed
@@ -103,12 +112,29 @@ def test_a_momentum_free_motion_keeps_its_shape_at_another_speed(problem):
     assert motions[1].final.time == 60.0
 
 
+def test_combinations_of_branches_reach_both_poses_and_none_is_lost():
+    robot = ff.load_scenario("servicing/two_arms_both")
+    problem, attitude = robot.problem(), np.array([0.0, 0.0, 0.0, 1.0])
+    branches = problem.branches(attitude)
+    assert [branch.index for branch in branches] == [*range(64)]
+    assert branches[28].label == "shoulder+ elbow- wrist-, shoulder- elbow+ wrist+"
+    joints = np.array([branch.joints for branch in branches])
+    assert path_errors(problem, np.zeros(64), np.tile(attitude, (64, 1)), joints).max() < 1e-8
+    for q in np.random.default_rng(0).uniform(-np.pi, np.pi, (40, 12)):
+        found = newton_combination(problem.model, problem.path.poses(0.0), problem.task, q)
+        if np.isfinite(found).all():
+            assert problem.model.joint_distance(joints, found).min() < 1e-6
+
+
 @pytest.mark.slow
-def test_plans_are_saved_loaded_and_checked(tmp_path, problem):
+@pytest.mark.parametrize("scenario", [PLANAR, BOTH])
+def test_plans_are_saved_loaded_and_checked(tmp_path, scenario):
+    problem = ff.load_scenario(scenario).problem()
     plan = ff.plan(problem, ff.Search("robust"), Limits(joint_rate=[1.0] * 4))
     assert plan.feasible
     widths = [part.width for entry in plan.ranges for part in entry.ranges]
-    assert 0.5 < min(widths) < max(widths) < 2.0
+    turn = 2.0 * np.pi
+    assert 0.5 < min(widths) < max(widths) < 2.0 if problem.arms else widths == [turn] * 4
     ff.save(plan, tmp_path / "plan.h5")
     loaded = ff.load(tmp_path / "plan.h5")
     assert loaded.problem.model.joint_names[2:] == ("left_q1", "left_q2")
@@ -116,10 +142,11 @@ def test_plans_are_saved_loaded_and_checked(tmp_path, problem):
     assert {result.where for result in loaded.limit_results} & {"left_q1", "left_q2"}
     times = np.linspace(0.0, 20.0, 41)
     left = np.array([state.joints[2:] for state in loaded.chosen.motion.sample(times)])
-    np.testing.assert_allclose(left, problem.arms.at(times), atol=1e-9)
+    if problem.arms:
+        np.testing.assert_allclose(left, problem.arms.at(times), atol=1e-9)
     # what one motion of this arm does, another one may take from its file
     drawn = document("simulate", _written(tmp_path, _saved(tmp_path, "plan.h5")), "--heading", 190)
-    assert drawn["final"]["joints"][2:] == pytest.approx(WAYPOINTS[-1], abs=1e-6)
+    assert drawn["final"]["joints"][2:] == pytest.approx(left[-1], abs=1e-6)
 
 
 def _saved(folder, name):
@@ -166,13 +193,18 @@ def test_a_held_arm_is_part_of_the_spacecraft():
         (("robot", "arms", "left", "end_effector"), "lef", "robot.arms.left.end_effector"),
         (("robot", "arms", "left", "end_effector"), "link_1", "robot.arms.left.end_effector"),
         (("robot", "arms", "right", "law"), "held", "robot.arms.right.law"),
-        (("robot", "arms", "left", "law"), {"joints": [[1.0], [2.0]]},
+        (LAW, {"joints": [[1.0], [2.0]]},
          "robot.arms.left.law.joints.0"),
-        (("robot", "arms", "left", "law"), {"joints": "none.h5"}, "robot.arms.left.law.joints"),
-        (("robot", "arms", "left", "law"), {"joints": WAYPOINTS, "times": [0.0, 5.0, 30.0]},
+        (LAW, {"joints": "none.h5"}, "robot.arms.left.law.joints"),
+        (LAW, {"joints": WAYPOINTS, "times": [0.0, 5.0, 30.0]},
          "robot.arms.left.law.times"),
-        (("robot", "arms", "left", "law"), {"joints": WAYPOINTS, "times": [0.0, 20.0]},
+        (LAW, {"joints": WAYPOINTS, "times": [0.0, 20.0]},
          "robot.arms.left.law.times"),
+        (LAW, {"path": {**LEFT, "frame": "client"}}, "robot.arms.left.law.path.frame"),
+        (LAW, {"path": {"samples": "a.csv"}}, "robot.arms.left.law.path.samples"),
+        (LAW, {"path": {"line": {"from": [-0.9, 0.3, 0.1], "to": [0, 1, 0.1]}}},
+         "robot.arms.left.law.path"),
+        (LAW, {"path": {**LEFT, "speed": 1.0}}, "robot.arms.left.law.path.speed"),
         (("margin",), {"measure": "arm", "value": 1.0}, "margin.measure"),
         (("timing", "law"), "optimal", "robot.arms"),
         (("phases",), [{"joints": [0.1, 0.2], "duration": 10}], "robot.arms"),
@@ -184,7 +216,9 @@ def test_errors_name_the_key(tmp_path, keys, value, key):
     assert error("plan", _written(tmp_path, scenario))["key"] == key
 
 
-def test_what_needs_one_moving_arm_refuses_others(tmp_path, problem):
+@pytest.mark.parametrize("scenario", [PLANAR, BOTH])
+def test_what_needs_one_moving_arm_refuses_others(scenario):
+    problem = ff.load_scenario(scenario).problem()
     model, joints = problem.model, [0.5, 1.0, 0.3, 0.4]
     system = problem.system
     for call, *arguments in (

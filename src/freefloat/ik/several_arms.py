@@ -20,7 +20,7 @@ from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import first_moment
-from freefloat.ik.branches import BranchSets, closed_form, many_arm_branches
+from freefloat.ik.branches import BranchSets, ClosedForm, closed_form, many_arm_branches
 from freefloat.ik.chain import CONVERGED, EXACT, SAME, Chain, damped_step, task_rows
 from freefloat.ik.numbering import numbered_branches
 from freefloat.ik.vectors import rotation_vector, tilt
@@ -49,9 +49,9 @@ class _Arm:
     model: FreeFloatingModel
     joints: slice
 
-    def closed(self, task: Task) -> bool:
-        """Whether its branches have a closed form."""
-        return closed_form(self.model, task) is not None
+    def form(self, task: Task) -> ClosedForm | None:
+        """The closed form of its branches."""
+        return closed_form(self.model, task)
 
     @cached_property
     def chain(self) -> Chain:
@@ -208,17 +208,19 @@ class _Search:
             rows.append(task_rows(task, J, R[:, :, None]))
         return np.concatenate(errors), np.concatenate(rows)
 
+    def _branches_of(self, e: int, displacements: Array, pose: IntArray) -> BranchSets:
+        """The branches of an arm where the arms displace the centre of mass, (E, 3, N)."""
+        arm, other = self.arms[e], displacements.sum(axis=0) - displacements[e]
+        p, R = self.positions[e, pose] + other.T, self.rotations[e, pose]
+        sets = many_arm_branches(arm.model, p, R, self.task)
+        if arm.form(self.task) is None:
+            return sets
+        few = len(sets.labels)  # the first columns have the branches
+        return BranchSets(sets.joints[:, :few], sets.names[:, :few], sets.labels)
+
     def _single_branches(self, displacements: Array, pose: IntArray) -> list[BranchSets]:
-        """The branches of each arm where the arms displace the centre of mass, (E, 3, N)."""
-        others = np.moveaxis(displacements.sum(axis=0) - displacements, 1, -1)
-        sets = []
-        for arm, p, R, other in zip(self.arms, self.positions, self.rotations, others, strict=True):
-            part = many_arm_branches(arm.model, p[pose] + other, R[pose], self.task)
-            if arm.closed(self.task):  # its branches are in the first columns
-                few = len(part.labels)
-                part = BranchSets(part.joints[:, :few], part.names[:, :few], part.labels)
-            sets.append(part)
-        return sets
+        """The branches of each arm."""
+        return [self._branches_of(e, displacements, pose) for e in range(len(self.arms))]
 
     def _exist(self, sets: Sequence[BranchSets]) -> BoolArray:
         """Which combinations of the arms' branches exist, shape (K, C)."""
@@ -236,21 +238,26 @@ class _Search:
         self, sets: Sequence[BranchSets], q: Array, pose: IntArray, digits: IntArray
     ) -> tuple[IntArray, IntArray]:
         """Columns and names (N,) of the combinations to which some with other digits converged."""
+        d = np.array([arm.displacement(q[:, arm.joints].T) for arm in self.arms])
         names = []
         for e, arm in enumerate(self.arms):
-            if arm.closed(self.task):  # of a single branch: its signs
-                digits[e] = numbered_branches(
-                    arm.chain, self.task, q[:, arm.joints].T[:, None]
-                )[1].max(axis=1, initial=-1)  # fmt: skip
-                names.append(digits[e])
-            else:
-                names.append(sets[e].names[pose, digits[e]])
+            own = q[:, arm.joints]
+            if arm.form(self.task) is ClosedForm.PARALLEL_AXES:  # the number is that of its signs
+                _, signs = numbered_branches(arm.chain, self.task, own.T[:, None])
+                digits[e] = signs.max(axis=1, initial=-1)
+            elif arm.form(self.task) is not None:
+                near = self._branches_of(e, d, pose).joints
+                apart = arm.model.joint_distance(near, own[:, None])
+                digits[e] = np.where(np.isnan(apart), np.inf, apart).argmin(axis=1)
+            names.append(
+                sets[e].names[pose, digits[e]] if arm.form(self.task) is None else digits[e]
+            )
         columns = np.ravel_multi_index(tuple(digits), [part.names.shape[1] for part in sets])
         return columns, np.ravel_multi_index(tuple(names), [len(part.labels) for part in sets])
 
     def _drop_repeated(self, joints: Array, names: IntArray) -> None:
         """Drop combinations that equal earlier ones, as arms without closed form may have."""
-        if all(arm.closed(self.task) for arm in self.arms):
+        if all(arm.form(self.task) for arm in self.arms):
             return
         for row, name in zip(joints, names, strict=True):
             found = np.flatnonzero(name >= 0)
