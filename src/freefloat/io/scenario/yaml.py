@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -198,11 +199,17 @@ def _first_error(
     paths = [_keys_in(data, entry["loc"]) for entry in errors]
     first, keys = errors[0], paths[0]
     for entry, path in zip(errors, paths, strict=True):  # the alternative that was meant
-        if len(path) > len(keys) and path[: len(keys)] == keys and isinstance(path[-1], str):
+        unknown = first["type"] == "extra_forbidden"
+        within = len(path) > len(keys) and path[: len(keys)] == keys
+        if (within and (unknown or isinstance(path[-1], str))) or (
+            unknown and path == keys and entry["type"] != "extra_forbidden"
+        ):
             first, keys = entry, path
     kind, location, value = first["type"], first["loc"], first["input"]
     if kind == "extra_forbidden":
-        fields = section_at(schema, keys[:-1]).model_fields
+        sections = [section_at(schema, entry["loc"][:-1])
+                    for entry, path in zip(errors, paths, strict=True) if path == keys]  # fmt: skip
+        fields = {name: info for section in sections for name, info in section.model_fields.items()}
         known = [info.alias or name for name, info in fields.items()]
         hint = did_you_mean(str(keys[-1]), known)
         return keys, f"there is no such key{hint}", ", ".join(known)
@@ -257,11 +264,16 @@ def description_at(schema: type[BaseModel], location: Sequence[str | int]) -> st
 def _fields_on(
     schema: type[BaseModel], location: Sequence[str | int]
 ) -> Iterator[tuple[type[BaseModel], str, type[BaseModel]]]:
-    """Section and name of each field on a location, and the section to which it leads."""
-    for key in location:
+    """Section and name of each field on a location, and the section to which it leads.
+
+    Behind a field of several kinds of sections the location has the name of one of them.
+    """
+    for key, kind in zip_longest(location, location[1:]):
         for name, info in schema.model_fields.items():
             if key in (name, info.alias):
-                below = next(_sections_in(info.annotation), schema)
+                sections = [*_sections_in(info.annotation)]
+                meant = [section for section in sections if section.__name__ == kind]
+                below = next(iter(meant or sections), schema)
                 yield schema, name, below
                 schema = below
                 break
