@@ -1,10 +1,11 @@
 """Try to break what plans claim, on random problems: robust radii, tolerances, ranges of heading.
 
 The arms have two to seven joints, planar and spatial, redundant and not, with momentum and without,
-and any measure that suits them. For each claim a search of its own looks for a motion inside it
-that violates the margin or ends early: random points and sweeps, then random descents from the
-worst. What it finds counts only where the precise integration confirms it; the worst motions found
-are integrated precisely anyway. ``python scripts/attack_claims.py --problems 60`` prints counts and
+and any measure that suits them; with ``--two-arms`` there are two, the second of which is held, on
+a joint curve or on a path. For each claim a search of its own looks for a motion inside it that
+violates the margin or ends early: random points and sweeps, then random descents from the worst.
+What it finds counts only where the precise integration confirms it; the worst motions found are
+integrated precisely anyway. ``python scripts/attack_claims.py --problems 60`` prints counts and
 every broken claim; exit code 1 if there is one. ``--seed`` chooses other problems.
 """
 
@@ -17,7 +18,7 @@ from collections import Counter
 
 import numpy as np
 from attacks.claims import attacks
-from attacks.problems import random_problem
+from attacks.problems import random_problem, random_two_arms
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
@@ -30,6 +31,7 @@ def main() -> int:
     parser.add_argument("--problems", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", help="part of the description of a problem")
+    parser.add_argument("--two-arms", action="store_true", help="robots with two arms")
     arguments = parser.parse_args()
     console = Console(stderr=True)
     claims, points, broken = Counter(), Counter(), Counter()
@@ -37,7 +39,7 @@ def main() -> int:
     numbers = range(arguments.problems)
     for number in track(numbers, console=console, disable=not console.is_terminal):
         rng = np.random.default_rng([arguments.seed, number])
-        text, problem, search = random_problem(rng)
+        text, problem, search = (random_two_arms if arguments.two_arms else random_problem)(rng)
         if arguments.only not in text:
             continue
         start = time.perf_counter()

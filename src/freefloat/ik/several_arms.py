@@ -3,12 +3,13 @@
 An arm sees the others by their common centre of mass alone: where they displace it by d, its
 end-effector is displaced by -d. With guesses of these displacements each arm has the branches of a
 single one; Newton's method for all joints together starts from their combinations. The guesses are
-the mean displacement over the joint space and, for combinations that it misses, six about it.
+the mean displacements over the joint space and, for combinations that these miss, those of the
+branches that they give.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import product
@@ -72,13 +73,11 @@ class _Arm:
         return np.asarray(self._moment.jacobian(self._moment.kinematics(q))[:3])
 
     @cached_property
-    def guesses(self) -> Array:
-        """Displacements: their mean, and a standard deviation to each side of it, shape (7, 3)."""
+    def mean_displacement(self) -> Array:
+        """The mean over the joint space, shape (3, 1)."""
         lower, upper = joint_box(self.model)
         q = lower + (upper - lower) * low_discrepancy(_SAMPLES, self.model.dof)
-        d = self.displacement(q.T)
-        aside = np.diag(d.std(axis=1))
-        return np.asarray(d.mean(axis=1) + np.vstack([np.zeros(3), aside, -aside]))
+        return np.asarray(self.displacement(q.T).mean(axis=1, keepdims=True))
 
 
 def several_arm_branches(
@@ -142,30 +141,57 @@ class _Search:
 
     def combinations(self, only: IntArray | None) -> BranchSets:
         """The combinations; see :func:`several_arm_branches`."""
-        guesses = np.stack([arm.guesses for arm in self.arms], axis=1)[..., None]
+        mean = np.array([arm.mean_displacement for arm in self.arms])
         every = np.arange(self.positions.shape[1])
-        first = self._single_branches(guesses[0], every)
-        shape = tuple(part.names.shape[1] for part in first)
-        labels = tuple(map(", ".join, product(*(part.labels for part in first))))
-        joints = np.full((len(every), prod(shape), self.arms[-1].joints.stop), np.nan)
-        names = np.full(joints.shape[:2], -1)
-        wanted = np.ones_like(names, dtype=bool)
-        if only is not None:
+        sets = [self._branches_of(e, mean, every) for e in range(len(self.arms))]
+        labels = tuple(map(", ".join, product(*(part.labels for part in sets))))
+        shape = tuple(part.names.shape[1] for part in sets)
+        joints = np.full((len(sets[0]), prod(shape), self.arms[-1].joints.stop), np.nan)
+        names, wanted = np.full(joints.shape[:2], -1), np.ones(joints.shape[:2], dtype=bool)
+        closed = all(arm.form(self.task) for arm in self.arms)
+        if only is not None and closed:
             wanted = np.arange(names.shape[1]) == only[:, None]
-        for number, guess in enumerate(guesses):
-            sets = self._single_branches(guess, every) if number else first
-            pose, column = np.nonzero(self._exist(sets) & wanted & (names < 0))
+        for guess, poses in self._guesses(sets, mean, shape, lambda: wanted & (names < 0)):
+            missing = wanted[poses] & (names[poses] < 0) if closed else wanted[poses]
+            row, column = np.nonzero(self._exist(guess) & missing)
             digits = np.array(np.unravel_index(column, shape))
-            parts = [part.joints[pose, digit] for part, digit in zip(sets, digits, strict=True)]
-            q = self.solved(np.concatenate(parts, axis=1), pose)
+            parts = [part.joints[row, digit] for part, digit in zip(guess, digits, strict=True)]
+            q = self.solved(np.concatenate(parts, axis=1), poses[row])
             (found,) = np.nonzero(np.isfinite(q).all(axis=1))
-            q, pose = q[found], pose[found]
-            place, name = self._numbers(sets, q, pose, digits[:, found])
-            _, new = np.unique(pose * names.shape[1] + place, return_index=True)
-            new = new[names[pose[new], place[new]] < 0]
-            joints[pose[new], place[new]], names[pose[new], place[new]] = q[new], name[new]
-        self._drop_repeated(joints, names)
+            place, name = self._numbers(
+                guess, q[found], row[found], poses[row[found]], digits[:, found]
+            )
+            add = _add if closed else self._add_new
+            add(joints, names, q[found], poses[row[found]], place, name)
         return BranchSets(joints, names, labels)
+
+    def _guesses(
+        self, sets: list[BranchSets], mean: Array, shape: tuple[int, ...],
+        missing: Callable[[], BoolArray],
+    ) -> Iterator[tuple[list[BranchSets], IntArray]]:  # fmt: skip
+        """Branches of the arms from which Newton's method starts, and their instants (N,).
+
+        First those where all arms have their mean displacement; then each of those of one arm, with
+        those of the others where this arm has its own displacement.
+        """
+        yield sets, np.arange(len(sets[0]))
+        for e, arm in enumerate(self.arms):
+            for digit in range(shape[e]):
+                lacking = missing().reshape(-1, *shape).take([digit], axis=e + 1)
+                lacks = np.any(lacking, axis=tuple(range(1, lacking.ndim)))
+                poses = np.flatnonzero(sets[e].exist[:, digit] & lacks)
+                if not poses.size:
+                    continue
+                own = np.full((len(poses), *sets[e].joints.shape[1:]), np.nan)
+                own[:, digit] = sets[e].joints[poses, digit]
+                names = np.where(np.arange(shape[e]) == digit, sets[e].names[poses], -1)
+                displacements = np.repeat(mean, len(poses), axis=2)
+                displacements[e] = arm.displacement(own[:, digit].T)
+                yield [
+                    BranchSets(own, names, sets[e].labels) if other == e
+                    else self._branches_of(other, displacements, poses)
+                    for other in range(len(self.arms))
+                ], poses  # fmt: skip
 
     def solved(self, q: Array, pose: IntArray) -> Array:
         """The joints (N, n) to which Newton's method converges from others, else NaN.
@@ -218,13 +244,9 @@ class _Search:
         few = len(sets.labels)  # the first columns have the branches
         return BranchSets(sets.joints[:, :few], sets.names[:, :few], sets.labels)
 
-    def _single_branches(self, displacements: Array, pose: IntArray) -> list[BranchSets]:
-        """The branches of each arm."""
-        return [self._branches_of(e, displacements, pose) for e in range(len(self.arms))]
-
     def _exist(self, sets: Sequence[BranchSets]) -> BoolArray:
         """Which combinations of the arms' branches exist, shape (K, C)."""
-        every = np.ones((self.positions.shape[1], 1), dtype=bool)
+        every = np.ones((len(sets[0]), 1), dtype=bool)
         for arm, part in zip(self.arms, sets, strict=True):
             exist = part.exist
             if arm.model.dof > len(self.task.rows):  # evenly spaced ones of a continuum
@@ -235,9 +257,12 @@ class _Search:
         return every
 
     def _numbers(
-        self, sets: Sequence[BranchSets], q: Array, pose: IntArray, digits: IntArray
+        self, sets: Sequence[BranchSets], q: Array, row: IntArray, pose: IntArray, digits: IntArray
     ) -> tuple[IntArray, IntArray]:
-        """Columns and names (N,) of the combinations to which some with other digits converged."""
+        """Columns and names (N,) of the combinations to which some with other digits converged.
+
+        These are those of rows of sets.
+        """
         d = np.array([arm.displacement(q[:, arm.joints].T) for arm in self.arms])
         names = []
         for e, arm in enumerate(self.arms):
@@ -250,21 +275,34 @@ class _Search:
                 apart = arm.model.joint_distance(near, own[:, None])
                 digits[e] = np.where(np.isnan(apart), np.inf, apart).argmin(axis=1)
             names.append(
-                sets[e].names[pose, digits[e]] if arm.form(self.task) is None else digits[e]
+                sets[e].names[row, digits[e]] if arm.form(self.task) is None else digits[e]
             )
         columns = np.ravel_multi_index(tuple(digits), [part.names.shape[1] for part in sets])
         return columns, np.ravel_multi_index(tuple(names), [len(part.labels) for part in sets])
 
-    def _drop_repeated(self, joints: Array, names: IntArray) -> None:
-        """Drop combinations that equal earlier ones, as arms without closed form may have."""
-        if all(arm.form(self.task) for arm in self.arms):
-            return
-        for row, name in zip(joints, names, strict=True):
-            found = np.flatnonzero(name >= 0)
-            q = row[found]
-            apart = np.max([
-                arm.model.joint_distance(q[:, None, arm.joints], q[None, :, arm.joints])
-                for arm in self.arms
-            ], axis=0)  # fmt: skip
-            repeated = found[np.tril(apart < SAME, -1).any(axis=1)]
-            row[repeated], name[repeated] = np.nan, -1
+    def _add_new(
+        self, joints: Array, names: IntArray, q: Array, pose: IntArray, place: IntArray,
+        name: IntArray,
+    ) -> None:  # fmt: skip
+        """Write combinations (N, n) that are no earlier ones to their columns, or to free ones.
+
+        What has the same number with other guesses need not be the same.
+        """
+        for new, k, column, number in zip(q, pose.tolist(), place.tolist(), name, strict=True):
+            known = joints[k, names[k] >= 0]
+            apart = [
+                arm.model.joint_distance(known[:, arm.joints], new[arm.joints]) for arm in self.arms
+            ]
+            free = np.flatnonzero(names[k] < 0)
+            if len(free) and np.max(apart, axis=0).min(initial=np.inf) > SAME:
+                column = column if names[k, column] < 0 else free[0]
+                joints[k, column], names[k, column] = new, number
+
+
+def _add(
+    joints: Array, names: IntArray, q: Array, pose: IntArray, place: IntArray, name: IntArray
+) -> None:
+    """Write combinations (N, n), the first of each number, where there is none."""
+    _, new = np.unique(pose * names.shape[1] + place, return_index=True)
+    new = new[names[pose[new], place[new]] < 0]
+    joints[pose[new], place[new]], names[pose[new], place[new]] = q[new], name[new]
