@@ -85,7 +85,7 @@ def attack_momentum(motions: Motions, plan: ff.Plan, rng: np.random.Generator) -
 def attack_duration(motions: Motions, plan: ff.Plan, rng: np.random.Generator) -> Claim:
     """Durations between the shortest and the longest; precise motions have another timing."""
     problem, tolerance = plan.problem, plan.tolerance
-    duration, path = problem.path.duration, problem.path
+    duration = problem.path.duration
     attitude, joints = plan.chosen.motion.initial.attitude, plan.chosen.motion.initial.joints
     ends = tolerance.shortest / INSIDE, tolerance.longest * INSIDE
     bounds = np.log(np.array(ends) / duration)
@@ -95,8 +95,7 @@ def attack_duration(motions: Motions, plan: ff.Plan, rng: np.random.Generator) -
         return motions.values(*states, Systems.of(problem, np.exp(powers) * problem.momentum))
 
     def breaks(power: np.ndarray) -> bool:
-        timing = replace(path.timing, duration=duration * float(np.exp(power[0])))
-        return not keeps(replace(problem, path=replace(path, timing=timing)), attitude, joints)
+        return not keeps(problem.stretched(float(np.exp(power[0]))), attitude, joints)
 
     points, low, tried = lowest(
         value, rng.uniform(*bounds, (descent.POINTS, 1)), lambda p: np.clip(p, *bounds),

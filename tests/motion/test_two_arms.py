@@ -174,19 +174,6 @@ def _with_motion(simulation, motion):
     return replace(simulation, branches=(chosen,), chosen=chosen)
 
 
-def test_a_held_arm_is_part_of_the_spacecraft():
-    held = changed("robot", "arms", "left", "law", value="held")
-    held["robot"]["held"] = {"left_q1": 0.3, "left_q2": 0.4}
-    problem, moving = ff.load_scenario(held).problem(), ff.load_scenario(PLANAR).problem()
-    assert problem.model.dof == 2
-    chain = moving.chain()
-    heading = [0.0, 0.0, 0.0, 1.0]
-    np.testing.assert_allclose(
-        [b.joints for b in problem.branches(heading)], [b.joints for b in moving.branches(heading)]
-    )
-    assert chain.bodies[0].mass == pytest.approx(problem.model.bodies[0].mass)
-
-
 @pytest.mark.parametrize(
     ("keys", "value", "key"),
     [
