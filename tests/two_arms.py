@@ -52,10 +52,7 @@ class Case:
 
 
 def random_case(rng: np.random.Generator, *, both: bool = False) -> Case:
-    """A case with 4 to 14 joints, a fifth of them prismatic; half of the cases have momenta.
-
-    The other arm moves along a joint curve, or both follow lines.
-    """
+    """A case of a joint curve, or of two lines; 4 to 14 joints; half of the cases have momenta."""
     task = str(rng.choice(["pose", "position"]))
     count = int(rng.integers(6, 9) if task == "pose" else rng.integers(3, 7))
     other = int(rng.integers(1, min(7, 15 - count)))

@@ -113,8 +113,8 @@ def test_a_momentum_free_motion_keeps_its_shape_at_another_speed(problem):
 
 
 def test_combinations_of_branches_reach_both_poses_and_none_is_lost():
-    robot = ff.load_scenario("servicing/two_arms_both")
-    problem, attitude = robot.problem(), np.array([0.0, 0.0, 0.0, 1.0])
+    problem = ff.load_scenario("servicing/two_arms_both").problem()
+    attitude = np.array([0.0, 0.0, 0.0, 1.0])
     branches = problem.branches(attitude)
     assert [branch.index for branch in branches] == [*range(64)]
     assert branches[28].label == "shoulder+ elbow- wrist-, shoulder- elbow+ wrist+"
@@ -133,8 +133,7 @@ def test_plans_are_saved_loaded_and_checked(tmp_path, scenario):
     plan = ff.plan(problem, ff.Search("robust"), Limits(joint_rate=[1.0] * 4))
     assert plan.feasible
     widths = [part.width for entry in plan.ranges for part in entry.ranges]
-    turn = 2.0 * np.pi
-    assert 0.5 < min(widths) < max(widths) < 2.0 if problem.arms else widths == [turn] * 4
+    assert 0.5 < min(widths) < max(widths) < 2.0 if problem.arms else widths == [2 * np.pi] * 4
     ff.save(plan, tmp_path / "plan.h5")
     loaded = ff.load(tmp_path / "plan.h5")
     assert loaded.problem.model.joint_names[2:] == ("left_q1", "left_q2")
