@@ -78,6 +78,12 @@ class Pose:
         """The pose relative to a frame with the same origin, rotated by ``rotation`` (3, 3)."""
         return Pose(rotation.T @ self.position, rotation.T @ self.rotation)
 
+    def seen_from_each(self, attitudes: Array) -> tuple[Array, Array]:
+        """Positions (K, 3) and rotations (K, 3, 3) relative to frames with attitudes (K, 4)."""
+        R0 = Rotation.from_quat(attitudes).as_matrix()
+        position = np.einsum("kji,j->ki", R0, self.position)
+        return position, np.einsum("kji,jl->kil", R0, self.rotation)
+
 
 def unit_vector(key: str, values: npt.ArrayLike) -> Array:
     """A normalized direction, shape (3,).

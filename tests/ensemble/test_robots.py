@@ -9,7 +9,7 @@ import freefloat as ff
 from freefloat.dynamics.link_frames import inertial_row, link_frames
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.robots import Robots
-from freefloat.motion.problem import mean_inertia
+from freefloat.motion.revolutions import mean_inertia
 from freefloat.robot.parts import Mount
 from tests.motions import GOOD, bundled
 from tests.robots import random_robot

@@ -103,6 +103,14 @@ def test_measures_are_those_of_the_robot_with_the_other_arm_fixed():
         assert value == pytest.approx(ff.singularity_measure(fixed, task, name)(own), rel=1e-10)
 
 
+def test_a_path_in_the_frame_of_the_spacecraft_begins_where_that_is_with_both_arms(problem):
+    joints = [0.5, 0.8]
+    own = {"path": {**PLANAR["path"], "frame": "spacecraft"}, "search": {"joints": joints}}
+    seen = ff.load_scenario(PLANAR | own).problem().path.pose(0.0).position
+    root = problem.model.body_poses([0.0, 0.0, 0.0, 1.0], [*joints, *WAYPOINTS[0]])[0]
+    assert seen == pytest.approx(root.position + np.array([0.9, 0.2, 0.0]), abs=1e-12)
+
+
 def test_a_momentum_free_motion_keeps_its_shape_at_another_speed(problem):
     still = problem.replace(momentum=np.zeros(3))
     attitude = [0.0, 0.0, 0.0, 1.0]

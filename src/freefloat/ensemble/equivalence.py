@@ -17,7 +17,8 @@ from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.systems import Systems
 from freefloat.errors import LARGEST_NUMBER, InputError, number_array
 from freefloat.motion.planar_requirements import require_in_plane, require_level
-from freefloat.motion.problem import MAX_REVOLUTIONS, Problem
+from freefloat.motion.problem import Problem
+from freefloat.motion.revolutions import MAX_REVOLUTIONS
 from freefloat.so3 import Array, BoolArray, IntArray
 
 FACTORS = "numbers from 1e-6 to 1e6", 1e-6, 1e6

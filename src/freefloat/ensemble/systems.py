@@ -9,7 +9,8 @@ import numpy as np
 from freefloat.dynamics.system import System
 from freefloat.ensemble.robots import Robots
 from freefloat.errors import InputError
-from freefloat.motion.problem import Problem, mean_inertia, revolutions
+from freefloat.motion.problem import Problem
+from freefloat.motion.revolutions import mean_inertia, revolutions
 from freefloat.so3 import Array, BoolArray, IntArray
 
 

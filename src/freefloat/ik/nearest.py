@@ -59,12 +59,7 @@ def closest_branches(
         The branches, at most one at each pose; that of a redundant arm is in column 0.
     """
     if model.dof <= len(task.rows):
-        sets = many_arm_branches(model, positions, rotations, task)
-        shifted, distance = _distances(model, sets.joints, joints[..., None, :])
-        closest = distance == distance.min(axis=1, keepdims=True)
-        closest &= sets.exist & (np.cumsum(closest, axis=1) == 1)  # the first of equals
-        chosen = np.where(closest[..., None], shifted, np.nan)
-        return BranchSets(chosen, np.where(closest, sets.names, -1), sets.labels)
+        return closest_of(model, many_arm_branches(model, positions, rotations, task), joints)
     p, R = np.reshape(positions, (-1, 3)), np.reshape(rotations, (-1, 3, 3))
     lower, upper = model.joint_ranges
     nearby = newton_solutions(model, p, R, task, joints)
@@ -78,6 +73,15 @@ def closest_branches(
     nearby[others] = shifted[np.arange(len(others)), np.argmin(distance, axis=1)]
     names = np.where(np.isfinite(nearby).all(axis=1), 0, -1)
     return BranchSets(nearby[:, None], names[:, None], ("closest",))
+
+
+def closest_of(model: FreeFloatingModel, sets: BranchSets, joints: Array) -> BranchSets:
+    """Of K sets of arm branches the one closest to joint values (n,) or (K, n)."""
+    shifted, distance = _distances(model, sets.joints, joints[..., None, :])
+    closest = distance == distance.min(axis=1, keepdims=True)
+    closest &= sets.exist & (np.cumsum(closest, axis=1) == 1)  # the first of equals
+    chosen = np.where(closest[..., None], shifted, np.nan)
+    return BranchSets(chosen, np.where(closest, sets.names, -1), sets.labels)
 
 
 def newton_solutions(

@@ -9,12 +9,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import (
     Task,
-    inertia_matrices,
     require_enough_joints,
     task_rows,
 )
@@ -22,13 +20,15 @@ from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.system import System
 from freefloat.dynamics.virtual_manipulator import reach_bound
-from freefloat.errors import InputError, finite_number, require_type
+from freefloat.errors import InputError, require_type
 from freefloat.ik.branches import ArmBranch, BranchSets, arm_branches, many_arm_branches
-from freefloat.ik.nearest import closest_branches, newton_configuration
+from freefloat.ik.nearest import closest_branches, closest_of, newton_configuration
 from freefloat.ik.several_arms import several_arm_branches
 from freefloat.motion.arm_curves import ArmCurves
+from freefloat.motion.attitude_values import checked_attitude
 from freefloat.motion.margin import Margin
 from freefloat.motion.planar_requirements import require_planar
+from freefloat.motion.revolutions import require_few_revolutions
 from freefloat.paths.orientation import FreeOrientation
 from freefloat.paths.timing import TimedPath
 from freefloat.robot.model import FreeFloatingModel
@@ -36,9 +36,7 @@ from freefloat.scene.scene import Scene
 from freefloat.so3 import (
     Array,
     IntArray,
-    Pose,
     frozen,
-    heading_quaternion,
     rotation_matrix,
     unit_quaternion,
     zeros,
@@ -48,8 +46,6 @@ Prescribed = tuple[Array, float, Array | None]
 """Twist of the end-effector, path speed ds/dt, joint rates of further arms that move."""
 Leg = Callable[[float], tuple[Any, ...]]
 """By time: twist, path speed, and joint values and rates of further arms that move."""
-MAX_REVOLUTIONS = 50
-"""Most rotations of the system along a path: the time of an integration depends on them."""
 _APART = 1e-6
 """Smallest distance of breaks, as a fraction of the duration."""
 _NEAR, _SAME = 0.05, 1e-6
@@ -122,7 +118,7 @@ class Problem:
         self.scene.require_applicable(self.model, self.path.duration)
         if self.task.planar:
             require_planar(self.system, self.path, self.task)
-        self._require_few_revolutions()
+        require_few_revolutions(self.system, self.path.duration)
 
     def _require_paths(self) -> None:
         """Raise an InputError unless there is a path for each arm, as the task needs it."""
@@ -240,18 +236,6 @@ class Problem:
         """Solver of equation (4) for this problem."""
         return ResolvedRateSolver(self.system, self.task, self.redundancy)
 
-    def _require_few_revolutions(self) -> None:
-        """The time of an integration grows with the rotations of the spacecraft."""
-        inertia, duration = mean_inertia(self.model), self.path.duration
-        turns = float(revolutions(self.momentum, self.wheel_momentum, inertia, duration))
-        if turns > MAX_REVOLUTIONS:
-            raise InputError(
-                "momentum",
-                f"{self.system.momentum_bound:g} N m s rotates the system {turns:.3g} times in "
-                f"{self.path.duration:g} s",
-                f"momentum and duration of at most {MAX_REVOLUTIONS} revolutions",
-            )
-
     def attitude(
         self,
         values: npt.ArrayLike | None = None,
@@ -273,23 +257,7 @@ class Problem:
             InputError: If it is no unit quaternion or, for planar tasks, not a rotation about z;
                 if both or neither are given, or a heading for another task.
         """
-        accepted = "an attitude x, y, z, w"
-        if self.task.planar:
-            accepted += " or a heading [rad]"
-        if heading is not None:
-            if values is not None or not self.task.planar:
-                also = "" if values is None else " and attitude"
-                problem = f"{heading}{also} was given, task {self.task}"
-                raise InputError("heading", problem, accepted)
-            return frozen(heading_quaternion(finite_number("heading", heading, "an angle [rad]")))
-        if values is None:
-            raise InputError(key, "it is missing", accepted)
-        attitude = unit_quaternion(key, values)
-        if self.task.planar and np.abs(attitude[:2]).max() > 1e-9:
-            raise InputError(
-                key, f"{attitude.tolist()} leaves the plane", "a rotation about z: [0, 0, z, w]"
-            )
-        return attitude
+        return checked_attitude(self.task, values, heading, key)
 
     def branches(self, attitude: npt.ArrayLike, t: float = 0.0) -> tuple[ArmBranch, ...]:
         """All arm configurations with the end-effector on the path; see also ``start_joints``.
@@ -323,27 +291,20 @@ class Problem:
 
     def poses_seen_from(self, attitudes: Array, t: float = 0.0) -> tuple[Array, Array]:
         """Positions (K, 3) and rotations (K, 3, 3) of the path relative to attitudes (K, 4)."""
-        return _seen_from(attitudes, self.path.pose(t))
+        return self.path.pose(t).seen_from_each(attitudes)
 
     def _many_combinations(
         self, attitudes: Array, t: float, branch: int | IntArray | None
     ) -> BranchSets:
         """The branches of several arms that follow paths; see also ``start_joints``."""
-        seen = [_seen_from(attitudes, pose) for pose in self.path.poses(t)]
+        seen = [pose.seen_from_each(attitudes) for pose in self.path.poses(t)]
         positions, rotations = (np.array(part) for part in zip(*seen, strict=True))
         near = self.start_joints if t == 0.0 else None
-        only = (
-            None if branch is None or near is not None else np.broadcast_to(branch, len(attitudes))
-        )
+        only = None
+        if branch is not None and near is None:
+            only = np.broadcast_to(branch, len(attitudes))
         sets = several_arm_branches(self.chain(t), positions, rotations, self.task, only)
-        if near is None:
-            return sets
-        apart = self.model.joint_distance(sets.joints, near)
-        apart = np.where(sets.exist, apart, np.inf)
-        closest = np.arange(apart.shape[1]) == apart.argmin(axis=1)[:, None]
-        closest &= sets.exist
-        joints = np.where(closest[..., None], sets.joints, np.nan)
-        return BranchSets(joints, np.where(closest, sets.names, -1), sets.labels)
+        return sets if near is None else closest_of(self.chain(t), sets, near)
 
     def closest_start(self, attitude: npt.ArrayLike) -> Array | None:
         """Joints (n,) at the start closest to ``start_joints``; None without, or out of reach."""
@@ -389,34 +350,6 @@ class Problem:
             f"within {_NEAR} rad each of: "
             + "; ".join(f"{b.index} {np.round(b.joints, 4).tolist()}" for b in branches),
         )
-
-
-def _seen_from(attitudes: Array, pose: Pose) -> tuple[Array, Array]:
-    """Position (K, 3) and rotation (K, 3, 3) of a pose relative to attitudes (K, 4)."""
-    R0 = Rotation.from_quat(attitudes).as_matrix()
-    position = np.einsum("kji,j->ki", R0, pose.position)
-    return position, np.einsum("kji,jl->kil", R0, pose.rotation)
-
-
-def mean_inertia(model: FreeFloatingModel) -> float:
-    """Mean of the robot's principal moments of inertia at zero joints [kg m²]."""
-    locked_inertia, _ = inertia_matrices(model, np.zeros(model.dof))
-    return float(np.trace(locked_inertia)) / 3.0
-
-
-def revolutions(
-    momenta: Array, wheels: Array, inertia: Array | float, duration: Array | float
-) -> Array:
-    """How often systems rotate along a path, shape (...).
-
-    Args:
-        momenta: Angular momenta [N m s], shape (..., 3).
-        wheels: Momenta stored in wheels [N m s], likewise.
-        inertia: Mean moments of inertia [kg m²], shape (...).
-        duration: Duration of the path [s], shape (...).
-    """
-    magnitudes = np.linalg.norm(momenta, axis=-1) + np.linalg.norm(wheels, axis=-1)
-    return np.asarray(magnitudes / inertia * duration / (2.0 * np.pi))
 
 
 def require_problem(value: object) -> None:

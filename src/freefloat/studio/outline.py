@@ -33,7 +33,8 @@ def outline(scenario: Scenario, problem: Problem, largest: float) -> dict[str, A
         largest: Largest magnitude of the measure over the joint space.
     """
     content = scenario.content
-    frame = frame_of(content.path.frame, problem.model, scenario.search(), problem.scene)
+    now = problem.arms.at(0.0).tolist()
+    frame = frame_of(content.path.frame, problem.model, scenario.search(), problem.scene, now)
     margin = problem.margin
     fraction = content.margin.fraction
     return {

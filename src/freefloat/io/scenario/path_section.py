@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -50,7 +51,12 @@ _INERTIAL = Pose(np.zeros(3), np.eye(3))
 
 
 def frame_of(
-    kind: PathFrame | str, model: FreeFloatingModel, search: Search, scene: Scene, joint: int = 0
+    kind: PathFrame | str,
+    model: FreeFloatingModel,
+    search: Search,
+    scene: Scene,
+    further: Sequence[float] = (),
+    joint: int = 0,
 ) -> Pose | SceneBody | None:
     """The frame of a path relative to the inertial one, at the present attitude and joints.
 
@@ -59,6 +65,7 @@ def frame_of(
         model: Robot.
         search: Present attitude and joints.
         scene: Bodies beside the robot.
+        further: Present joint values of arms on joint curves.
         joint: Number of the first joint of the arm that follows the path.
 
     Returns:
@@ -79,8 +86,8 @@ def frame_of(
     if search.joints is None:
         problem = f"{kind} needs search.joints, which is missing"
         raise InputError("path.frame", problem, "inertial, or the present joints in search.joints")
-    joints = model.joint_vector(search.joints, "search.joints")
-    attitude = search.from_attitude
+    joints = model.joint_vector(search.joints, "search.joints")[: model.arm_dof]
+    joints, attitude = np.concatenate([joints, further]), search.from_attitude
     attitude = np.array([0.0, 0.0, 0.0, 1.0]) if attitude is None else attitude
     return frames_at(model, attitude, joints, joint)[kind]
 

@@ -112,7 +112,8 @@ class Scenario:
                 raise InputError("goal", problem, "path, timing and task; plan finds the motion")
         with self.error_context():
             scene = content.scene.to_scene(folder, self.shapes)
-            frame = frame_of(content.path.frame, model, self.search(), scene)
+            now = arms.at(0.0).tolist()
+            frame = frame_of(content.path.frame, model, self.search(), scene, now)
         with self.error_context("path."):
             known = frame if isinstance(frame, Pose) else None
             path = path_of(content.path, content.task, self.samples, folder, known)
@@ -128,7 +129,7 @@ class Scenario:
                 redundancy = Redundancy(**content.redundancy.model_dump(exclude_none=True))
             drift = np.array(content.drift)
             timed = timed_path(path, timing, drift, frame)
-        further = self._paths_of_arms(timing, drift, scene)
+        further = self._paths_of_arms(timing, drift, scene, now)
         with self.error_context():
             if further:
                 timed = PathStack.of(timed, further)
@@ -138,7 +139,9 @@ class Scenario:
                 wheel_momentum=np.array(content.wheels.momentum), arms=arms,
             )  # fmt: skip
 
-    def _paths_of_arms(self, timing: Timing, drift: Array, scene: Scene) -> dict[str, TimedPath]:
+    def _paths_of_arms(
+        self, timing: Timing, drift: Array, scene: Scene, now: list[float]
+    ) -> dict[str, TimedPath]:
         """The paths of further arms that follow one of their own."""
         model, paths = self.model(), {}
         for name, section in paths_of_arms(self.content.robot.arms).items():
@@ -148,7 +151,7 @@ class Scenario:
                     problem = "a file was given for the path of a further arm"
                     raise InputError("path.samples", problem, "waypoints, or another curve")
                 joint = model.joint_names.index(model.joints_of_arm(name)[0])
-                frame = frame_of(section.frame, model, self.search(), scene, joint)
+                frame = frame_of(section.frame, model, self.search(), scene, now, joint)
             with self.error_context(f"{key}."):
                 known = frame if isinstance(frame, Pose) else None
                 path = path_of(section, self.content.task, None, self.source.parent, known)
