@@ -194,7 +194,7 @@ class Relaxation:
             weight = _SHAPES * strong
             sums.add(weight * found.amounts, weight * found.jacobian(paths, course))
         penalty = sums.value - effort
-        error, of_end = self.target.error(paths, course), self.target.derivative(paths, course)
+        error, of_end = self.target.linearized(paths, course)
         if self.timed and reference is not None:
             sums.value += course.duration / reference
             sums.gradient[-1] += 1.0 / reference

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -10,8 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.momentum import Task, end_effector_jacobian
-from freefloat.dynamics.system import System
+from freefloat.dynamics.momentum import Task, system_matrix
 from freefloat.motion.problem import Problem
 from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, Pose, rotation_vector_between
@@ -19,8 +19,11 @@ from freefloat.so3 import Array, Pose, rotation_vector_between
 if TYPE_CHECKING:  # goals of scenarios are read without compiled kernels
     from freefloat.planning.goals.joint_paths import Course, JointPaths
 
+_UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 _STEP = 1e-6
-"""Step of the differences [rad, m]; of the duration over that."""
+"""Step of the differences [rad, m, rad/s, m/s, s]."""
+_SMALL = 1e-4
+"""Half an angle below which a series is exact [rad]."""
 _LATER = 1e-4
 """Half the difference of times in the twist of a body [s]."""
 
@@ -94,13 +97,12 @@ class Target:
         if self.attitude is not None:
             parts.append(rotation_vector_between(self.attitude, end.attitude))
         if self.pose is not None:
-            quaternion = Rotation.from_matrix(end.attitude).as_quat()
             goal, twist = self._goal(end.time)
-            pose = self.problem.model.end_effector_pose(quaternion, end.joints)
+            pose = self._pose(end)
             turn = rotation_vector_between(goal.rotation, pose.rotation)
             parts.append(np.concatenate([pose.position - goal.position, turn])[rows])
             if self.body is not None:
-                parts.append((self._twist(end, quaternion) - twist)[rows])
+                parts.append((self._twist(end) - twist)[rows])
         return np.concatenate(parts) if parts else np.zeros(0)
 
     def distance_text(self, residuals: Array) -> str:
@@ -115,17 +117,17 @@ class Target:
                 parts.append(f"its orientation {np.degrees(np.linalg.norm(rest[3:6])):.3g} deg")
         return ", ".join(parts)
 
-    def _twist(self, end: EndState, quaternion: Array) -> Array:
-        """Twist of the end-effector relative to the centre of mass, inertial axes, shape (6,)."""
-        system, joints, rates = self._still, end.joints, end.joint_rates
-        base = system.base_twist(quaternion, joints, rates)
-        J = end_effector_jacobian(system.model, joints, quaternion)
-        return np.asarray(J @ np.concatenate([base, rates]))
+    def _pose(self, end: EndState) -> Pose:
+        """Pose of the end-effector from the centre of mass, inertial axes."""
+        pose = self.problem.model.end_effector_pose(_UPRIGHT, end.joints)
+        return Pose(end.attitude @ pose.position, end.attitude @ pose.rotation)
 
-    @cached_property
-    def _still(self) -> System:
-        """The system in the frame of its centre of mass."""
-        return replace(self.problem.system, drift=np.zeros(3))
+    def _twist(self, end: EndState) -> Array:
+        """Twist of the end-effector relative to the centre of mass, inertial axes, shape (6,)."""
+        system, A = self.problem.system, system_matrix(self.problem.model, end.joints)
+        (D, Dq), h = np.hsplit(A[:3], [3]), end.attitude.T @ system.momentum - system.wheels
+        omega = np.linalg.solve(D, h - Dq @ end.joint_rates)  # (3)
+        return _rotated(end.attitude, A[3:] @ np.concatenate([omega, end.joint_rates]))
 
     @cached_property
     def _goal(self) -> Callable[[float], tuple[Pose, Array]]:
@@ -145,35 +147,66 @@ class Target:
         """Residuals of the end of a course."""
         return self.residuals(_end(paths, course))
 
-    def derivative(self, paths: JointPaths, course: Course) -> Array:
-        """Derivatives of the residuals by the unknowns, shape (size, unknowns)."""
-        end, n, T = _end(paths, course), paths.joint_count, course.duration
+    def linearized(self, paths: JointPaths, course: Course) -> tuple[Array, Array]:
+        """Residuals of the end of a course, and their derivatives by the unknowns."""
+        end = _end(paths, course)
         here = self.residuals(end)
         if not len(here):
-            return np.zeros((0, paths.size))
-
-        def by(turn: Array, joints: Array, rates: Array, time: float = 0.0) -> Array:
-            turned = end.attitude @ Rotation.from_rotvec(turn).as_matrix()
-            state = EndState(
-                end.time + time, turned, end.joints + joints, end.joint_rates + rates
-            )  # fmt: skip
-            return (self.residuals(state) - here) / _STEP
-
-        still, none, eye = np.zeros(n), np.zeros(3), np.eye(n)
-        by_turn = np.array([by(_STEP * axis, still, still) for axis in np.eye(3)]).T
+            return here, np.zeros((0, paths.size))
+        by_turn, by_joints, by_rates = self._slopes(end)
         J = by_turn @ course.turns[-1]
-        points = paths.control_points(course.unknowns)
         if paths.ends.end is None:
-            by_joints = np.array([by(none, _STEP * axis, still) for axis in eye]).T
             J[:, :-1] += _spread(by_joints, paths.edge_basis[-1])
         if self.body is not None:
-            by_rates = np.array([by(none, still, _STEP * axis) for axis in eye]).T
-            slope = 3.0 * paths.all_spans / T
+            points = paths.control_points(course.unknowns)
+            slope = 3.0 * paths.all_spans / course.duration
             J[:, :-1] += slope * _spread(by_rates, paths.spread[-1] - paths.spread[-2])
-            J[:, -1] -= by_rates @ (slope * (points[-1] - points[-2])) / T
+            J[:, -1] -= by_rates @ (slope * (points[-1] - points[-2])) / course.duration
         if self.body is not None or self.problem.path.drifts:
-            J[:, -1] += by(none, still, still, _STEP)
-        return np.asarray(J)
+            J[:, -1] += (self.residuals(replace(end, time=end.time + _STEP)) - here) / _STEP
+        return here, J
+
+    def _slopes(self, end: EndState) -> tuple[Array, ...]:
+        """Derivatives by turns of the spacecraft, its axes, by joints and by joint rates."""
+        rows, n, R = slice(None) if self.oriented else slice(3), len(end.joints), end.attitude
+        parts = list[Array]()
+        if self.attitude is not None:
+            turned = _vector_rates(rotation_vector_between(self.attitude, R)) @ R
+            parts.append(np.column_stack([turned, np.zeros((3, 2 * n))]))
+        if self.pose is not None:
+            J = _rotated(R, system_matrix(self.problem.model, end.joints)[3:])
+            goal, _ = self._goal(end.time)
+            turn = rotation_vector_between(goal.rotation, self._pose(end).rotation)
+            J[3:] = _vector_rates(turn) @ J[3:]
+            parts.append(np.column_stack([J, np.zeros((6, n))])[rows])
+            if self.body is not None:
+                parts.append(self._twist_slopes(end)[rows])
+        return tuple(np.hsplit(np.concatenate(parts), [3, 3 + n]))
+
+    def _twist_slopes(self, end: EndState) -> Array:
+        """The derivatives of the twist, shape (6, 3 + 2 n)."""
+        here, n = self._twist(end), len(end.joints)
+        ends = (
+            EndState(
+                end.time, end.attitude @ Rotation.from_rotvec(step[:3]).as_matrix(),
+                end.joints + step[3 : 3 + n], end.joint_rates + step[3 + n :],
+            )
+            for step in _STEP * np.eye(3 + 2 * n)
+        )  # fmt: skip
+        return np.array([(self._twist(changed) - here) / _STEP for changed in ends]).T
+
+
+def _rotated(R: Array, twist: Array) -> Array:
+    """Twists (6,), or the columns of a matrix (6, ...), in other axes."""
+    return np.concatenate([R @ twist[:3], R @ twist[3:]])
+
+
+def _vector_rates(vector: Array) -> Array:
+    """Derivatives of a rotation vector (3,) by small rotations about its axes, (3, 3)."""
+    x, y, z = vector.tolist()
+    X, half = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]), math.hypot(x, y, z) / 2.0
+    factor = (1.0 - half / math.tan(half)) / (4.0 * half**2) if half > _SMALL else 1.0 / 12.0
+    return np.asarray(np.eye(3) - X / 2.0 + factor * X @ X)
 
 
 def _spread(by_joints: Array, basis: Array) -> Array:
