@@ -225,10 +225,11 @@ class JointLaw:
         self, t: float, attitude: Array, joints: Array, segment: int | None = None
     ) -> Effort:
         """See :class:`Law`."""
-        rates = np.concatenate(self.rates(t, attitude, joints, segment))
         s, speed, change = (self._timing.s(t, order, segment) for order in range(3))
-        accelerations = self._curve.at(s, 2) * speed**2 + self._curve.at(s, 1) * change
-        return self._dynamics.of_joints(attitude, self._curve.at(s), rates, accelerations)
+        q, slope, bend = (self._curve.at(s, order) for order in range(3))
+        base = self._problem.system.base_rate(attitude, q, slope * speed)
+        rates, accelerations = np.append(base, slope * speed), bend * speed**2 + slope * change
+        return self._dynamics.of_joints(attitude, q, rates, accelerations)
 
     def target(self, t: float, attitude: Array, joints: Array) -> Pose:
         """See :class:`Law`."""

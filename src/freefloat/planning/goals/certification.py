@@ -132,6 +132,8 @@ class Certification:
             if not self.timed or not timed or close < usage <= 1.0:
                 break
             unknowns = np.append(unknowns[:-1], unknowns[-1] * usage * spare)
+            if not self.by_time:
+                return unknowns, self._motion(relaxation, unknowns)
         return unknowns, motion
 
     def _ending_at_goal(

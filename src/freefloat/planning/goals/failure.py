@@ -62,7 +62,7 @@ def _at_the_goal(outcome: GoalMotion, search: GoalSearch, seed: int) -> str:
     if np.abs(nearest.error).max(initial=0.0) > REACHED:
         reason = "no motion that ends at the goal was found within the joint ranges"
         return f"{reason}; the nearest one ends with {target.distance_text(nearest.error)} away"
-    ends = [nearest, *(path for path in others if np.abs(path.error).max() <= REACHED)]
+    ends = [nearest, *(path for path in others if np.abs(path.error).max(initial=0.0) <= REACHED)]
     violations = [_violation(outcome, path.course) for path in ends]
     least = min(filter(None, violations), key=lambda found: abs(found.worst - found.allowed),
                 default=None)  # fmt: skip
