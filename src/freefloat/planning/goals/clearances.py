@@ -26,6 +26,8 @@ _SCALE = 0.02
 """Lack of distance that counts as one [m]."""
 _DEEPEST = 0.15
 """Largest lack that counts: deeper penetrations are only as bad [m]."""
+_NEAR = 5e-3
+"""Distance beyond the required one at which bodies may be too near after a step [m]."""
 _ENDS = 3
 """Spans of a loop in which the first and the last one differ from the others."""
 
@@ -112,25 +114,26 @@ class Clearances:
         times = course.duration * paths.times[edges]
         places = Places(times, course.attitudes[edges], self._placed(course.joints[edges]))
         scene, required = self._scene.along(places), self.required
-        row, pair, now = self._near(places.frames, scene, required)
+        near = required + _NEAR
+        row, pair, now = self._near(places.frames, scene, near)
         if len(course.joints) not in self._seen:
             self._seen[len(course.joints)] = _Seen.never(len(course.joints), len(required))
         seen = self._seen[len(course.joints)]
         known = _Seen(*(array[edges[row], pair] for array in seen))
         radii = self._balls[self._ball_of[pair], 4].min(axis=1)
-        (chosen,) = np.nonzero(known.bounds(now, radii) < required[pair])
+        (chosen,) = np.nonzero(known.bounds(now, radii) < near[pair])
         row, pair, now = row[chosen], pair[chosen], _Seen(*(array[chosen] for array in now))
         normals, points = np.zeros((len(pair), 3)), np.zeros((len(pair), 2, 3))
         instants, first = np.unique(row, return_index=True)
         for one, group in zip(instants, np.split(np.arange(len(pair)), first[1:]), strict=False):
             now.distances[group], normals[group], points[group] = self._pairs.nearest(
-                course.joints[edges[one]], pair[group], scene.poses(one), required[pair[group]]
+                course.joints[edges[one]], pair[group], scene.poses(one), near[pair[group]]
             )
         for array, new in zip(seen, now, strict=True):
             array[edges[row], pair] = new
         lack = required[pair] - now.distances
         rows = np.column_stack([row, pair, lack, normals, points.reshape(-1, 6)])
-        return self._with_derivatives(rows[lack > 0.0], edges, places, paths)
+        return self._with_derivatives(rows[lack > -_NEAR], edges, places, paths)
 
     def _near(
         self, frames: tuple[Array, ...], scene: Placed, required: Array

@@ -1,8 +1,8 @@
 """Elastic Gauss-Newton method: violations of limits are penalized, the end is reached exactly.
 
 Every iteration solves the quadratic problem of the penalties, whose residuals are linearized,
-subject to the linearized end, with a damping that grows where the step does not help (J. Nocedal
-and S. J. Wright, Numerical Optimization, 2006, sections 10.3 and 17.1, 18.4).
+subject to the linearized end, with a damping that grows where the step does not help; then the end
+is corrected (J. Nocedal and S. J. Wright, Numerical Optimization, 2006, sections 10.3, 17.1, 18.3).
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ import numpy as np
 
 from freefloat.planning.goals.effort import Effort
 from freefloat.planning.goals.joint_paths import COARSE_INTERVALS, Course, JointPaths
+from freefloat.planning.goals.penalties import JointValues, beyond_one
 from freefloat.planning.goals.placements import Arm
+from freefloat.planning.goals.quadratic import WEIGHT_OF_END, Quadratic
 from freefloat.planning.goals.target import Target
 from freefloat.planning.goals.violations import ShapeLimits
 from freefloat.so3 import Array
@@ -24,11 +26,14 @@ from freefloat.so3 import Array
 _LONGEST = 0.5
 """Largest change of a joint in an iteration [rad, m]."""
 _LEAST_DAMPING, _MOST_DAMPING = 1e-6, 1e4
+_LESS, _MORE = 8.0, 4.0
+"""Factors of the damping after a step that helps, and after one that does not."""
+_HELPFUL = 0.25
+"""Decrease of the merit over the promised one from which a step helps."""
 _DAMPING = 0.05
 """Damping at the beginning, over the weight of violations."""
-_WEIGHT_OF_END = 10.0
-"""Weight of the residuals of the end in the merit [1/rad, 1/m]."""
-_CLOSED = 1e-13
+_CLOSED, _CORRECTIONS = 1e-13, 20
+"""Residual of the end that is reached exactly, and most corrections of it."""
 _RANGE_MARGIN = 1e-3
 """Margin of joint ranges, and violation that counts as one [rad, m]."""
 _RANGE_SCALE = 0.05
@@ -46,42 +51,6 @@ class Weights(NamedTuple):
 
     effort: float
     violations: float
-
-
-@dataclass(frozen=True, eq=False)
-class Quadratic:
-    """The problem at a path, linearized: value, gradient and matrix, and the end's residuals."""
-
-    course: Course
-    value: float
-    gradient: Array
-    matrix: Array
-    error: Array
-    jacobian: Array
-    penalty: float
-
-    @property
-    def promise(self) -> float:
-        """The duration, increased by what is violated [s]."""
-        error = float(np.abs(self.error).sum())
-        return self.course.duration * (1.0 + self.penalty + _WEIGHT_OF_END * error)
-
-    def merit(self, weight: float) -> float:
-        """What steps decrease, with a weight of the end's residuals [1/rad, 1/m]."""
-        return self.value + weight * float(np.abs(self.error).sum())
-
-    def step(self, damping: float, scale: Array, *, reduce: bool = True) -> tuple[Array, float]:
-        """The step to the minimum subject to the linearized end, or merely to that end."""
-        H = self.matrix + np.diag(damping * scale)
-        gradient = self.gradient if reduce else np.zeros_like(self.gradient)
-        solved = np.linalg.solve(H, np.column_stack([gradient, self.jacobian.T]))
-        step, largest = -solved[:, 0], 0.0
-        if len(self.error):
-            multipliers = np.linalg.lstsq(
-                self.jacobian @ solved[:, 1:], self.error + self.jacobian @ step, rcond=1e-10
-            )[0]
-            step, largest = step - solved[:, 1:] @ multipliers, float(np.abs(multipliers).max())
-        return np.asarray(step, dtype=float), largest
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,41 +105,46 @@ class Relaxation:
 
     def relaxed(self, unknowns: Array, weights: Weights, iterations: int) -> Quadratic:
         """The problem at a path near the least value, from another one."""
-        reference, of_end = float(unknowns[-1]), _WEIGHT_OF_END
+        reference, of_end = float(unknowns[-1]), WEIGHT_OF_END
         damping = _DAMPING * weights.violations
         here = self.linearized(unknowns, weights, reference)
         scale = np.ones(self.paths.size)
         scale[-1] = unknowns[-1] ** -2
+        eased = 1.0
         for _ in range(iterations):
-            step, multiplier = here.step(damping, scale)
-            of_end = max(of_end, 1.5 * multiplier)
-            step = _shortened(step, here.course.duration)
-            there = self.linearized(here.course.unknowns + step, weights, reference)
-            gain = here.merit(of_end) - there.merit(of_end)
-            if gain > 0.0:
-                here, damping = there, max(damping / 4.0, _LEAST_DAMPING)
-                if gain < 1e-4 * here.value and np.abs(here.error).max(initial=0.0) < 1e-6:
-                    break
+            damping = max(damping / eased, _LEAST_DAMPING)
+            step = here.step(damping, scale)
+            of_end = max(of_end, 1.5 * step.multiplier)
+            promised = step.gain + of_end * float(np.abs(here.error).sum())
+            gain, tried = 0.0, here
+            if promised > 0.0:
+                start, T = here.course.unknowns, here.course.duration
+                change = _shortened(step.change, T)
+                error = self.target.error(self.paths, self.course(start + change, 0))
+                change = _shortened(change - step.back @ error, T)
+                tried = self.linearized(start + change, weights, reference)
+                gain = here.merit(of_end) - tried.merit(of_end)
+            if gain <= _HELPFUL * max(promised, 0.0):
+                damping, eased = _MORE * damping, 1.0
             else:
-                damping *= 8.0
-                if damping > _MOST_DAMPING:
-                    break
-            if self.effort.spent:
+                eased = _LESS
+            here = tried if gain > 0.0 else here
+            small = 0.0 < gain < 1e-4 * here.value and np.abs(here.error).max(initial=0.0) < 1e-6
+            if small or damping > _MOST_DAMPING or self.effort.spent:
                 break
         return here
 
     def closed(
-        self, unknowns: Array, weights: Weights, offset: Array | float = 0.0, iterations: int = 20
-    ) -> Array | None:
+        self, unknowns: Array, weights: Weights, offset: Array | float = 0.0,
+        accuracy: float = _CLOSED,
+    ) -> Array | None:  # fmt: skip
         """Unknowns nearby with which the end's residuals have some values; the duration is held."""
-        scale = np.ones(self.paths.size)
-        for _ in range(iterations):
+        for _ in range(_CORRECTIONS):
             here = self.linearized(unknowns, weights)
             error = here.error - offset
-            if np.abs(error).max(initial=0.0) < _CLOSED:
+            if np.abs(error).max(initial=0.0) < accuracy:
                 return unknowns
-            step, _ = replace(here, error=error).step(1e-6, scale, reduce=False)
-            unknowns = unknowns + _shortened(step, np.inf)
+            unknowns = unknowns + _shortened(-here.back(_LEAST_DAMPING) @ error, np.inf)
         return unknowns if np.abs(error).max(initial=0.0) < 1e3 * _CLOSED else None
 
     def linearized(
@@ -179,30 +153,38 @@ class Relaxation:
         """The problem at a path, with a duration that counts as one; without it is held."""
         course, paths = self.course(unknowns), self.paths
         self.effort.take(paths.intervals)
-        sums = _Sums(paths.size)
-        rates = _JointValues.along(paths, unknowns, self.joint_rate, 1)
-        bends = _JointValues.along(paths, unknowns, self.joint_acceleration, 2)
-        sums.add_rates(weights.effort / len(course.omega), rates, paths)
-        effort, strong = sums.value, np.sqrt(weights.violations)
-        beyond = [rates.beyond_limits(), bends.beyond_limits(), *self._beyond_ranges(course)]
-        if np.isfinite(self.base_rate):
-            beyond.append(_beyond_one(*self._base_rates(course)))
-        for residuals, jacobian in beyond:
-            sums.add(strong * residuals, strong * jacobian)
-        for shape in self.shapes if strong > 0.0 else ():
-            found = shape.violations(paths, course)
-            weight = _SHAPES * strong
-            sums.add(weight * found.amounts, weight * found.jacobian(paths, course))
-        penalty = sums.value - effort
+        rates = JointValues.along(paths, unknowns, self.joint_rate, 1)
+        weight = weights.effort / len(course.omega)
+        smooth, gradient, matrix = rates.mean_square(weight, paths)
+        beyond = [(np.zeros(0), np.zeros((0, paths.size)))]
+        if weights.violations > 0.0:
+            beyond += self._beyond_limits(course, rates)
+        hinges, slopes = (
+            np.sqrt(weights.violations) * np.concatenate(arrays)
+            for arrays in zip(*beyond, strict=True)
+        )
         error, of_end = self.target.linearized(paths, course)
         if self.timed and reference is not None:
-            sums.value += course.duration / reference
-            sums.gradient[-1] += 1.0 / reference
+            smooth += course.duration / reference
+            gradient[-1] += 1.0 / reference
         else:
-            sums.gradient[-1], of_end[:, -1] = 0.0, 0.0
-            sums.matrix[-1], sums.matrix[:, -1] = 0.0, 0.0
-            sums.matrix[-1, -1] = 1.0
-        return Quadratic(course, sums.value, sums.gradient, sums.matrix, error, of_end, penalty)
+            gradient[-1], of_end[:, -1], slopes[:, -1] = 0.0, 0.0, 0.0
+            matrix[-1], matrix[:, -1] = 0.0, 0.0
+            matrix[-1, -1] = 1.0
+        return Quadratic(course, smooth, gradient, matrix, hinges, slopes, error, of_end)
+
+    def _beyond_limits(self, course: Course, rates: JointValues) -> Iterator[tuple[Array, Array]]:
+        """How far a path is beyond limits to which it is near, with derivatives."""
+        yield rates.beyond_limits()
+        yield from self._beyond_ranges(course)
+        if np.isfinite(self.joint_acceleration).any():
+            limits = self.joint_acceleration
+            yield JointValues.along(self.paths, course.unknowns, limits, 2).beyond_limits()
+        if np.isfinite(self.base_rate):
+            yield beyond_one(*self._base_rates(course))
+        for shape in self.shapes:
+            found = shape.violations(self.paths, course)
+            yield _SHAPES * found.amounts, _SHAPES * found.jacobian(self.paths, course)
 
     def _base_rates(self, course: Course) -> tuple[Array, Array]:
         """Rates of the spacecraft over the limit at the G Gauss points, (G, 3), and derivatives."""
@@ -212,92 +194,18 @@ class Relaxation:
         return base, slopes
 
     def _beyond_ranges(self, course: Course) -> Iterator[tuple[Array, Array]]:
-        """How far control points are beyond the joint ranges, with derivatives."""
+        """How far control points are beyond the joint ranges or near them, with derivatives."""
         paths, (lower, upper) = self.paths, self.ranges
         points, n = paths.control_points(course.unknowns), paths.joint_count
         for sign, over in ((1.0, points - upper), (-1.0, lower - points)):
-            i, j = np.nonzero(over > -_RANGE_MARGIN)
+            i, j = np.nonzero(over > -_LONGEST)
             rows = np.zeros((len(i), paths.spread.shape[1], n))
             rows[np.arange(len(i)), :, j] = paths.spread[i]
             jacobian = np.column_stack([rows.reshape(len(i), paths.size - 1), paths.fixed[1][i, j]])
             yield (over[i, j] + _RANGE_MARGIN) / _RANGE_SCALE, sign * jacobian / _RANGE_SCALE
 
 
-class _JointValues(NamedTuple):
-    """Joint rates or accelerations over their limits at G places of a course.
-
-    Each depends on the unknowns of its joint alone, and on the duration.
-
-    Attributes:
-        values: Shape (G, n).
-        basis: Derivatives of those by s by the rows of unknowns, shape (G, K).
-        scales: Derivatives of the values by those by s, shape (n,).
-        by_duration: Derivatives by the duration, shape (G, n).
-    """
-
-    values: Array
-    basis: Array
-    scales: Array
-    by_duration: Array
-
-    @classmethod
-    def along(cls, paths: JointPaths, unknowns: Array, limits: Array, order: int) -> _JointValues:
-        """Rates (order 1) at the Gauss points, or accelerations (order 2) at the ends of spans."""
-        basis, T = paths.gauss[1] if order == 1 else paths.bends, unknowns[-1]
-        scales = 1.0 / limits / T**order
-        values = basis @ paths.control_points(unknowns) * scales
-        by_duration = basis @ paths.fixed[1] * scales - order * values / T
-        return cls(values, basis @ paths.spread, scales, by_duration)
-
-    def beyond_limits(self) -> tuple[Array, Array]:
-        """How far those beyond one are, with derivatives by the unknowns."""
-        place, joint = np.nonzero(np.abs(self.values) > 1.0)
-        signs, n = np.sign(self.values[place, joint]), len(self.scales)
-        rows = np.zeros((len(place), self.basis.shape[1], n))
-        slopes = (signs * self.scales[joint])[:, None] * self.basis[place]
-        rows[np.arange(len(place)), :, joint] = slopes
-        last = signs * self.by_duration[place, joint]
-        jacobian = np.column_stack([rows.reshape(len(place), self.basis.shape[1] * n), last])
-        return np.abs(self.values[place, joint]) - 1.0, jacobian
-
-
-def _beyond_one(values: Array, jacobian: Array) -> tuple[Array, Array]:
-    """How far magnitudes of vectors (G, 3) are beyond one, with derivatives."""
-    size = np.linalg.norm(values, axis=1)
-    (over,) = np.nonzero(size > 1.0)
-    directions = values[over] / size[over, None]
-    return size[over] - 1.0, np.einsum("gi,gix->gx", directions, jacobian[over])
-
-
 def _shortened(step: Array, duration: float) -> Array:
     """The step, shortened where joints or the duration would change too much."""
     joints, time = np.abs(step[:-1]).max() / _LONGEST, abs(step[-1]) / duration / 0.3
     return np.asarray(step / max(joints, time, 1.0))
-
-
-class _Sums:
-    """Half the sum of squared residuals, its gradient and its matrix."""
-
-    def __init__(self, size: int) -> None:
-        self.value, self.gradient, self.matrix = 0.0, np.zeros(size), np.zeros((size, size))
-
-    def add(self, residuals: Array, jacobian: Array) -> None:
-        """Add residuals (M,) with their derivatives (M, size)."""
-        self.value += float(residuals @ residuals) / 2.0
-        self.gradient += jacobian.T @ residuals
-        self.matrix += jacobian.T @ jacobian
-
-    def add_rates(self, weight: float, rates: _JointValues, paths: JointPaths) -> None:
-        """Add joint rates with a weight: the blocks of joints are those of one, scaled."""
-        values, basis, scales, by_duration = rates
-        K, n = basis.shape[1], len(scales)
-        self.value += weight * float((values**2).sum()) / 2.0
-        along = np.column_stack([values, by_duration])
-        mixed = (basis.T @ along).reshape(K, 2, n) * scales
-        self.gradient[:-1] += weight * mixed[:, 0].ravel()
-        self.gradient[-1] += weight * float((by_duration * values).sum())
-        blocks = np.einsum("kjlj->jkl", self.matrix[:-1, :-1].reshape(K, n, K, n))
-        blocks += weight * (scales**2)[:, None, None] * paths.gram
-        self.matrix[:-1, -1] += weight * mixed[:, 1].ravel()
-        self.matrix[-1, :-1] += weight * mixed[:, 1].ravel()
-        self.matrix[-1, -1] += weight * float((by_duration**2).sum())

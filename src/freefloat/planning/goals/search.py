@@ -12,11 +12,12 @@ from freefloat.concurrency import Progress
 from freefloat.motion.motion import Motion
 from freefloat.planning.goals.certification import FINAL, Certification, CertifiedMotion
 from freefloat.planning.goals.effort import Effort
-from freefloat.planning.goals.relaxation import Quadratic, Relaxation, Weights
+from freefloat.planning.goals.quadratic import Quadratic
+from freefloat.planning.goals.relaxation import Relaxation, Weights
 from freefloat.planning.goals.starts import random_path, starts, timed
 from freefloat.so3 import Array, rotation_vector_between
 
-_STAGES = ((Weights(1.0, 1.0), 25), (Weights(0.1, 100.0), 40), (FINAL, 40))
+_STAGES = ((Weights(1.0, 1.0), 6), (Weights(0.1, 100.0), 15), (FINAL, 20))
 """Weights and iterations: first a short path without deep violations, then one without any."""
 _SKETCH = (Weights(1.0, 1.0), 4)
 """Weights and iterations of a path that is shown while its goal is changed."""
@@ -26,8 +27,10 @@ _REPEATED = 2
 """Single loops that are repeated, and paths of the family before whose loops are made smaller."""
 _REFINED = 3
 """Of the paths of a family after the first stage those that are refined before other families."""
-_ENOUGH = 2
-"""Those that are refined where one of them leads to a motion."""
+_TOGETHER = 2
+"""Of these so many are refined before the shorter one is certified."""
+_ACCEPTABLE = 1e-2
+"""Penalty of violations after the first stage of a path that violates hardly anything."""
 _HOPELESS = 20.0
 """Penalty of violations from which a path is not improved."""
 _SHORTENED = 1.3
@@ -116,6 +119,7 @@ class GoalSearch:
     ) -> list[Quadratic]:
         """Paths of a family after the first stage, the most promising first.
 
+        After these come others that violate hardly anything.
         Of the family before, with half as many loops, the best ones are among those they begin at.
         """
         if self._effort.spent:
@@ -132,21 +136,23 @@ class GoalSearch:
             unknowns = [path.course.unknowns for path in before[:_REPEATED]]
             begins += [_with_loops(coarse, each, 0.5) for each in unknowns]
         rough = [coarse.relaxed(timed(coarse, begin), *_STAGES[0]) for begin in begins]
-        return sorted(rough, key=lambda path: path.promise)
+        rough.sort(key=lambda path: path.promise)
+        first, others = rough[:_TOGETHER], rough[_TOGETHER:]
+        return first + sorted(others, key=lambda path: path.penalty > _ACCEPTABLE)
 
     def _shortest(
         self, family: Relaxation, rough: Sequence[Quadratic], best: CertifiedMotion | None
     ) -> CertifiedMotion | None:
-        """The shortest motion along rough paths that is shorter than the best one known."""
-        shortest = None
-        for number, path in enumerate(rough):
-            self.progress(self._effort.fraction)
-            if self._effort.spent or (shortest is not None and number >= _ENOUGH):
-                break
-            result = self._refined(family, path, best)
-            if result is not None and (best is None or _duration(result) < _duration(best)):
-                best = shortest = result
-        return shortest
+        """A motion along one of some rough paths that is shorter than the best one known."""
+        for first in range(0, len(rough), _TOGETHER):
+            together = rough[first : first + _TOGETHER]
+            refined = [self._refined(family, path, best) for path in together]
+            paths = [path for path in refined if path is not None]
+            for path in sorted(paths, key=lambda path: path.course.duration):
+                result = self._certified(family, path)
+                if result is not None and (best is None or _duration(result) < _duration(best)):
+                    return result
+        return None
 
     @property
     def _effort(self) -> Effort:
@@ -154,11 +160,14 @@ class GoalSearch:
 
     def _refined(
         self, family: Relaxation, path: Quadratic, best: CertifiedMotion | None
-    ) -> CertifiedMotion | None:
-        """The certified motion along a path that is improved before; None where there is none.
+    ) -> Quadratic | None:
+        """A path that is improved until it may be certified; None where it cannot be.
 
         A path that lasts longer than the best motion known is left out.
         """
+        self.progress(self._effort.fraction)
+        if self._effort.spent:
+            return None
         longest = _duration(best) if best is not None and family.timed else np.inf
         for some, stage in zip((family.coarse, family), _STAGES[1:], strict=True):
             if path.penalty < _HOPELESS and path.course.duration < _SHORTENED * longest:
@@ -168,6 +177,10 @@ class GoalSearch:
         if path.penalty > _PENALTY:
             self.rejected.append((path, family))
             return None
+        return path
+
+    def _certified(self, family: Relaxation, path: Quadratic) -> CertifiedMotion | None:
+        """The motion along a path, if it keeps all limits."""
         result = self.certification.certified(family, path.course.unknowns)
         if result is not None and result.violation is not None:
             self.failures.append(result)
@@ -182,7 +195,8 @@ class GoalSearch:
             unknowns = _with_loops(family, best.unknowns, paths.loops / fewer.loops)
             family = replace(family, paths=fewer)
             rough = family.coarse.relaxed(timed(family, unknowns), *_STAGES[0])
-            result = self._refined(family, rough, best)
+            path = self._refined(family, rough, best)
+            result = None if path is None else self._certified(family, path)
             if result is None or _duration(result) >= _duration(best):
                 break
             best, paths = result, fewer

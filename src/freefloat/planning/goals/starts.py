@@ -22,13 +22,17 @@ _ATTITUDES, _ROUNDS = 16, 6
 attitude at the end of a straight way changes its arm branch."""
 _MOST_BRANCHES, _APART = 8, 0.01
 """Most straight ways, and least difference of their ends [rad, m]."""
+_FOLLOWED = 32
+"""Most arm branches that are followed to the attitudes at which their straight ways end."""
 _SAMPLES, _DISTINCT = 1024, 0.3
 """Random configurations from which Newton's method leads a redundant arm to the goal's pose where
 its arm branches violate a limit there, and least difference of those that it finds [rad, m]."""
 _ERROR, _TIME = 3.0, 0.05
 """Weights of the error at the end [1/rad, 1/m] and of the duration over that of half a turn."""
 _MEAN_SQUARE, _LOOK = Weights(1.0, 0.0), Weights(1.0, 1.0)
-_CLOSED_PER_START = 3
+_NEAR = 1e-2
+"""Residual of the end with which random paths are compared [rad, m]."""
+_CLOSED_PER_START = 2
 """Random paths that are moved onto the goal for each of those that violate least."""
 
 
@@ -52,7 +56,7 @@ def starts(relaxation: Relaxation, rng: np.random.Generator, most: int) -> Itera
         candidates = list(islice(kept, _MOST_BRANCHES)) or candidates
     if paths.ends.end is not None and not paths.closed:
         candidates.append(blank)
-    yield from _closed(relaxation, candidates)
+    yield from (timed(relaxation, unknowns) for unknowns in candidates)
     closed = list(_closed(relaxation, random[: _CLOSED_PER_START * most]))
     looked_at = [relaxation.linearized(unknowns, _LOOK) for unknowns in closed]
     for path in sorted(looked_at, key=lambda path: path.promise)[:most]:
@@ -62,7 +66,7 @@ def starts(relaxation: Relaxation, rng: np.random.Generator, most: int) -> Itera
 def _closed(relaxation: Relaxation, candidates: Sequence[Array]) -> Iterator[Array]:
     """Unknowns near some whose paths end at the goal; none for those that do not come there."""
     for unknowns in candidates:
-        closed = relaxation.closed(timed(relaxation, unknowns), _MEAN_SQUARE)
+        closed = relaxation.closed(timed(relaxation, unknowns), _MEAN_SQUARE, accuracy=_NEAR)
         if closed is not None:
             yield timed(relaxation, closed)
 
@@ -126,6 +130,7 @@ def _branches(relaxation: Relaxation, others: Sequence[Array]) -> list[Array]:
         attitudes += [relaxation.course(other, 0).attitudes[-1] for other in others]
     branches = many_arm_branches(model, *_seen(relaxation, np.array(attitudes)), task)
     ends = toward(model, branches.joints.reshape(-1, len(start)), start)
+    ends = np.array(_distinct(relaxation, ends, _DISTINCT)[:_FOLLOWED]).reshape(-1, len(start))
     for _ in range(_ROUNDS if target.attitude is None else 0):
         if not len(ends):
             break
@@ -168,7 +173,10 @@ def _keeps_end(relaxation: Relaxation, unknowns: Array) -> bool:
     course = replace(relaxation, paths=paths).course(timed(relaxation, unknowns), 1)
     relaxation.effort.take(paths.intervals)
     found = [shape.violations(paths, course) for shape in relaxation.shapes]
-    return not any((violations.edges == paths.intervals).any() for violations in found)
+    return not any(
+        (violations.amounts[violations.edges == paths.intervals] > 0.0).any()
+        for violations in found
+    )
 
 
 def _seen(relaxation: Relaxation, attitudes: Array) -> tuple[Array, Array]:
