@@ -24,7 +24,7 @@ FINAL = Weights(1e-3, 1e3)
 _EXACT = 5e-10
 """Largest residual of a precise motion at its end [rad, m]."""
 _CORRECTIONS, _TIMINGS, _EXCHANGES, _ITERATIONS = 8, 8, 6, 20
-_FINEST = 16
+_FINEST = 32
 """Intervals of a span in which bodies are looked at where they are too near between others."""
 _WORK = 100
 """Work of a precise motion and its limits for each span of its path."""

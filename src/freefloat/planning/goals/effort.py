@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 _MOST = 300_000
-"""Instants of a search: fifteen to forty seconds of processor time."""
+"""Instants of a search: fifteen to thirty seconds of processor time."""
 
 
 @dataclass(eq=False)
