@@ -23,7 +23,7 @@ FINAL = Weights(1e-3, 1e3)
 """Weights with which paths end nearly as short as limits permit."""
 _EXACT = 5e-10
 """Largest residual of a precise motion at its end [rad, m]."""
-_CORRECTIONS, _TIMINGS, _EXCHANGES, _ITERATIONS = 8, 8, 6, 20
+_CORRECTIONS, _TIMINGS, _EXCHANGES, _ITERATIONS = 8, 8, 6, 10
 _FINEST = 32
 """Intervals of a span in which bodies are looked at where they are too near between others."""
 _WORK = 100
