@@ -63,7 +63,7 @@ def integrate_spline(problem: Problem, spline: JointSpline, attitude: Array) -> 
         found = _attitudes(last, half, inverse_D[panel], own[panel], momentum)
         if found is None:
             raise IntegrationError(
-                float(times[panel[0]]), "the spacecraft turns too fast", "a longer duration"
+                float(times[panel[0]]), "the spacecraft turns too fast", "another duration"
             )
         last = found[-1] / np.linalg.norm(found[-1])
         quaternions.append(found[:-1:2])

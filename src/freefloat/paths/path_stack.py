@@ -48,7 +48,9 @@ class PathStack(TimedPath):
             require_type(key, path, TimedPath, "a TimedPath")
             if (path.timing, path.stated[1]) != (self.timing, self.first.stated[1]):
                 accepted = "the time law of the first, both in frames that tumble or neither"
-                raise InputError(key, "its time law is not that of the first path", accepted)
+                raise InputError(
+                    key, "its time law or kind of frame is not that of the first path", accepted
+                )
             if (path.drift != self.drift).any():
                 problem = f"{path.drift.tolist()} was given"
                 raise InputError(f"{key}.drift", problem, f"{self.drift.tolist()}, as the first")

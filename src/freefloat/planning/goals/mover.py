@@ -160,10 +160,10 @@ def move_from(
     limits = limits.without_turn
     checker = LimitChecker(problem, limits)
     outcome = GoalMotion(problem, goal, limits, False, "")
-    for there, attitude, joints in _known_states(problem, start, goal):
+    for there, attitude, joints, rests in _known_states(problem, start, goal):
         seen = limits.seen_from((goal.duration or 0.0) * problem.path.drift)
         known = checker if there is problem else LimitChecker(there, seen)
-        violation = violation_at_rest(there, known, attitude, joints)
+        violation = violation_at_rest(there, known, attitude, joints, rests)
         if violation is not None:
             values = ", ".join(f"{value:.4g}" for value in joints)
             return replace(outcome, reason=violation.violation(f"with joints {values}"))
@@ -227,15 +227,19 @@ def _require_sense(problem: Problem, start: Start, goal: Goal, limits: Limits) -
 
 def _known_states(
     problem: Problem, start: Start, goal: Goal
-) -> Iterator[tuple[Problem, Array, Array]]:
-    """The states at both ends, if known, with the problem from the centre of mass at their time."""
-    yield problem, start.attitude, start.joints
+) -> Iterator[tuple[Problem, Array, Array, bool]]:
+    """The states at both ends, if known, and whether the joints rest there.
+
+    Before them comes the problem from the centre of mass at their time.
+    """
+    yield problem, start.attitude, start.joints, not start.joint_rates.any()
     if goal.attitude is None or goal.joints is None:
         return
     if not (problem.scene.tumbles or problem.path.drifts):
-        yield problem, goal.attitude, goal.joints
+        yield problem, goal.attitude, goal.joints, goal.joint_rates is None
     elif goal.duration is not None:
-        yield earlier(problem, -goal.duration), goal.attitude, goal.joints
+        rests = goal.joint_rates is None
+        yield earlier(problem, -goal.duration), goal.attitude, goal.joints, rests
 
 
 def _families(

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from freefloat.limits.check import LimitChecker
+from freefloat.limits.kinds.base_rate import BaseRateLimit
 from freefloat.limits.result import LimitResult
 from freefloat.motion.joint_integration import integrate_spline
 from freefloat.motion.joint_spline import DEGREE, JointSpline
@@ -20,17 +21,23 @@ _INSTANT = 1e-3
 
 
 def violation_at_rest(
-    problem: Problem, checker: LimitChecker, attitude: Array, joints: Array
+    problem: Problem, checker: LimitChecker, attitude: Array, joints: Array, rests: bool = False
 ) -> LimitResult | None:
     """The first limit that a state violates, whatever its rates; None where it keeps all.
+
+    Momentum may turn the spacecraft too fast where the joints rest.
 
     Args:
         problem: Robot and scene, whose bodies are where they are at time zero.
         checker: Of the limits.
         attitude: Of the spacecraft, unit quaternion x, y, z, w.
         joints: Joint values, shape (n,).
+        rests: Whether the joints rest in this state.
     """
     path = replace(problem.path, timing=Timing(_INSTANT, TimeLaw.UNIFORM))
     still = JointSpline(np.tile(joints, (DEGREE + 1, 1)))
     motion = integrate_spline(replace(problem, path=path), still, attitude)
-    return next(iter(checker.violations(motion, timed=False)), None)
+    for result in checker.violations(motion, timed=rests):
+        if not result.timed or result.limit == BaseRateLimit.name:
+            return result
+    return None

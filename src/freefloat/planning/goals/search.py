@@ -76,6 +76,10 @@ class GoalSearch:
         random = (random_path(family, rng) for _ in range(_RANDOM))
         weights, iterations = _STAGES[1]
         found = [family.relaxed(timed(family, path), weights, iterations) for path in random]
+        for number, path in enumerate(found):
+            closed = family.closed(path.course.unknowns, weights)
+            if closed is not None:
+                found[number] = family.linearized(closed, weights)
         return sorted(found, key=lambda path: float(np.abs(path.error).sum()))
 
     def sketch(self, seed: int) -> Motion | None:
