@@ -191,7 +191,7 @@ def test_a_shell_completes_commands_bundled_names_and_files(tmp_path: Path) -> N
         (tmp_path / name).write_text("")
     assert completed(tmp_path, "freefloat sim") == ["simulate"]
     assert completed(tmp_path, "freefloat plan spatial") == [
-        *("spatial_6dof/above", "spatial_6dof/line", "spatial_mine.yaml")
+        *("spatial_6dof/above", "spatial_6dof/around", "spatial_6dof/line", "spatial_mine.yaml")
     ]
     assert robot_names(f"{tmp_path}/ar") == [f"{tmp_path}/arm.urdf"]
     assert "example-robot-data:ur5" in robot_names("example-robot-data:ur")

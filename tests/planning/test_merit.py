@@ -48,7 +48,7 @@ def test_still_in_space_is_less_than_the_turns_of_samples() -> None:
 
 @pytest.mark.slow
 def test_the_soonest_start_is_reached_before_the_nearest_attitude() -> None:
-    present = {"from_attitude": heading_quaternion(1.5), "joints": [0.5, 0.8], "reorient": True}
+    present = {"from_attitude": [0.0, 0.0, 0.0, 1.0], "joints": [0.5, 0.8], "reorient": True}
     content = yaml.safe_load(ff.load_scenario("planar_2dof/line").text)
     content |= {"momentum": [0, 0, 0.1], "limits": {"joint_rate": 0.2}}
     content["robot"]["urdf"] = "planar_2dof"

@@ -66,8 +66,8 @@ def test_mujoco_sees_the_end_effector_on_the_path(motions, engines, name):
         engine.place(value, rest, rest)
         mujoco.mj_kinematics(engine.model, engine.data)
         expected = motion.problem.path.pose(state.time)
-        position_error = engine.data.xpos[engine.tool] - expected.position
-        rotation_error = engine.data.xmat[engine.tool].reshape(3, 3) - expected.rotation
+        position_error = engine.data.xpos[engine.tools[0]] - expected.position
+        rotation_error = engine.data.xmat[engine.tools[0]].reshape(3, 3) - expected.rotation
         worst = max(np.abs(position_error).max(), np.abs(rotation_error).max())
         assert_agrees("test_mujoco_sees_the_end_effector_on_the_path", worst)
 

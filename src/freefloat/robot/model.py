@@ -151,6 +151,8 @@ class FreeFloatingModel:
             >>> moving.with_paths("left").end_effector_links
             ('tool0', 'left_tool0')
         """
+        if not names:
+            return self
         for name in names:
             if name not in self.arms:
                 accepted = ", ".join(self.arms) or "a robot with further arms that move"
