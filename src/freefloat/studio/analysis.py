@@ -6,8 +6,15 @@ from abc import ABC, abstractmethod
 from pathlib import Path
 
 from freefloat.concurrency import Progress
+from freefloat.io.records.results import save
 from freefloat.io.scenario.scenario import Scenario
+from freefloat.motion.motion import Motion
+from freefloat.motion.problem import Problem
+from freefloat.planning.goals.goal_motion import GoalMotion
+from freefloat.planning.plan import Plan
+from freefloat.so3 import Array
 from freefloat.studio.messages import Answer, State
+from freefloat.studio.motions import motion_answer, place, playback_of
 from freefloat.visualization.page.playback import Playback
 
 Attitude = tuple[float, ...] | None
@@ -58,12 +65,35 @@ class Analysis(ABC):
             return Answer("page", {"refused": "there is no motion"})
         return Answer("page", {"html": self._playback.html()})
 
+    def _show(
+        self, state: State, motion: Motion | None, problem: Problem, attitude: Array,
+        title: str, outcome: str | None,
+    ) -> Answer:  # fmt: skip
+        """Show a motion with a title and its outcome; without one the attitude and why."""
+        self._shown = state.attitude, state.choice
+        if motion is None:
+            self._playback = None
+            content = {"outcome": outcome, **place(problem, attitude)}
+        else:
+            self._playback = playback_of(motion, self._limits)
+            content = motion_answer(motion, self._playback, title, outcome)
+        return Answer("motion", {**content, "choice": state.choice})
+
+    def _saved(self, result: GoalMotion | Plan, file: Path, scenario: Scenario | None) -> Answer:
+        """Save a result, unless it is infeasible, to a file that does not exist yet."""
+        if not result.feasible:
+            return Answer("saved", {"refused": f"not saved: {result.reason}"})
+        file = _free(file)
+        save(result, file, scenario)
+        contact = None if result.contact is None else str(result.contact)
+        return Answer("saved", {"file": str(file), "reason": result.reason, "contact": contact})
+
     def _wants_motion(self, state: State) -> bool:
         """Whether a state has another attitude than that of the motion shown."""
         return self._shown != (state.attitude, state.choice)
 
 
-def free_file(file: Path) -> Path:
+def _free(file: Path) -> Path:
     """The file, or if it exists one with the next number."""
     name, number = file.stem, 1
     while file.exists():

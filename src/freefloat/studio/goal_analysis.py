@@ -7,16 +7,15 @@ from typing import cast
 
 from freefloat.concurrency import Progress
 from freefloat.errors import InputError
-from freefloat.io.records.results import save
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.motion import Motion
 from freefloat.planning.goals.goal import Goal
 from freefloat.planning.goals.goal_motion import GoalMotion, goal_problem
 from freefloat.planning.goals.mover import move, sketch
-from freefloat.studio.analysis import Analysis, Attitude, free_file
+from freefloat.studio.analysis import Analysis, Attitude
 from freefloat.studio.goal_outline import goal_outline
 from freefloat.studio.messages import Answer, State
-from freefloat.studio.motions import limits_answer, motion_answer, place, playback_of
+from freefloat.studio.motions import limits_answer
 from freefloat.studio.robots import Robots
 
 
@@ -61,15 +60,9 @@ class GoalAnalysis(Analysis):
 
     def save(self, file: Path, attitude: Attitude) -> Answer:
         """Save the motion that was found."""
-        if self._found is None or not self._found.feasible:
-            reason = "no motion was found" if self._found is None else self._found.reason
-            return Answer("saved", {"refused": f"not saved: {reason}"})
-        file = free_file(file)
-        save(self._found, file, self._scenario)
-        contact = None if self._found.contact is None else str(self._found.contact)
-        return Answer(
-            "saved", {"file": str(file), "reason": self._found.reason, "contact": contact}
-        )
+        if self._found is None:
+            return Answer("saved", {"refused": "not saved: no motion was found"})
+        return self._saved(self._found, file, self._scenario)
 
     def _sketch(self, state: State) -> Answer:
         """A motion to the goal that limits may forbid; never abandoned, so that drags show some."""
@@ -89,15 +82,9 @@ class GoalAnalysis(Analysis):
             self._system, self._present, self._goal, self._limits, self._scene,
             seed=self._search.seed, progress=progress,
         )  # fmt: skip
-        self._shown, self._unchecked = (state.attitude, state.choice), True
+        self._unchecked = True
         return self._showing(state, self._found.motion, self._found.reason)
 
     def _showing(self, state: State, motion: Motion | None, outcome: str) -> Answer:
         """Show a motion, or the present attitude where there is none."""
-        if motion is None:
-            self._playback = None
-            content = {"outcome": outcome, **place(self._problem, self._present[0])}
-        else:
-            self._playback = playback_of(motion, self._limits)
-            content = motion_answer(motion, self._playback, "goal", outcome)
-        return Answer("motion", {**content, "choice": state.choice})
+        return self._show(state, motion, self._problem, self._present[0], "goal", outcome)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.problem import Problem
 from freefloat.planning.goals.goal import Goal
@@ -55,7 +53,7 @@ def _handle(
             "position": (pose.position - rotation @ goal.pose.position).tolist(),
             "rotation": rotation.tolist(),
         },
-        "handles": [{"name": "goal", "position": place, "shift": np.zeros(3).tolist()}],
+        "handles": [{"name": "goal", "position": place, "shift": [0.0, 0.0, 0.0]}],
         "points": [goal.pose.position.round(6).tolist()],
         "rpy": [*stated] if stated else rounded_rpy(goal.pose.rotation),
         "start_quaternion": None,

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from freefloat.concurrency import Progress
-from freefloat.io.records.results import save
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.check import check_limits
 from freefloat.planning.evaluator import evaluator_for
@@ -21,16 +20,13 @@ from freefloat.planning.reasons import reach_message
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.mapping import sample_attitudes
-from freefloat.studio.analysis import Analysis, Attitude, free_file
+from freefloat.studio.analysis import Analysis, Attitude
 from freefloat.studio.attitudes import ball, best_sample, dial
 from freefloat.studio.messages import Answer, State
 from freefloat.studio.motions import (
     best_motion,
     limits_answer,
-    motion_answer,
     motion_within_limits,
-    place,
-    playback_of,
 )
 from freefloat.studio.outline import outline
 from freefloat.studio.robots import Robots
@@ -120,18 +116,12 @@ class PathAnalysis(Analysis):
             found = motion_within_limits(self._evaluator, samples, self._limits, progress)
             chosen = samples.attitudes[best_sample(samples.results)]
         self._motion = found or best_motion(self._evaluator, chosen)
-        self._shown, self._unchecked = (state.attitude, state.choice), self._motion is not None
+        self._unchecked = self._motion is not None
         if self._motion is None:
-            self._playback = None
-            content = {
-                "outcome": "no arm configuration reaches the start of the path from this attitude",
-                **place(self._problem, chosen),
-            }
-        else:
-            motion = self._motion.motion
-            self._playback = playback_of(motion, self._limits)
-            content = motion_answer(motion, self._playback, self._motion.title)
-        return Answer("motion", {**content, "choice": state.choice})
+            outcome = "no arm configuration reaches the start of the path from this attitude"
+            return self._show(state, None, self._problem, chosen, "", outcome)
+        motion, title = self._motion.motion, self._motion.title
+        return self._show(state, motion, self._problem, chosen, title, None)
 
     def limits(self) -> Answer:
         """The limits along the motion shown."""
@@ -152,9 +142,4 @@ class PathAnalysis(Analysis):
                 within=None, spare=0.0,
             )  # fmt: skip
         result = plan(problem, search, self._limits)
-        if not result.feasible:
-            return Answer("saved", {"refused": f"not saved: {result.reason}"})
-        file = free_file(file)
-        save(result, file, None if self._scenario.has_phases else self._scenario)
-        contact = None if result.contact is None else str(result.contact)
-        return Answer("saved", {"file": str(file), "reason": result.reason, "contact": contact})
+        return self._saved(result, file, None if self._scenario.has_phases else self._scenario)

@@ -25,6 +25,8 @@ from freefloat.so3 import Array
 
 _LONGEST = 0.5
 """Largest change of a joint in an iteration [rad, m]."""
+_STRETCHED = 0.3
+"""Largest change of the duration in an iteration, over the duration."""
 _LEAST_DAMPING, _MOST_DAMPING = 1e-6, 1e4
 _LESS, _MORE = 8.0, 4.0
 """Factors of the damping after a step that helps, and after one that does not."""
@@ -207,5 +209,5 @@ class Relaxation:
 
 def _shortened(step: Array, duration: float) -> Array:
     """The step, shortened where joints or the duration would change too much."""
-    joints, time = np.abs(step[:-1]).max() / _LONGEST, abs(step[-1]) / duration / 0.3
+    joints, time = np.abs(step[:-1]).max() / _LONGEST, abs(step[-1]) / duration / _STRETCHED
     return np.asarray(step / max(joints, time, 1.0))
