@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from freefloat.dynamics.momentum import Task, momentum_map, task_rows
+from freefloat.dynamics.momentum import Task, momentum_map, prescribed_rows
 from freefloat.dynamics.system import System
 from freefloat.so3 import Array, cross, rotation_matrix
 
@@ -76,7 +76,7 @@ class InverseDynamics:
         move have prescribed accelerations, shape (dof - arm_dof,).
         """
         A, q, v, drift = self._moving(attitude, joints, rates)
-        robot, data, rows = self._weightless, self._scratch, task_rows(self._model, task)
+        robot, data, rows = self._weightless, self._scratch, prescribed_rows(self._model, task)
         frames, axes = self._model.frame_ids, pin.LOCAL_WORLD_ALIGNED
         bias = np.concatenate([
             pin.getFrameClassicalAcceleration(robot, data, frame, axes).vector for frame in frames

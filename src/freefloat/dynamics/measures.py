@@ -22,9 +22,9 @@ from freefloat.dynamics.momentum import (
     generalized_determinant,
     generalized_jacobian,
     inertia_matrices,
+    prescribed_rows,
     require_enough_joints,
     system_matrix,
-    task_rows,
 )
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator, meeting_point
 from freefloat.errors import InputError, require_type
@@ -86,7 +86,7 @@ def singularity_measure(
     task = Task.of(task)
     if name == "arm" and not model.has_one_arm:
         raise InputError("measure", "arm, but another arm moves", "gjm, system or sigma")
-    rows, n = task_rows(model, task), model.arm_dof
+    rows, n = prescribed_rows(model, task), model.arm_dof
     m = len(rows)
     require_enough_joints(model, task)
     lengths = sum(row % 6 < 3 for row in rows) - int(model.prismatic[:n].sum())
@@ -116,7 +116,7 @@ def _unit(power: int) -> str:
 
 
 def _gjm(model: FreeFloatingModel, task: Task, joints: Array) -> float:
-    if len(task_rows(model, task)) == model.arm_dof:
+    if len(prescribed_rows(model, task)) == model.arm_dof:
         return generalized_determinant(model, joints, task)
     S = generalized_jacobian(model, joints, task)
     return float(np.prod(np.linalg.svd(S, compute_uv=False)))
@@ -133,7 +133,7 @@ def _system(model: FreeFloatingModel, task: Task, joints: Array) -> float:
 def unit_factors(model: FreeFloatingModel, task: Task) -> tuple[Array, Array]:
     """Factors of the rows (m,) and columns (n,) of S* that put lengths in units of the reach."""
     reach = unit_of_length(model)
-    rows = np.where(np.array(task_rows(model, task)) % 6 < 3, 1.0 / reach, 1.0)
+    rows = np.where(np.array(prescribed_rows(model, task)) % 6 < 3, 1.0 / reach, 1.0)
     return rows, np.where(model.prismatic[: model.arm_dof], reach, 1.0)
 
 

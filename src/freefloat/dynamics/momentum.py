@@ -84,7 +84,7 @@ _ROWS = {
 }
 
 
-def task_rows(model: FreeFloatingModel, task: Task) -> list[int]:
+def prescribed_rows(model: FreeFloatingModel, task: Task) -> list[int]:
     """Rows of the twists of all end-effectors that follow paths, one after the other."""
     arms = range(len(model.end_effector_links))
     return [6 * arm + row for arm in arms for row in task.rows]
@@ -176,7 +176,7 @@ def system_matrix(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = 
         Shape (3 + m, 3 + n), for planar tasks (1 + m, 1 + n); (K, ...) for a stack of joints.
     """
     A_G, J = _stacked(lambda q: _maps(model, q, task), joints)
-    J = J[..., task_rows(model, task), :]
+    J = J[..., prescribed_rows(model, task), :]
     J = J[..., 3:] - J[..., :3] @ (A_G[..., :3, 3:] / model.total_mass)
     A = np.concatenate([A_G[..., 3:, 3:], J], axis=-2)
     return A[..., 2:, 2:] if task.planar else A
@@ -188,7 +188,7 @@ def system_matrix_derivative(
     """Time derivative of :func:`system_matrix` at joint rates of the shape of the joints."""
     A_G, J, dA_G, dJ = _stacked(lambda q, v: _map_derivatives(model, q, v, task), joints, rates)
     mass = model.total_mass
-    rows = task_rows(model, task)
+    rows = prescribed_rows(model, task)
     J, dJ = J[..., rows, :], dJ[..., rows, :]
     dJ = dJ[..., 3:] - (dJ[..., :3] @ A_G[..., :3, 3:] + J[..., :3] @ dA_G[..., :3, 3:]) / mass
     dA = np.concatenate([dA_G[..., 3:, 3:], dJ], axis=-2)
@@ -237,7 +237,7 @@ def generalized_jacobian(
     if singular:
         raise np.linalg.LinAlgError("the inertia matrix of the spacecraft's rates is singular")
     S: Array = J[:, 6:] - J[:, :6].dot(base)
-    return S if task is Task.POSE else S[task_rows(model, task)]
+    return S if task is Task.POSE else S[prescribed_rows(model, task)]
 
 
 def generalized_determinant(
@@ -249,7 +249,7 @@ def generalized_determinant(
     the momentum matrix's base block: the total mass cubed times det D.
     """
     A_G, J = _maps(model, joints, task)
-    M = np.vstack([A_G, J[task_rows(model, task)]])
+    M = np.vstack([A_G, J[prescribed_rows(model, task)]])
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = A_G[3:, 3:6].tolist()  # D
     det_D = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
     return determinant(M) / float(model.total_mass**3 * det_D)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.dynamics.momentum import Task, task_rows
+from freefloat.dynamics.momentum import Task, prescribed_rows
 from freefloat.errors import InputError, did_you_mean, finite_number, member, require_type
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
@@ -109,7 +109,7 @@ class Redundancy:
     def require_applicable(self, model: FreeFloatingModel, task: Task) -> None:
         """Raise an InputError if the settings do not apply to an arm and a task."""
         arm = model.joint_names[: model.arm_dof]
-        rows = task_rows(model, task)
+        rows = prescribed_rows(model, task)
         if len(arm) <= len(rows):
             raise InputError(
                 "redundancy",

@@ -41,7 +41,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg.lapack import dgeqrf, dgesv, dorgqr, dtrtrs
 
-from freefloat.dynamics.momentum import Task, mass_matrix, require_enough_joints, task_rows
+from freefloat.dynamics.momentum import Task, mass_matrix, prescribed_rows, require_enough_joints
 from freefloat.dynamics.redundancy import (
     DAMPED_BELOW,
     NEARLY_DEPENDENT,
@@ -76,7 +76,7 @@ class ResolvedRateSolver:
                 not apply to the arm.
         """
         model = system.model
-        self._rows = task_rows(model, task)
+        self._rows = prescribed_rows(model, task)
         m, n, k = len(self._rows), model.dof, model.dof - model.arm_dof
         require_enough_joints(model, task)
         if redundancy is not None:

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.joint_space import Extremes, joint_space_extremes
 from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
-from freefloat.dynamics.momentum import Task, task_rows
+from freefloat.dynamics.momentum import Task, prescribed_rows
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.robot.description import Severity, UrdfDiagnostic
@@ -151,7 +151,7 @@ class RobotSummary:
             "total_mass": model.total_mass,
             "dof": model.dof,
             "task": str(self.task),
-            "spare_joints": model.arm_dof - len(task_rows(model, self.task)),
+            "spare_joints": model.arm_dof - len(prescribed_rows(model, self.task)),
             "joints": [
                 {
                     "name": body.joint,

@@ -15,7 +15,7 @@ from freefloat.dynamics.link_frames import (
     link_frames,
 )
 from freefloat.dynamics.measures import NAMES, unit_of_length
-from freefloat.dynamics.momentum import Task, task_rows
+from freefloat.dynamics.momentum import Task, prescribed_rows
 from freefloat.dynamics.redundancy import (
     DAMPED_BELOW,
     Metric,
@@ -133,7 +133,7 @@ def _with_second_arm(problem: Problem, robot: Robot, frames: LinkFrames) -> Robo
     )
     bodies = np.vstack([own, frames.bodies[1:], behind.bodies[1:]])
     reach = robot.properties[REACH]
-    rows = task_rows(model, problem.task)
+    rows = prescribed_rows(model, problem.task)
     masses = [float(entry.bodies[1:, 0].sum()) for entry in (frames, behind)]
     return robot._replace(
         joints=np.vstack([frames.joints, behind.joints]),

@@ -13,8 +13,8 @@ import numpy.typing as npt
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import (
     Task,
+    prescribed_rows,
     require_enough_joints,
-    task_rows,
 )
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
@@ -146,7 +146,7 @@ class Problem:
     @property
     def redundant(self) -> bool:
         """Whether the arms that follow paths have more joints than the task has rows."""
-        return self.model.arm_dof > len(task_rows(self.model, self.task))
+        return self.model.arm_dof > len(prescribed_rows(self.model, self.task))
 
     @property
     def depends_on_timing(self) -> bool:
