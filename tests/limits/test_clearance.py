@@ -232,8 +232,9 @@ def test_directions_lead_from_the_first_to_the_second_shape(pairs, gap):
     """The ball beside the last rod: apart, touching, overlapping."""
     below, rod, q = 0.9, 0.001, np.zeros(4)
     chosen = np.array([bodies_of(pairs).index(bodies) for bodies in ([0, 2], [2, 4], [4, 5])])
-    poses = [Pose([2.4, rod + gap + 0.1, 0.0], np.eye(3))]
-    distances, normals, points = pairs.nearest(q, chosen, poses, below)
+    placed = np.eye(3)[None, None], np.array([[[2.4, rod + gap + 0.1, 0.0]]])
+    below, rows = np.full(3, below), np.zeros(3, np.int64)
+    distances, normals, points = pairs.nearest(q[None], rows, chosen, placed, below)
     assert_close(distances, [1.0, 0.8, gap], atol=1e-6)
     assert_close(normals, [[0, 0, 0], [1, 0, 0], [0, 1, 0]], atol=1e-5)
     assert_close(points[:2, :, 0], [[0, 0], [1.45, 2.25]], atol=1e-6)

@@ -145,39 +145,49 @@ class CollisionPairs:
         q = np.concatenate([_BASE, np.asarray(joints)])
         if poses:
             q = self._model.configuration(attitude, joints)
-            self._move_scene(poses)
+            self._move_scene(list(map(se3_of, poses)))
         return self._distances(q, self._numbers[pairs])
 
     def nearest(
         self,
         joints: Array,
+        rows: IntArray,
         pairs: IntArray,
-        poses: Sequence[Pose] = (),
-        below: float | Array = np.inf,
+        placed: tuple[Array, Array],
+        below: Array,
     ) -> tuple[Array, Array, Array]:
-        """Distances of pairs in a configuration, with the directions between the nearest points.
+        """Distances of pairs in some configurations, with the directions between nearest points.
 
         Args:
-            joints: Joint values [rad or m], shape (n,).
-            pairs: Indices into :attr:`pairs`, shape (K,).
-            poses: Frames of the bodies of the scene in the spacecraft frame.
-            below: Distance [m], one or (K,), from which directions and points are left out: they
-                are zero.
+            joints: Joint values [rad or m], shape (E, n).
+            rows: Configuration of each distance, in ascending order, shape (K,).
+            pairs: Index into :attr:`pairs` of each distance, shape (K,).
+            placed: The S bodies of the scene in the spacecraft frame: rotations (E, S, 3, 3) and
+                positions (E, S, 3) [m].
+            below: Distances [m] from which directions and points are left out, shape (K,): they are
+                zero.
 
         Returns:
             Distances as :meth:`distances` has, shape (K,); unit vectors from the first shapes to
             the second ones, spacecraft frame, shape (K, 3), along which the distances grow; the
             nearest points [m], shape (K, 2, 3).
         """
-        self._move_scene(poses)
-        numbers = self._numbers[pairs]
-        distances = self._distances(np.concatenate([_BASE, joints]), numbers)
+        model, (shapes, data) = self._model, self._geometry
+        configurations = np.hstack([np.tile(_BASE, (len(joints), 1)), joints])
+        distances = np.empty(len(pairs))
         normals, points = np.zeros((len(pairs), 3)), np.zeros((len(pairs), 2, 3))
-        found = self._geometry[1].distanceResults
-        for row in np.flatnonzero(distances < below).tolist():
-            result = found[int(numbers[row])]
-            points[row] = result.getNearestPoint1(), result.getNearestPoint2()
-            normals[row] = result.normal
+        last, each = -1, zip(rows.tolist(), self._numbers[pairs].tolist(), below, strict=True)
+        for number, (row, candidate, least) in enumerate(each):
+            if row != last:
+                last = row
+                self._move_scene(list(map(pin.SE3, placed[0][row], placed[1][row])))
+                q = configurations[row]
+                pin.updateGeometryPlacements(model.pin_model, model.scratch, shapes, data, q)
+            found = pin.computeDistance(shapes, data, candidate)
+            distances[number] = found.min_distance
+            if distances[number] < least:
+                points[number] = found.getNearestPoint1(), found.getNearestPoint2()
+                normals[number] = found.normal
         between = points[:, 1] - points[:, 0]
         lengths = np.linalg.norm(between, axis=1)
         far = lengths > _TOUCHING
@@ -198,9 +208,9 @@ class CollisionPairs:
                  for shape, middle in zip(self._shapes, middles, strict=True)]  # fmt: skip
         return np.array(middles)[self.pairs], np.array(radii)[self.pairs]
 
-    def _move_scene(self, poses: Sequence[Pose]) -> None:
-        objects, frames = self._geometry[0].geometryObjects, [se3_of(pose) for pose in poses]
-        for number, body, placement in self._scene_shapes if poses else ():
+    def _move_scene(self, frames: Sequence[pin.SE3]) -> None:
+        objects = self._geometry[0].geometryObjects
+        for number, body, placement in self._scene_shapes if frames else ():
             objects[number].placement = frames[body] * placement
 
     def _distances(self, q: Array, candidates: IntArray) -> Array:

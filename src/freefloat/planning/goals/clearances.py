@@ -95,8 +95,10 @@ class Clearances:
         """Require no larger distances than there are where a path must begin or end."""
         every = np.arange(len(self._bodies))
         place = Places(np.array([t]), attitude[None], self._placed(joints[None]))
-        poses = self._scene.along(place).poses(0)
-        self._known = np.minimum(self._known, self._pairs.nearest(joints, every, poses, 0.0)[0])
+        first, none = np.zeros_like(every), np.full(len(every), -np.inf)
+        scene = self._scene.along(place)
+        distances, _, _ = self._pairs.nearest(joints[None], first, every, scene, none)
+        self._known = np.minimum(self._known, distances)
 
     def widen(self, violation: LimitResult) -> bool:
         """See :class:`~freefloat.planning.goals.violations.ShapeLimits`."""
@@ -123,12 +125,9 @@ class Clearances:
         radii = self._balls[self._ball_of[pair], 4].min(axis=1)
         (chosen,) = np.nonzero(known.bounds(now, radii) < near[pair])
         row, pair, now = row[chosen], pair[chosen], _Seen(*(array[chosen] for array in now))
-        normals, points = np.zeros((len(pair), 3)), np.zeros((len(pair), 2, 3))
-        instants, first = np.unique(row, return_index=True)
-        for one, group in zip(instants, np.split(np.arange(len(pair)), first[1:]), strict=False):
-            now.distances[group], normals[group], points[group] = self._pairs.nearest(
-                course.joints[edges[one]], pair[group], scene.poses(one), near[pair[group]]
-            )
+        now.distances[:], normals, points = self._pairs.nearest(
+            course.joints[edges], row, pair, scene, near[pair]
+        )
         for array, new in zip(seen, now, strict=True):
             array[edges[row], pair] = new
         lack = required[pair] - now.distances

@@ -44,11 +44,6 @@ class Placed(NamedTuple):
     rotations: Array
     positions: Array
 
-    def poses(self, row: int) -> list[Pose]:
-        """The bodies at an instant."""
-        placed = zip(self.positions[row], self.rotations[row], strict=True)
-        return [Pose(position, rotation) for position, rotation in placed]
-
 
 class SceneFrames:
     """The bodies of the scene of a problem.

@@ -116,12 +116,12 @@ def _centre_nearby(
     """
     size, reduction = min(_RADIUS * radius, np.pi), evaluator.sample_reduction
     cloud = attitudes_within(place, size, _CLOUD // reduction)
-    outside = cloud[~evaluator.regular(cloud, branch)]
+    outside = new = cloud[~evaluator.regular(cloud, branch)]
     apart = partial(_apart, place=place, reach=size - radius, angle=_SEPARATION * radius)
     centres = np.vstack([target, attitudes_within(place, size - radius, _CENTRES, 1)])
     centres = centres[np.argsort(angle_between(centres, target))]
     for number in range(1, _ROUNDS + 1):
-        centres = centres[apart(centres, outside=outside)]
+        centres = centres[apart(centres, outside=new)]
         if not len(centres):
             return None
         centre = _refined(centres[0], partial(apart, outside=outside), target, radius)
@@ -131,14 +131,14 @@ def _centre_nearby(
             np.repeat(tried, _FEW, axis=0), radius * np.tile(directions, (len(tried), 1))
         )
         failed = ~evaluator.regular(ball, branch)
-        outside = np.vstack([outside, ball[failed]])
-        if failed[:_FEW].any():
-            continue
-        ball = _ball(centre, radius, reduction)
-        failed = ~evaluator.regular(ball, branch)
-        if not failed.any():
-            return centre
-        outside = np.vstack([outside, ball[failed]])
+        new = ball[failed]
+        if not failed[:_FEW].any():
+            ball = _ball(centre, radius, reduction)
+            failed = ~evaluator.regular(ball, branch)
+            if not failed.any():
+                return centre
+            new = np.vstack([new, ball[failed]])
+        outside = np.vstack([outside, new])
     return None
 
 
