@@ -15,7 +15,6 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.shapes import Sphere
 from freefloat.scene.scene import Scene
 from freefloat.scene.scene_body import SceneBody
-from freefloat.so3 import Pose
 from tests.errors import error_key
 from tests.prismatic import RELATIVE, prismatic_motion, prismatic_robot, shape_text
 from tests.robots import inertial_text, joint_text, link_text, random_robot

@@ -4,7 +4,8 @@ The attitude obeys ``R' = R [omega]x`` with ``omega = D^-1 (T (R^T h - h_w) - Dq
 from 0 to 1 in the duration T. It is a product of exponentials, the Magnus expansion of fourth order
 with two Gauss points in each interval (A. Iserles, H. Z. Munthe-Kaas, S. P. Nørsett and A. Zanna,
 "Lie-group methods", Acta Numerica, 2000, section 4); the variation of every factor is its
-derivative. Derivatives of omega by the joints are differences.
+derivative. A joint that moves turns the momentum of all bodies beyond it (R. Featherstone, "Rigid
+Body Dynamics Algorithms", 2008, chapter 2), which gives the derivatives of omega by the joints.
 """
 
 from __future__ import annotations
@@ -19,8 +20,6 @@ from freefloat.so3 import Array
 
 GAUSS = np.sqrt(3.0) / 6.0
 """Distance of the two Gauss points of an interval from its middle, over its length."""
-_STEP = 1e-6
-"""Step of the differences [rad, m]."""
 _SMALL = 1e-4
 """Angle below which series replace quotients of trigonometric functions [rad]."""
 
@@ -105,7 +104,12 @@ class _Gauss(NamedTuple):
     Attributes:
         frames: The bodies.
         work: Buffers of :func:`~freefloat.planning.goals.placements.place`; the last is D^-1.
-        A: ``-D^-1 Dq``, shape (3, n).
+        screws: Angular velocities due to the joints' rates, and velocities of points of the bodies
+            beyond them at the centre of mass, shape (n, 2, 3).
+        twists: The same of the bodies, by s, shape (1 + n, 2, 3).
+        momentum: About the centre of mass, angular and linear momentum of bodies by s, the change
+            of the former, and a first moment, shape (4, 3).
+        moved: Change of a twist, or a vector, shape (2, 3).
         by_joint: Derivatives of the angular velocity by the joints, shape (3, n).
         by_turn: Its derivatives by a rotation of the spacecraft, shape (3, 3).
         loaded: Whether system or wheels have momentum.
@@ -115,7 +119,10 @@ class _Gauss(NamedTuple):
 
     frames: Frames
     work: Array
-    A: Array
+    screws: Array
+    twists: Array
+    momentum: Array
+    moved: Array
     by_joint: Array
     by_turn: Array
     loaded: bool
@@ -143,28 +150,30 @@ def march(
     attitudes, omega, step = buffers.attitudes, buffers.omega, 2.0 / points
     frames = Frames(
         np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3)), np.empty(3),
-        np.empty((3, n)), np.empty((3, 3)), np.empty((3, n)),
+        np.empty((3, n)), np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((3, n)),
     )  # fmt: skip
     loaded = False
     for i in range(3):
         loaded = loaded or momenta[0, i] != 0.0 or momenta[1, i] != 0.0
     at = _Gauss(
-        frames, np.empty((4, 3, 3)), np.empty((3, n)), np.empty((3, n)), np.zeros((3, 3)),
+        frames, np.empty((4, 3, 3)), np.empty((n, 2, 3)), np.empty((n + 1, 2, 3)),
+        np.empty((4, 3)), np.empty((2, 3)), np.empty((3, n)), np.zeros((3, 3)),
         loaded, np.zeros(3), np.zeros(3),
     )  # fmt: skip
     F, J, vector = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     c = GAUSS / 2.0 * step * step
     for g in range(points):
         place(arm, samples.joints[g], frames, at.work)
-        at.A[:, :] = frames.A
         for i in range(3):
             omega[g, i] = 0.0
             for k in range(n):
-                omega[g, i] += at.A[i, k] * samples.rates[g, k]
+                omega[g, i] += frames.A[i, k] * samples.rates[g, k]
         if loaded:
             _add_spin(at, g, momenta, duration, buffers)
         if order:
-            _write_slopes(arm, at, g, samples, duration, buffers)
+            _write_twists(arm, at, omega[g], samples.rates[g])
+            _write_by_joint(arm, at)
+            _write_slopes(at, g, samples, buffers)
         if g % 2 == 0:
             continue
         u, w = omega[g - 1], omega[g]
@@ -206,33 +215,77 @@ def _add_spin(at: _Gauss, g: int, momenta: Array, duration: float, buffers: Buff
 
 
 @inner
-def _write_slopes(
-    arm: Arm, at: _Gauss, g: int, samples: JointSamples, duration: float, buffers: Buffers
-) -> None:
-    """Write the derivatives of the angular velocity at Gauss point g by the unknowns."""
-    q, rates, by_duration, basis = samples
-    n, K = q.shape[1], basis.shape[2]
-    omega, slopes, turns = buffers.omega, buffers.slopes, buffers.turns
-    joints, inverse = q[g].copy(), at.work[3]
-    for k in range(n):
-        joints[k] = q[g, k] + _STEP
-        place(arm, joints, at.frames, at.work)
-        joints[k] = q[g, k]
+def _write_twists(arm: Arm, at: _Gauss, omega: Array, rates: Array) -> None:
+    """Write the joints' screws and the bodies' twists about the centre of mass."""
+    frames, screws, twists, lever = at.frames, at.screws, at.twists, at.moved[0]
+    for i in range(3):
+        twists[0, 0, i], twists[0, 1, i] = omega[i], 0.0
+    for k in range(len(rates)):
+        axis, revolute = frames.axes[k], arm.prismatic[k] == 0.0
         for i in range(3):
-            value = 0.0
-            for m in range(n):
-                value += at.frames.A[i, m] * rates[g, m]
-            for m in range(3):
-                value += duration * inverse[i, m] * at.h[m]
-            at.by_joint[i, k] = (value - omega[g, i]) / _STEP
+            lever[i] = frames.centre[i] - frames.origins[k + 1, i]
+        for i in range(3):
+            j, m = (i + 1) % 3, (i + 2) % 3
+            screws[k, 0, i] = axis[i] if revolute else 0.0
+            screws[k, 1, i] = axis[j] * lever[m] - axis[m] * lever[j] if revolute else axis[i]
+            twists[0, 1, i] -= frames.centre_rates[i, k] * rates[k]  # no linear momentum
+    for k in range(len(rates)):
+        for part in range(2):
+            for i in range(3):
+                twists[k + 1, part, i] = twists[k, part, i] + screws[k, part, i] * rates[k]
+
+
+@inner
+def _write_by_joint(arm: Arm, at: _Gauss) -> None:
+    """Write the derivatives of the spacecraft's angular velocity by the joints.
+
+    A small motion of a joint turns the momentum of the bodies beyond it with their screw, but not
+    their twist; the spacecraft takes up the difference.
+    """
+    frames, inverse, moments = at.frames, at.work[3], at.frames.moments
+    angular, linear, change, moment = at.momentum
+    angular[:], linear[:] = 0.0, 0.0
+    turned, shifted = at.moved
+    for b in range(len(at.screws), 0, -1):
+        (w, v), (axis, shift), mass = at.twists[b], at.screws[b - 1], arm.masses[b]
+        last = b == len(at.screws)
+        for i in range(3):
+            moment[i] = moments[b, i] - (0.0 if last else moments[b + 1, i])
+        for i in range(3):
+            j, m = (i + 1) % 3, (i + 2) % 3
+            linear[i] += mass * v[i] + w[j] * moment[m] - w[m] * moment[j]
+            angular[i] += moment[j] * v[m] - moment[m] * v[j]
+            for k in range(3):
+                inertia = frames.inertias[b, i, k]
+                angular[i] += (inertia - (0.0 if last else frames.inertias[b + 1, i, k])) * w[k]
+            turned[i] = axis[j] * w[m] - axis[m] * w[j]
+            shifted[i] = axis[j] * v[m] - axis[m] * v[j] + shift[j] * w[m] - shift[m] * w[j]
+        for i in range(3):
+            j, m = (i + 1) % 3, (i + 2) % 3
+            change[i] = axis[j] * angular[m] - axis[m] * angular[j]
+            change[i] += shift[j] * linear[m] - shift[m] * linear[j]
+            change[i] -= moments[b, j] * shifted[m] - moments[b, m] * shifted[j]
+            for k in range(3):
+                change[i] -= frames.inertias[b, i, k] * turned[k]
+        for i in range(3):
+            value = inverse[i, 0] * change[0] + inverse[i, 1] * change[1]
+            at.by_joint[i, b - 1] = -value - inverse[i, 2] * change[2]
+
+
+@inner
+def _write_slopes(at: _Gauss, g: int, samples: JointSamples, buffers: Buffers) -> None:
+    """Write the derivatives of the angular velocity at Gauss point g by the unknowns."""
+    _, rates, by_duration, basis = samples
+    n, K, A = rates.shape[1], basis.shape[2], at.frames.A
+    slopes, turns = buffers.slopes, buffers.turns
     for i in range(3):
         for k in range(K):
             b0, b1 = basis[0, g, k], basis[1, g, k]
             for j in range(n):
-                slopes[g, i, k * n + j] = b1 * at.A[i, j] + b0 * at.by_joint[i, j]
+                slopes[g, i, k * n + j] = b1 * A[i, j] + b0 * at.by_joint[i, j]
         last = at.spin[i]
         for j in range(n):
-            last += at.A[i, j] * by_duration[1, g, j] + at.by_joint[i, j] * by_duration[0, g, j]
+            last += A[i, j] * by_duration[1, g, j] + at.by_joint[i, j] * by_duration[0, g, j]
         slopes[g, i, K * n] = last
     if at.loaded:
         for i in range(3):

@@ -57,7 +57,9 @@ class Frames(NamedTuple):
         axes: Axes of the joints, shape (n, 3).
         centre: Centre of mass [m], shape (3,).
         centre_rates: Its derivatives by the joints, shape (3, n).
-        D: Inertia about it [kg m²], shape (3, 3).
+        inertias: Inertias about it of the bodies from each one on [kg m²], shape (1 + n, 3, 3); the
+            first is D.
+        moments: Their first moments about it [kg m], shape (1 + n, 3).
         A: ``-D^-1 Dq``, shape (3, n).
     """
 
@@ -66,7 +68,8 @@ class Frames(NamedTuple):
     axes: Array
     centre: Array
     centre_rates: Array
-    D: Array
+    inertias: Array
+    moments: Array
     A: Array
 
 
@@ -107,16 +110,16 @@ def rotation_about(axis: Array, angle: float, R: Array) -> None:
 
 @inner
 def place(arm: Arm, q: Array, frames: Frames, work: Array) -> None:
-    """Write the bodies' frames, the centre of mass, D and ``-D^-1 Dq`` at joint values q (n,).
+    """Write what :class:`Frames` holds at joint values q (n,).
 
     Args:
         arm: The robot.
         q: Joint values [rad or m], shape (n,).
         frames: What is written.
-        work: Of shape (4, 3, 3).
+        work: Of shape (4, 3, 3); the last one becomes D^-1.
     """
     n = len(q)
-    R, o, a, centre, rates, D, A = frames
+    R, o, a, centre, rates, inertias, moments, A = frames
     P, U, V, inverse = work[0], work[1], work[2], work[3]
     total = arm.masses[0]
     for i in range(3):
@@ -141,11 +144,13 @@ def place(arm: Arm, q: Array, frames: Frames, work: Array) -> None:
             centre[i] += arm.masses[k + 1] * o[k + 1, i]
     for i in range(3):
         centre[i] /= total
-    D[:, :] = 0.0
-    mass, moment = 0.0, P[0]  # of the bodies from b on, the moment about the centre of mass
-    moment[:] = 0.0
-    r, lever, velocity = U[0], U[1], U[2]
+    mass, r, lever, velocity = 0.0, U[0], U[1], U[2]
     for b in range(n, -1, -1):
+        D, moment = inertias[b], moments[b]
+        for i in range(3):
+            moment[i] = moments[b + 1, i] if b < n else 0.0
+            for j in range(3):
+                D[i, j] = inertias[b + 1, i, j] if b < n else 0.0
         for i in range(3):
             r[i] = o[b, i] - centre[i]
             for j in range(3):
@@ -178,7 +183,7 @@ def place(arm: Arm, q: Array, frames: Frames, work: Array) -> None:
             rates[i, b - 1] /= total
             for m in range(3):
                 A[i, b - 1] += D[i, m] * axis[m]
-    _invert(D, inverse)
+    _invert(inertias[0], inverse)
     for k in range(n):
         x, y, z = A[0, k], A[1, k], A[2, k]
         for i in range(3):
@@ -191,9 +196,11 @@ def place_all(
     centre_rates: Array,
 ) -> None:  # fmt: skip
     """Write the bodies of configurations q (K, n); see :class:`Frames`, of K configurations."""
-    D, A, work = np.empty((3, 3)), np.empty((3, q.shape[1])), np.empty((4, 3, 3))
+    n = q.shape[1]
+    inertias, moments = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3))
+    A, work = np.empty((3, n)), np.empty((4, 3, 3))
     for k in range(len(q)):
         frames = Frames(
-            rotations[k], origins[k], axes[k], centres[k], centre_rates[k], D, A
-        )  # fmt: skip
+            rotations[k], origins[k], axes[k], centres[k], centre_rates[k], inertias, moments, A
+        )
         place(arm, q[k], frames, work)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array, IntArray, Pose
+from freefloat.so3 import Array, IntArray
 
 _UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 _LATER = 1e-3
