@@ -10,6 +10,7 @@ import pytest
 from freefloat.errors import ModelError
 from freefloat.limits.clearance import TOLERANCE, clearance
 from freefloat.limits.collision import collision_shapes
+from freefloat.limits.levers import frame_levers, joint_levers
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.shapes import Sphere
@@ -83,7 +84,7 @@ def test_distances_change_no_faster_than_the_levers_say(seed):
     for _ in range(40):
         q = rng.uniform(-3.0, 3.0, model.dof)
         step = rng.normal(size=model.dof) * rng.choice([1e-3, 0.1, 1.0])
-        levers = pairs.levers(np.maximum(np.abs(q), np.abs(q + step)))
+        levers = joint_levers(pairs, np.maximum(np.abs(q), np.abs(q + step)))
         change = np.abs(pairs.distances(q + step, everything) - pairs.distances(q, everything))
         assert (change <= levers @ np.abs(step) + 1e-6).all()
 
@@ -194,7 +195,7 @@ def test_levers_are_the_largest_distances_from_the_axes(bus):
             place = poses[link].position[0] - poses[k + 1].position[0]
             ends = place + poses[link].rotation[0, 0] * rods[link]
             far[k, link] = max(far[k, link], np.abs(ends).max())
-    levers = pairs.levers(np.full(4, stroke))
+    levers = joint_levers(pairs, np.full(4, stroke))
     for (first, second), row in zip(bodies_of(pairs), levers, strict=True):
         moved = np.array([first <= k < second < 5 for k in range(4)])
         expected = [far[k, [first, second % 5]].min() if k != 2 else 1.0 for k in range(4)]
@@ -206,7 +207,7 @@ def test_frames_move_shapes_by_their_translation_and_radius(pairs):
     own = [[0, 2], [0, 3], [0, 4], [1, 3], [1, 4], [2, 4]]
     assert bodies_of(pairs) == own + [[link, 5] for link in range(5)]
     radii = np.append(np.abs(CENTRES[:5]) + 0.15, 0.1 * np.sqrt(3.0))  # of a cube around the ball
-    levers, (centres, sizes) = pairs.frame_levers().reshape(-1, 2, 6), pairs.spheres
+    levers, (centres, sizes) = frame_levers(pairs).reshape(-1, 2, 6), pairs.spheres
     for k, bodies in enumerate(bodies_of(pairs)):
         expected = np.zeros((2, 6))
         if bodies[1] == 5:

@@ -16,6 +16,7 @@ from numpy.polynomial import chebyshev
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
+from freefloat.limits.levers import frame_levers, joint_levers
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.motion import Motion
 from freefloat.motion.panels import TO_COEFFICIENTS
@@ -61,10 +62,10 @@ def clearance(
     """
     edges = np.linspace(0.0, motion.panels, _PARTS * motion.panels + 1)
     lengths = _path_lengths(motion.coefficients[:, :, 5:], 1)
-    levers = pairs.levers(np.abs(motion.joints).max(axis=0))
+    levers = joint_levers(pairs, np.abs(motion.joints).max(axis=0))
     if pairs.scene.bodies:
         lengths = np.hstack([lengths, _frame_path_lengths(motion, pairs.scene, edges)])
-        levers = np.hstack([levers, pairs.frame_levers()])
+        levers = np.hstack([levers, frame_levers(pairs)])
     every, panels = np.arange(len(pairs.pairs)), float(motion.panels)
     places = np.linspace(0.0, panels, _STARTS * motion.panels + 1)
     middle, pair = np.repeat(places, len(every)), np.tile(every, len(places))

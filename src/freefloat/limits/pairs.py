@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.errors import ModelError
-from freefloat.limits.collision import CollisionShape, collision_shapes, scene_shapes
+from freefloat.limits.collision import collision_shapes, scene_shapes
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.rigid_bodies import se3_of
 from freefloat.scene.scene import Scene
@@ -36,7 +36,9 @@ class CollisionPairs:
     :attr:`left_out`. Pairs of a link and a body of the scene are left out where they may touch.
 
     Attributes:
+        model: The robot.
         scene: The scene; without bodies the distances depend on the joints alone.
+        shapes: The shapes of the robot, then those of the scene.
         pairs: Indices of two shapes each, the first on the body nearer to the spacecraft, the
             second one perhaps on a body of the scene, (P, 2).
         left_out: Pairs of links that are always too near, and of a body that is held with another
@@ -63,12 +65,12 @@ class CollisionPairs:
         Raises:
             ModelError: If a shape cannot be read, or there is no pair.
         """
-        self._model, self.scene = model, scene
+        self.model, self.scene = model, scene
         robot = collision_shapes(model, hulls)
-        self._shapes = robot + scene_shapes(scene, len(model.bodies), hulls)
+        self.shapes = robot + scene_shapes(scene, len(model.bodies), hulls)
         self._scene_shapes = [
             (number, shape.body - len(model.bodies), se3_of(shape.placement))
-            for number, shape in enumerate(self._shapes)
+            for number, shape in enumerate(self.shapes)
             if shape.body > model.dof
         ]
         connected = {frozenset((joint.parent, joint.child)) for joint in model.moving_joints}
@@ -82,7 +84,7 @@ class CollisionPairs:
             (i, j)
             for i, a in enumerate(robot)
             for j, _, _ in self._scene_shapes
-            if (a.link, self._shapes[j].link) not in may_touch
+            if (a.link, self.shapes[j].link) not in may_touch
         ]
         candidates = np.array(own + others, dtype=np.int64).reshape(-1, 2)
         self._geometry = self._geometry_model(candidates)
@@ -90,7 +92,7 @@ class CollisionPairs:
         self.pairs: IntArray = candidates[~near]
         self._numbers = np.flatnonzero(~near)
         names = set(map(self._name, self.pairs))
-        self.links_left_out = {self._shapes[index].link for index in candidates[near].ravel()}
+        self.links_left_out = {self.shapes[index].link for index in candidates[near].ravel()}
         shaped = {shape.link for shape in robot} | {body.payload for body in scene.bodies}
         self.left_out = tuple(sorted({
             f"{name}: {'parts are ' if name in names else ''}always too near"
@@ -118,11 +120,11 @@ class CollisionPairs:
 
     def links(self, pair: int) -> tuple[str, str]:
         """The two links of a pair, or a link and a body of the scene."""
-        first, second = (self._shapes[index].link for index in self.pairs[pair])
+        first, second = (self.shapes[index].link for index in self.pairs[pair])
         return first, second
 
     def _name(self, pair: Sequence[int] | IntArray) -> str:
-        return " - ".join(self._shapes[index].link for index in pair)
+        return " - ".join(self.shapes[index].link for index in pair)
 
     def distances(
         self,
@@ -144,7 +146,7 @@ class CollisionPairs:
         """
         q = np.concatenate([_BASE, np.asarray(joints)])
         if poses:
-            q = self._model.configuration(attitude, joints)
+            q = self.model.configuration(attitude, joints)
             self._move_scene(list(map(se3_of, poses)))
         return self._distances(q, self._numbers[pairs])
 
@@ -172,7 +174,7 @@ class CollisionPairs:
             the second ones, spacecraft frame, shape (K, 3), along which the distances grow; the
             nearest points [m], shape (K, 2, 3).
         """
-        model, (shapes, data) = self._model, self._geometry
+        model, (shapes, data) = self.model, self._geometry
         configurations = np.hstack([np.tile(_BASE, (len(joints), 1)), joints])
         distances = np.empty(len(pairs))
         normals, points = np.zeros((len(pairs), 3)), np.zeros((len(pairs), 2, 3))
@@ -197,15 +199,15 @@ class CollisionPairs:
     @property
     def bodies(self) -> IntArray:
         """Numbers of the bodies of both shapes, those of a scene after the robot's, (P, 2)."""
-        return np.array([shape.body for shape in self._shapes])[self.pairs]
+        return np.array([shape.body for shape in self.shapes])[self.pairs]
 
     @property
     def spheres(self) -> tuple[Array, Array]:
         """Spheres around both shapes in the bodies' frames: centres (P, 2, 3), radii (P, 2) [m]."""
         middles = [(shape.points.min(axis=0) + shape.points.max(axis=0)) / 2.0
-                   for shape in self._shapes]  # fmt: skip
+                   for shape in self.shapes]  # fmt: skip
         radii = [np.linalg.norm(shape.points - middle, axis=1).max()
-                 for shape, middle in zip(self._shapes, middles, strict=True)]  # fmt: skip
+                 for shape, middle in zip(self.shapes, middles, strict=True)]  # fmt: skip
         return np.array(middles)[self.pairs], np.array(radii)[self.pairs]
 
     def _move_scene(self, frames: Sequence[pin.SE3]) -> None:
@@ -215,7 +217,7 @@ class CollisionPairs:
 
     def _distances(self, q: Array, candidates: IntArray) -> Array:
         """Distances of candidate pairs in a configuration of Pinocchio [m], shape (K,)."""
-        model, (shapes, data) = self._model, self._geometry
+        model, (shapes, data) = self.model, self._geometry
         pin.updateGeometryPlacements(model.pin_model, model.scratch, shapes, data, q)
         pairs = candidates.tolist()
         return np.array([pin.computeDistance(shapes, data, pair).min_distance for pair in pairs])
@@ -223,8 +225,8 @@ class CollisionPairs:
     def _geometry_model(self, pairs: IntArray) -> tuple[Any, Any]:
         """Pinocchio's geometry model with collision pairs, and its data."""
         geometry = pin.GeometryModel()
-        for number, shape in enumerate(self._shapes):
-            parent = 0 if shape.body > self._model.dof else shape.body + 1
+        for number, shape in enumerate(self.shapes):
+            parent = 0 if shape.body > self.model.dof else shape.body + 1
             placement = se3_of(shape.placement)
             geometry.addGeometryObject(
                 pin.GeometryObject(f"{number}", parent, placement, shape.geometry)
@@ -239,79 +241,12 @@ class CollisionPairs:
     def _always_near(self, own: int, count: int, clearance: float) -> npt.NDArray[np.bool_]:
         """Which of the first candidates, ``own`` pairs of links, are always too near."""
         near = np.arange(own)
-        lower, upper = self._model.joint_ranges
+        lower, upper = self.model.joint_ranges
         low = np.where(np.isfinite(lower), lower, -np.pi)
         high = np.where(np.isfinite(upper), upper, np.pi)
-        for fraction in low_discrepancy(_CONFIGURATIONS, self._model.dof):
+        for fraction in low_discrepancy(_CONFIGURATIONS, self.model.dof):
             if not len(near):
                 break
             q = np.concatenate([_BASE, low + fraction * (high - low)])
             near = near[self._distances(q, near) <= clearance]
         return np.isin(np.arange(count), near)
-
-    def levers(self, strokes: Array) -> Array:
-        """Bounds of the derivatives of the distances by the joint values.
-
-        A revolute joint moves the nearest points by no more than their distance from its axis; of
-        the two shapes the nearer one counts, because only their relative motion matters. Pairs with
-        a body of the scene have :meth:`frame_levers` instead.
-
-        Args:
-            strokes: Largest magnitudes of the prismatic joints' values [m], shape (n,).
-
-        Returns:
-            [m/rad or m/m], shape (P, n).
-        """
-        reach = np.array([self._reach(shape, strokes) for shape in self._shapes])
-        first, second = self.pairs.T
-        bodies = np.array([shape.body for shape in self._shapes])
-        moved = self._model.moved_by
-        own = bodies[second] <= self._model.dof
-        between = np.zeros((len(bodies[first]), self._model.dof), dtype=bool)
-        between[own] = moved[bodies[first][own]] ^ moved[bodies[second][own]]
-        revolute = np.minimum(reach[first], reach[second])
-        return np.where(between, np.where(self._model.prismatic, 1.0, revolute), 0.0)
-
-    def frame_levers(self) -> Array:
-        """Bounds of the derivatives of the distances by the motions of the bodies' frames.
-
-        Of a pair with a body of the scene both frames count.
-
-        Returns:
-            By the translation of each of the F bodies' frames [m/m] and, from column F on, by its
-            rotation [m/rad]: the radius of the shape about its origin, shape (P, 2 F).
-        """
-        bodies = np.array([shape.body for shape in self._shapes])[self.pairs]
-        radii = np.array([np.linalg.norm(shape.points, axis=1).max() for shape in self._shapes])
-        count = len(self._model.bodies) + len(self.scene.bodies)
-        levers = np.zeros((len(self.pairs), 2 * count))
-        (rows,) = np.nonzero(bodies[:, 1] > self._model.dof)
-        for body, radius in zip(bodies[rows].T, radii[self.pairs][rows].T, strict=True):
-            levers[rows, body], levers[rows, count + body] = 1.0, radius
-        return levers
-
-    def _reach(self, shape: CollisionShape, strokes: Array) -> Array:
-        """Bounds of the distances of a shape's points from every joint axis [m], shape (n,)."""
-        arm = self._model.bodies[1:]
-        steps = np.array([np.linalg.norm(body.placement.position) for body in arm])
-        lengths = steps + np.where(self._model.prismatic, strokes, 0.0)
-        radius = np.linalg.norm(shape.points, axis=1).max()
-        moved = np.vstack([self._model.moved_by, np.zeros(len(arm), dtype=bool)])
-        own = moved[min(shape.body, len(arm) + 1)]
-        reach = np.empty(len(arm))
-        for k, body in enumerate(arm, start=1):
-            if k == shape.body:
-                reach[k - 1] = _from_axis(shape.points, body.axis)
-            elif body.parent == shape.body:
-                pose = body.placement
-                points = shape.points - pose.position
-                reach[k - 1] = _from_axis(points, pose.rotation @ body.axis)
-            else:
-                reach[k - 1] = radius + lengths[own ^ moved[k]].sum()
-        return reach
-
-
-def _from_axis(points: Array, axis: Array) -> float:
-    """Distance of the farthest point from an axis through the origin [m]."""
-    across = points - np.outer(points @ axis, axis)
-    return float(np.linalg.norm(across, axis=1).max())
