@@ -18,6 +18,7 @@ from goals.queries import IDENTITY, JOINTS, queries
 
 import freefloat as ff
 from freefloat.planning.goals.goal_motion import GoalMotion
+from freefloat.planning.goals.joint_paths import Ends, JointPaths
 
 KINDS = ("attitude", "pose", "joints", "client", "narrow")
 
@@ -26,6 +27,14 @@ def largest_rate(result: GoalMotion, limits: ff.Limits) -> float:
     """Largest joint rate over its limit, at 20,000 instants."""
     rates = result.motion.curve.at(np.linspace(0.0, 1.0, 20_000), 1) / result.duration
     return float(np.abs(rates / limits.joint_rate).max())
+
+
+def straight_duration(result: GoalMotion, limits: ff.Limits) -> float:
+    """Duration of the straight way to the same joints at rest, at the limits of joint rates [s]."""
+    first, last = result.motion.joints[[0, -1]]
+    paths = JointPaths(Ends(first, 0.0 * first, last, 0.0 * last))
+    line = paths.spline(np.zeros(paths.size))
+    return float(np.abs(line.at(np.linspace(0.0, 1.0, 2000), 1) / limits.joint_rate).max())
 
 
 def measure(name: str, kind: str, count: int, momenta: np.ndarray, engine: str) -> None:
@@ -38,13 +47,16 @@ def measure(name: str, kind: str, count: int, momenta: np.ndarray, engine: str) 
         if result.feasible:
             checked = largest_rate(result, query.limits) < 1.0 + 1e-6
             checked &= ff.check(result, engine=engine).passed
-            rows.append([result.duration, seconds, result.error, checked])
+            straight = straight_duration(result, query.limits) if kind != "attitude" else np.nan
+            rows.append([
+                result.duration, result.duration / straight, seconds, result.error, checked
+            ])  # fmt: skip
         print(name, kind, number, result.reason, f"{seconds:.1f} s", flush=True)
-    values = np.array(rows, dtype=float).reshape(-1, 4)
-    middle = np.median(values, axis=0)
+    values = np.array(rows, dtype=float).reshape(-1, 5)
+    middle, kept = np.median(values, axis=0), int(values[:, 4].sum())
     print(
-        f"| `{name}` | {kind} | {len(rows)} of {count} | {middle[0]:.0f} | {middle[1]:.1f} "
-        f"({values[:, 1].max():.1f}) | {values[:, 2].max():.1e} | {int(values[:, 3].sum())} |"
+        f"| `{name}` | {kind} | {len(rows)} of {count} | {middle[0]:.0f} | {middle[1]:.2f} | "
+        f"{middle[2]:.1f} ({values[:, 2].max():.1f}) | {values[:, 3].max():.1e} | {kept} |"
     )
 
 

@@ -74,6 +74,7 @@ class JointPaths:
         ends: Joints at both ends.
         spans: Spans of a loop, or of the whole path.
         loops: Number of equal deviations from the straight way.
+        fineness: Intervals of the quadrature in a span.
     """
 
     ends: Ends
