@@ -215,25 +215,20 @@ def test_results_are_sentences(limit, unit, allowed, worst, options, sentence):
         assert result.violation(when) == f"the {name} of q1 is violated{words}, {sentence}"
 
 
-def test_rates_towards_a_singularity_have_no_bound():
-    motion = simulated(bundled("spatial_6dof/line"), BAD, 2)
-    assert motion.ending is Ending.SINGULAR
-    result = result_of(motion, Limits(joint_rate=np.full(6, 1.0)), "joint_rate")
-    assert result.ratio > 1e3
-    assert_close(result.time, motion.final.time, atol=1e-6)
-    assert not result.kept
-
-
-def test_a_motion_that_ends_where_it_begins_keeps_no_rate(spatial):
-    still = spatial.cut(0.0, Ending.SINGULAR)
+def test_rates_and_torques_towards_a_singularity_have_no_bound(spatial):
+    """Neither has those of a motion that ends where it begins."""
     checker = LimitChecker(spatial.problem, Limits(np.ones(6), np.ones(6), 1.0, 0.0))
-    result = {result.limit: result for result in checker.results(still)}
-    for kind in ("joint_rate", "base_rate", "joint_torque"):
-        assert result[kind].worst == np.inf
-        assert not result[kind].kept
-        document = json.loads(json.dumps(result[kind].to_dict(), allow_nan=False))
-        assert document["worst"] is None
-        assert result[kind].shown(result[kind].worst) == "unbounded"
+    motion = simulated(spatial.problem, BAD, 2)
+    assert motion.ending is Ending.SINGULAR
+    for ended in motion, spatial.cut(0.0, Ending.SINGULAR):
+        results = {result.limit: result for result in checker.results(ended)}
+        assert np.isfinite(results["clearance"].worst)
+        for kind in ("joint_rate", "base_rate", "joint_torque"):
+            assert (results[kind].worst, results[kind].time) == (np.inf, ended.final.time)
+            assert not results[kind].kept
+            document = json.loads(json.dumps(results[kind].to_dict(), allow_nan=False))
+            assert document["worst"] is None
+            assert results[kind].sentence == f"at most 1 {results[kind].unit}: unbounded"
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,11 @@ import numpy as np
 
 from freefloat.motion.extrema import Extremum, Function, at_nodes, maximum
 from freefloat.motion.law import Rates
-from freefloat.motion.motion import Motion
+from freefloat.motion.motion import Ending, Motion
 from freefloat.so3 import Array
+
+_DIVERGENCE = 1e3
+"""Ratio of a value at a singular end to those before it, from which rounding alone bounds it."""
 
 
 def place_of_maximum(motion: Motion, values: Function) -> float:
@@ -18,7 +21,7 @@ def place_of_maximum(motion: Motion, values: Function) -> float:
 
 
 def peak(motion: Motion, values: Function, nodes: Array | None = None) -> Extremum:
-    """The maximum of functions of rates; infinite if a motion is singular where it begins.
+    """The maximum of functions of rates; infinite where they have no bound at a singular end.
 
     Args:
         motion: The motion.
@@ -27,7 +30,13 @@ def peak(motion: Motion, values: Function, nodes: Array | None = None) -> Extrem
     """
     if not motion.panels:
         return Extremum(np.inf, 0, 0, -1.0)
-    return maximum(at_nodes(motion, values) if nodes is None else nodes, values)
+    nodes = at_nodes(motion, values) if nodes is None else nodes
+    if motion.ending is Ending.SINGULAR:
+        *before, last = np.nan_to_num(nodes.reshape(-1, nodes.shape[2]), nan=np.inf)
+        fastest = int(last.argmax())
+        if last[fastest] > _DIVERGENCE * np.abs(before).max():
+            return Extremum(np.inf, fastest, motion.panels - 1, 1.0)
+    return maximum(nodes, values)
 
 
 def largest_magnitude(

@@ -58,15 +58,22 @@ class LimitResult:
 
     @property
     def relation(self) -> str:
-        """How value and bound compare where a limit of one side is kept: ``"≤"`` or ``"≥"``."""
-        return "≥" if self.at_least else "≤"
+        """How the value compares with :attr:`bound` where the limit is kept: ``≤`` or ``≥``."""
+        return "≥" if self.at_least or self._negative_magnitude else "≤"
+
+    @property
+    def bound(self) -> float:
+        """The bound on the side of the value: that of a negative rate or torque is negative."""
+        return -self.allowed if self._negative_magnitude else self.allowed
+
+    @property
+    def _negative_magnitude(self) -> bool:
+        return self.timed and self.worst < 0.0
 
     @property
     def shown_bound(self) -> str:
         """The bound as tables show it, on the side of the value: ``≤ 0.3``, ``≥ -0.3``."""
-        if self.timed and self.worst < 0.0:  # rates and torques, whose magnitudes are limited
-            return f"≥ {self.shown(-self.allowed, 5)}"
-        return f"{self.relation} {self.shown(self.allowed, 5)}"
+        return f"{self.relation} {self.shown(self.bound, 5)}"
 
     @property
     def shown_unit(self) -> str:

@@ -34,18 +34,17 @@ def limit_checks(
     for name in known.keys() - {limit.name for limit in checker.limits}:
         yield Check(f"limit {name}", False, "it is stated, but it is not a limit of the file")
     for limit, entry in zip(checker.limits, recomputed, strict=True):
-        allowed = limit.accuracy + _RELATIVE * abs(entry.worst)
-        yield _limit_check(entry, known.get(limit.name), allowed, required, claimed)
+        yield _limit_check(entry, known.get(limit.name), limit.accuracy, required, claimed)
 
 
 def _limit_check(
     recomputed: LimitResult,
     stated: LimitResult | None,
-    allowed: float,
+    accuracy: float,
     required: bool,
     claimed: bool,
 ) -> Check:
-    """Check of a limit whose stated value may deviate from the recomputed one as allowed."""
+    """Check of a limit whose stated value is accurate up to an absolute error."""
     worst, time, where = recomputed.worst, recomputed.time, recomputed.where
     passed, detail = True, where
     if claimed and (required or stated is None) and not recomputed.kept:
@@ -54,11 +53,11 @@ def _limit_check(
         passed, detail = False, "its value is not stated"
     elif stated is not None and (
         stated.kept is not recomputed.kept
-        or (np.isfinite(worst) and not abs(stated.worst - worst) <= allowed)
+        or not np.isclose(stated.worst, worst, rtol=_RELATIVE, atol=accuracy)
     ):
         passed, detail = False, f"{stated.worst:.6g} is stated, but it is {worst:.6g}"
     value = None if stated is None else stated.worst
     return Check(
-        f"limit {recomputed.label}", passed, detail, value, worst, recomputed.allowed,
+        f"limit {recomputed.label}", passed, detail, value, worst, recomputed.bound,
         recomputed.unit, time, recomputed.relation,
     )  # fmt: skip
