@@ -166,6 +166,9 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
         )  # fmt: skip
     if summary.contact_unchecked is not None:
         yield f"motions are not searched for contact: {summary.contact_unchecked}"
+        return
+    pairs = ", ".join(f"{joint.parent} - {joint.child}" for joint in model.moving_joints)
+    yield f"not compared for contact, as the range of their joint keeps them apart: {pairs}"
 
 
 def _remarks(summary: RobotSummary) -> Iterator[RenderableType]:
