@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from freefloat.studies.ensembles import chunks, integrated
+from freefloat.studies.estimate import why_run_by_run
+from freefloat.studies.groups import group_of
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.run import execute
 from freefloat.studies.run_values import group_numbers
@@ -112,20 +114,27 @@ def test_listed_values_of_other_keys_make_groups(tmp_path: Path) -> None:
         assert_same(rows[number], alone(study, number))
 
 
-@pytest.mark.parametrize(
-    ("vary", "keys"),
-    [
-        ({"momentum.2": {"uniform": [0, 1]}}, {"cases": 8}),
-        ({"momentum.2": {"uniform": [0, 1]}}, {"cases": 30, "files": "all"}),
-        ({"path.polynomial.x.1": {"uniform": [-3, -2.9]}}, {"cases": 30}),
-        ({"momentum.2": {"uniform": [0, 1]}},
-         {"cases": 30, "command": "plan", "heading_deg": None}),
-    ],
-)  # fmt: skip
-def test_few_and_other_runs_are_executed_alone(
-    vary: dict[str, Any], keys: dict[str, Any], tmp_path: Path
-) -> None:
-    assert (group_numbers(a_study(tmp_path, vary, **keys)) == -1).all()
+def test_few_and_other_runs_are_executed_alone_and_say_why(tmp_path: Path) -> None:
+    momentum, shape = (
+        {"momentum.2": {"uniform": [0, 1]}},
+        {"path.polynomial.x.1": {"uniform": [-3, -2.9]}},
+    )
+    plans = {"command": "plan", "heading_deg": None}
+    cases = [
+        (momentum, {"cases": 8, "files": "none"}, "16"),
+        (momentum, {"files": "all"}, "files"),
+        (shape, {}, "path.polynomial.x.1"),
+        (momentum, plans, "plan"),
+    ]
+    for vary, keys, word in cases:
+        study = a_study(tmp_path, vary, **({"cases": 30} | keys))
+        assert (group_numbers(study) == -1).all()
+        assert word in str(why_run_by_run(study))
+    fractions = BASE | {"margin": {"measure": "gjm", "fraction": 0.3}}
+    study = a_study(tmp_path, ROBOTS, base=fractions, cases=30, files="none")
+    assert group_of(study, 0) is None
+    assert "margin.fraction" in str(why_run_by_run(study))
+    assert why_run_by_run(a_study(tmp_path, momentum, cases=30, files="none")) is None
 
 
 @pytest.mark.slow

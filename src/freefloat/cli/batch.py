@@ -82,7 +82,7 @@ def batch(
 
     Example: freefloat batch spatial_6dof/montecarlo --run 17 -o run.h5
     """
-    from freefloat.studies.estimate import estimate_study
+    from freefloat.studies.estimate import estimate_study, why_run_by_run
     from freefloat.studies.loading import load_study
     from freefloat.studies.runner import run_study
 
@@ -102,6 +102,8 @@ def batch(
         _write_run(loaded, run, output, console)
         return
     make_folder("output", output)
+    if not quiet and (reason := why_run_by_run(loaded)) is not None:
+        say(f"{loaded.source}: run by run, because {reason}")
     try:
         with console.progress(f"{loaded.count:,} runs") as progress:
             result = run_study(
@@ -170,6 +172,8 @@ def _estimate_tables(estimate: StudyEstimate) -> Iterator[RenderableType]:
     yield runs
     if study.count > _MAX_ROWS:
         yield f"and {study.count - _MAX_ROWS:,} more"
+    if estimate.run_by_run is not None:
+        yield f"run by run, because {estimate.run_by_run}"
     if estimate.run_seconds is not None and estimate.seconds is not None:
         workers = "one worker" if estimate.workers in (None, 1) else f"{estimate.workers} workers"
         yield (

@@ -16,8 +16,8 @@ from freefloat.studies.database import DATABASE, open_results
 from freefloat.studies.few_tasks import FEW
 from freefloat.studies.portable import PortableStudy, study_files
 from freefloat.studies.run import execute, finite
-from freefloat.studies.run_values import group_numbers
-from freefloat.studies.study import Study
+from freefloat.studies.run_values import FEWEST, group_numbers, why_alone
+from freefloat.studies.study import Command, Study
 
 _START_SECONDS = 3.0
 """Typical time until local workers have started."""
@@ -47,6 +47,11 @@ class StudyEstimate:
     def _alone(self) -> int:
         """Number of runs that are executed one by one."""
         return self.study.count - int((group_numbers(self.study) >= 0).sum())
+
+    @cached_property
+    def run_by_run(self) -> str | None:
+        """See :func:`why_run_by_run`."""
+        return why_run_by_run(self.study)
 
     @property
     def missing(self) -> int:
@@ -79,6 +84,7 @@ class StudyEstimate:
             "seconds_each": self.run_seconds,
             "start_up_seconds": self.start_seconds,
             "timed": self.basis,
+            "run_by_run": self.run_by_run,
             "seconds": self.seconds,
             "cases": [
                 {"case": number, "done": number in self.finished,
@@ -86,6 +92,20 @@ class StudyEstimate:
                 for number in range(self.study.count)
             ],
         }  # fmt: skip
+
+
+def why_run_by_run(study: Study) -> str | None:
+    """Why runs of a study are executed one by one, not as ensembles; None where ensembles are."""
+    if study.content.command is Command.TRACK:  # whose closed loops are simulated side by side
+        return None
+    if (reason := why_alone(study)) is not None:
+        return reason
+    together = np.flatnonzero(group_numbers(study) >= 0)
+    if not len(together):
+        return f"fewer than {FEWEST} runs differ in nothing but values that ensembles vary"
+    from freefloat.studies.groups import why_apart  # compiled kernels
+
+    return why_apart(study, int(together[0]))
 
 
 def estimate_study(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -195,45 +196,54 @@ def _begins_stricter(group: Group, number: int) -> bool:
     return bool(once < again)
 
 
-@lru_cache(maxsize=4)
+class _UnfitError(Exception):
+    """Runs are none of an ensemble; its argument is why."""
+
+
 def group_of(study: Study, number: int) -> Group | None:
     """The group whose first run has a number; None where its runs are executed one by one."""
+    return _grouped(study, number)[0]
+
+
+def why_apart(study: Study, number: int) -> str | None:
+    """Why runs of the group whose first run has a number are executed one by one; None else."""
+    group, reason = _grouped(study, number)
+    limited = group is not None and group.limited
+    return (
+        "limits are checked along precise motions where the margin is kept" if limited else reason
+    )
+
+
+@lru_cache(maxsize=4)
+def _grouped(study: Study, number: int) -> tuple[Group | None, str | None]:
+    """The group whose first run has a number, or why there is none."""
     try:
-        return _group(study, number)
+        return _group(study, number), None
+    except _UnfitError as unfit:
+        return None, str(unfit)
     except FreeFloatError:  # which is the result of each run
-        return None
+        return None, None
 
 
-def _group(study: Study, number: int) -> Group | None:
+def _group(study: Study, number: int) -> Group:
     content, parameters = study.content, study.parameters(number)
     own = {key: value for key, value in parameters.items() if not fits_ensembles(key)}
     own |= nominal_values(parameters, study.base)
     document = with_values(study.base, own)
     scenario = scenario_from(document, study.base_source.absolute())
-    problem, timing, margin = scenario.problem(), scenario.content.timing, scenario.content.margin
-    if not problem.model.has_one_arm:
-        return None
-    stretched = not (timing.stops or timing.speeds or problem.path.frame)
-    if "timing.duration" in parameters and not stretched:
-        return None
-    if "margin.value" in parameters and margin.fraction is not None:
-        return None
-    several = vary_robots(study.content.vary, study.variation.listed)
-    if several and (margin.fraction is not None or scenario.content.path.frame != "inertial"):
-        return None  # which are others for other robots
+    problem = scenario.problem()
+    _require_fit(study, scenario, problem, parameters)
     ranges, limited = _limits(scenario)
     attitude = joints = None
     branch = content.branch if isinstance(content.branch, int) else None
     unvaried = Unvaried.of(study) if content.branch is None else None
     if unvaried is not None and unvaried.problem.model.arm_dof != problem.model.arm_dof:
-        return None
-    if "heading_deg" in parameters and not problem.task.planar:
-        return None
+        raise _UnfitError("the unvaried robot has another number of joints")
     if not any(key in parameters for key in START_KEYS):
         heading = None if content.heading_deg is None else np.radians(content.heading_deg)
         attitude = problem.attitude(content.attitude, heading=heading)
         if not problem.branches(attitude):
-            return None
+            raise _UnfitError("the arm does not reach the start of the path")
         if unvaried is not None:
             (joints,), unvaried = unvaried.joints_at(attitude[None], 1), None
         if content.branch is None and (joints is None or not np.isfinite(joints).all()):
@@ -242,12 +252,39 @@ def _group(study: Study, number: int) -> Group | None:
             )
             branch, joints = choice.get("branch"), choice.get("joints")
     elif content.branch is None and unvaried is None:
-        return None
+        raise _UnfitError(
+            "limits choose the arm branch at each attitude; branch or search.joints would"
+        )
     group = Group(
-        study, problem, margin.fraction is not None, attitude, branch, joints, unvaried, ranges,
-        limited, False, _varied_robot(study, document, scenario),
+        study, problem, scenario.content.margin.fraction is not None, attitude, branch, joints,
+        unvaried, ranges, limited, False, _varied_robot(study, document, scenario),
     )  # fmt: skip
     return replace(group, stricter=_begins_stricter(group, number))
+
+
+def _require_fit(
+    study: Study, scenario: Scenario, problem: Problem, parameters: Mapping[str, Any]
+) -> None:
+    """Raise an _UnfitError unless the varied values of a scenario can differ in an ensemble."""
+    timing, relative = scenario.content.timing, scenario.content.margin.fraction is not None
+    if not problem.model.has_one_arm:
+        raise _UnfitError("several arms move")
+    if "timing.duration" in parameters and (timing.stops or timing.speeds or problem.path.frame):
+        raise _UnfitError(
+            "timing.duration varies with stops, given speeds or a path on a moving body"
+        )
+    if "margin.value" in parameters and relative:
+        raise _UnfitError("margin.value varies beside margin.fraction")
+    if vary_robots(study.content.vary, study.variation.listed):  # of which these are others
+        if relative:
+            raise _UnfitError(
+                "the robot varies, and margin.fraction with it; margin.value would not"
+            )
+        if scenario.content.path.frame != "inertial":
+            frame = scenario.content.path.frame
+            raise _UnfitError(f"the robot varies, and with it the path in the {frame} frame")
+    if "heading_deg" in parameters and not problem.task.planar:
+        raise _UnfitError("heading_deg varies, but the task is not planar")
 
 
 def _varied_robot(study: Study, document: dict[str, Any], scenario: Scenario) -> VariedRobot:

@@ -26,7 +26,7 @@ _HARMLESS = {
     "thresholds": np.ones(()),
     "attitudes": np.array([0.0, 0.0, 0.0, 1.0]),
 }
-_FEWEST = 16
+FEWEST = 16
 """Fewer runs are not worth an ensemble."""
 _LARGEST, _SHORTEST = 1e9, 1e-6
 """Largest number, and shortest duration [s], of scenario files."""
@@ -44,6 +44,16 @@ def fits_ensembles(key: str) -> bool:
     return key in named or component or is_robot_key(key)
 
 
+def why_alone(study: Study) -> str | None:
+    """Why all runs of a study are executed one by one, whatever its scenario; None else."""
+    if study.content.command is not Command.SIMULATE:
+        return f"the command is {study.content.command}"
+    for key in study.content.vary.keys() - study.variation.listed.keys():
+        if not fits_ensembles(key):
+            return f"{key} varies at random, which ensembles do not"
+    return "the files of all runs are kept" if study.kept_files >= study.count else None
+
+
 def group_numbers(study: Study) -> IntArray:
     """Number of the group of each run, integrated as one ensemble; -1 of runs on their own.
 
@@ -51,16 +61,15 @@ def group_numbers(study: Study) -> IntArray:
     no ensemble represents, and of studies that keep the file of every run.
     """
     alone = np.full(study.count, -1)
-    others = [key for key in study.content.vary if not fits_ensembles(key)]
-    listed = study.variation.listed
-    fits = study.content.command is Command.SIMULATE and listed.keys() >= set(others)
-    if not fits or study.kept_files >= study.count:
+    if why_alone(study) is not None:
         return alone
-    places, groups = study.variation.places(0, study.count), np.zeros(study.count, dtype=np.int64)
-    for key in others:
-        groups = groups * len(listed[key]) + places[key]
+    listed, places = study.variation.listed, study.variation.places(0, study.count)
+    groups = np.zeros(study.count, dtype=np.int64)
+    for key in study.content.vary:
+        if not fits_ensembles(key):
+            groups = groups * len(listed[key]) + places[key]
     _, groups, sizes = np.unique(groups, return_inverse=True, return_counts=True)
-    return np.asarray(np.where(sizes[groups] >= _FEWEST, groups, alone))
+    return np.asarray(np.where(sizes[groups] >= FEWEST, groups, alone))
 
 
 def arrays_of(
