@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -97,16 +98,19 @@ def test_plain_and_compiled_kernels_agree(model: ff.FreeFloatingModel) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "goal",
-    [ff.Goal(POSE, duration=20.0), ff.Goal(attitude=[0, 0, 0.1305, 0.9914], joints=START)],
+    [ff.Goal(POSE, duration=30.0), ff.Goal(attitude=[0, 0, 0.1305, 0.9914], joints=START)],
     ids=["pose in a given time", "attitude with the joints back"],
 )  # fmt: skip
 def test_a_goal_is_reached_with_momentum_and_wheels(
     model: ff.FreeFloatingModel, goal: ff.Goal
 ) -> None:
     system = ff.System(model, momentum=[1.0, -0.5, 0.8], wheels=[0.2, 0.3, 0.0])
-    result = ff.move(system, STATE, goal, LIMITS)
+    most = None if goal.attitude is not None else 0.4  # 0.52 rad without that limit
+    result = ff.move(system, STATE, goal, replace(LIMITS, base_turn=most))
     assert result.feasible
     assert result.error < 1e-9
+    attitudes = Rotation.from_quat(result.motion.attitudes)
+    assert (attitudes[0].inv() * attitudes).magnitude().max() <= (most or np.pi)
     motion, final = result.motion, result.motion.final
     R = attitude_at_end(system, motion)
     assert Rotation.from_quat(final.attitude).as_matrix() == pytest.approx(R, abs=1e-6)
@@ -161,6 +165,9 @@ def test_why_a_goal_is_not_reached() -> None:
     far = ff.move(system, state, ff.Goal(ff.so3.Pose([5.0, 0.0, 0.0], np.eye(3))), limits)
     assert not far.feasible
     assert "reach" in far.reason
+    turned = ff.Goal(attitude=[0.0, 0.0, 0.1305, 0.9914], duration=30.0)
+    steady = ff.move(system, state, turned, replace(limits, base_turn=0.2))
+    assert (steady.motion, "11.46 deg" in steady.reason) == (None, True)
     hurried = ff.move(system, state, ff.Goal(joints=[0.6, 0.2], duration=1.0), limits)
     assert not hurried.feasible
     assert 5.0 <= hurried.needed["duration"] <= 8.0  # 0.5 rad at 0.1 rad/s, from rest to rest

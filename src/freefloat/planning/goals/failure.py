@@ -10,12 +10,15 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.limits.check import LimitChecker
+from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
+from freefloat.planning.goals.goal import Goal
 from freefloat.planning.goals.goal_motion import GoalMotion, earlier
 from freefloat.planning.goals.joint_paths import Course
 from freefloat.planning.goals.resting import violation_at_rest
 from freefloat.planning.goals.search import REACHED, GoalSearch
 from freefloat.planning.goals.target import Target
+from freefloat.so3 import Array, angle_between
 
 
 def why_not(
@@ -41,7 +44,7 @@ def why_not(
             return replace(outcome, reason=reason, needed={"duration": least})
     nearest = search.nearest()
     if nearest is None or nearest.violation is None:
-        return replace(outcome, reason=_at_the_goal(outcome, search, seed))
+        return _at_the_goal(outcome, search, seed)
     results = search.certification.checker.results(nearest.motion)
     return outcome.with_motion(nearest.motion, results)
 
@@ -55,20 +58,36 @@ def too_far(target: Target, t: float) -> str | None:
     return f"the pose is {distance:.4g} m from the centre of mass, the reach {reach:.4g} m"
 
 
-def _at_the_goal(outcome: GoalMotion, search: GoalSearch, seed: int) -> str:
+def turns_too_far(goal: Goal, attitude: Array, limits: Limits) -> str | None:
+    """Why the attitude of a goal violates the limit of the turn from the first one; None else."""
+    if goal.attitude is None or limits.base_turn is None:
+        return None
+    turn = float(angle_between(attitude, goal.attitude))
+    if turn <= limits.base_turn:
+        return None
+    words = "the goal turns the spacecraft by {:.4g} deg, its limit is {:.4g} deg"
+    return words.format(*np.degrees([turn, limits.base_turn]))
+
+
+def _at_the_goal(outcome: GoalMotion, search: GoalSearch, seed: int) -> GoalMotion:
     """Why no path was found that ends at the goal: what it violates there, or how far it gets."""
     target = search.families[0].target
     nearest, *others = search.nearest_ends(seed)
     if np.abs(nearest.error).max(initial=0.0) > REACHED:
         reason = "no motion that ends at the goal was found within the joint ranges"
-        return f"{reason}; the nearest one ends with {target.distance_text(nearest.error)} away"
+        away = target.distance_text(nearest.error)
+        return replace(outcome, reason=f"{reason}; the nearest one ends with {away} away")
     ends = [nearest, *(path for path in others if np.abs(path.error).max(initial=0.0) <= REACHED)]
     violations = [_violation(outcome, path.course) for path in ends]
     least = min(filter(None, violations), key=lambda found: abs(found.worst - found.allowed),
                 default=None)  # fmt: skip
-    if least is None or None in violations:
-        return "the goal is reached, but by no motion that was found within the limits"
-    return f"where the nearest motion reaches the goal, {least.violation()}"
+    if least is not None and None not in violations:
+        reason = f"where the nearest motion reaches the goal, {least.violation()}"
+        return replace(outcome, reason=reason)
+    motion, results = search.best_of(ends)
+    if motion is not None:
+        return outcome.with_motion(motion, results)
+    return replace(outcome, reason="no motion that ends exactly at the goal was found")
 
 
 def _violation(outcome: GoalMotion, course: Course) -> LimitResult | None:

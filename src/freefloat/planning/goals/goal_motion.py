@@ -41,7 +41,8 @@ class GoalMotion(Answer):
     Attributes:
         problem: Robot, momentum and scene; its path is not followed, but has the duration.
         goal: What is to be reached.
-        limits: Limits that were required, without ``base_turn``.
+        limits: Limits that were required; without ``base_turn`` where the motion is a phase of a
+            manoeuvre or a reorientation.
         feasible: Whether a motion was found that ends at the goal and keeps the limits.
         reason: Why this motion, or why none.
         needed: What would be enough, where it is known: a ``duration`` [s].
@@ -59,9 +60,6 @@ class GoalMotion(Answer):
     needed: dict[str, float] = field(default_factory=dict)
     motion: Motion | None = field(default=None, repr=False)
     limit_results: tuple[LimitResult, ...] = field(default=(), repr=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "limits", self.limits.without_turn)
 
     @property
     def phases(self) -> tuple[PhaseResult, ...]:
@@ -91,13 +89,12 @@ class GoalMotion(Answer):
 
     def with_motion(self, motion: Motion, results: Sequence[LimitResult]) -> GoalMotion:
         """The same with a motion that ends at the goal, feasible where it keeps its limits."""
-        violation = next(iter(violated(results)), None)
+        violations = [entry.violation(f"at t = {entry.time:.4g} s") for entry in violated(results)]
         reason = f"the goal is reached in {float(motion.times[-1]):.4g} s"
-        if violation is not None:
-            how = violation.violation(f"at t = {violation.time:.4g} s")
-            reason = f"along the best motion that was found {how}"
+        if violations:
+            reason = f"along the best motion that was found {' and '.join(violations)}"
         return replace(
-            self, problem=motion.problem, feasible=violation is None, reason=reason, motion=motion,
+            self, problem=motion.problem, feasible=not violations, reason=reason, motion=motion,
             limit_results=tuple(results),
         )  # fmt: skip
 

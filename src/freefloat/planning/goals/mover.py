@@ -21,7 +21,7 @@ from freefloat.motion.problem import Problem
 from freefloat.planning.goals.certification import Certification
 from freefloat.planning.goals.clearances import Clearances
 from freefloat.planning.goals.effort import Effort
-from freefloat.planning.goals.failure import too_far, why_not
+from freefloat.planning.goals.failure import too_far, turns_too_far, why_not
 from freefloat.planning.goals.goal import Goal
 from freefloat.planning.goals.goal_motion import GoalMotion, earlier, goal_problem
 from freefloat.planning.goals.joint_paths import Ends, JointPaths
@@ -79,7 +79,7 @@ def move(
         system: Robot, momentum, wheels and drift.
         state: Attitude of the spacecraft, quaternion x, y, z, w, and joint values (n,).
         goal: What is to be reached.
-        limits: Limits in addition to the joint ranges; ``base_turn`` is not considered.
+        limits: Limits in addition to the joint ranges.
         scene: Bodies and corridor, from the centre of mass at the start.
         seed: Seed of the random paths.
         progress: Called with the fraction done, in [0, 1].
@@ -108,13 +108,13 @@ def sketch(
     *,
     seed: int = 0,
 ) -> Motion | None:
-    """A motion to a goal that is found at once: clearance and pointing are left out.
+    """A motion to a goal that is found at once: clearance, pointing and turn are left out.
 
     Args and errors are those of :func:`move`; None where no motion was found.
     """
     problem, start, limits = _posed(system, state, goal, limits, scene)
     _require_sense(problem, start, goal, limits)
-    rates = replace(limits, clearance=None, pointing=())
+    rates = replace(limits.without_turn, clearance=None, pointing=())
     return _search(problem, start, goal, rates, LimitChecker(problem, rates)).sketch(seed)
 
 
@@ -157,7 +157,6 @@ def move_from(
         progress: Called with the fraction done, in [0, 1].
     """
     _require_sense(problem, start, goal, limits)
-    limits = limits.without_turn
     checker = LimitChecker(problem, limits)
     outcome = GoalMotion(problem, goal, limits, False, "")
     for there, attitude, joints, rests in _known_states(problem, start, goal):
@@ -167,6 +166,9 @@ def move_from(
         if violation is not None:
             values = ", ".join(f"{value:.4g}" for value in joints)
             return replace(outcome, reason=violation.violation(f"with joints {values}"))
+    reason = turns_too_far(goal, start.attitude, limits)
+    if reason is not None:
+        return replace(outcome, reason=reason)
     target = goal.target(problem, start.attitude, start.joints)
     if goal.duration is not None or not (problem.scene.tumbles or problem.path.drifts):
         reason = too_far(target, goal.duration or 0.0)
@@ -189,7 +191,7 @@ def _search(
     progress: Progress | None = None,
 ) -> GoalSearch:
     """The search for motions from a state to a goal."""
-    shapes: list[ShapeLimits] = [StateLimits(problem, limits)]
+    shapes: list[ShapeLimits] = [StateLimits(problem, limits, start.attitude)]
     if checker.pairs is not None:
         clearances = Clearances(problem, checker.pairs, limits.clearance or 0.0)
         clearances.at_rest(start.joints, Rotation.from_quat(start.attitude).as_matrix())

@@ -64,13 +64,13 @@ def reorient(
 
     require_problem(problem)
     problem.model.require_one_arm("reorientations")
-    limits = Limits() if limits is None else limits
+    limits = Limits() if limits is None else limits.without_turn
     begin, end = problem.attitude(start, key="from"), problem.attitude(goal, key="to")
     if angle_between(begin, end) < _SAME:
         raise InputError("to", "it is the attitude at the start", "another attitude")
     if duration is None and not limits.timed:
         duration = problem.path.duration
-    rest = _rest(problem, limits.without_turn, end, joints)
+    rest = _rest(problem, limits, end, joints)
     wanted = Goal(attitude=end, joints=rest, duration=duration)
     state = Start(begin, rest, np.zeros_like(rest))
     return move_from(problem, state, wanted, limits, seed=seed, progress=progress)

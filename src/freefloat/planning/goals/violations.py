@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from freefloat.limits.kinds.base_turn import BaseTurnLimit
 from freefloat.limits.kinds.corridor import CorridorLimit
 from freefloat.limits.kinds.pointing import PointingLimits
 from freefloat.limits.limits import Limits
@@ -17,7 +18,7 @@ from freefloat.limits.result import LimitResult
 from freefloat.motion.pointing import Keep, angle_of
 from freefloat.motion.problem import Problem
 from freefloat.planning.goals.joint_paths import Course, JointPaths
-from freefloat.so3 import Array, IntArray
+from freefloat.so3 import Array, IntArray, angle_between
 
 _STEP = 1e-6
 """Step of the differences [rad, m]."""
@@ -70,18 +71,22 @@ class ShapeLimits(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class StateLimits:
-    """Cones of pointing axes, and the corridor.
+    """Cones of pointing axes, the corridor, and the spacecraft's turn.
 
     Attributes:
         problem: Robot, scene and drift, whatever its duration.
         limits: The limits.
+        attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
         margins: Margins of the limits with some names, which grow.
     """
 
     problem: Problem
     limits: Limits
+    attitude: Array
     margins: dict[str, float] = field(
-        default_factory=lambda: {PointingLimits.name: _MARGIN, CorridorLimit.name: _MARGIN}
+        default_factory=lambda: dict.fromkeys(
+            (PointingLimits.name, CorridorLimit.name, BaseTurnLimit.name), _MARGIN
+        )
     )
 
     def widen(self, violation: LimitResult) -> bool:
@@ -109,9 +114,13 @@ class StateLimits:
             offset = frame.rotation.T @ (pose.position - frame.position)
             return -np.inf if corridor is None else corridor.deviation(offset) - corridor.allowed
 
+        def beyond_turn(t: float, attitude: Array, joints: Array) -> float:
+            return float(angle_between(attitude, self.attitude)) - (self.limits.base_turn or np.pi)
+
         cones = (partial(beyond_cone, number) for number in range(len(self.limits.pointing)))
         corridors = [(CorridorLimit.name, beyond_corridor)] * (problem.scene.corridor is not None)
-        return (*((PointingLimits.name, cone) for cone in cones), *corridors)
+        turns = [(BaseTurnLimit.name, beyond_turn)] * (self.limits.base_turn is not None)
+        return (*((PointingLimits.name, cone) for cone in cones), *corridors, *turns)
 
     def violations(self, paths: JointPaths, course: Course) -> Violations:
         """See :class:`ShapeLimits`."""

@@ -118,8 +118,8 @@ def _to_start(
     end = Start(state.attitude, state.joints, state.joint_rates)
     duration = None if limits.timed else problem.path.duration
     found = arrive(
-        problem, (present, joints), end, limits, duration=duration, seed=search.seed,
-        progress=progress,
+        problem, (present, joints), end, limits.without_turn, duration=duration,
+        seed=search.seed, progress=progress,
     )  # fmt: skip
     begin = -(found.duration or 0.0)
     return [PhaseResult("reorientation", found.kind, found, begin, begin * problem.path.drift)]

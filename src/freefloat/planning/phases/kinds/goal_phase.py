@@ -62,4 +62,5 @@ class GoalPhase(Phase):
         from freefloat.planning.goals.mover import Start, move_from  # compiled kernels
 
         start = Start(state.attitude, state.joints, state.joint_rates)
-        return move_from(self.problem_at(state), start, self.goal.seen_from(state.centre), limits)
+        goal = self.goal.seen_from(state.centre)
+        return move_from(self.problem_at(state), start, goal, limits.without_turn)
