@@ -168,7 +168,7 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
         yield f"motions are not searched for contact: {summary.contact_unchecked}"
         return
     pairs = ", ".join(f"{joint.parent} - {joint.child}" for joint in model.moving_joints)
-    yield f"not compared for contact, as the range of their joint keeps them apart: {pairs}"
+    yield f"not compared for contact, because a joint connects them: {pairs}"
 
 
 def _remarks(summary: RobotSummary) -> Iterator[RenderableType]:
