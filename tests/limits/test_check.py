@@ -235,7 +235,8 @@ def test_rates_and_torques_towards_a_singularity_have_no_bound(spatial):
     ("key", "value"),
     [("joint_rate", [1.0, 0.0]), ("joint_torque", [-1.0]), ("base_rate", 0.0), ("clearance", -0.1),
      ("clearance", np.nan), ("base_rate", np.nan), ("base_rate", np.inf), ("base_turn", 0.0),
-     ("base_turn", 3.2), ("pointing", ["antenna"]), ("joint_rate", [[1.0, 1.0]])],
+     ("base_turn", 3.2), ("pointing", ["antenna"]), ("joint_rate", [[1.0, 1.0]]),
+     ("joint_rate", 0.3), ("pointing", 0.3)],
 )  # fmt: skip
 def test_limits_that_are_none_are_refused(key, value):
     with pytest.raises(InputError, match=f"limits.{key}"):

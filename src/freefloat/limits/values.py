@@ -55,7 +55,7 @@ class PerJoint:
 
     def checked(self, key: str, value: Any) -> Array:
         """The values, read-only; an InputError that names a key unless they are magnitudes."""
-        accepted = "a number above zero for each joint"
+        accepted = "an array with a number above zero for each joint, as np.full(6, 0.1)"
         values = number_array(key, value, accepted)
         if values.ndim != 1 or not (values > 0.0).all():
             raise InputError(key, f"{values.tolist()} was given", accepted)
@@ -72,9 +72,9 @@ class PerJoint:
 class Axes:
     """Axes of links with the cones inside or outside which they stay; any number of them."""
 
-    def checked(self, key: str, value: Iterable[PointingLimit]) -> tuple[PointingLimit, ...]:
-        """The axes; an InputError that names a key unless they are limits of pointing."""
-        axes = tuple(value)
+    def checked(self, key: str, value: Any) -> tuple[PointingLimit, ...]:
+        """The axes, also of a single one; an InputError unless they are limits of pointing."""
+        axes = tuple(value) if isinstance(value, Iterable) else (value,)
         for number, axis in enumerate(axes):
             accepted = "PointingLimit(body, axis, angle, direction=...)"
             require_type(f"{key}.{number}", axis, PointingLimit, accepted)
