@@ -133,7 +133,7 @@ class Certification:
                 break
             unknowns = np.append(unknowns[:-1], unknowns[-1] * usage * spare)
             if not self.by_time:
-                return unknowns, self._motion(relaxation, unknowns)
+                return unknowns, self.along(relaxation, unknowns)
         return unknowns, motion
 
     def _ending_at_goal(
@@ -149,14 +149,15 @@ class Certification:
             if closed is None:
                 return None
             unknowns = closed
-            motion = self._motion(relaxation, unknowns)
+            motion = self.along(relaxation, unknowns)
             residuals = relaxation.target.residuals(last_state(motion))
             if np.abs(residuals).max(initial=0.0) < _EXACT:
                 return unknowns, motion, offset
             offset = offset - residuals
         return None
 
-    def _motion(self, relaxation: Relaxation, unknowns: Array) -> Motion:
+    def along(self, relaxation: Relaxation, unknowns: Array) -> Motion:
+        """The motion along a path, whatever it violates and wherever it ends exactly."""
         relaxation.effort.take(_WORK * relaxation.paths.all_spans)
         timing = Timing(float(unknowns[-1]), TimeLaw.UNIFORM)
         problem = replace(self.problem, path=replace(self.problem.path, timing=timing))

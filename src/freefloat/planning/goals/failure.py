@@ -13,7 +13,7 @@ from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
 from freefloat.planning.goals.goal import Goal
-from freefloat.planning.goals.goal_motion import GoalMotion, earlier
+from freefloat.planning.goals.goal_motion import GoalMotion, all_violations, earlier
 from freefloat.planning.goals.joint_paths import Course
 from freefloat.planning.goals.resting import violation_at_rest
 from freefloat.planning.goals.search import REACHED, GoalSearch
@@ -84,10 +84,11 @@ def _at_the_goal(outcome: GoalMotion, search: GoalSearch, seed: int) -> GoalMoti
     if least is not None and None not in violations:
         reason = f"where the nearest motion reaches the goal, {least.violation()}"
         return replace(outcome, reason=reason)
-    motion, results = search.best_of(ends)
-    if motion is not None:
-        return outcome.with_motion(motion, results)
-    return replace(outcome, reason="no motion that ends exactly at the goal was found")
+    beyond = search.least_violations(ends)
+    reason = "the goal is reached by coarse paths, but exactly by no motion that was found"
+    if beyond:
+        reason = f"the goal is reached, but along the best path {all_violations(beyond)}"
+    return replace(outcome, reason=reason)
 
 
 def _violation(outcome: GoalMotion, course: Course) -> LimitResult | None:

@@ -89,10 +89,10 @@ class GoalMotion(Answer):
 
     def with_motion(self, motion: Motion, results: Sequence[LimitResult]) -> GoalMotion:
         """The same with a motion that ends at the goal, feasible where it keeps its limits."""
-        violations = [entry.violation(f"at t = {entry.time:.4g} s") for entry in violated(results)]
+        violations = violated(results)
         reason = f"the goal is reached in {float(motion.times[-1]):.4g} s"
         if violations:
-            reason = f"along the best motion that was found {' and '.join(violations)}"
+            reason = f"along the best motion that was found {all_violations(violations)}"
         return replace(
             self, problem=motion.problem, feasible=not violations, reason=reason, motion=motion,
             limit_results=tuple(results),
@@ -113,6 +113,11 @@ class GoalMotion(Answer):
             "final": None if motion is None else motion.final.to_dict(),
             "limits": [result.to_dict() for result in self.limit_results],
         }
+
+
+def all_violations(violations: Sequence[LimitResult]) -> str:
+    """Such as ``the joint rate of q1 is violated at t = 2 s, at most ... and the ...``."""
+    return " and ".join(entry.violation(f"at t = {entry.time:.4g} s") for entry in violations)
 
 
 def last_state(motion: Motion) -> EndState:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.concurrency import Progress
-from freefloat.limits.result import LimitResult
+from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.motion import Motion
 from freefloat.planning.goals.certification import FINAL, Certification, CertifiedMotion
 from freefloat.planning.goals.effort import Effort
@@ -83,19 +83,16 @@ class GoalSearch:
                 found[number] = family.linearized(closed, weights)
         return sorted(found, key=lambda path: float(np.abs(path.error).sum()))
 
-    def best_of(
-        self, paths: Sequence[Quadratic]
-    ) -> tuple[Motion | None, tuple[LimitResult, ...]]:
-        """The motion along one of some coarse paths that comes nearest to keeping its limits.
-
-        With its limits; None where no motion ends at the goal.
-        """
-        family, found = self.families[0].coarse, list[tuple[Motion, tuple[LimitResult, ...]]]()
-        for path in paths:
-            motion = self.certification.motion(family, path.course.unknowns)
-            if motion is not None:
-                found.append((motion, self.certification.checker.results(motion)))
-        return min(found, key=lambda each: max((r.ratio for r in each[1]), default=0.0), default=(None, ()))
+    def least_violations(self, paths: Sequence[Quadratic]) -> tuple[LimitResult, ...]:
+        """Violated limits along the one of some paths that comes nearest to keeping them."""
+        family, certification = self.families[0].coarse, self.certification
+        found = [
+            violated(
+                certification.checker.results(certification.along(family, path.course.unknowns))
+            )
+            for path in paths
+        ]
+        return min(found, key=lambda results: max((entry.ratio for entry in results), default=0.0))
 
     def sketch(self, seed: int) -> Motion | None:
         """The motion along the most promising path of a coarse family; None without any."""
