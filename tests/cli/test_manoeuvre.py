@@ -118,8 +118,11 @@ def test_a_phase_that_fails_ends_with_exit_code_1(file: Path, tmp_path: Path) ->
     assert [phase["feasible"] for phase in found["phases"]] == [True] * 3 + [False]
     assert not ff.load(tmp_path / "late.h5").feasible
     assert run("check", tmp_path / "late.h5").exit_code == 1
+    assert found["not_reached"] == ff.load(tmp_path / "late.h5").to_dict()["not_reached"] == ["to"]
     far = changed(file, "to: [0.5, 1.2, 0]}", "to: [5, 12, 0]}")  # no phase has a motion
-    assert not document("plan", far, "--plots", tmp_path / "figures", code=1)["feasible"]
+    found = document("plan", far, "--plots", tmp_path / "figures", code=1)
+    assert (found["feasible"], len(found["phases"])) == (False, 1)
+    assert found["not_reached"] == ["reorientation", "capture", "goal", "to"]
 
 
 @pytest.mark.slow

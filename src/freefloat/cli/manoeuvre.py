@@ -37,16 +37,18 @@ def manoeuvre_tables(
         verdict = Text("feasible", "green") if phase.feasible else Text("not feasible", "red")
         rows.add_row(phase.name, phase.kind, f"{phase.start:.4f}", f"{end:.4f}", _turn(phase),
                      _margin(phase), verdict)  # fmt: skip
+    for phase_name in manoeuvre.not_reached:
+        rows.add_row(phase_name, "", "", "", "", "", Text("not reached", "yellow"))
     yield rows
     yield from _phases(manoeuvre) if verbose else _summary(manoeuvre)
     yield from contact_lines(manoeuvre)
 
 
 def _summary(manoeuvre: Manoeuvre) -> Iterator[RenderableType]:
-    """Captures, why a phase is not feasible, and the worst of each limit."""
+    """Captures, and the worst of each limit."""
     worst: dict[str, LimitResult] = {}
     for phase in manoeuvre.phases:
-        if phase.kind == "capture" or not phase.feasible:
+        if phase.kind == "capture":
             yield f"{phase.name}: {_found(phase)}"
         for result in phase.limit_results:
             if result.limit not in worst or result.ratio > worst[result.limit].ratio:

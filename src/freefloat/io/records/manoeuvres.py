@@ -38,7 +38,8 @@ def decode_manoeuvre(tree: Tree, scenario: Scenario) -> Manoeuvre:
             path,
             *_following(trees[first + 1 :], scenario, limits, state.after(plan.motion)),
         ]
-    return Manoeuvre(plan, tuple(phases), str(tree["reason"]))
+    not_reached = tuple(map(str, tree["not_reached"].values.tolist()))
+    return Manoeuvre(plan, tuple(phases), str(tree["reason"]), not_reached)
 
 
 def _following(

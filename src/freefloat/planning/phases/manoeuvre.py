@@ -21,6 +21,7 @@ class Manoeuvre(Answer):
         path: The plan of the first path.
         phases: Phases in order, up to the first that fails.
         reason: Why it succeeds, or which phase fails and why.
+        not_reached: Names of the phases that are not planned, because one before them fails.
     """
 
     kind: ClassVar[str] = "manoeuvre"
@@ -28,14 +29,23 @@ class Manoeuvre(Answer):
     path: Plan
     phases: tuple[PhaseResult, ...]
     reason: str
+    not_reached: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, path: Plan, phases: Sequence[PhaseResult]) -> Self:
-        """The manoeuvre of phases, one of which is the first path."""
+    def of(cls, path: Plan, phases: Sequence[PhaseResult], names: Sequence[str]) -> Self:
+        """The manoeuvre of phases, one of which is the first path.
+
+        Args:
+            path: The plan of the first path.
+            phases: Phases in order, up to the first that fails.
+            names: Names of all phases.
+        """
         failed = next((phase for phase in phases if not phase.feasible), None)
         if failed is None:
             return cls(path, tuple(phases), f"all {len(phases)} phases succeed")
-        return cls(path, tuple(phases), f"{failed.name}: {failed.reason}")
+        planned = {phase.name for phase in phases}
+        not_reached = tuple(name for name in names if name not in planned)
+        return cls(path, tuple(phases), f"{failed.name}: {failed.reason}", not_reached)
 
     @property
     def feasible(self) -> bool:
@@ -65,4 +75,5 @@ class Manoeuvre(Answer):
             "duration": self.duration,
             "contact": self.contact and self.contact.to_dict(),
             "phases": [phase.to_dict() for phase in self.phases],
+            "not_reached": list(self.not_reached),
         }

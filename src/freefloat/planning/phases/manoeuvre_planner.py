@@ -20,6 +20,8 @@ from freefloat.planning.planner import plan
 from freefloat.planning.settings import Search
 from freefloat.so3 import Array, angle_between
 
+_REORIENTATION = "reorientation"
+"""Name of the phase that leads to the start of the path."""
 _SAME = 1e-9
 """Angle between attitudes, and difference of joints, that are the same [rad, m]."""
 
@@ -81,8 +83,9 @@ def plan_manoeuvre(
     step = step_of(progress, 0.0, share)
     first = plan(problem, search, limits, threads=threads, progress=step)
     path = PhaseResult("path", "path", first)
+    names = [path.name, *(phase.name for phase in following)]
     if first.chosen is None or not first.feasible:
-        return Manoeuvre(first, (path,), first.reason)
+        return Manoeuvre.of(first, [path], [_REORIENTATION, *names] if reorient else names)
     state = SystemState.at_start(first.chosen.motion)
     done: list[PhaseResult] = []
     if present is not None:
@@ -90,7 +93,7 @@ def plan_manoeuvre(
     done.append(path)
     if all(phase.feasible for phase in done):
         done += _following(state.after(first.chosen.motion), following, limits)
-    return Manoeuvre.of(first, done)
+    return Manoeuvre.of(first, done, names)
 
 
 def _present_joints(problem: Problem, search: Search) -> Array:
@@ -122,7 +125,7 @@ def _to_start(
         seed=search.seed, progress=progress,
     )  # fmt: skip
     begin = -(found.duration or 0.0)
-    return [PhaseResult("reorientation", found.kind, found, begin, begin * problem.path.drift)]
+    return [PhaseResult(_REORIENTATION, found.kind, found, begin, begin * problem.path.drift)]
 
 
 def _following(
