@@ -16,7 +16,7 @@ plan = ff.plan(problem)
 
 # The ranges are exact: motions from their ends are tangent to the margin surface.
 for branch in plan.ranges:
-    ranges = [f"[{np.degrees(r.low):.4f}, {np.degrees(r.high):.4f}]" for r in branch.ranges]
+    ranges = [f"[{low:.4f}, {high:.4f}]" for low, high in branch.degrees]
     print(f"branch {branch.branch} {branch.label}: {'  '.join(ranges)} deg")
 
 # Compared with motions on both sides of an end of the first branch's first range:
@@ -25,7 +25,7 @@ for heading in (end - 1e-3, end + 1e-3):
     quaternion = [0.0, 0.0, np.sin(heading / 2), np.cos(heading / 2)]
     simulated = ff.simulate(problem, quaternion, branch=plan.ranges[0].branch).chosen
     kept = problem.margin.keeps(simulated.closest_approach.value)
-    print(f"from {np.degrees(heading):.4f} deg the margin is {'kept' if kept else 'not kept'}")
+    print(f"from {np.degrees(heading) % 360:.4f} deg the margin is {'kept' if kept else 'not kept'}")
 
 # In joint space the singularities are curves that no motion may cross.
 ff.figures(plan)["joint_space"].savefig("joint_space.png")
