@@ -14,13 +14,13 @@ from freefloat.cli.app import app
 
 def run(*words: object) -> Any:
     """The result of a command, without lines on progress: a slow machine would have more."""
-    with patch("freefloat.cli.console.REPORTS", 1e5):
+    with patch.multiple("freefloat.cli.console", REPORTS=1e5, _PATIENCE=1e5):
         return CliRunner().invoke(app, [str(word) for word in words])
 
 
 def without_progress(text: str) -> str:
     """What a process printed on stderr, without lines on progress."""
-    return re.sub(r"^freefloat: .*: \d+ %\n", "", text, flags=re.MULTILINE)
+    return re.sub(r"^freefloat: .*(: \d+ %| \.\.\.)\n", "", text, flags=re.MULTILINE)
 
 
 def document(*words: object, code: int = 0) -> dict[str, Any]:

@@ -102,7 +102,7 @@ def batch(
         _write_run(loaded, run, output, console)
         return
     make_folder("output", output)
-    if not quiet and (reason := why_run_by_run(loaded)) is not None:
+    if not (quiet or as_json) and (reason := why_run_by_run(loaded)) is not None:
         say(f"{loaded.source}: run by run, because {reason}")
     try:
         with console.progress(f"{loaded.count:,} runs") as progress:

@@ -38,7 +38,8 @@ _PIPE_WIDTH = 120
 REPORTS = 10.0
 """Time between lines on progress where stderr is no terminal [s]."""
 _PATIENCE = 3.0
-"""Time without progress after which kernels are probably being compiled [s]."""
+"""Time without progress after which kernels are probably being compiled, and the first line on
+progress is written [s]."""
 ANY = "any"
 """Label of all starting configurations of a redundant arm."""
 
@@ -74,7 +75,7 @@ class Console:
 
     @contextmanager
     def progress(self, description: str) -> Iterator[Callable[[float], None]]:
-        """Show a progress bar on stderr, or a line every ten seconds where that is no terminal.
+        """Show a progress bar on stderr; where that is no terminal, a line after 3 s and each 10 s.
 
         Yields:
             A function to be called with the fraction done, in [0, 1].
@@ -105,16 +106,18 @@ class Console:
 @contextmanager
 def _reports(description: str) -> Iterator[Callable[[float], None]]:
     """Lines on stderr about work that takes long; yields what is called with the fraction done."""
-    done, ended = 0.0, Event()
+    done, ended = " ...", Event()
 
     def update(fraction: float) -> None:
         nonlocal done
-        done = fraction
+        done = f": {100.0 * fraction:.0f} %"
 
     def report() -> None:
-        while not ended.wait(REPORTS):
+        pause = _PATIENCE
+        while not ended.wait(pause):
             with suppress(OSError, ValueError):
-                say(f"{description}: {100.0 * done:.0f} %")
+                say(f"{description}{done}")
+            pause = REPORTS
 
     Thread(target=report, daemon=True).start()
     try:

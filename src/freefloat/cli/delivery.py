@@ -73,8 +73,8 @@ class Delivery:
 
         save(result, output, scenario)
         contact = getattr(result, "contact", None)
-        if contact is not None and not (self.console.quiet or self.console.as_json):
-            say(f"{output} was written, although {contact}")
+        if not (self.console.quiet or self.console.as_json):
+            say(f"{output} was written" + ("" if contact is None else f", although {contact}"))
 
     def _write_page(self, result: Any, html: Path, title: str) -> str | None:
         """Write the page of a result; None where it has no motion."""
@@ -83,7 +83,8 @@ class Delivery:
         phases = getattr(result, "phases", None)
         if phases is not None and all(phase.motion is None for phase in phases):
             return None
-        return str(playback(result, title).save(html))
+        with self.console.progress("making the page"):
+            return str(playback(result, title).save(html))
 
     def _draw(self, result: Any, folder: Path) -> list[str]:
         """Draw the figures of a result into a folder; print and return their files."""

@@ -155,7 +155,8 @@ def view(
         require_extra("video", "playwright")
     console, pixels = Console(as_json, quiet), _pixels(size)
     prepare_outputs(*files, results=False, html=html, video=video, output=picture)
-    playback = _playback(files)
+    with console.progress("making the page"):
+        playback = _playback(files)
     scene = playback.scene_title(scene)
     options: dict[str, Any] = {"size": pixels, "scene": scene}
     if (html, snapshots, video, picture) == (None, None, None, None):
