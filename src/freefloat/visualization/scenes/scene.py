@@ -129,7 +129,8 @@ def _require_same_margin(motions: Mapping[str, Motion]) -> None:
         margins.setdefault(f"{margin.measure.name} {margin.threshold:.6g} ({dimension})", name)
     if len(margins) > 1:
         problem = "; ".join(f"the margin of {name} is {margin}" for margin, name in margins.items())
-        raise InputError("motions", problem, "motions with the same measure and margin")
+        accepted = "motions with the same measure and margin, which share a colour scale"
+        raise InputError("motions", problem, accepted)
 
 
 def _draw(
