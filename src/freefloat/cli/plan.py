@@ -58,13 +58,14 @@ def plan(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Find the feasible initial attitudes of a path, and choose one.
+    """Find the feasible initial attitudes of a path, and choose one; or a motion to a goal.
 
     For planar tasks all feasible headings are listed. For spatial tasks the motions from a grid of
     attitudes are integrated (search.samples in the scenario, default 4,096), and the choice is
-    refined between them. The chosen motion keeps joint ranges and the scenario's limits, too. Exit
-    code 1: no feasible attitude was found. Where limits alone are violated, the motion that comes
-    nearest to keeping them is shown and written; where no motion keeps the margin, no page is.
+    refined between them. The chosen motion keeps joint ranges and the scenario's limits, too. Where
+    limits alone are violated, the motion that comes nearest to keeping them is shown and written;
+    where no motion keeps the margin, no page is. A scenario with a goal gets a motion of the joints
+    to it, one with phases a manoeuvre. Exit code 1: no feasible attitude or motion was found.
 
     Example: freefloat plan planar_3dof/parabola -o plan.h5
 
@@ -100,7 +101,7 @@ def _require_stretchable(loaded: Scenario) -> None:
     """Raise an InputError unless the scenario has a path and nothing else with a duration."""
     accepted = "longer durations in the scenario"
     if loaded.goal() is not None:
-        raise InputError("stretch", "the goal determines the duration", "a goal without one")
+        raise InputError("stretch", "a motion to a goal is not stretched", "goal.duration")
     if loaded.has_phases:
         raise InputError("stretch", "phases have given durations", accepted)
     if loaded.balance() is not None:

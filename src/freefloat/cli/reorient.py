@@ -32,14 +32,20 @@ _Joints = Annotated[
     typer.Option(
         metavar="Q1,Q2,...",
         help="Where the arm begins and ends, rad; default search.joints, without these an arm "
-        "branch at the start of the path.",
+        "branch at the start of the path that keeps the limits, else the middles of joint ranges.",
     ),
 ]
 _Duration = Annotated[
     float | None,
-    typer.Option(metavar="S", help="Duration; default: the shortest one that limits permit."),
+    typer.Option(
+        metavar="S",
+        help="Duration; default: the shortest one found that limits permit; without limits of "
+        "rates and torques that of the path.",
+    ),
 ]
-_Seed = Annotated[int, typer.Option(metavar="N", help="Seed of the random paths.")]
+_Seed = Annotated[
+    int | None, typer.Option(metavar="N", help="Seed of the random paths; default search.seed.")
+]
 
 
 def reorient(
@@ -48,7 +54,7 @@ def reorient(
     start: _From = None,
     joints: _Joints = None,
     duration: _Duration = None,
-    seed: _Seed = 0,
+    seed: _Seed = None,
     output: ResultFile = None,
     html: Page = None,
     plots: Plots = None,
@@ -57,10 +63,9 @@ def reorient(
 ) -> None:
     """Turn the spacecraft from one attitude to another by the arm alone.
 
-    The short form of a scenario with a goal, an attitude and the joints where they were: the motion
-    of the joints keeps the scenario's limits and is as short as these permit. The scenario's path
-    is not followed. Exit code 1: no motion was found; the reason and what would be enough are
-    printed.
+    The short form of a scenario whose goal is an attitude with the present joints: the motion keeps
+    the scenario's limits and is as short as these permit. The scenario's path is not followed. Exit
+    code 1: no motion was found; the reason and what would be enough are printed.
 
     Example: freefloat reorient planar_2dof/line --from 0 0 0 1 --to 0 0 0.1305 0.9914
     """
@@ -80,8 +85,8 @@ def reorient(
     rest = search.joints if joints is None else comma_separated("joints", joints)
     with console.progress("looking for motions") as progress:
         result = find_motion(
-            problem, attitude, goal, loaded.limits(), joints=rest, duration=duration, seed=seed,
-            progress=progress,
+            problem, attitude, goal, loaded.limits(), joints=rest, duration=duration,
+            seed=search.seed if seed is None else seed, progress=progress,
         )  # fmt: skip
     delivery.deliver(result, goal_tables(scenario, result), scenario, loaded)
     raise typer.Exit(DONE if result.feasible else NEGATIVE)

@@ -33,18 +33,28 @@ def require_planar(system: System, path: TimedPath, task: Task) -> None:
     require_in_plane("momentum", system.momentum)
     require_in_plane("wheels.momentum", system.wheels)
     require_level("drift", system.drift)
-    model = system.model
-    arms = [VirtualManipulator.of(arm) for arm in model.single_arms]
-    if not (all(arm.is_planar for arm in arms) and _drifts_in_plane(model)):
+    if not stays_in_plane(system.model):
         raise InputError(
             "task",
             f"{task}, but this robot does not stay in the x-y plane",
             "pose, pointing or position; planar tasks require joint axes along z and a mass "
             "distribution symmetric about z = 0",
         )
+    arms = [VirtualManipulator.of(arm) for arm in system.model.single_arms]
     keys = ["path", *(f"robot.arms.{name}.law.path" for name in path.arms)]
     for key, arm, own in zip(keys, arms, path.every, strict=True):
         _require_level_path(key, arm, own, task)
+
+
+def stays_in_plane(model: FreeFloatingModel) -> bool:
+    """Whether no motion of the joints moves a body out of its plane parallel to x and y."""
+    if not all(VirtualManipulator.of(arm).is_planar for arm in model.single_arms):
+        return False
+    for fraction in low_discrepancy(4, model.dof):
+        A_G = momentum_map(model, 2.0 * np.pi * fraction)
+        if np.abs(A_G[3:5, 5:]).max() > 1e-9 * np.abs(A_G[3:, 3:]).max():
+            return False
+    return True
 
 
 def _require_level_path(key: str, virtual: VirtualManipulator, path: TimedPath, task: Task) -> None:
@@ -66,12 +76,3 @@ def _require_level_path(key: str, virtual: VirtualManipulator, path: TimedPath, 
                 f"the end-effector would leave the plane at s = {s:.2g}",
                 "orientations about z only",
             )
-
-
-def _drifts_in_plane(model: FreeFloatingModel) -> bool:
-    """Whether no planar motion gives angular momentum about x or y."""
-    for fraction in low_discrepancy(4, model.dof):
-        A_G = momentum_map(model, 2.0 * np.pi * fraction)
-        if np.abs(A_G[3:5, 5:]).max() > 1e-9 * np.abs(A_G[3:, 3:]).max():
-            return False
-    return True

@@ -39,7 +39,7 @@ def goal_outline(
 def _handle(
     scenario: Scenario, goal: Goal, problem: Problem, attitude: Array, joints: Array
 ) -> dict[str, Any]:
-    """The handle of the goal's pose, in inertial axes, and its frame; none where that tumbles."""
+    """The handle of the goal's pose, in inertial axes, and its frame; none without a fixed pose."""
     target, body = goal.target(problem, attitude, joints), goal.body(problem)
     if goal.pose is None or (body and body.motion != "fixed"):
         return {"frame": None, "handles": [], "points": [], "rpy": None, "start_quaternion": None}

@@ -103,12 +103,13 @@ class PhaseSection(Section):
             raise ValueError("duration together with to or joints")
         return self
 
-    def to_phase(self, problem: Problem, folder: Path) -> Phase:
+    def to_phase(self, problem: Problem, folder: Path, seed: int) -> Phase:
         """The phase.
 
         Args:
             problem: Problem of the scenario.
             folder: Folder of the files that it names.
+            seed: Seed of the search for a motion to a goal.
 
         Raises:
             InputError: If a value is invalid; keys are those below that of its kind.
@@ -122,11 +123,11 @@ class PhaseSection(Section):
                 None if com is None else np.array(com), name,
             )  # fmt: skip
         if self.goal is not None:
-            return GoalPhase(self.goal.to_goal(problem.model), name)
+            return GoalPhase(self.goal.to_goal(problem.model), name, seed)
         if self.joints is not None:
             joints = problem.model.joint_vector(self.joints, "joints")
             require_inside(problem.model, joints, "joints")
-            return GoalPhase(Goal(joints=joints, duration=self.duration), name)
+            return GoalPhase(Goal(joints=joints, duration=self.duration), name, seed)
         if self.to is not None:
             rotation = np.eye(3)
             if self.to.orientation is not None:
@@ -153,7 +154,7 @@ class PhaseSection(Section):
 
 
 def phases_of(
-    sections: Sequence[PhaseSection], problem: Problem, folder: Path
+    sections: Sequence[PhaseSection], problem: Problem, folder: Path, seed: int
 ) -> tuple[Phase, ...]:
     """The phases of a file, checked against the problem of its path.
 
@@ -161,6 +162,7 @@ def phases_of(
         sections: Sections of the phases.
         problem: Problem of the first path.
         folder: Folder of the files that they name.
+        seed: Seed of the searches for motions to goals.
 
     Raises:
         InputError: If a value is invalid, or a phase cannot follow those before.
@@ -170,5 +172,5 @@ def phases_of(
     for number, section in enumerate(sections):
         keys.append(f"phases.{number}.capture" if section.capture else f"phases.{number}")
         with keys_within(keys[-1]):
-            phases.append(section.to_phase(problem, folder))
+            phases.append(section.to_phase(problem, folder, seed))
     return checked_phases(problem, phases, keys)

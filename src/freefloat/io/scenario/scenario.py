@@ -221,7 +221,8 @@ class Scenario:
         with self.error_context():
             if self.content.phases:
                 problem.model.require_one_arm("phases")
-            return phases_of(self.content.phases, problem, self.source.parent)
+            folder, seed = self.source.parent, self.content.search.seed
+            return phases_of(self.content.phases, problem, folder, seed)
 
     @property
     def has_phases(self) -> bool:

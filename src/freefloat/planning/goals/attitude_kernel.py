@@ -4,8 +4,9 @@ The attitude obeys ``R' = R [omega]x`` with ``omega = D^-1 (T (R^T h - h_w) - Dq
 from 0 to 1 in the duration T. It is a product of exponentials, the Magnus expansion of fourth order
 with two Gauss points in each interval (A. Iserles, H. Z. Munthe-Kaas, S. P. Nørsett and A. Zanna,
 "Lie-group methods", Acta Numerica, 2000, section 4); the variation of every factor is its
-derivative. A joint that moves turns the momentum of all bodies beyond it (R. Featherstone, "Rigid
-Body Dynamics Algorithms", 2008, chapter 2), which gives the derivatives of omega by the joints.
+derivative, with momentum nearly. A joint that moves turns the momentum of all bodies beyond it
+(R. Featherstone, "Rigid Body Dynamics Algorithms", 2008, chapter 2), which gives the derivatives of
+omega by the joints.
 """
 
 from __future__ import annotations

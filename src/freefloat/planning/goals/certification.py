@@ -61,20 +61,19 @@ class Certification:
         problem: Robot, momentum, scene and drift.
         checker: Of the limits.
         attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
-        timed: Whether limits determine the duration.
         by_time: Whether the motion is another one at another duration.
     """
 
     problem: Problem
     checker: LimitChecker
     attitude: Array
-    timed: bool
     by_time: bool
 
     def certified(self, relaxation: Relaxation, unknowns: Array) -> CertifiedMotion | None:
         """The motion along a path, or along one nearby that keeps what this one violates.
 
-        None where no path nearby ends exactly at the goal.
+        It has a violation where none nearby keeps all limits. None where the path itself cannot end
+        exactly at the goal.
         """
         found: CertifiedMotion | None = None
         for _ in range(_EXCHANGES):
@@ -109,7 +108,7 @@ class Certification:
         """The family with more demanded of what is violated; None where it does not know that."""
         if violation is None:
             return None
-        if violation.limit == JointTorqueLimit.name and not self.timed:
+        if violation.limit == JointTorqueLimit.name and not relaxation.timed:
             least = relaxation.joint_acceleration / max(violation.ratio, _LESS)
             return replace(relaxation, joint_acceleration=least)
         paths = relaxation.paths
@@ -128,8 +127,10 @@ class Certification:
                 return None
             unknowns, motion, offset = ending
             timed = self.checker.timed(motion)
+            searched = relaxation.usage(relaxation.course(unknowns, 0))
             usage = max((result.stretch for result in timed), default=1.0)
-            if not self.timed or not timed or close < usage <= 1.0:
+            usage = max(usage, searched)  # of joints without limit, too
+            if not relaxation.timed or not timed or close < usage <= 1.0:
                 break
             unknowns = np.append(unknowns[:-1], unknowns[-1] * usage * spare)
             if not self.by_time:
@@ -141,8 +142,8 @@ class Certification:
     ) -> tuple[Array, Motion, Array] | None:
         """Unknowns nearby whose precise motion ends at the goal, that motion, and an offset.
 
-        It is that of the residuals that the path has at its end. Each time it is corrected by those
-        of the motion.
+        The offset are the residuals that the path itself has at its end. Those of the motion
+        correct it each time.
         """
         for _ in range(_CORRECTIONS):
             closed = relaxation.closed(unknowns, FINAL, offset)

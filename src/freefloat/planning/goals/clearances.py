@@ -91,10 +91,10 @@ class Clearances:
         least = self._clearance + _MARGIN / 20.0
         return np.clip(self._known - _MARGIN / 20.0, least, self._clearance + self._margins)
 
-    def at_rest(self, joints: Array, attitude: Array, t: float = 0.0) -> None:
-        """Require no larger distances than there are where a path must begin or end."""
+    def allow_start(self, joints: Array, attitude: Array) -> None:
+        """Require no larger distances than there are where a path begins."""
         every = np.arange(len(self._bodies))
-        place = Places(np.array([t]), attitude[None], self._placed(joints[None]))
+        place = Places(np.zeros(1), attitude[None], self._placed(joints[None]))
         first, none = np.zeros_like(every), np.full(len(every), -np.inf)
         scene = self._scene.along(place)
         distances, _, _ = self._pairs.nearest(joints[None], first, every, scene, none)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +21,7 @@ from freefloat.so3 import Array, angle_between
 
 
 def why_not(
-    outcome: GoalMotion, search: GoalSearch, seed: int, unlimited: Callable[[], GoalMotion]
+    outcome: GoalMotion, search: GoalSearch, seed: int, longer: GoalMotion | None
 ) -> GoalMotion:
     """The outcome of a search that found no motion, with the reason.
 
@@ -30,20 +29,14 @@ def why_not(
         outcome: The outcome.
         search: The search.
         seed: Seed of random paths.
-        unlimited: Finds a motion to the same goal without the duration that was asked for.
+        longer: What was found without the duration that was asked for.
     """
-    goal, first = outcome.goal, search.families[0]
-    reason = too_far(first.target, first.reference)
-    if reason is not None:
-        return replace(outcome, reason=reason)
-    if goal.duration is not None and outcome.limits.timed:
-        longer = unlimited()
-        if longer.duration is not None and longer.feasible:
-            least = longer.duration
-            reason = f"no motion in {goal.duration:g} s was found, but one in {least:.4g} s"
-            return replace(outcome, reason=reason, needed={"duration": least})
+    if longer is not None and longer.duration is not None and longer.feasible:
+        least = longer.duration
+        reason = f"no motion in {outcome.goal.duration:g} s was found, but one in {least:.4g} s"
+        return replace(outcome, reason=reason, needed={"duration": least})
     nearest = search.nearest()
-    if nearest is None or nearest.violation is None:
+    if nearest is None:
         return _at_the_goal(outcome, search, seed)
     results = search.certification.checker.results(nearest.motion)
     return outcome.with_motion(nearest.motion, results)
@@ -92,7 +85,7 @@ def _at_the_goal(outcome: GoalMotion, search: GoalSearch, seed: int) -> GoalMoti
 
 
 def _violation(outcome: GoalMotion, course: Course) -> LimitResult | None:
-    """The limit that the state at the end of a path violates at rest; None where it keeps all."""
+    """The limit that the state at the end of a path violates; None where it keeps all."""
     duration = float(course.duration)
     there = earlier(outcome.problem, -duration)
     limits = outcome.limits.seen_from(duration * outcome.problem.path.drift)

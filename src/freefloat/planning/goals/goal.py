@@ -19,7 +19,7 @@ from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, Pose, frozen, unit_quaternion
 
 FRAMES = ("inertial", "spacecraft", "base", "end_effector")
-"""Frames of a pose that are no bodies of the scene: inertial, or of a link at the start."""
+"""Frames of a pose other than bodies of the scene: inertial, or of a link at the start."""
 _FARTHEST = 1e3
 """Largest value of a joint at the end [rad or m]."""
 
@@ -79,12 +79,16 @@ class Goal:
             raise InputError("goal", "pose and joints were given", "one of them")
 
     def require_applicable(self, problem: Problem) -> None:
-        """Raise an InputError unless robot and scene of a problem have joints and frame."""
+        """Raise an InputError where the goal does not suit robot, task and scene."""
         if self.joints is not None:
             require_inside(problem.model, self.joints, "goal.joints")
         if self.attitude is not None and problem.task.planar:
             problem.attitude(self.attitude, key="goal.attitude")
-        known = [*FRAMES, *(body.name for body in problem.scene.bodies if body.motion != "target")]
+        bodies = [body.name for body in problem.scene.bodies if body.motion != "target"]
+        if self.frame in FRAMES and self.frame in bodies:
+            given = f"{self.frame!r} is also a body of the scene"
+            raise InputError("goal.pose.frame", given, "another name of the body")
+        known = [*FRAMES, *bodies]
         if self.frame not in known:
             raise InputError("goal.pose.frame", f"{self.frame!r} was given", ", ".join(known))
 
@@ -104,7 +108,7 @@ class Goal:
         return replace(self, pose=Pose(self.pose.position - centre, self.pose.rotation))
 
     def pose_in(self, model: FreeFloatingModel, attitude: Array, joints: Array) -> Pose | None:
-        """The pose from the centre of mass at the start, whose state is given; None without one."""
+        """The pose of the end-effector from the centre of mass at the start; None without one."""
         if self.pose is None or self.frame == "inertial":
             return self.pose
         frames = frames_at(model, attitude, joints)

@@ -13,11 +13,13 @@ from scipy.spatial.transform import Rotation
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.system import System
+from freefloat.errors import InputError
 from freefloat.limits.contact import Contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
+from freefloat.motion.planar_requirements import stays_in_plane
 from freefloat.motion.problem import Problem
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
@@ -27,11 +29,13 @@ from freefloat.paths.timing import TimedPath, Timing
 from freefloat.planning.answer import Answer, PhaseResult
 from freefloat.planning.goals.goal import Goal
 from freefloat.planning.goals.target import EndState
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.scene.scene import Scene
 from freefloat.so3 import Array
 
 _UNKNOWN = 60.0
-"""Duration of the path of a problem that has none, which is not followed [s]."""
+"""Duration with which a search begins where none is given [s]."""
+_UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,11 +80,13 @@ class GoalMotion(Answer):
         """Largest error of the last state [m, rad, m/s, rad/s]; None without a motion."""
         if self.motion is None:
             return None
-        first, end = self.motion.initial, self.goal.joints
+        first, end = self.motion.initial, last_state(self.motion)
         target = self.goal.target(self.motion.problem, first.attitude, first.joints)
-        residuals = np.abs(target.residuals(last_state(self.motion))).max(initial=0.0)
-        final = self.motion.final.joints
-        return float(max(residuals, 0.0 if end is None else np.abs(final - end).max()))
+        errors = [target.residuals(end)]
+        if self.goal.joints is not None:
+            rates = 0.0 if self.goal.joint_rates is None else self.goal.joint_rates
+            errors += [end.joints - self.goal.joints, end.joint_rates - rates]
+        return float(np.abs(np.concatenate(errors)).max())
 
     @cached_property
     def contact(self) -> Contact | None:
@@ -137,19 +143,41 @@ def earlier(problem: Problem, duration: float) -> Problem:
 def goal_problem(
     system: System, attitude: Array, joints: Array, goal: Goal, scene: Scene
 ) -> Problem:
-    """A problem whose path, from the end-effector toward the axis of z, is not followed."""
-    model = system.model
-    model.require_one_arm("motions to a goal")
-    axes = np.array([body.axis for body in model.bodies[1:]])
-    planar = model.dof <= 3 and bool(np.abs(axes[:, :2]).max() == 0.0)
-    task = Task.PLANAR_POSITION if planar else Task.POSE if model.dof >= 6 else Task.POSITION
-    task = task if len(task.rows) <= model.dof or planar else Task.PLANAR_POSITION
-    pose = model.end_effector_pose(attitude, joints)
-    curve = PolynomialCurve.line(pose.position, [0.0, 0.0, pose.position[2]])
+    """The problem of a motion to a goal; problems need a path, which is not followed.
+
+    Args:
+        system: Robot, momentum, wheels and drift.
+        attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
+        joints: At the start, shape (n,).
+        goal: What is to be reached.
+        scene: From the centre of mass at the start.
+
+    Raises:
+        InputError: If robot, momentum or attitude allow no task of a path, or the scene does not
+            suit the robot.
+    """
+    system.model.require_one_arm("motions to a goal")
+    task = _task(system.model)
+    pose = system.model.end_effector_pose(_UPRIGHT, joints)
+    x, y, z = pose.position
+    curve = PolynomialCurve.line([x, y, z], [x + 1.0, y, z])
     path = EndEffectorPath(curve, FixedOrientation(pose.rotation))
     timing = Timing(goal.duration or _UNKNOWN, TimeLaw.UNIFORM)
-    margin = Margin(singularity_measure(model, task, "gjm"), 0.0)
-    return Problem(
-        model, TimedPath(path, timing, system.drift), task, system.momentum, margin, scene=scene,
-        wheel_momentum=system.wheels,
+    margin = Margin(singularity_measure(system.model, task, "gjm"), 0.0)
+    problem = Problem(
+        system.model, TimedPath(path, timing, system.drift), task, system.momentum, margin,
+        scene=scene, wheel_momentum=system.wheels,
     )  # fmt: skip
+    problem.attitude(attitude, key="state.attitude")
+    return problem
+
+
+def _task(model: FreeFloatingModel) -> Task:
+    """The task whose singularities count: planar where the robot stays in its plane."""
+    if stays_in_plane(model):
+        return Task.PLANAR_POSITION
+    task = Task.POSE if model.dof >= len(Task.POSE.rows) else Task.POSITION
+    if model.dof < len(task.rows):
+        problem = f"its arm has {model.dof} joints and does not stay in the x-y plane"
+        raise InputError("robot", problem, "an arm with three or more joints, or a planar one")
+    return task

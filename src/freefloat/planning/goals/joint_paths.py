@@ -85,7 +85,7 @@ class JointPaths:
     @property
     def size(self) -> int:
         """Number of unknowns."""
-        return int(self.spread.shape[1]) * self.joint_count + 1
+        return self.rows * self.joint_count + 1
 
     @property
     def joint_count(self) -> int:
@@ -109,19 +109,24 @@ class JointPaths:
         return self.fineness * self.all_spans
 
     @property
+    def rows(self) -> int:
+        """Number K of rows of unknowns."""
+        return int(self.spread.shape[1])
+
+    @property
     def inner(self) -> int:
         """Number of rows of unknowns that are deviations; the free end is the row after them."""
         return self.spans - (self.loops == 1)
 
     @cached_property
     def straight(self) -> Array:
-        """How far along the straight way the control points are, from 0 to 1, (spans + 3,)."""
+        """How far along the straight way the control points are, from 0 to 1, (all_spans + 3,)."""
         inner = np.linspace(0.0, 1.0, self.all_spans + DEGREE - 2)
         return np.concatenate([[0.0], inner, [1.0]])
 
     @cached_property
     def spread(self) -> Array:
-        """Derivatives of the control points by the rows of unknowns, shape (spans + 3, K)."""
+        """Derivatives of the control points by the rows of unknowns, shape (all_spans + 3, K)."""
         inner = np.arange(self.all_spans - 1)
         columns = [np.zeros((self.all_spans + DEGREE, self.inner))]
         columns[0][2 + inner, inner % self.inner] = 1.0
@@ -185,7 +190,7 @@ class JointPaths:
         return np.asarray(self.edges @ self.spread)
 
     def control_points(self, unknowns: Array) -> Array:
-        """Control points of a path, shape (spans + 3, n)."""
+        """Control points of a path, shape (all_spans + 3, n)."""
         rows = unknowns[:-1].reshape(-1, self.joint_count)
         return np.asarray(self.fixed[0] + unknowns[-1] * self.fixed[1] + self.spread @ rows)
 
@@ -208,7 +213,7 @@ class JointPaths:
             unknowns: Of the path.
             attitude: Of the spacecraft at the start, shape (3, 3).
             momenta: Of the system, inertial axes, and of wheels [N m s], shape (2, 3).
-            order: 1 for derivatives, which are not finite otherwise.
+            order: 1 for derivatives, whose arrays are empty otherwise.
         """
         points = self.control_points(unknowns)
         q, rates = self.gauss @ points

@@ -40,6 +40,8 @@ _TURNING = ((8, 1), (8, 2), (8, 4), (8, 8), (8, 16), (8, 32))
 """Those of paths that turn it: small loops turn it with their area, and fit where large do not."""
 _USED = 0.99
 """Fraction of limits of rates that paths in a given duration use."""
+_FIRST = 0.5
+"""Part of the progress that the search in a given duration is."""
 _SAME = 1e-9
 """Distance from a goal that is the state at the start [rad, m]."""
 
@@ -129,8 +131,11 @@ def _posed(
     require_type("system", system, System, "a System, such as System(model)")
     require_type("goal", goal, Goal, "a Goal, such as Goal(joints=joints)")
     limits, scene = Limits() if limits is None else limits, Scene() if scene is None else scene
+    require_type("limits", limits, Limits, "Limits, such as Limits(joint_rate=rates)")
+    accepted = "attitude and joints"
+    require_type("state", state, Sequence, accepted)
     if len(state) != 2:
-        raise InputError("state", f"{len(state)} entries were given", "attitude and joints")
+        raise InputError("state", f"{len(state)} entries were given", accepted)
     attitude = unit_quaternion("state.attitude", state[0])
     joints = system.model.joint_vector(state[1], "state.joints")
     problem = goal_problem(system, attitude, joints, goal, scene)
@@ -174,12 +179,17 @@ def move_from(
         reason = too_far(target, goal.duration or 0.0)
         if reason is not None:
             return replace(outcome, reason=reason)
-    search = _search(problem, start, goal, limits, checker, progress)
+    part = 1.0 if goal.duration is None else _FIRST
+    first = step_of(progress, 0.0, part)
+    search = _search(problem, start, goal, limits, checker, first)
     found = search.shortest(seed_number("seed", seed))
-    if found is None:
-        free = replace(goal, duration=None)
-        return why_not(outcome, search, seed, lambda: move_from(problem, start, free, limits))
-    return outcome.with_motion(found.motion, found.results)
+    if found is not None:
+        return outcome.with_motion(found.motion, found.results)
+    longer: GoalMotion | None = None
+    if goal.duration is not None and limits.timed and not _is_there(problem, start, goal):
+        free, rest = replace(goal, duration=None), step_of(progress, part, 1.0)
+        longer = move_from(problem, start, free, limits, seed=seed, progress=rest)
+    return why_not(outcome, search, seed, longer)
 
 
 def _search(
@@ -194,14 +204,14 @@ def _search(
     shapes: list[ShapeLimits] = [StateLimits(problem, limits, start.attitude)]
     if checker.pairs is not None:
         clearances = Clearances(problem, checker.pairs, limits.clearance or 0.0)
-        clearances.at_rest(start.joints, Rotation.from_quat(start.attitude).as_matrix())
+        clearances.allow_start(start.joints, Rotation.from_quat(start.attitude).as_matrix())
         shapes.append(clearances)
     families = list(_families(problem, start, goal, limits, shapes, Effort()))
     by_time = bool(
         problem.depends_on_timing or problem.scene.tumbles or start.joint_rates.any()
         or goal.joint_rates is not None or goal.body(problem) is not None
     )  # fmt: skip
-    certification = Certification(problem, checker, start.attitude, goal.duration is None, by_time)
+    certification = Certification(problem, checker, start.attitude, by_time)
     return GoalSearch(families, certification, step_of(progress, 0.0, 1.0))
 
 
@@ -218,13 +228,19 @@ def _require_sense(problem: Problem, start: Start, goal: Goal, limits: Limits) -
             if abs(rate) > most:
                 given, accepted = f"{name} moves at {rate:g}", f"at most {most:g}, its limit"
                 raise InputError("goal.joint_rates", given, accepted)
+    if goal.duration is None and _is_there(problem, start, goal):
+        raise InputError("goal", "it is the state at the start", "another one, or goal.duration")
+
+
+def _is_there(problem: Problem, start: Start, goal: Goal) -> bool:
+    """Whether the state at the start is the goal."""
+    if start.joint_rates.any() or goal.joint_rates is not None:
+        return False
     target = goal.target(problem, start.attitude, start.joints)
     attitude = Rotation.from_quat(start.attitude).as_matrix()
     away = [target.residuals(EndState(0.0, attitude, start.joints, start.joint_rates))]
     away += [] if goal.joints is None else [goal.joints - start.joints]
-    moves = start.joint_rates.any() or goal.joint_rates is not None
-    if goal.duration is None and not moves and np.abs(np.concatenate(away)).max() < _SAME:
-        raise InputError("goal", "it is the state at the start", "another one, or goal.duration")
+    return bool(np.abs(np.concatenate(away)).max() < _SAME)
 
 
 def _known_states(
@@ -267,15 +283,12 @@ def _families(
     high = np.where(np.isfinite(high), high, both.max(axis=0) + half)
     momenta = np.array([problem.momentum, problem.wheel_momentum])
     accelerations = _accelerations(problem, start, limits)
-    timed = goal.duration is None and (
-        limits.joint_rate is not None or limits.base_rate is not None
-    )
     for spans, loops in _MOVING if target.attitude is None else _TURNING:
         yield Relaxation(
             Arm.of(model), JointPaths(ends, spans, loops), target,
             Rotation.from_quat(start.attitude).as_matrix(), momenta, used * rates, accelerations,
-            used * (limits.base_rate or np.inf), np.array([low, high]), shapes, timed,
-            goal.duration or problem.path.duration, effort,
+            used * (limits.base_rate or np.inf), np.array([low, high]), shapes,
+            goal.duration is None, goal.duration or problem.path.duration, effort,
         )  # fmt: skip
 
 

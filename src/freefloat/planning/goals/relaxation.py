@@ -36,9 +36,8 @@ _DAMPING = 0.05
 """Damping at the beginning, over the weight of violations."""
 _CLOSED, _CORRECTIONS = 1e-13, 20
 """Residual of the end that is reached exactly, and most corrections of it."""
-_RANGE_MARGIN = 1e-3
+_RANGE_MARGIN, _RANGE_SCALE = 1e-3, 0.05
 """Margin of joint ranges, and violation that counts as one [rad, m]."""
-_RANGE_SCALE = 0.05
 _SHAPES = 0.1
 """Weight of violations of shapes over that of rates."""
 
@@ -65,7 +64,8 @@ class Relaxation:
         target: What the paths reach.
         attitude: Of the spacecraft at the start, shape (3, 3).
         momenta: Of the system and of wheels [N m s], shape (2, 3).
-        joint_rate: Limits of joint rates [rad/s or m/s], shape (n,); infinite without limit.
+        joint_rate: Limits of joint rates, of joints without limit assumed ones [rad/s or m/s],
+            shape (n,).
         joint_acceleration: Accelerations that limits of torques permit, roughly [rad/s² or m/s²],
             shape (n,).
         base_rate: Limit of the spacecraft's rate [rad/s]; infinite without limit.
@@ -140,7 +140,7 @@ class Relaxation:
         self, unknowns: Array, weights: Weights, offset: Array | float = 0.0,
         accuracy: float = _CLOSED,
     ) -> Array | None:  # fmt: skip
-        """Unknowns nearby with which the end's residuals have some values; the duration is held."""
+        """Unknowns nearby whose residuals at the end are the offset; the duration is held."""
         for _ in range(_CORRECTIONS):
             here = self.linearized(unknowns, weights)
             error = here.error - offset
@@ -152,7 +152,7 @@ class Relaxation:
     def linearized(
         self, unknowns: Array, weights: Weights, reference: float | None = None
     ) -> Quadratic:
-        """The problem at a path, with a duration that counts as one; without it is held."""
+        """The problem at a path; its duration is held unless it is minimized, over a reference."""
         course, paths = self.course(unknowns), self.paths
         self.effort.take(paths.intervals)
         rates = JointValues.along(paths, unknowns, self.joint_rate, 1)
@@ -201,7 +201,7 @@ class Relaxation:
         points, n = paths.control_points(course.unknowns), paths.joint_count
         for sign, over in ((1.0, points - upper), (-1.0, lower - points)):
             i, j = np.nonzero(over > -_LONGEST)
-            rows = np.zeros((len(i), paths.spread.shape[1], n))
+            rows = np.zeros((len(i), paths.rows, n))
             rows[np.arange(len(i)), :, j] = paths.spread[i]
             jacobian = np.column_stack([rows.reshape(len(i), paths.size - 1), paths.fixed[1][i, j]])
             yield (over[i, j] + _RANGE_MARGIN) / _RANGE_SCALE, sign * jacobian / _RANGE_SCALE

@@ -90,7 +90,9 @@ def _rest(
         if violation is None:
             return candidate
         violations.append(violation)
-    raise InputError("joints", violations[-1].violation("with them"), "joints that keep the limits")
+    raise InputError(
+        "joints", violations[-1].violation("at the goal"), "joints that keep the limits"
+    )
 
 
 def _candidates(

@@ -23,9 +23,9 @@ _INSTANT = 1e-3
 def violation_at_rest(
     problem: Problem, checker: LimitChecker, attitude: Array, joints: Array, rests: bool = False
 ) -> LimitResult | None:
-    """The first limit that a state violates, whatever its rates; None where it keeps all.
+    """The first limit that a state violates, rates of joints apart; None where it keeps all.
 
-    Momentum may turn the spacecraft too fast where the joints rest.
+    Where the joints rest, momentum may turn the spacecraft too fast.
 
     Args:
         problem: Robot and scene, whose bodies are where they are at time zero.

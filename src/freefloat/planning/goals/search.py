@@ -63,11 +63,7 @@ class GoalSearch:
     rejected: list[tuple[Quadratic, Relaxation]] = field(default_factory=list)
 
     def nearest(self) -> CertifiedMotion | None:
-        """A motion to the goal that violates a limit little; None where none ends at the goal."""
-        if not self.failures and self.rejected:
-            path, family = min(self.rejected, key=lambda rejected: rejected[0].penalty)
-            result = self.certification.uncertified(family, path.course.unknowns)
-            return None if result is None or result.violation is None else result
+        """Of the motions that violate a limit the one that does so least; None without any."""
         return min(self.failures, key=_ratio, default=None)
 
     def nearest_ends(self, seed: int) -> list[Quadratic]:
@@ -128,15 +124,22 @@ class GoalSearch:
             if shortest is not None:
                 best = family, shortest
                 break
-        return None if best is None else self._with_fewer_loops(*best)
+        return self._of_rejected() if best is None else self._with_fewer_loops(*best)
+
+    def _of_rejected(self) -> CertifiedMotion | None:
+        """Where no path was certified, the motion along the one that violates limits least."""
+        if self.failures or not self.rejected:
+            return None
+        path, family = min(self.rejected, key=lambda rejected: rejected[0].penalty)
+        return self._kept(self.certification.uncertified(family, path.course.unknowns))
 
     def _rough(
         self, family: Relaxation, rng: np.random.Generator, before: Sequence[Quadratic]
     ) -> list[Quadratic]:
-        """Paths of a family after the first stage, the most promising first.
+        """Paths of a family after the first stage.
 
-        After these come others that violate hardly anything.
-        Of the family before, with half as many loops, the best ones are among those they begin at.
+        The two most promising come first, then those that violate hardly anything. A family of
+        loops also begins at the best paths of the family before, with half as many.
         """
         if self._effort.spent:
             return []
@@ -197,7 +200,10 @@ class GoalSearch:
 
     def _certified(self, family: Relaxation, path: Quadratic) -> CertifiedMotion | None:
         """The motion along a path, if it keeps all limits."""
-        result = self.certification.certified(family, path.course.unknowns)
+        return self._kept(self.certification.certified(family, path.course.unknowns))
+
+    def _kept(self, result: CertifiedMotion | None) -> CertifiedMotion | None:
+        """A result that keeps all limits; others are noted."""
         if result is not None and result.violation is not None:
             self.failures.append(result)
             return None
@@ -229,7 +235,7 @@ def _one_loop(family: Relaxation) -> Relaxation:
 
 
 def _with_loops(family: Relaxation, unknowns: Array, ratio: float) -> Array:
-    """Unknowns of a path whose loops turn the spacecraft as much as those times a ratio."""
+    """Unknowns whose deviations are scaled so that a loop turns the spacecraft by a ratio more."""
     count, changed = family.paths.joint_count * family.paths.inner, unknowns.copy()
     changed[:count] *= np.sqrt(ratio)
     return changed

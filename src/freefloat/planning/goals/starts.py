@@ -45,7 +45,7 @@ def starts(relaxation: Relaxation, rng: np.random.Generator, most: int) -> Itera
         most: Most random paths.
     """
     paths = relaxation.paths
-    blank = np.append(np.zeros((paths.spread.shape[1], paths.joint_count)), 1.0)
+    blank = np.append(np.zeros((paths.rows, paths.joint_count)), 1.0)
     random = [random_path(relaxation, rng) for _ in range(_RANDOM)]
     random.sort(key=lambda unknowns: _promise(relaxation, unknowns))
     ends = _branches(relaxation, random[:_ATTITUDES])
@@ -97,7 +97,7 @@ def random_path(relaxation: Relaxation, rng: np.random.Generator) -> Array:
         series += np.outer(1.0 - np.cos(k * phase), rng.normal(size=n)) / (2.0 * k)
         series += np.outer(np.sin(k * phase), rng.normal(size=n)) / k
     series *= rng.uniform(0.0, 0.5) * np.minimum(half, _WIDEST)
-    rows = np.zeros((paths.spread.shape[1], n))
+    rows = np.zeros((paths.rows, n))
     rows[:count] = series
     unknowns = np.append(rows, relaxation.reference)
     if paths.ends.end is not None:
@@ -124,7 +124,7 @@ def _branches(relaxation: Relaxation, others: Sequence[Array]) -> list[Array]:
     model, start, task = target.problem.model, paths.ends.start, target.task
     if paths.ends.end is not None or target.pose is None or task is None:
         return []
-    blank = np.append(np.zeros((paths.spread.shape[1], len(start))), relaxation.reference)
+    blank = np.append(np.zeros((paths.rows, len(start))), relaxation.reference)
     attitudes = [relaxation.attitude if target.attitude is None else target.attitude]
     if target.attitude is None:
         attitudes += [relaxation.course(other, 0).attitudes[-1] for other in others]

@@ -55,29 +55,24 @@ class Target:
         pose: Pose of the end-effector in the frame of the motion, or of the body; None where it is
             free.
         body: A body of the scene whose frame the pose is in: the end-effector moves with it.
-        oriented: Whether the orientation of the pose counts.
     """
 
     problem: Problem
     attitude: Array | None = None
     pose: Pose | None = None
     body: SceneBody | None = None
-    oriented: bool = True
 
     @property
     def task(self) -> Task | None:
         """What inverse kinematics solves for the pose; None where the arm has too few joints."""
-        task = self.problem.task
-        if not task.planar:
-            task = Task.POSE if self.oriented else Task.POSITION
+        task = self.problem.task if self.problem.task.planar else Task.POSE
         return task if len(task.rows) <= self.problem.model.dof else None
 
     @property
     def size(self) -> int:
         """Number of residuals."""
-        rows = 6 if self.oriented else 3
         moving = 1 + (self.body is not None)
-        return 3 * (self.attitude is not None) + rows * moving * (self.pose is not None)
+        return 3 * (self.attitude is not None) + 6 * moving * (self.pose is not None)
 
     def pose_at(self, t: float) -> Pose:
         """The pose of the end-effector at time t [s] from the centre of mass, inertial axes.
@@ -93,16 +88,16 @@ class Target:
 
     def residuals(self, end: EndState) -> Array:
         """Errors [rad], [m; rad], and of twists [m/s; rad/s], shape (size,)."""
-        rows, parts = slice(None) if self.oriented else slice(3), list[Array]()
+        parts = list[Array]()
         if self.attitude is not None:
             parts.append(rotation_vector_between(self.attitude, end.attitude))
         if self.pose is not None:
             goal, twist = self._goal(end.time)
             pose = self._pose(end)
             turn = rotation_vector_between(goal.rotation, pose.rotation)
-            parts.append(np.concatenate([pose.position - goal.position, turn])[rows])
+            parts.append(np.concatenate([pose.position - goal.position, turn]))
             if self.body is not None:
-                parts.append((self._twist(end) - twist)[rows])
+                parts.append(self._twist(end) - twist)
         return np.concatenate(parts) if parts else np.zeros(0)
 
     def distance_text(self, residuals: Array) -> str:
@@ -113,8 +108,7 @@ class Target:
             parts.append(f"the attitude {turn:.3g} deg")
         if self.pose is not None:
             parts.append(f"the end-effector {np.linalg.norm(rest[:3]):.3g} m")
-            if self.oriented:
-                parts.append(f"its orientation {np.degrees(np.linalg.norm(rest[3:6])):.3g} deg")
+            parts.append(f"its orientation {np.degrees(np.linalg.norm(rest[3:6])):.3g} deg")
         return ", ".join(parts)
 
     def _pose(self, end: EndState) -> Pose:
@@ -168,7 +162,7 @@ class Target:
 
     def _slopes(self, end: EndState) -> tuple[Array, ...]:
         """Derivatives by turns of the spacecraft, its axes, by joints and by joint rates."""
-        rows, n, R = slice(None) if self.oriented else slice(3), len(end.joints), end.attitude
+        n, R = len(end.joints), end.attitude
         parts = list[Array]()
         if self.attitude is not None:
             turned = _vector_rates(rotation_vector_between(self.attitude, R)) @ R
@@ -178,9 +172,9 @@ class Target:
             goal, _ = self._goal(end.time)
             turn = rotation_vector_between(goal.rotation, self._pose(end).rotation)
             J[3:] = _vector_rates(turn) @ J[3:]
-            parts.append(np.column_stack([J, np.zeros((6, n))])[rows])
+            parts.append(np.column_stack([J, np.zeros((6, n))]))
             if self.body is not None:
-                parts.append(self._twist_slopes(end)[rows])
+                parts.append(self._twist_slopes(end))
         return tuple(np.hsplit(np.concatenate(parts), [3, 3 + n]))
 
     def _twist_slopes(self, end: EndState) -> Array:

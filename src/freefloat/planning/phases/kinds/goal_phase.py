@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from freefloat.errors import require_type
+from freefloat.errors import require_type, seed_number
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.paths.time_laws import TimeLaw
@@ -26,6 +26,7 @@ class GoalPhase(Phase):
     Attributes:
         goal: What shall hold at the end; an inertial pose is in the frame of the manoeuvre.
         name: Its name; by default ``"goal"``, with a number where another phase has that name.
+        seed: Seed of the random paths of the search.
 
     Example:
         >>> ff.GoalPhase(ff.Goal(joints=[0.2, -0.4]), name="berth").name
@@ -36,10 +37,12 @@ class GoalPhase(Phase):
 
     goal: Goal
     name: str = ""
+    seed: int = 0
 
     def __post_init__(self) -> None:
         require_type("goal", self.goal, Goal, "a Goal, such as Goal(joints=joints)")
         require_type("name", self.name, str, "a name")
+        seed_number("seed", self.seed)
 
     def expected_after(self, state: ExpectedState) -> ExpectedState:
         """See :class:`~freefloat.planning.phases.phase.Phase`."""
@@ -63,4 +66,5 @@ class GoalPhase(Phase):
 
         start = Start(state.attitude, state.joints, state.joint_rates)
         goal = self.goal.seen_from(state.centre)
-        return move_from(self.problem_at(state), start, goal, limits.without_turn)
+        problem, limits = self.problem_at(state), limits.without_turn
+        return move_from(problem, start, goal, limits, seed=self.seed)
