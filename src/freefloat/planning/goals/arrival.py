@@ -21,7 +21,8 @@ from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import Timing
 from freefloat.planning.goals.goal import Goal
 from freefloat.planning.goals.goal_motion import GoalMotion, earlier
-from freefloat.planning.goals.mover import Start, move_from
+from freefloat.planning.goals.mover import move_from
+from freefloat.planning.goals.query import Query, Start
 from freefloat.scene.scene import Scene
 from freefloat.scene.tumbling import Tumbling
 from freefloat.so3 import Array
@@ -52,11 +53,11 @@ def arrive(
         The motion, from its first centre of mass.
     """
     attitude, joints = present
-    back = move_from(
+    query = Query(
         _backward(problem), state._replace(joint_rates=-state.joint_rates),
-        Goal(attitude=attitude, joints=joints, duration=duration), limits, seed=seed,
-        progress=progress,
+        Goal(attitude=attitude, joints=joints, duration=duration), limits,
     )  # fmt: skip
+    back = move_from(query, seed=seed, progress=progress)
     rates = state.joint_rates if state.joint_rates.any() else None
     goal = Goal(None, state.attitude, state.joints, duration=duration, joint_rates=rates)
     outcome = replace(back, problem=problem, goal=goal, motion=None, limit_results=())

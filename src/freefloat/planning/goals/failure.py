@@ -7,17 +7,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.limits.check import LimitChecker
-from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
-from freefloat.planning.goals.goal import Goal
 from freefloat.planning.goals.goal_motion import GoalMotion, all_violations, earlier
 from freefloat.planning.goals.joint_paths import Course
 from freefloat.planning.goals.resting import violation_at_rest
 from freefloat.planning.goals.search import REACHED, GoalSearch
-from freefloat.planning.goals.target import Target
-from freefloat.so3 import Array, angle_between
 
 
 def why_not(
@@ -40,26 +35,6 @@ def why_not(
         return _at_the_goal(outcome, search, seed)
     results = search.certification.checker.results(nearest.motion)
     return outcome.with_motion(nearest.motion, results)
-
-
-def too_far(target: Target, t: float) -> str | None:
-    """Why no configuration reaches the pose of a target at time t [s]; None where it has none."""
-    reach = VirtualManipulator.of(target.problem.model).reach
-    distance = float(np.linalg.norm(target.pose_at(t).position))
-    if target.pose is None or distance <= reach:
-        return None
-    return f"the pose is {distance:.4g} m from the centre of mass, the reach {reach:.4g} m"
-
-
-def turns_too_far(goal: Goal, attitude: Array, limits: Limits) -> str | None:
-    """Why the attitude of a goal violates the limit of the turn from the first one; None else."""
-    if goal.attitude is None or limits.base_turn is None:
-        return None
-    turn = float(angle_between(attitude, goal.attitude))
-    if turn <= limits.base_turn:
-        return None
-    words = "the goal turns the spacecraft by {:.4g} deg, its limit is {:.4g} deg"
-    return words.format(*np.degrees([turn, limits.base_turn]))
 
 
 def _at_the_goal(outcome: GoalMotion, search: GoalSearch, seed: int) -> GoalMotion:

@@ -60,7 +60,8 @@ def reorient(
         >>> result.feasible, result.error < 1e-9
         (True, True)
     """
-    from freefloat.planning.goals.mover import Start, move_from  # compiled kernels
+    from freefloat.planning.goals.mover import move_from  # compiled kernels
+    from freefloat.planning.goals.query import Query, Start
 
     require_problem(problem)
     problem.model.require_one_arm("reorientations")
@@ -73,7 +74,7 @@ def reorient(
     rest = _rest(problem, limits, end, joints)
     wanted = Goal(attitude=end, joints=rest, duration=duration)
     state = Start(begin, rest, np.zeros_like(rest))
-    return move_from(problem, state, wanted, limits, seed=seed, progress=progress)
+    return move_from(Query(problem, state, wanted, limits), seed=seed, progress=progress)
 
 
 def _rest(

@@ -116,7 +116,7 @@ def _to_start(
     if max(angle_between(present, state.attitude), np.abs(differences).max()) <= _SAME:
         return []
     from freefloat.planning.goals.arrival import arrive  # compiled kernels
-    from freefloat.planning.goals.mover import Start
+    from freefloat.planning.goals.query import Start
 
     end = Start(state.attitude, state.joints, state.joint_rates)
     duration = None if limits.timed else problem.path.duration

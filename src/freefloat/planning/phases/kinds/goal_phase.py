@@ -62,9 +62,10 @@ class GoalPhase(Phase):
 
     def run(self, state: SystemState, limits: Limits) -> GoalMotion:
         """The motion to the goal from a state."""
-        from freefloat.planning.goals.mover import Start, move_from  # compiled kernels
+        from freefloat.planning.goals.mover import move_from  # compiled kernels
+        from freefloat.planning.goals.query import Query, Start
 
         start = Start(state.attitude, state.joints, state.joint_rates)
         goal = self.goal.seen_from(state.centre)
         problem, limits = self.problem_at(state), limits.without_turn
-        return move_from(problem, start, goal, limits, seed=self.seed)
+        return move_from(Query(problem, start, goal, limits), seed=self.seed)
