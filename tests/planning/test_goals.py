@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.dynamics.base_rates import base_rates
-from freefloat.dynamics.momentum import inertia_matrices
+from freefloat.dynamics.momentum import Task, inertia_matrices
 from freefloat.motion.joint_spline import JointSpline
 from freefloat.planning.goals import attitude_kernel, joint_paths, placements
 from freefloat.planning.goals.clearances import Clearances
@@ -20,6 +20,7 @@ from freefloat.planning.goals.joint_paths import Ends, JointPaths
 from freefloat.planning.goals.placements import Arm
 from tests.errors import error_key
 from tests.lock_step import sources
+from tests.robots import inertial_text, joint_text, link_text
 
 START = [0.0, 0.8, -1.2, 0.0, 0.6, 0.0]
 STATE = ([0.0, 0.0, 0.0, 1.0], START)
@@ -192,6 +193,35 @@ def test_goals_must_suit_the_system() -> None:
         (ff.Goal(joints=[0.1, 0.2]), "goal.duration"),
     ):
         assert error_key(ff.move, system, state, goal) == key
+    scene = ff.Scene([ff.SceneBody("inertial", ff.Sphere(0.1), [3.0, 0.0, 0.0])])
+    assert error_key(ff.move, system, state, ff.Goal(POSE), None, scene) == "goal.pose.frame"
+    tilted = [0.1305262, 0.0, 0.0, 0.9914449], state[1]
+    assert error_key(ff.move, system, tilted, ff.Goal(joints=[0.1, 0.2])) == "state.attitude"
+
+
+def test_limits_of_some_rates_or_of_torques_alone_determine_the_duration() -> None:
+    system = ff.System(ff.FreeFloatingModel.from_urdf("planar_2dof"))
+    state, goal = ([0.0, 0.0, 0.0, 1.0], [0.3, 0.05]), ff.Goal(joints=[0.9, 2.4])
+    torques = ff.Limits(joint_torque=[1.0, 1.0])
+    alone, beside = (
+        ff.move(system, state, goal, limits).duration
+        for limits in (torques, replace(torques, joint_rate=[2.0, 2.0]))
+    )
+    assert alone == pytest.approx(beside, rel=0.02)
+    free = ff.move(system, state, ff.Goal(joints=[0.3, 0.55]), ff.Limits(joint_rate=[0.1, np.inf]))
+    assert 0.5 <= free.duration <= 0.6  # at 1 rad/s
+
+
+def test_arms_with_parallel_axes_in_their_own_frames_leave_the_plane() -> None:
+    places = [("0 0 0.5", "0 0 0"), ("0 0 0.5", "1.5708 0 0"), ("0.4 0 0.5", "0 1.2 0")]
+    links = [link_text("bus", inertial_text(90.0, 10.0 * np.eye(3)))]
+    for k, (place, turn) in enumerate(places):
+        links += [joint_text(f"q{k}", "R", f"l{k - 1}" if k else "bus", f"l{k}", place, turn),
+                  link_text(f"l{k}", inertial_text(5.0, np.eye(3), "0.1 0 0.3"))]  # fmt: skip
+    system = ff.System(ff.FreeFloatingModel.from_urdf(f'<robot name="r">{"".join(links)}</robot>'))
+    goal, limits = ff.Goal(joints=[0.2, 0.1, 0.3]), ff.Limits(joint_rate=np.full(3, 0.1))
+    result = ff.move(system, ([0.0, 0.0, 0.0, 1.0], np.zeros(3)), goal, limits)
+    assert (result.feasible, result.problem.task) == (True, Task.POSITION)
 
 
 def test_derivatives_of_clearances_and_of_the_end(model: ff.FreeFloatingModel) -> None:

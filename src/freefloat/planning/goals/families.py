@@ -30,8 +30,11 @@ def families_of(query: Query, shapes: Sequence[ShapeLimits]) -> Iterator[Relaxat
     problem, start, goal, limits = query.problem, query.start, query.goal, query.limits
     model, n, effort = problem.model, problem.model.dof, Effort()
     end_rates = np.zeros(n) if goal.joint_rates is None else goal.joint_rates
+    accelerations = _accelerations(query)
     rates = np.full(n, np.inf) if limits.joint_rate is None else limits.joint_rate
-    rates = np.where(np.isfinite(rates), rates, rates[np.isfinite(rates)].max(initial=_ASSUMED))
+    half_turn = np.sqrt(np.pi * np.where(np.isfinite(accelerations), accelerations, 0.0))
+    assumed = np.maximum(half_turn, rates[np.isfinite(rates)].max(initial=_ASSUMED))
+    rates = np.where(np.isfinite(rates), rates, assumed)
     used = 1.0 if goal.duration is None else _USED
     ends = Ends(*start[1:], goal.joints, None if query.target.body is not None else end_rates)
     both = np.array([start.joints, start.joints if goal.joints is None else goal.joints])
@@ -40,7 +43,6 @@ def families_of(query: Query, shapes: Sequence[ShapeLimits]) -> Iterator[Relaxat
     low = np.where(np.isfinite(low), low, both.min(axis=0) - half)
     high = np.where(np.isfinite(high), high, both.max(axis=0) + half)
     momenta = np.array([problem.momentum, problem.wheel_momentum])
-    accelerations = _accelerations(query)
     for spans, loops in _MOVING if query.target.attitude is None else _TURNING:
         yield Relaxation(
             Arm.of(model), JointPaths(ends, spans, loops), query.target, query.attitude, momenta,
