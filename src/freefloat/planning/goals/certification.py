@@ -77,11 +77,11 @@ class Certification:
         """
         found: CertifiedMotion | None = None
         for _ in range(_EXCHANGES):
-            exact = self._exact(relaxation, unknowns)
+            exact = self.exact(relaxation, unknowns)
             if exact is None:
                 return found
             unknowns, motion = exact
-            found = self._checked(unknowns, motion)
+            found = self.checked(unknowns, motion)
             demanding = self._demanding(relaxation, found.violation)
             if demanding is None or relaxation.effort.spent:
                 return found
@@ -89,17 +89,8 @@ class Certification:
             unknowns = relaxation.relaxed(unknowns, FINAL, _ITERATIONS).course.unknowns
         return found
 
-    def uncertified(self, relaxation: Relaxation, unknowns: Array) -> CertifiedMotion | None:
-        """The motion along a path that violates a limit; None where it does not end at the goal."""
-        exact = self._exact(relaxation, unknowns)
-        return None if exact is None else self._checked(*exact)
-
-    def motion(self, relaxation: Relaxation, unknowns: Array) -> Motion | None:
-        """The motion along a path, whatever it violates; None where it does not end at the goal."""
-        exact = self._exact(relaxation, unknowns)
-        return None if exact is None else exact[1]
-
-    def _checked(self, unknowns: Array, motion: Motion) -> CertifiedMotion:
+    def checked(self, unknowns: Array, motion: Motion) -> CertifiedMotion:
+        """A precise motion with its limits."""
         return CertifiedMotion(unknowns, motion, *self.checker.results_unless_violated(motion))
 
     def _demanding(
@@ -108,7 +99,7 @@ class Certification:
         """The family with more demanded of what is violated; None where it does not know that."""
         if violation is None:
             return None
-        if violation.limit == JointTorqueLimit.name and not relaxation.timed:
+        if violation.limit == JointTorqueLimit.name and not relaxation.free_duration:
             least = relaxation.joint_acceleration / max(violation.ratio, _LESS)
             return replace(relaxation, joint_acceleration=least)
         paths = relaxation.paths
@@ -117,8 +108,11 @@ class Certification:
         widened = [shape.widen(violation) for shape in relaxation.shapes]
         return relaxation if any(widened) else None
 
-    def _exact(self, relaxation: Relaxation, unknowns: Array) -> tuple[Array, Motion] | None:
-        """Unknowns and the motion along them, exact at its end and as short as limits permit."""
+    def exact(self, relaxation: Relaxation, unknowns: Array) -> tuple[Array, Motion] | None:
+        """Unknowns and the motion along them, exact at its end and as short as limits permit.
+
+        None where no motion nearby ends at the goal.
+        """
         close, spare = (_CLOSE_BY_TIME, _SPARE_BY_TIME) if self.by_time else (_CLOSE, _SPARE)
         offset = np.zeros(relaxation.target.size)
         for _ in range(_TIMINGS):
@@ -130,7 +124,7 @@ class Certification:
             searched = relaxation.usage(relaxation.course(unknowns, 0))
             usage = max((result.stretch for result in timed), default=1.0)
             usage = max(usage, searched)  # of joints without limit, too
-            if not relaxation.timed or not timed or close < usage <= 1.0:
+            if not relaxation.free_duration or not timed or close < usage <= 1.0:
                 break
             unknowns = np.append(unknowns[:-1], unknowns[-1] * usage * spare)
             if not self.by_time:

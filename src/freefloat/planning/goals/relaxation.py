@@ -8,7 +8,7 @@ is corrected (J. Nocedal and S. J. Wright, Numerical Optimization, 2006, section
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -71,7 +71,7 @@ class Relaxation:
         base_rate: Limit of the spacecraft's rate [rad/s]; infinite without limit.
         ranges: Of the joints, shape (2, n).
         shapes: Limits that do not depend on rates.
-        timed: Whether the duration is an unknown.
+        free_duration: Whether the duration is an unknown.
         reference: Duration unless it is an unknown, else a guess [s].
         effort: Work of the search; iterations end where it is spent.
     """
@@ -85,10 +85,10 @@ class Relaxation:
     joint_acceleration: Array
     base_rate: float
     ranges: Array
-    shapes: Sequence[ShapeLimits] = ()
-    timed: bool = True
-    reference: float = 1.0
-    effort: Effort = field(default_factory=Effort)
+    shapes: Sequence[ShapeLimits]
+    free_duration: bool
+    reference: float
+    effort: Effort
 
     @cached_property
     def coarse(self) -> Relaxation:
@@ -104,6 +104,13 @@ class Relaxation:
         joints = np.abs(course.rates / self.joint_rate).max()
         base = np.linalg.norm(course.omega, axis=1).max() / self.base_rate
         return float(max(joints, base)) / course.duration
+
+    def with_duration(self, unknowns: Array) -> Array:
+        """The unknowns with the duration that rates need, unless it is given."""
+        if not self.free_duration:
+            return np.append(unknowns[:-1], self.reference)
+        usage = self.usage(self.course(unknowns, 0))
+        return np.append(unknowns[:-1], max(unknowns[-1] * usage, self.reference / 100.0))
 
     def relaxed(self, unknowns: Array, weights: Weights, iterations: int) -> Quadratic:
         """The problem at a path near the least value, from another one."""
@@ -166,7 +173,7 @@ class Relaxation:
             for arrays in zip(*beyond, strict=True)
         )
         error, of_end = self.target.linearized(paths, course)
-        if self.timed and reference is not None:
+        if self.free_duration and reference is not None:
             smooth += course.duration / reference
             gradient[-1] += 1.0 / reference
         else:

@@ -15,7 +15,7 @@ from freefloat.planning.goals.certification import FINAL, Certification, Certifi
 from freefloat.planning.goals.effort import Effort
 from freefloat.planning.goals.quadratic import Quadratic
 from freefloat.planning.goals.relaxation import Relaxation, Weights
-from freefloat.planning.goals.starts import random_path, starts, timed
+from freefloat.planning.goals.starts import random_path, starts
 from freefloat.so3 import Array, rotation_vector_between
 
 _STAGES = ((Weights(1.0, 1.0), 6), (Weights(0.1, 100.0), 15), (FINAL, 20))
@@ -72,7 +72,7 @@ class GoalSearch:
         family = replace(self.families[0].coarse, shapes=(), effort=Effort())
         random = (random_path(family, rng) for _ in range(_RANDOM))
         weights, iterations = _STAGES[1]
-        found = [family.relaxed(timed(family, path), weights, iterations) for path in random]
+        found = [family.relaxed(family.with_duration(path), weights, iterations) for path in random]
         for number, path in enumerate(found):
             closed = family.closed(path.course.unknowns, weights)
             if closed is not None:
@@ -93,11 +93,15 @@ class GoalSearch:
     def sketch(self, seed: int) -> Motion | None:
         """The motion along the most promising path of a coarse family; None without any."""
         coarse, rng = self.families[0].coarse, np.random.default_rng(seed)
-        rough = [coarse.relaxed(timed(coarse, begin), *_SKETCH) for begin in starts(coarse, rng, 1)]
+        rough = [
+            coarse.relaxed(coarse.with_duration(begin), *_SKETCH)
+            for begin in starts(coarse, rng, 1)
+        ]
         path = min(rough, key=lambda path: path.promise, default=None)
         if path is None:
             return None
-        return self.certification.motion(coarse, path.course.unknowns)
+        exact = self.certification.exact(coarse, path.course.unknowns)
+        return None if exact is None else exact[1]
 
     def shortest(self, seed: int) -> CertifiedMotion | None:
         """The shortest of some motions that keep all limits; None where none was found.
@@ -131,7 +135,8 @@ class GoalSearch:
         if self.failures or not self.rejected:
             return None
         path, family = min(self.rejected, key=lambda rejected: rejected[0].penalty)
-        return self._kept(self.certification.uncertified(family, path.course.unknowns))
+        exact = self.certification.exact(family, path.course.unknowns)
+        return None if exact is None else self._kept(self.certification.checked(*exact))
 
     def _rough(
         self, family: Relaxation, rng: np.random.Generator, before: Sequence[Quadratic]
@@ -154,7 +159,7 @@ class GoalSearch:
         if loops > _FEWEST:
             unknowns = [path.course.unknowns for path in before[:_REPEATED]]
             begins += [_with_loops(coarse, each, 0.5) for each in unknowns]
-        rough = [coarse.relaxed(timed(coarse, begin), *_STAGES[0]) for begin in begins]
+        rough = [coarse.relaxed(coarse.with_duration(begin), *_STAGES[0]) for begin in begins]
         rough.sort(key=lambda path: path.promise)
         first, others = rough[:_TOGETHER], rough[_TOGETHER:]
         return first + sorted(others, key=lambda path: path.penalty > _ACCEPTABLE)
@@ -187,10 +192,10 @@ class GoalSearch:
         self.progress(self._effort.fraction)
         if self._effort.spent:
             return None
-        longest = _duration(best) if best is not None and family.timed else np.inf
+        longest = _duration(best) if best is not None and family.free_duration else np.inf
         for some, stage in zip((family.coarse, family), _STAGES[1:], strict=True):
             if path.penalty < _HOPELESS and path.course.duration < _SHORTENED * longest:
-                path = some.relaxed(timed(some, path.course.unknowns), *stage)
+                path = some.relaxed(some.with_duration(path.course.unknowns), *stage)
         if path.course.duration > longest or np.abs(path.error).max(initial=0.0) > REACHED:
             return None
         if path.penalty > _PENALTY:
@@ -216,7 +221,7 @@ class GoalSearch:
             fewer = replace(paths, loops=max(_FEWEST, int(_FRACTION * paths.loops)))
             unknowns = _with_loops(family, best.unknowns, paths.loops / fewer.loops)
             family = replace(family, paths=fewer)
-            rough = family.coarse.relaxed(timed(family, unknowns), *_STAGES[0])
+            rough = family.coarse.relaxed(family.with_duration(unknowns), *_STAGES[0])
             path = self._refined(family, rough, best)
             result = None if path is None else self._certified(family, path)
             if result is None or _duration(result) >= _duration(best):

@@ -56,7 +56,7 @@ def starts(relaxation: Relaxation, rng: np.random.Generator, most: int) -> Itera
         candidates = list(islice(kept, _MOST_BRANCHES)) or candidates
     if paths.ends.end is not None and not paths.closed:
         candidates.append(blank)
-    yield from (timed(relaxation, unknowns) for unknowns in candidates)
+    yield from (relaxation.with_duration(unknowns) for unknowns in candidates)
     closed = list(_closed(relaxation, random[: _CLOSED_PER_START * most]))
     looked_at = [relaxation.linearized(unknowns, _LOOK) for unknowns in closed]
     for path in sorted(looked_at, key=lambda path: path.promise)[:most]:
@@ -66,17 +66,9 @@ def starts(relaxation: Relaxation, rng: np.random.Generator, most: int) -> Itera
 def _closed(relaxation: Relaxation, candidates: Sequence[Array]) -> Iterator[Array]:
     """Unknowns near some whose paths end at the goal; none for those that do not come there."""
     for unknowns in candidates:
-        closed = relaxation.closed(timed(relaxation, unknowns), _MEAN_SQUARE, accuracy=_NEAR)
+        closed = relaxation.closed(relaxation.with_duration(unknowns), _MEAN_SQUARE, accuracy=_NEAR)
         if closed is not None:
-            yield timed(relaxation, closed)
-
-
-def timed(relaxation: Relaxation, unknowns: Array) -> Array:
-    """Unknowns with the duration that rates need, unless it is given."""
-    if not relaxation.timed:
-        return np.append(unknowns[:-1], relaxation.reference)
-    usage = relaxation.usage(relaxation.course(unknowns, 0))
-    return np.append(unknowns[:-1], max(unknowns[-1] * usage, relaxation.reference / 100.0))
+            yield relaxation.with_duration(closed)
 
 
 def _promise(relaxation: Relaxation, unknowns: Array) -> float:
@@ -170,7 +162,7 @@ def _distinct(relaxation: Relaxation, ends: Array, apart: float) -> list[Array]:
 def _keeps_end(relaxation: Relaxation, unknowns: Array) -> bool:
     """Whether the end of a path keeps the limits of shapes."""
     paths = replace(relaxation.paths, fineness=1)
-    course = replace(relaxation, paths=paths).course(timed(relaxation, unknowns), 1)
+    course = replace(relaxation, paths=paths).course(relaxation.with_duration(unknowns), 1)
     relaxation.effort.take(paths.intervals)
     found = [shape.violations(paths, course) for shape in relaxation.shapes]
     return not any(
