@@ -17,7 +17,7 @@ from freefloat.motion.joint_spline import JointSpline
 from freefloat.planning.goals import attitude_kernel, joint_paths, placements
 from freefloat.planning.goals.clearances import Clearances
 from freefloat.planning.goals.joint_paths import Ends, JointPaths
-from freefloat.planning.goals.placements import Arm
+from freefloat.planning.goals.placements import Arm, Placements
 from tests.errors import error_key
 from tests.lock_step import sources
 from tests.robots import inertial_text, joint_text, link_text
@@ -84,10 +84,8 @@ def test_plain_and_compiled_kernels_agree(model: ff.FreeFloatingModel) -> None:
 
     def computed() -> tuple[Any, ...]:
         course = paths.course(Arm.of(model), unknowns, np.eye(3), momenta)
-        frames = [np.empty(shape) for shape in ((2, n + 1, 3, 3), (2, n + 1, 3), (2, n, 3), (2, 3),
-                                                (2, 3, n))]  # fmt: skip
-        placements.place_all(Arm.of(model), course.joints[:2].copy(), *frames)
-        return course.attitudes, course.turns, *frames
+        bodies = Placements.of(Arm.of(model), course.joints[:2])
+        return course.attitudes, course.turns, *bodies
 
     compiled = computed()
     with sources(attitude_kernel, placements, joint_paths):

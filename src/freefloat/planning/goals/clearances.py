@@ -15,7 +15,7 @@ from freefloat.limits.pairs import CollisionPairs
 from freefloat.limits.result import LimitResult
 from freefloat.motion.problem import Problem
 from freefloat.planning.goals.joint_paths import Course, JointPaths
-from freefloat.planning.goals.placements import Arm, place_all
+from freefloat.planning.goals.placements import Arm, Placements
 from freefloat.planning.goals.scene_frames import Placed, Places, SceneFrames
 from freefloat.planning.goals.violations import Violations
 from freefloat.so3 import Array, IntArray
@@ -94,7 +94,7 @@ class Clearances:
     def allow_start(self, joints: Array, attitude: Array) -> None:
         """Require no larger distances than there are where a path begins."""
         every = np.arange(len(self._bodies))
-        place = Places(np.zeros(1), attitude[None], self._placed(joints[None]))
+        place = Places(np.zeros(1), attitude[None], Placements.of(self._arm, joints[None]))
         first, none = np.zeros_like(every), np.full(len(every), -np.inf)
         scene = self._scene.along(place)
         distances, _, _ = self._pairs.nearest(joints[None], first, every, scene, none)
@@ -114,10 +114,12 @@ class Clearances:
         """See :class:`~freefloat.planning.goals.violations.ShapeLimits`."""
         edges = self._edges(paths)
         times = course.duration * paths.times[edges]
-        places = Places(times, course.attitudes[edges], self._placed(course.joints[edges]))
+        places = Places(
+            times, course.attitudes[edges], Placements.of(self._arm, course.joints[edges])
+        )
         scene, required = self._scene.along(places), self.required
         near = required + _NEAR
-        row, pair, now = self._near(places.frames, scene, near)
+        row, pair, now = self._near(places.bodies, scene, near)
         if len(course.joints) not in self._seen:
             self._seen[len(course.joints)] = _Seen.never(len(course.joints), len(required))
         seen = self._seen[len(course.joints)]
@@ -135,14 +137,14 @@ class Clearances:
         return self._with_derivatives(rows[lack > -_NEAR], edges, places, paths)
 
     def _near(
-        self, frames: tuple[Array, ...], scene: Placed, required: Array
+        self, bodies: Placements, scene: Placed, required: Array
     ) -> tuple[IntArray, IntArray, _Seen]:
         """Rows of configurations and pairs whose spheres are too near, with what is seen there."""
-        rotations = np.concatenate([frames[0], scene.rotations], axis=1)
-        origins = np.concatenate([frames[1], scene.positions], axis=1)
-        bodies, (first, second) = self._balls[:, 0].astype(np.int64), self._ball_of.T
-        at = np.einsum("ebij,bj->ebi", rotations[:, bodies], self._balls[:, 1:4])
-        centres, radii = at + origins[:, bodies], self._balls[:, 4]
+        rotations = np.concatenate([bodies.rotations, scene.rotations], axis=1)
+        origins = np.concatenate([bodies.origins, scene.positions], axis=1)
+        body, (first, second) = self._balls[:, 0].astype(np.int64), self._ball_of.T
+        at = np.einsum("ebij,bj->ebi", rotations[:, body], self._balls[:, 1:4])
+        centres, radii = at + origins[:, body], self._balls[:, 4]
         between = np.linalg.norm(centres[:, first] - centres[:, second], axis=2)
         gaps = between - radii[first] - radii[second]
         row, pair = np.nonzero(gaps < required)
@@ -163,15 +165,6 @@ class Clearances:
         loop, ends = len(every) // paths.loops, _ENDS * len(every) // paths.all_spans
         return np.concatenate([every[: loop + ends], every[-ends:]])
 
-    def _placed(self, joints: Array) -> tuple[Array, ...]:
-        """The bodies in configurations (K, n), see :func:`place_all`."""
-        joints = np.ascontiguousarray(joints)
-        K, n = joints.shape
-        shapes = (K, n + 1, 3, 3), (K, n + 1, 3), (K, n, 3), (K, 3), (K, 3, n)
-        arrays = tuple(np.empty(shape) for shape in shapes)
-        place_all(self._arm, joints, *arrays)
-        return arrays
-
     def _with_derivatives(
         self, table: Array, edges: IntArray, places: Places, paths: JointPaths
     ) -> Violations:
@@ -180,7 +173,7 @@ class Clearances:
         lack, normals = table[:, 2], table[:, 3:6]
         by_joints, by_turn = np.zeros((len(table), n)), np.zeros((len(table), 3))
         by_duration = np.zeros(len(table))
-        _, origins, axes, centres, centre_rates = (array[rows] for array in places.frames)
+        _, origins, axes, centres, centre_rates = places.bodies.taken(rows)
         prismatic = self._arm.prismatic != 0.0
         for side, sign in ((0, -1.0), (1, 1.0)):  # distances grow where the second point moves
             point, body = table[:, 6 + 3 * side : 9 + 3 * side], self._bodies[pair, side]

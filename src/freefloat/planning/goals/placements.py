@@ -8,7 +8,7 @@ import numpy as np
 
 from freefloat.lockstep.compilation import compiled, inlined, inner
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array
+from freefloat.so3 import Array, IntArray
 
 
 class Arm(NamedTuple):
@@ -190,17 +190,46 @@ def place(arm: Arm, q: Array, frames: Frames, work: Array) -> None:
             A[i, k] = -(inverse[i, 0] * x + inverse[i, 1] * y + inverse[i, 2] * z)
 
 
+class Placements(NamedTuple):
+    """The bodies in K configurations, in the spacecraft frame from its origin.
+
+    Attributes:
+        rotations: Rotations of the bodies' frames, shape (K, 1 + n, 3, 3).
+        origins: Origins of these [m], shape (K, 1 + n, 3).
+        axes: Axes of the joints, shape (K, n, 3).
+        centres: Centres of mass of the system [m], shape (K, 3).
+        centre_rates: Their derivatives by the joints, shape (K, 3, n).
+    """
+
+    rotations: Array
+    origins: Array
+    axes: Array
+    centres: Array
+    centre_rates: Array
+
+    @classmethod
+    def of(cls, arm: Arm, joints: Array) -> Placements:
+        """Those of joint values (K, n)."""
+        K, n = joints.shape
+        shapes = (K, n + 1, 3, 3), (K, n + 1, 3), (K, n, 3), (K, 3), (K, 3, n)
+        placed = cls(*map(np.empty, shapes))
+        _place_all(arm, np.ascontiguousarray(joints), placed)
+        return placed
+
+    def taken(self, rows: IntArray) -> Placements:
+        """Some of the configurations."""
+        return Placements(*(array[rows] for array in self))
+
+
 @compiled
-def place_all(
-    arm: Arm, q: Array, rotations: Array, origins: Array, axes: Array, centres: Array,
-    centre_rates: Array,
-) -> None:  # fmt: skip
-    """Write the bodies of configurations q (K, n); see :class:`Frames`, of K configurations."""
+def _place_all(arm: Arm, q: Array, placed: Placements) -> None:
+    """Write the bodies of configurations q (K, n)."""
     n = q.shape[1]
     inertias, moments = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3))
     A, work = np.empty((3, n)), np.empty((4, 3, 3))
     for k in range(len(q)):
         frames = Frames(
-            rotations[k], origins[k], axes[k], centres[k], centre_rates[k], inertias, moments, A
-        )
+            placed.rotations[k], placed.origins[k], placed.axes[k], placed.centres[k],
+            placed.centre_rates[k], inertias, moments, A,
+        )  # fmt: skip
         place(arm, q[k], frames, work)

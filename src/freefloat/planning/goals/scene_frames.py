@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from freefloat.motion.problem import Problem
+from freefloat.planning.goals.placements import Placements
 from freefloat.so3 import Array, IntArray
 
 _UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
@@ -20,17 +21,16 @@ class Places(NamedTuple):
     Attributes:
         times: The instants [s], shape (K,).
         attitudes: Of the spacecraft, shape (K, 3, 3).
-        frames: Of its bodies, see :func:`~freefloat.planning.goals.placements.place_all`.
+        bodies: The robot's bodies.
     """
 
     times: Array
     attitudes: Array
-    frames: tuple[Array, ...]
+    bodies: Placements
 
     def taken(self, rows: IntArray) -> Places:
         """Some of the instants."""
-        frames = tuple(array[rows] for array in self.frames)
-        return Places(self.times[rows], self.attitudes[rows], frames)
+        return Places(self.times[rows], self.attitudes[rows], self.bodies.taken(rows))
 
 
 class Placed(NamedTuple):
@@ -63,7 +63,7 @@ class SceneFrames:
 
     def along(self, places: Places) -> Placed:
         """The bodies at some instants."""
-        rotations, origins, _, centres, _ = places.frames
+        rotations, origins, _, centres, _ = places.bodies
         count, back = len(places.times), places.attitudes.transpose(0, 2, 1)
         placed = Placed(
             np.empty((count, len(self._bodies), 3, 3)), np.empty((count, len(self._bodies), 3))
@@ -87,6 +87,6 @@ class SceneFrames:
         (R, p), (later, q) = (
             body.placements(places.times + step, self._path) for step in (0.0, _LATER)
         )
-        x = np.einsum("kij,kj->ki", attitudes, points - places.frames[3])
+        x = np.einsum("kij,kj->ki", attitudes, points - places.bodies.centres)
         moved = q + np.einsum("kij,klj,kl->ki", later, R, x - p)
         return np.asarray(np.einsum("kij,ki->kj", attitudes, moved - x) / _LATER)
