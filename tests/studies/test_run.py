@@ -99,6 +99,32 @@ def test_a_plan_has_the_results_of_plan(tmp_path: Path) -> None:
     assert row["feasible_fraction"] == pytest.approx(np.mean(inside), abs=2e-3)
 
 
+@pytest.mark.slow
+def test_goals_and_manoeuvres_have_the_results_of_plan(tmp_path: Path) -> None:
+    """Joints as a goal; and after a short path phases of enough and of too few seconds."""
+    robot = {"robot": {"urdf": "planar_2dof", "end_effector": "end_effector"}}
+    state = {"from_attitude": [0, 0, 0, 1], "joints": [0.3, 0.7]}
+    goal = robot | {"search": state, "goal": {"joints": [0.6, 0.2]}, "limits": {"joint_rate": 0.1}}
+    path = {
+        "task": "planar-position",
+        "path": {"line": {"from": [1.6, 0.4, 0], "to": [1.5, 0.5, 0]}},
+    }
+    berth = {"timing": {"duration": 20}, "phases": [{"joints": [0.6, 0.6], "duration": 30}]}
+    for base, key, values in (
+        (goal, "goal.joints.0", [0.6, 0.5]),
+        (robot | path | berth | {"limits": {"joint_rate": 0.1}}, "phases.0.duration", [60, 1]),
+    ):
+        vary, keys = {key: {"list": values}}, {"command": "plan", "heading_deg": None}
+        first, second = results(tmp_path, vary, base=base, **keys)
+        (tmp_path / "run.h5").write_bytes(first.content or b"")
+        document = load(tmp_path / "run.h5").to_dict()
+        for name in ("reason", "duration"):
+            assert first.values[name] == document[name]
+        assert first.values["verdict"] == "feasible"
+        assert second.values["verdict"] == ("feasible" if base is goal else "infeasible")
+        assert first.values["limits.joint_rate"] <= 1.0
+
+
 def test_a_map_has_the_results_of_map(tmp_path: Path) -> None:
     base = BASE | {"search": {"samples": 24}}
     keys = {"command": "map", "heading_deg": None, "base": base}

@@ -97,7 +97,7 @@ LISTED = {"momentum.2": {"list": [0, 1]}}
         (RANDOM, {}, "cases"),
         (LISTED, {"cases": 3}, "cases"),
         (LISTED, {"command": "dance"}, "command"),
-        (LISTED, {"command": None, "task": "plan"}, "task"),
+        (LISTED, {"base": BASE | {"goal": {"joints": [0.1, 0.2, 0.3]}}}, "command"),
         (LISTED, {"command": "plan"}, "heading_deg"),
         (LISTED, {"command": "plan", "heading_deg": None, "branch": 1}, "branch"),
         (LISTED, {"heading_deg": None}, "heading_deg"),

@@ -32,9 +32,6 @@ if TYPE_CHECKING:
     from freefloat.io.scenario.scenario import Scenario
     from freefloat.planning.balance import Balance
     from freefloat.planning.balance_settings import BalanceSettings
-    from freefloat.planning.goals.goal import Goal
-    from freefloat.planning.goals.goal_motion import GoalMotion
-    from freefloat.planning.phases.manoeuvre import Manoeuvre
     from freefloat.planning.plan import Plan
     from freefloat.planning.plane.arcs import BranchRanges
 
@@ -71,6 +68,7 @@ def plan(
 
     Example: freefloat plan spatial_6dof/line --json
     """
+    from freefloat.io.scenario.planned import goal_motion_of, manoeuvre_of, plan_of
     from freefloat.io.scenario.scenario import load_scenario
 
     console = Console(as_json, quiet)
@@ -79,19 +77,23 @@ def plan(
     goal, settings = loaded.goal(), loaded.balance()
     if stretch:
         _require_stretchable(loaded)
+    delivery.prepare(loaded.source)
     if goal is not None:
-        result = _reach(delivery, loaded, goal)
+        with console.progress("looking for motions") as progress:
+            result = goal_motion_of(loaded, goal, progress)
         feasible = result.feasible
         delivery.deliver(result, goal_tables(scenario, result), scenario, loaded)
     elif loaded.has_phases:
-        manoeuvre = _plan_phases(delivery, loaded)
+        with console.progress("planning the phases") as progress:
+            manoeuvre = manoeuvre_of(loaded, threads, progress)
         feasible = manoeuvre.feasible
         tables = manoeuvre_tables(scenario, manoeuvre, verbose)
         delivery.deliver(manoeuvre, tables, scenario, loaded)
     elif settings is not None:
         feasible = _plan_balanced(delivery, loaded, scenario, settings)
     else:
-        found = _plan_path(delivery, loaded, stretch)
+        with console.progress("integrating motions") as progress:
+            found = plan_of(loaded, threads, progress, stretch=stretch)
         feasible = found.feasible
         delivery.deliver(found, _tables(scenario, found), scenario, loaded)
     raise typer.Exit(DONE if feasible else NEGATIVE)
@@ -108,33 +110,14 @@ def _require_stretchable(loaded: Scenario) -> None:
         raise InputError("stretch", "an arm balances", accepted)
 
 
-def _plan_path(delivery: Delivery, loaded: Scenario, stretch: bool) -> Plan:
-    """Plan a path."""
-    from freefloat.planning.planner import plan as find_plan
-
-    problem, limits = loaded.problem(), loaded.limits()
-    delivery.prepare(loaded.source)
-    progress = delivery.console.progress("integrating motions")
-    with loaded.error_context(), progress as update:
-        return find_plan(
-            problem, loaded.search(), limits, stretch=stretch, threads=delivery.threads,
-            progress=update,
-        )  # fmt: skip
-
-
 def _plan_balanced(
     delivery: Delivery, loaded: Scenario, name: str, settings: BalanceSettings
 ) -> bool:
     """Plan a path while an arm balances, and deliver the plan; whether it is feasible."""
-    from freefloat.planning.balance import plan_balanced
+    from freefloat.io.scenario.planned import balanced_plan_of
 
-    problem, limits = loaded.problem_at_rest(), loaded.limits()
-    delivery.prepare(loaded.source)
-    progress = delivery.console.progress("integrating motions")
-    with loaded.error_context(), progress as update:
-        found, balanced = plan_balanced(
-            problem, settings, loaded.search(), limits, threads=delivery.threads, progress=update
-        )
+    with delivery.console.progress("integrating motions") as progress:
+        found, balanced = balanced_plan_of(loaded, settings, delivery.threads, progress)
     document = {**found.to_dict(), "balance": balanced and balanced.to_dict()}
     tables = itertools.chain(_balance_lines(balanced), _tables(name, found))
     delivery.deliver(found, tables, name, loaded, document)
@@ -159,36 +142,6 @@ def _balance_lines(balanced: Balance | None) -> Iterator[str]:
     )
     first = " ".join(f"{value:.4f}" for value in balanced.curve.waypoints[0].tolist())
     yield f"  The arm begins at {first}."
-
-
-def _reach(delivery: Delivery, loaded: Scenario, goal: Goal) -> GoalMotion:
-    """Find a motion of the joints to a goal."""
-    from freefloat.planning.goals.mover import move
-
-    search, limits = loaded.search(), loaded.limits()
-    with loaded.error_context():
-        state = search.present_state(loaded.model())
-    delivery.prepare(loaded.source)
-    progress = delivery.console.progress("looking for motions")
-    with loaded.error_context(), progress as update:
-        return move(
-            loaded.system(), state, goal, limits, loaded.scene(), seed=search.seed,
-            progress=update,
-        )  # fmt: skip
-
-
-def _plan_phases(delivery: Delivery, loaded: Scenario) -> Manoeuvre:
-    """Plan a manoeuvre."""
-    from freefloat.planning.phases.manoeuvre_planner import plan_manoeuvre
-
-    phases, limits = loaded.phases(), loaded.limits()
-    delivery.prepare(loaded.source)
-    progress = delivery.console.progress("planning the phases")
-    with loaded.error_context(), progress as update:
-        return plan_manoeuvre(
-            loaded.problem(), phases, loaded.search(), limits,
-            reorient=loaded.content.search.reorient, threads=delivery.threads, progress=update,
-        )  # fmt: skip
 
 
 def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:

@@ -21,7 +21,8 @@ _FIRST = {
     "measure": TEXT, "completed": BOOLEAN, "singular_time": REAL, "branch": INTEGER,
     "attitude.x": REAL, "attitude.y": REAL, "attitude.z": REAL, "attitude.w": REAL,
     "heading_deg": REAL, "robust_radius_deg": REAL, "deviation_deg": REAL,
-    "feasible_fraction": REAL, "motion_fraction": REAL, "limits_kept": BOOLEAN,
+    "feasible_fraction": REAL, "motion_fraction": REAL, "duration": REAL,
+    "limits_kept": BOOLEAN,
 }  # fmt: skip
 _LAST = {"decided_by": TEXT, "seconds": REAL, "began": TEXT, "file": TEXT, "bytes": INTEGER,
          "error": TEXT}  # fmt: skip

@@ -36,14 +36,11 @@ def load_study(name: str | Path) -> Study:
     text = read_text(source)
     data = parse_yaml(text, source)
     try:
-        if "task" in data:
-            raise InputError(
-                "task", "the key is now command", "command: plan, map, simulate or track"
-            )
         content = validated(StudyFile, data, source, text)
         base = _find_base(content.base, source.parent)
         study = Study(str(source), content, base, parse_yaml(read_text(base), base))
         _check_values(study)
+        _check_goal(study)
         _check_start(study)
         _check_tracking(study)
         _check_runs(study)
@@ -86,6 +83,13 @@ def _check_values(study: Study) -> None:
             raise InputError(f"vary.{other}", f"{key}, which holds it, varies too", "one of them")
         if other.lower() == key.lower():  # columns of a database
             raise InputError(f"vary.{other}", f"{key} varies too", "names that differ in letters")
+
+
+def _check_goal(study: Study) -> None:
+    """Check that a base scenario with a goal in place of a path is planned."""
+    command = study.content.command
+    if study.base.get("goal") is not None and command is not Command.PLAN:
+        raise InputError("command", f"{command}, but the base scenario has a goal", "plan")
 
 
 def _check_start(study: Study) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from freefloat.errors import InputError, UnreachableError, finite_number
+from freefloat.io.scenario.planned import answer_of
 from freefloat.motion.problem import Problem
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation, chosen_joints, simulate
@@ -25,7 +26,7 @@ def computed_record(
     base: dict[str, Any],
     start: dict[str, Any],
 ) -> Any:
-    """Return the map, plan or simulation of a scenario.
+    """Return the map, the simulation, or what ``plan`` finds for a scenario.
 
     Args:
         command: The command to execute.
@@ -35,6 +36,8 @@ def computed_record(
         start: Start of a simulation: attitude or heading_deg, and branch.
     """
     scenario = scenario_from(document, source)
+    if command is Command.PLAN:
+        return answer_of(scenario, threads=1)
     problem = scenario.problem()
     if command is Command.MAP:
         from freefloat.planning.space.mapping import (
@@ -44,12 +47,6 @@ def computed_record(
         search, limits = scenario.search(), scenario.limits()
         with scenario.error_context():
             return attitude_map(problem, search=search, limits=limits, refine=True, threads=1)
-    if command is Command.PLAN:
-        from freefloat.planning.planner import plan
-
-        limits = scenario.limits()
-        with scenario.error_context():
-            return plan(problem, scenario.search(), limits, threads=1)
     heading = start.get("heading_deg")
     if heading is not None:
         heading = math.radians(finite_number("heading_deg", heading, "a finite number of degrees"))

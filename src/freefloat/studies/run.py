@@ -13,6 +13,7 @@ from typing import Any
 
 from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.records.results import save
+from freefloat.io.scenario.scenario import Scenario
 from freefloat.studies.columns import ERROR
 from freefloat.studies.document import error_of_study
 from freefloat.studies.portable import PortableStudy
@@ -56,7 +57,8 @@ def execute(study: PortableStudy, number: int, save_file: bool = False) -> RunRe
     begin, content = time.perf_counter(), None
     try:
         values, record = _computed(study.here, number)
-        content = _file_content(record) if save_file and record is not None else None
+        if save_file and record is not None:
+            content = _file_content(record, study.here.scenario(number))
     except InputError as error:
         of_study = None
         if error.source in (None, str(study.here.base_source.absolute())):
@@ -93,8 +95,8 @@ def finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _file_content(record: Any) -> bytes:
+def _file_content(record: Any, scenario: Scenario) -> bytes:
     with tempfile.TemporaryDirectory(prefix="freefloat-") as folder:
         file = Path(folder) / "result.h5"
-        save(record, file)
+        save(record, file, scenario)
         return file.read_bytes()

@@ -10,6 +10,9 @@ from typing import Any
 from freefloat.ensemble.endings import DECIDERS, MOTION
 from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.motion import Ending
+from freefloat.planning.answer import Answer
+from freefloat.planning.goals.goal_motion import GoalMotion
+from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.simulation import SimulatedBranch, Simulation
@@ -23,7 +26,7 @@ MARGIN_REASON = "The margin is not kept."
 
 
 def record_values(record: Any) -> dict[str, Any]:
-    """Return the results of a simulation, a plan or a map."""
+    """Return the results of a simulation, a map, or what ``plan`` finds."""
     return _VALUES[type(record)](record)
 
 
@@ -86,8 +89,7 @@ def _plan_values(plan: Plan) -> dict[str, Any]:
     """Return the values of a plan."""
     motion = {"completed": False} if plan.chosen is None else _motion_values(plan.chosen)
     values = {
-        "verdict": FEASIBLE if plan.feasible else INFEASIBLE,
-        "reason": plan.reason,
+        **_verdict(plan),
         **motion,
         **_limit_values(plan.limit_results),
         "robust_radius_deg": degrees(plan.robust_radius),
@@ -96,6 +98,32 @@ def _plan_values(plan: Plan) -> dict[str, Any]:
     }
     ranges = {entry.branch: json.dumps(entry.degrees) for entry in plan.ranges or ()}
     return values | _family("attitude_ranges_deg", ranges)
+
+
+def _goal_values(found: GoalMotion) -> dict[str, Any]:
+    """Return the values of a motion to a goal."""
+    values = {**_verdict(found), "completed": found.motion is not None, "duration": found.duration}
+    if found.motion is not None:
+        first = found.motion.initial
+        values |= _attitude(first.attitude.tolist())
+        values |= _family("joints", dict(enumerate(first.joints.tolist())))
+    return values | _limit_values(found.limit_results)
+
+
+def _manoeuvre_values(manoeuvre: Manoeuvre) -> dict[str, Any]:
+    """Return the values of a manoeuvre, those of its first path but for verdict and limits."""
+    worst: dict[str, LimitResult] = {}
+    for phase in manoeuvre.phases:
+        for result in phase.limit_results:
+            if result.limit not in worst or result.ratio > worst[result.limit].ratio:
+                worst[result.limit] = result
+    duration = manoeuvre.duration if manoeuvre.feasible else None
+    limits = _limit_values(list(worst.values()))
+    return _plan_values(manoeuvre.path) | _verdict(manoeuvre) | {"duration": duration} | limits
+
+
+def _verdict(answer: Answer) -> dict[str, Any]:
+    return {"verdict": FEASIBLE if answer.feasible else INFEASIBLE, "reason": answer.reason}
 
 
 def _attitude_map_values(result: AttitudeMap) -> dict[str, Any]:
@@ -168,6 +196,8 @@ def _family(name: str, values: Mapping[Any, Any]) -> dict[str, Any]:
 
 _VALUES: dict[type, Callable[[Any], dict[str, Any]]] = {
     Plan: _plan_values,
+    GoalMotion: _goal_values,
+    Manoeuvre: _manoeuvre_values,
     Simulation: _simulation_values,
     AttitudeMap: _attitude_map_values,
     HeadingMap: _heading_map_values,
