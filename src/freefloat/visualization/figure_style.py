@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import matplotlib
+import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
 
@@ -35,6 +36,8 @@ STROKES = tuple(
     )
 )
 """Colour and dashes of the first, second, ... curve of an axes."""
+_MANY, _PALEST = "viridis", 0.9
+"""Colour map of more curves, and the fraction of it that is dark enough."""
 MARGIN_LINE: Any = {"color": VERMILION, "linestyle": "--", "linewidth": 1.0}
 _STYLE: Any = {
     "axes.axisbelow": True,
@@ -143,6 +146,17 @@ def axis_label(quantity: str, unit: str) -> str:
 def digits(value: float) -> str:
     """Return a number with four digits and a typographic minus sign; below 1e-12 it is zero."""
     return f"{0.0 if abs(value) < 1e-12 else value:.4g}".replace("-", "\N{MINUS SIGN}")
+
+
+def strokes(count: int) -> Any:
+    """Colours and dashes of some curves, from a colour map where there are many."""
+    if count <= len(STROKES):
+        colours, dashes = zip(*STROKES, strict=True)
+    else:
+        places = np.linspace(0.0, _PALEST, count)
+        colours, dashes = matplotlib.colormaps[_MANY](places), ("-", "--", ":") * -(-count // 3)
+        dashes = dashes[:count]
+    return cycler(color=colours, linestyle=dashes)
 
 
 def draw_point(axes: Any, position: Array, marker: str, size: float, **style: Any) -> None:

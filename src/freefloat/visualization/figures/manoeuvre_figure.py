@@ -9,7 +9,7 @@ from freefloat.motion.motion import Motion
 from freefloat.planning.answer import PhaseResult
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.so3 import Array, angle_between
-from freefloat.visualization.figure_style import styled
+from freefloat.visualization.figure_style import strokes, styled
 
 _SAMPLES = 201
 
@@ -25,7 +25,7 @@ def manoeuvre_figure(manoeuvre: Manoeuvre) -> Figure:
         times, attitudes, values = _sampled(motion)
         at = phase.start + times
         turn.plot(at, np.degrees(angle_between(attitudes, first)), color="C0", linestyle="-")
-        joints.set_prop_cycle(None)
+        joints.set_prop_cycle(strokes(values.shape[1]))
         joints.plot(at, np.degrees(values))
         of = motion.problem.margin.measure
         measure.semilogy(at, [max(abs(of(q)), 1e-12) for q in values], color="C2", linestyle="-")

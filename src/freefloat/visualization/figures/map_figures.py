@@ -10,6 +10,8 @@ import numpy as np
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch
+from matplotlib.patheffects import Normal, Stroke
+from matplotlib.ticker import MaxNLocator
 
 from freefloat.ensemble.endings import COMPLETED, LIMITED, SINGULAR, UNREACHED
 from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
@@ -36,9 +38,11 @@ from freefloat.visualization.slices import Slice, rotation_vectors
 _COMPONENTS = ("x", "y", "z")
 _SHADES = "viridis"
 _MARKERS = {
-    "best": ("*", 11.0), "chosen": ("*", 11.0), "robust": ("D", 6.0), "nearest": ("^", 7.0),
+    "best": ("*", 9.0), "chosen": ("*", 9.0), "robust": ("D", 5.0), "nearest": ("^", 6.0),
 }  # fmt: skip
-_OTHER_MARKER = ("o", 6.0)
+_OTHER_MARKER = ("o", 5.0)
+_HALO = [Stroke(linewidth=2.2, foreground="white"), Normal()]
+"""A white edge around markers, through which the map is seen."""
 _BINS = 48
 _TITLE_LENGTH = 58
 """Characters that fit above a histogram."""
@@ -100,8 +104,9 @@ def _draw_slice(axes: Any, plane: Slice, norm: Normalize) -> Any:
         place = np.degrees(rotation_vectors(plane.mark.attitude[None])[0])
         marker, size = _MARKERS.get(plane.mark.name, _OTHER_MARKER)
         draw_point(
-            axes, place[[right, up]], marker, size, markerfacecolor=VERMILION,
-            markeredgecolor="white", markeredgewidth=0.8, label=plane.mark.name, zorder=4,
+            axes, place[[right, up]], marker, size, markerfacecolor="none",
+            markeredgecolor=VERMILION, markeredgewidth=1.1, path_effects=_HALO,
+            label=plane.mark.name, zorder=4,
         )  # fmt: skip
     _frame(axes, plane)
     return shown
@@ -142,6 +147,8 @@ def histogram_figure(result: AttitudeMap) -> Figure:
         lines = fill(", ".join(others), _TITLE_LENGTH)
         axes.set_title(f"{name}: {feasible}\n{lines}", fontsize=7.0, loc="left")
     panels[-1].set_xlabel(_label(result))
+    panels[-1].xaxis.set_major_locator(MaxNLocator(5))
+    panels[-1].yaxis.set_major_locator(MaxNLocator(3, min_n_ticks=2))
     figure.supylabel("attitudes [%]", fontsize=8.0)
     return figure
 
@@ -164,9 +171,9 @@ def _percentages(result: AttitudeMap, branch: int | None, values: Array) -> list
     endings = result.results.motions.endings[:, slice(None) if branch is None else [branch]]
     outcomes = {
         "keep the margin": result.problem.margin.keeps(values),
-        "fall below": (endings == COMPLETED).any(axis=1),
+        "below it": (endings == COMPLETED).any(axis=1),
         "violate a limit": (endings == LIMITED).any(axis=1),
-        "become singular": (endings == SINGULAR).any(axis=1),
+        "singular": (endings == SINGULAR).any(axis=1),
         "stopped early": (endings != UNREACHED).any(axis=1),
         "not reached": np.ones(len(values), dtype=bool),
     }

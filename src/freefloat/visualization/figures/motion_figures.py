@@ -32,6 +32,7 @@ from freefloat.visualization.figure_style import (
     draw_point,
     legend_above,
     new_figure,
+    strokes,
     styled,
 )
 
@@ -99,6 +100,7 @@ def attitude_curves(problem: Problem, trajectory: Trajectory) -> tuple[str, Arra
 
 def draw_curves(axes: Any, times: Array, values: Array, names: Sequence[str]) -> None:
     """Draw the columns of values (K, C) that have names over times (K,)."""
+    axes.set_prop_cycle(strokes(len(names)))
     axes.plot(times, values[:, : len(names)], label=list(names))
 
 

@@ -49,6 +49,8 @@ from freefloat.visualization.scenes.visuals import (
 _INSTANTS, _VIEWS = 5, 3
 """Number of robots drawn in the plane and in space."""
 _LIGHTEST = 0.72
+_FLATTEST, _ZOOM = 0.4, 0.87
+"""Least side of the box of a view over its largest one, and the size of the box in its axes."""
 _DEPENDENT, _INDEPENDENT = "#D0D0D0", "#E9F5EF"
 _FACES = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
 """Corners of the faces of a box."""
@@ -170,7 +172,7 @@ def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figu
         draw_snapshots(axes, motion, workspace)
         legend_above(axes, columns=3)
         return figure
-    figure = new_figure(PAGE, 2.6)
+    figure = new_figure(PAGE, 3.0)
     views = figure.subplots(1, _VIEWS, subplot_kw={"projection": "3d"})
     times = np.linspace(motion.initial.time, motion.final.time, _VIEWS)
     robots = outlines(motion, times)
@@ -186,7 +188,8 @@ def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figu
     others = [p for time in times for _, p in outline_points(motion.problem, float(time))]
     points = np.vstack([points, *others])
     eye = view_direction([bodies], [np.mean(other, axis=0) for other in others])
-    _set_equal_cubes(views, points, eye)
+    _set_equal_scales(views, points, eye)
+    views[-1].plot([], [], [], linestyle="none", label="axes in m")
     handles, names = views[-1].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=len(handles))
     return figure
@@ -275,18 +278,19 @@ def _draw_in_space(axes: Any, problem: Problem, robot: Outline) -> None:
         _draw_arm(axes, points, BLACK)
 
 
-def _set_equal_cubes(views: Any, points: Array, eye: Array) -> None:
-    """Show the same cube in all views, from a direction (3,)."""
+def _set_equal_scales(views: Any, points: Array, eye: Array) -> None:
+    """Show the same box around points (K, 3) in all views, from a direction (3,)."""
     azimuth, elevation = np.degrees([np.arctan2(eye[1], eye[0]), np.arcsin(eye[2])])
     low, high = points.min(axis=0), points.max(axis=0)
-    half = float((high - low).max()) / 2.0
+    halves = np.maximum(high - low, _FLATTEST * (high - low).max()) / 2.0
     for axes in views:
-        for letter, middle in zip("xyz", (low + high) / 2.0, strict=True):
+        for letter, middle, half in zip("xyz", (low + high) / 2.0, halves, strict=True):
             axis = getattr(axes, f"{letter}axis")
             getattr(axes, f"set_{letter}lim")(middle - half, middle + half)
             axis.set_major_locator(MaxNLocator(4, prune="both"))
-            axis.set_label_text(axis_label(f"${letter}$", "m"))
+            axis.set_label_text(f"${letter}$")
+            axis.set_rotate_label(False)
             axis.labelpad = -4.0
             axes.tick_params(axis=letter, pad=-2.0)
-        axes.set_box_aspect((1.0, 1.0, 1.0), zoom=0.86)
+        axes.set_box_aspect(tuple(halves), zoom=_ZOOM)
         axes.view_init(elev=elevation, azim=azimuth)
