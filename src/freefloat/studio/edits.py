@@ -5,7 +5,7 @@ Coordinates that the page sends are inertial; the outline of the worker has the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ _DIGITS = 6
 
 
 def edited(content: Content, edit: Edit, outline: Mapping[str, Any] | None) -> dict[str, Any]:
-    """The content after an edit of its path, or of its goal.
+    """The content after an edit.
 
     Args:
         content: Content of a scenario file.
@@ -41,34 +41,54 @@ def edited(content: Content, edit: Edit, outline: Mapping[str, Any] | None) -> d
     match edit:
         case SetMomentum(value=value):
             return {**content, "momentum": list(value)}
-        case SetDuration(value=duration):
-            if "goal" in content:
-                return {**content, "goal": {**content["goal"], "duration": duration}}
-            return {**content, "timing": _with_duration(content["timing"], duration)}
         case SetMargin(value=value):
             margin = dict(content.get("margin", {}))
             margin["fraction" if "fraction" in margin else "value"] = value
             return {**content, "margin": margin}
-    if outline is None:
-        raise InputError("path", "its handles are not known yet", "an edit of the scenario shown")
-    if isinstance(edit, TurnEnd):
-        if outline["rpy"] is None:
-            accepted = "a path with `attitude`, or a goal with a pose"
-            raise InputError("orientation", "it cannot be set", accepted)
-        if "goal" in content:
-            rpy = [_rounded(angle) for angle in edit.value]
-            return _with_pose(content, orientation={"rpy": rpy})
-        return {**content, "path": _with_end(content["path"], edit.value, outline)}
-    point = _local(edit, outline)
-    if "goal" in content:
-        return _with_pose(content, position=point)
-    return {**content, "path": _with_handle(content["path"], edit.handle, point, outline)}
+    changes = _goal_changes if "goal" in content else _path_changes
+    return {**content, **changes(content, edit, outline)}
 
 
-def _with_pose(content: Content, **changes: Any) -> dict[str, Any]:
-    """The content with another position or orientation of the goal's pose."""
+def _goal_changes(
+    content: Content, edit: SetDuration | TurnEnd | MoveHandle, outline: Content | None
+) -> Content:
+    """The goal after an edit of its duration, or of its pose."""
     goal = content["goal"]
-    return {**content, "goal": {**goal, "pose": {**goal["pose"], **changes}}}
+    if isinstance(edit, SetDuration):
+        return {"goal": {**goal, "duration": edit.value}}
+    if isinstance(edit, TurnEnd):
+        change: Content = {"orientation": {"rpy": _angles(edit, _known(outline))}}
+    else:
+        change = {"position": _local(edit, _known(outline))}
+    return {"goal": {**goal, "pose": {**goal["pose"], **change}}}
+
+
+def _path_changes(
+    content: Content, edit: SetDuration | TurnEnd | MoveHandle, outline: Content | None
+) -> Content:
+    """The timing or the path after an edit."""
+    if isinstance(edit, SetDuration):
+        return {"timing": _with_duration(content["timing"], edit.value)}
+    path, known = content["path"], _known(outline)
+    if isinstance(edit, TurnEnd):
+        return {"path": _with_end(path, _angles(edit, known), known)}
+    return {"path": _with_handle(path, edit.handle, _local(edit, known), known)}
+
+
+def _known(outline: Content | None) -> Content:
+    """The outline; an InputError while there is none."""
+    if outline is None:
+        accepted = "an edit of the scenario shown"
+        raise InputError("path", "its handles are not known yet", accepted)
+    return outline
+
+
+def _angles(edit: TurnEnd, outline: Content) -> list[float]:
+    """Roll, pitch and yaw at the end; an InputError where they cannot be set."""
+    if outline["rpy"] is None:
+        accepted = "a path with `attitude`, or a goal with a pose"
+        raise InputError("orientation", "it cannot be set", accepted)
+    return [_rounded(angle) for angle in edit.value]
 
 
 def _with_duration(timing: Content, duration: float) -> dict[str, Any]:
@@ -82,12 +102,11 @@ def _with_duration(timing: Content, duration: float) -> dict[str, Any]:
     return changed
 
 
-def _with_end(path: Content, rpy: Sequence[float], outline: Content) -> dict[str, Any]:
+def _with_end(path: Content, rpy: list[float], outline: Content) -> dict[str, Any]:
     """The path whose orientation at the start is as it was, and at the end another one."""
     law = path.get("attitude", {})
     start = law.get("fixed") or law.get("slerp", {}).get("from") or outline["start_quaternion"]
-    end = {"rpy": [_rounded(angle) for angle in rpy]}
-    return {**path, "attitude": {"slerp": {"from": start, "to": end}}}
+    return {**path, "attitude": {"slerp": {"from": start, "to": {"rpy": rpy}}}}
 
 
 def _local(edit: MoveHandle, outline: Content) -> list[float]:

@@ -161,6 +161,10 @@ class Scenario:
 
     def system(self) -> System:
         """The robot with its momentum, wheels and drift."""
+        return self._system
+
+    @cached_property
+    def _system(self) -> System:
         content, model = self.content, self.model()
         with self.error_context():
             vectors = (content.momentum, content.wheels.momentum, content.drift)
