@@ -10,6 +10,7 @@ import io
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import wraps
+from itertools import cycle
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -150,13 +151,11 @@ def digits(value: float) -> str:
 
 def strokes(count: int) -> Any:
     """Colours and dashes of some curves, from a colour map where there are many."""
-    if count <= len(STROKES):
-        colours, dashes = zip(*STROKES, strict=True)
-    else:
-        places = np.linspace(0.0, _PALEST, count)
-        colours, dashes = matplotlib.colormaps[_MANY](places), ("-", "--", ":") * -(-count // 3)
-        dashes = dashes[:count]
-    return cycler(color=colours, linestyle=dashes)
+    pairs: Sequence[Any] = STROKES
+    if count > len(STROKES):
+        colours = matplotlib.colormaps[_MANY](np.linspace(0.0, _PALEST, count))
+        pairs = list(zip(colours, cycle(("-", "--", ":"))))
+    return cycler(color=[c for c, _ in pairs], linestyle=[d for _, d in pairs])
 
 
 def draw_point(axes: Any, position: Array, marker: str, size: float, **style: Any) -> None:
