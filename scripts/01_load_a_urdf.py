@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import freefloat as ff
-from freefloat.robot.names import find_robot
+from freefloat.robot.bundled import find_robot
 from freefloat.robot.parts import Mount
 from freefloat.robot.robot_packages import example_robots
 

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 import freefloat as ff
 from freefloat.dynamics.momentum import end_effector_jacobian
-from freefloat.robot.names import find_robot
+from freefloat.robot.bundled import find_robot
 
 model = ff.FreeFloatingModel.from_urdf(find_robot("planar_2dof", Path()))
 task = ff.Task.PLANAR_POSITION  # two joints, two coordinates

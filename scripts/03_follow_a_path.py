@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import freefloat as ff
-from freefloat.robot.names import find_robot
+from freefloat.robot.bundled import find_robot
 from freefloat.so3 import axes_rotation
 
 task = ff.Task.POSE  # position and orientation of the end-effector

@@ -25,7 +25,9 @@ for heading in (end - 1e-3, end + 1e-3):
     quaternion = [0.0, 0.0, np.sin(heading / 2), np.cos(heading / 2)]
     simulated = ff.simulate(problem, quaternion, branch=plan.ranges[0].branch).chosen
     kept = problem.margin.keeps(simulated.closest_approach.value)
-    print(f"from {np.degrees(heading) % 360:.4f} deg the margin is {'kept' if kept else 'not kept'}")
+    print(
+        f"from {np.degrees(heading) % 360:.4f} deg the margin is {'kept' if kept else 'not kept'}"
+    )
 
 # In joint space the singularities are curves that no motion may cross.
 ff.figures(plan)["joint_space"].savefig("joint_space.png")

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import freefloat as ff
-from freefloat.robot.names import bundled_scenarios
+from freefloat.robot.bundled import bundled_scenarios
 from freefloat.verification.report import CheckReport
 
 HEADINGS = (

@@ -28,7 +28,7 @@ from scipy.optimize import minimize_scalar
 
 import freefloat as ff
 from freefloat.ensemble.endings import DECIDERS, MOTION, NORMAL
-from freefloat.robot.names import find_scenario
+from freefloat.robot.bundled import find_scenario
 from freefloat.so3 import IntArray
 from freefloat.studies.columns import NUMBER, Columns
 from freefloat.studies.ensembles import Chunk, integrated

@@ -23,7 +23,7 @@ from typing import Any
 
 import psutil
 
-from freefloat.robot.names import find_study
+from freefloat.robot.bundled import find_study
 from freefloat.studies.rows import StudyRows
 
 RUNS, WORKERS = 20_000, 2

@@ -15,7 +15,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.planning.plan import Plan
-from freefloat.robot.names import models_folder
+from freefloat.robot.bundled import models_folder
 
 
 def test_every_public_name_is_documented() -> None:
@@ -94,7 +94,7 @@ def test_a_notebook_shows_the_users_own_lines_and_what_is_accepted(
     shell.run_cell("import freefloat as ff\n\nff.load_scenario('spatial_6dof/lin')")
     shown = re.sub(r"\x1b\[[\d;]*m", "", "".join(capsys.readouterr())).splitlines()
     assert any("ff.load_scenario('spatial_6dof/lin')" in line for line in shown)
-    assert not any("names.py" in line or "scenario.py" in line for line in shown)
+    assert not any("bundled.py" in line or "scenario.py" in line for line in shown)
     *_, problem, accepted = [line for line in shown if line.strip()]
     assert problem.startswith("InputError: scenario: ")
     assert accepted.startswith("  accepted: ")

@@ -22,7 +22,7 @@ from benchmarks.result import Result, race
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.systems import Systems
-from freefloat.robot.names import find_scenario, find_study
+from freefloat.robot.bundled import find_scenario, find_study
 from freefloat.studies.database import DATABASE
 from freefloat.studies.rows import StudyRows
 from freefloat.verification.engines.mujoco import start

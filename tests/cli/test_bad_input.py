@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from freefloat.robot.names import models_folder
+from freefloat.robot.bundled import models_folder
 from tests.commands import error, run
 from tests.scenarios import PARABOLA
 

@@ -15,7 +15,12 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.cli.models import catalogue
-from freefloat.robot.names import bundled_robots, bundled_scenarios, bundled_studies, models_folder
+from freefloat.robot.bundled import (
+    bundled_robots,
+    bundled_scenarios,
+    bundled_studies,
+    models_folder,
+)
 from freefloat.so3 import Pose, rotation_matrix, unit_quaternion
 from tests.commands import document, run
 

@@ -11,7 +11,7 @@ import pytest
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.robot import validation
-from freefloat.robot.names import models_folder
+from freefloat.robot.bundled import models_folder
 from tests.commands import document, run
 from tests.plans import planar_plan
 from tests.scenarios import PARABOLA, SEARCHED

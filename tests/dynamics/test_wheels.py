@@ -12,7 +12,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import freefloat as ff
-from freefloat.robot.names import find_robot
+from freefloat.robot.bundled import find_robot
 from freefloat.so3 import angle_between
 
 WHEELS = np.array([3.0, -4.0, 2.5])

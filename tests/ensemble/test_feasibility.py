@@ -16,7 +16,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import BranchResults
 from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
 from freefloat.errors import UnreachableError
-from freefloat.robot.names import models_folder
+from freefloat.robot.bundled import models_folder
 from freefloat.so3 import angle_between, heading_quaternion
 from tests.ensembles import CODES
 from tests.motions import BAD, bundled

@@ -14,8 +14,8 @@ import yourdfpy
 
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.io.scenario.scenario import load_scenario
+from freefloat.robot.bundled import find_robot
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.names import find_robot
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
 from freefloat.robot.robot_packages import EXAMPLE
 from tests import commands

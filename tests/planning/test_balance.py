@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.robot.names import find_robot
+from freefloat.robot.bundled import find_robot
 from freefloat.robot.parts import Attachment, Mount
 from tests.commands import document, error
 from tests.errors import error_key

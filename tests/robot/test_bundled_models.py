@@ -16,7 +16,7 @@ from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.limits.keeping import keep_limits
 from freefloat.planning.planar_planner import plan_in_plane
 from freefloat.planning.spatial_planner import plan_in_space
-from freefloat.robot.names import bundled_robots, find_robot
+from freefloat.robot.bundled import bundled_robots, find_robot
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 SAMPLES = 64

@@ -7,7 +7,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.dynamics.momentum import end_effector_jacobian
-from freefloat.robot.names import models_folder
+from freefloat.robot.bundled import models_folder
 from tests.errors import error_key
 
 

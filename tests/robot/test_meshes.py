@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.meshes import Part, read_mesh
-from freefloat.robot.names import MeshFileError, find_mesh
 from freefloat.robot.robot_packages import examples_folder
 
 EXAMPLES = [

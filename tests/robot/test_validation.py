@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.errors import ModelError
+from freefloat.robot.bundled import models_folder
 from freefloat.robot.description import Severity
-from freefloat.robot.names import models_folder
 from freefloat.robot.robot_packages import example_robots
 from freefloat.robot.validation import examine, read_urdf
 from tests.broken_robots import BUS, FAULTS, VALID, Fault

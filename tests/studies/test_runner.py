@@ -20,7 +20,7 @@ import pytest
 import yaml
 
 from freefloat.io.records.results import load
-from freefloat.robot.names import find_scenario, models_folder
+from freefloat.robot.bundled import find_scenario, models_folder
 from freefloat.studies.database import open_results
 from freefloat.studies.estimate import estimate_study
 from freefloat.studies.loading import load_study

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.io.scenario.scenario import parse_scenario
-from freefloat.robot.names import find_scenario
+from freefloat.robot.bundled import find_scenario
 from freefloat.studio.messages import State
 from freefloat.studio.path_analysis import PathAnalysis
 from freefloat.studio.robots import Robots

@@ -10,7 +10,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.robot.names import find_scenario
+from freefloat.robot.bundled import find_scenario
 from freefloat.studio.analyses import analysis_of
 from freefloat.studio.edits import edited
 from freefloat.studio.messages import (

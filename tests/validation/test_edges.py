@@ -16,7 +16,7 @@ from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Ending
 from freefloat.paths import PolynomialCurve
 from freefloat.planning.plane.ranges import find_range_limits, heading_ranges
-from freefloat.robot.names import models_folder
+from freefloat.robot.bundled import models_folder
 from freefloat.so3 import heading_of
 from freefloat.verification.engines.mujoco import forward_run, inverse_run
 from freefloat.verification.engines.mujoco_model import Engine

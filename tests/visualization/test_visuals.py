@@ -11,8 +11,8 @@ import pytest
 import trimesh
 
 import freefloat as ff
+from freefloat.robot.bundled import find_robot
 from freefloat.robot.meshes import Mesh
-from freefloat.robot.names import find_robot
 from freefloat.robot.robot_packages import examples_folder
 from freefloat.visualization.scenes.visuals import RobotVisuals, Visual, robot_visuals
 from tests.robots import inertial_text, joint_text, link_text

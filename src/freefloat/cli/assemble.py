@@ -127,7 +127,7 @@ def assemble(
     """
     from freefloat.io.formats.urdf_file import write_urdf
     from freefloat.io.scenario.scenario import load_robot
-    from freefloat.robot.names import is_scenario
+    from freefloat.robot.bundled import is_scenario
 
     parts = _given(
         spacecraft={"mass": mass, "inertia": inertia, "com": com, "size": size, "mesh": mesh,
@@ -165,8 +165,8 @@ def _assembled(
 ) -> FreeFloatingModel:
     """Return the model of an arm with the parts that the options describe."""
     from freefloat.robot.assembly import end_effector_link
+    from freefloat.robot.bundled import find_robot
     from freefloat.robot.model import FreeFloatingModel
-    from freefloat.robot.names import find_robot
     from freefloat.robot.parts import Attachment, Payload, Spacecraft
     from freefloat.robot.source import RobotSource
     from freefloat.robot.validation import read_urdf

@@ -93,7 +93,7 @@ class BundledFile:
 
 def catalogue() -> dict[str, list[BundledFile]]:
     """Return all bundled robots, scenarios and studies."""
-    from freefloat.robot import names as bundled
+    from freefloat.robot import bundled
 
     robots = bundled.bundled_robots()
     scenarios = bundled.bundled_scenarios()

@@ -20,16 +20,16 @@ def _completion(*kinds: str, suffixes: tuple[str, ...] = ()) -> Callable[[str], 
     """Return the completion of bundled names of some kinds and of files with some suffixes."""
 
     def complete(incomplete: str) -> list[str]:
-        from freefloat.robot import names
+        from freefloat.robot import bundled
         from freefloat.robot.robot_packages import EXAMPLE, example_robots
 
-        bundled = [name for kind in kinds for name in getattr(names, f"bundled_{kind}")()]
+        known = [name for kind in kinds for name in getattr(bundled, f"bundled_{kind}")()]
         if incomplete and "robots" in kinds:  # without a first letter they would be too many
             with suppress(InputError):
-                bundled += [EXAMPLE + name for name in sorted(example_robots())]
+                known += [EXAMPLE + name for name in sorted(example_robots())]
         files = sorted(glob(f"{escape(incomplete)}*")) if suffixes else []
         return [
-            *(name for name in bundled if name.startswith(incomplete)),
+            *(name for name in known if name.startswith(incomplete)),
             *(name for name in files if name.endswith(suffixes) and Path(name).is_file()),
         ]
 

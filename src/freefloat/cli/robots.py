@@ -80,14 +80,14 @@ def load_robot(
     from freefloat.dynamics.measures import singularity_measure
     from freefloat.dynamics.summary import natural_task
     from freefloat.io.scenario.scenario import load_scenario
-    from freefloat.robot.model import FreeFloatingModel
-    from freefloat.robot.names import (
+    from freefloat.robot.bundled import (
         bundled_robots,
         bundled_scenarios,
         is_file,
         is_scenario,
         unknown,
     )
+    from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.robot_packages import DESCRIPTIONS, EXAMPLE
     from freefloat.robot.validation import examine
 
@@ -126,7 +126,7 @@ def robot_source(robot: str, root: str | None, packages: Sequence[str] | None) -
     Raises:
         InputError: If there is no such robot, or a package is not ``NAME=FOLDER``.
     """
-    from freefloat.robot.names import find_robot
+    from freefloat.robot.bundled import find_robot
     from freefloat.robot.source import RobotSource
 
     folders = {}

@@ -15,8 +15,8 @@ from scipy.spatial import ConvexHull, QhullError
 
 from freefloat.errors import ModelError
 from freefloat.robot.description import LinkShape
+from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.names import MeshFileError, find_mesh
 from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere, corners
 from freefloat.scene.scene import Scene
 from freefloat.so3 import Array, IntArray, Pose

@@ -15,7 +15,7 @@ from lxml import etree
 
 from freefloat.errors import InputError, ModelError, did_you_mean, require_type
 from freefloat.robot.description import RobotDescription, rpy_rotation
-from freefloat.robot.names import MeshFileError, find_mesh
+from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
 from freefloat.robot.source import RobotSource
 from freefloat.robot.urdf import MAGNITUDE, MOMENTS, Element, decode, rename_meshes

@@ -15,7 +15,7 @@ import trimesh
 from lxml import etree
 
 from freefloat.robot.description import Colour
-from freefloat.robot.names import MeshFileError
+from freefloat.robot.mesh_files import MeshFileError
 from freefloat.so3 import Array, IntArray, frozen
 
 _FORMATS = (".dae", ".stl", ".obj", ".ply", ".off", ".gltf", ".glb")

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.robot.description import LinkShape
+from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.meshes import Mesh, read_mesh
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.names import MeshFileError, find_mesh
 from freefloat.robot.rigid_bodies import Body
 from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
 from freefloat.so3 import Pose

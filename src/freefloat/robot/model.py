@@ -15,8 +15,8 @@ import pinocchio as pin
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.errors import InputError, ModelError, finite_vector, require_type
 from freefloat.robot.assembly import assemble, end_effector_link, scaled
+from freefloat.robot.bundled import find_robot
 from freefloat.robot.description import Joint, RobotDescription, UrdfDiagnostic
-from freefloat.robot.names import find_robot
 from freefloat.robot.parts import Attachment, Payload, Spacecraft
 from freefloat.robot.rigid_bodies import (
     Body,

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.errors import InputError, finite_vector, number_array, require_type
+from freefloat.robot.bundled import is_file
 from freefloat.robot.description import rpy_rotation
-from freefloat.robot.names import is_file
 from freefloat.robot.plausibility import breaks_triangle
 from freefloat.robot.source import RobotSource
 from freefloat.so3 import Array, Pose, frozen, zeros

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from freefloat.robot.description import Joint, Link, RigidGroup, RobotDescription
 from freefloat.robot.flat_links import flat_links
-from freefloat.robot.names import MeshFileError, find_mesh
+from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.shapes import MeshFile, corners
 from freefloat.so3 import Array
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from freefloat.errors import InputError, ModelError, require_extra, require_type
+from freefloat.robot.bundled import is_file, read_text
 from freefloat.robot.formats.reader_process import UrdfText, run_reader
-from freefloat.robot.names import is_file, read_text
 
 _URDF = "a file, XML text, or a name such as spatial_6dof"
 _MJCF = re.compile(r"\s*+(?>(?:<\?.*?\?>|<!--.*?-->)\s*+)*+<mujoco\b", re.DOTALL)

@@ -9,7 +9,7 @@ from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError
 from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.io.scenario.yaml import parse_yaml, read_text, validated
-from freefloat.robot.names import find_scenario, find_study, is_file
+from freefloat.robot.bundled import find_scenario, find_study, is_file
 from freefloat.so3 import unit_quaternion
 from freefloat.studies.document import error_of_study, scenario_from, with_values
 from freefloat.studies.robot_values import SCALE_MASS

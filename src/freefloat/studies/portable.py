@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from freefloat.errors import InputError, ModelError
-from freefloat.robot.names import MeshFileError, find_mesh, is_file
+from freefloat.robot.bundled import is_file
+from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.shapes import MeshFile
 from freefloat.robot.urdf import parse_urdf
 from freefloat.studies.study import Study

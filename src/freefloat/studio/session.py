@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.errors import FreeFloatError, InputError
-from freefloat.robot.names import bundled_scenarios
+from freefloat.robot.bundled import bundled_scenarios
 from freefloat.so3 import heading_quaternion
 from freefloat.studio.document import Document
 from freefloat.studio.edits import edited

@@ -17,8 +17,8 @@ from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.errors import InputError, ModelError
 from freefloat.io.files import written_beside
 from freefloat.robot.description import Joint
+from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.names import MeshFileError, find_mesh
 from freefloat.robot.urdf import Element, rename_meshes
 from freefloat.so3 import Array
 

@@ -29,8 +29,8 @@ from freefloat.io.scenario.field_types import (
     Vector,
 )
 from freefloat.io.scenario.yaml import error_context, file_keys
+from freefloat.robot.bundled import find_robot
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.names import find_robot
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
 from freefloat.robot.rigid_bodies import joints_of_arms
 from freefloat.robot.source import RobotSource

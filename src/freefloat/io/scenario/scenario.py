@@ -37,8 +37,8 @@ from freefloat.planning.objectives.objective import Objective
 from freefloat.planning.objectives.objectives import Weights, objective_of
 from freefloat.planning.phases.phase import Phase
 from freefloat.planning.settings import Search
+from freefloat.robot.bundled import find_scenario
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.names import find_scenario
 from freefloat.robot.source import RobotSource
 from freefloat.scene.scene import Scene
 from freefloat.singularities.global_maximum import guaranteed_magnitude

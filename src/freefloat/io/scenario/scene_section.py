@@ -24,8 +24,8 @@ from freefloat.io.scenario.field_types import (
 )
 from freefloat.io.scenario.orientation_section import Orientation, quaternion_of, rotation_of
 from freefloat.io.scenario.yaml import file_keys
+from freefloat.robot.bundled import find_robot, is_file
 from freefloat.robot.description import RobotDescription
-from freefloat.robot.names import find_robot, is_file
 from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
 from freefloat.robot.validation import read_urdf
 from freefloat.scene.scene import Corridor, Scene

@@ -17,8 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from freefloat.errors import ModelError, one_line
+from freefloat.robot.bundled import read_text
 from freefloat.robot.formats.reader_process import UrdfText
-from freefloat.robot.names import NAMED_PACKAGE, PACKAGES, find_package, read_text
+from freefloat.robot.mesh_files import NAMED_PACKAGE, PACKAGES, find_package
 
 _ACCEPTED = (
     ast.Expression, ast.BoolOp, ast.BinOp, ast.UnaryOp, ast.IfExp, ast.Compare, ast.Call,

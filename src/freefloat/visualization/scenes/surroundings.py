@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.motion.problem import Problem
 from freefloat.robot.description import Colour
+from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.meshes import read_mesh
-from freefloat.robot.names import MeshFileError, find_mesh
 from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
 from freefloat.scene.scene import Corridor
 from freefloat.scene.scene_body import SceneBody

@@ -11,9 +11,9 @@ import numpy as np
 
 from freefloat.motion.motion import Motion
 from freefloat.robot.description import Colour
+from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.meshes import Mesh, Part, read_mesh
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.names import MeshFileError, find_mesh
 from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere, corners
 from freefloat.so3 import Array, Pose, axes_rotation
 

@@ -14,7 +14,7 @@ import freefloat as ff
 from freefloat.errors import ModelError
 from freefloat.robot import robot_packages
 from freefloat.robot.assembly import assemble
-from freefloat.robot.names import bundled_scenarios, find_robot, find_scenario, models_folder
+from freefloat.robot.bundled import bundled_scenarios, find_robot, find_scenario, models_folder
 from freefloat.robot.robot_packages import EXAMPLE
 from freefloat.robot.validation import read_urdf
 from tests.errors import error_key
