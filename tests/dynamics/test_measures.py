@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.dynamics.joint_space import joint_space_extremes
 from freefloat.dynamics.momentum import inertia_matrices, system_matrix
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from tests.robots import in_units, joint_values, random_robot, robots
@@ -179,15 +178,3 @@ def test_arms_with_coupled_plane_raise(
 
 
 # ---------------------------------------------------------------------------------------- extremes
-
-
-def test_published_largest_planar_measure(planar_3dof: ff.FreeFloatingModel) -> None:
-    """Printed: about 150; it is 148.63, and the minimum is its negative."""
-    measure = ff.singularity_measure(planar_3dof, ff.Task.PLANAR_POSE, "system")
-    extremes = joint_space_extremes(planar_3dof, measure)
-    assert extremes.largest == pytest.approx(148.63, abs=5e-3)
-    assert extremes.smallest == pytest.approx(-extremes.largest, rel=1e-9)
-    assert extremes.magnitude == pytest.approx(extremes.largest, rel=1e-9)
-    assert measure(extremes.largest_at) == extremes.largest
-    assert measure(extremes.smallest_at) == extremes.smallest
-    assert not extremes.largest_at.flags.writeable

@@ -88,16 +88,6 @@ def test_without_a_branch_the_best_one_counts() -> None:
         assert_same(motions, k, ff.simulate(NONSTOP, heading=heading).chosen)
 
 
-def test_results_do_not_depend_on_the_other_motions() -> None:
-    """Bit for bit: on their number, order and the number of threads."""
-    values = disturbances(60, seed=6)
-    every = ff.simulate_many(LINE, branch=0, threads=2, **values)
-    some = {key: entries[::-1][:17] for key, entries in values.items()}
-    fewer = ff.simulate_many(LINE, branch=0, threads=1, **some)
-    for name, array in vars(fewer).items():
-        assert np.array_equal(array, getattr(every, name)[::-1][:17], equal_nan=True), name
-
-
 def test_motions_near_the_threshold_are_decided_precisely() -> None:
     """The paper's Example 2 with its minimum margin, and slightly less, as thresholds."""
     least = ff.simulate(LINE, ATTITUDE).chosen

@@ -18,7 +18,7 @@ from freefloat.io.formats.export import csv_text, json_text, ros2_text, write_ma
 from freefloat.io.formats.trajectory import Trajectory, even_times
 from freefloat.planning.simulation import SimulatedBranch, Simulation
 from freefloat.so3 import heading_quaternion
-from tests.commands import document, error, run
+from tests.commands import error, run
 from tests.prismatic import prismatic_motion, prismatic_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
@@ -185,15 +185,3 @@ def test_bad_input_is_one_line_and_changes_nothing(files, words, key):
     before = {name: Path(name).read_bytes() for name in os.listdir()}
     assert error("export", *words)["key"] == key
     assert {name: Path(name).read_bytes() for name in os.listdir()} == before
-
-
-@pytest.mark.slow
-def test_a_call_writes_what_the_command_writes(saved, tmp_path):
-    simulation = ff.load(saved / "good.h5")
-    for result in (simulation, simulation.chosen.motion):
-        ff.export(result, tmp_path / "call.csv", rate=2.0)
-        document("export", saved / "good.h5", "-o", tmp_path / "command.csv", "--rate", 2)
-        assert (tmp_path / "call.csv").read_text() == (tmp_path / "command.csv").read_text()
-    for result, file in ((simulation, "call.txt"), (Path(), "call.csv")):
-        with pytest.raises(ff.InputError):
-            ff.export(result, tmp_path / file)

@@ -7,29 +7,12 @@ import pytest
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.planning.space import mapping
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.climbing import EXACT, bisect
-from freefloat.planning.space.mapping import boundary_points, sample_attitudes, tangent_boundary
+from freefloat.planning.space.mapping import boundary_points, tangent_boundary
 from freefloat.so3 import angle_between, rotated
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
-
-
-def test_blocks_and_threads_change_nothing(
-    margin_30: ff.Problem, evaluator: FeasibilityEvaluator, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """To the bit; the last block may be smaller, progress ends at 1."""
-    whole = sample_attitudes(evaluator, 101)
-    monkeypatch.setattr(mapping, "_BLOCK", 16)
-    fractions: list[float] = []
-    blocks = sample_attitudes(FeasibilityEvaluator(margin_30, 2), 101, progress=fractions.append)
-    for values, other in zip(blocks.results.motions, whole.results.motions, strict=True):
-        np.testing.assert_array_equal(values, other)
-    np.testing.assert_array_equal(blocks.results.joints, whole.results.joints)
-    assert fractions == sorted(fractions)
-    assert fractions[0] > 0.0
-    assert fractions[-1] == pytest.approx(1.0)
 
 
 # bisection

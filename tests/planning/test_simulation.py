@@ -11,7 +11,7 @@ import freefloat as ff
 from freefloat.motion.extrema import joint_extents
 from freefloat.motion.motion import Ending
 from freefloat.so3 import heading_quaternion
-from tests.motions import BAD, GOOD, bundled
+from tests.motions import bundled
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
@@ -55,33 +55,6 @@ def test_where_none_completes_the_longest_motion_is_chosen(planar, heading):
     assert {branch.minimum_margin for branch in simulation.branches} == {0.0}
     times = [branch.motion.final.time for branch in simulation.branches]
     assert simulation.chosen.motion.final.time == max(times) > min(times) + 1.0
-
-
-@pytest.mark.parametrize("branch", [0, 7])
-def test_a_branch_can_be_chosen_by_number(spatial, branch):
-    """The requested one is chosen, whatever its margin; the others are integrated if asked for."""
-    simulation = ff.simulate(spatial, BAD, branch=branch)
-    assert simulation.branches == (simulation.chosen,)
-    assert simulation.chosen.branch.index == branch
-    compared = ff.simulate(spatial, BAD, branch=branch, others=True)
-    assert [entry.branch.index for entry in compared.branches] == list(range(8))
-    assert compared.chosen is compared.branches[branch]
-    assert compared.chosen.minimum_margin == simulation.chosen.minimum_margin
-
-
-def test_motions_end_at_the_margin_when_asked_to(spatial):
-    """Every motion that would pass S0 = 8 ends there, the others complete."""
-    problem = replace(spatial, margin=ff.Margin(spatial.margin.measure, 8.0))
-    simulation = ff.simulate(problem, GOOD, stop_at_margin=True)
-    for entry in simulation.branches:
-        if entry.motion.ending is Ending.MARGIN:
-            assert entry.closest_approach.value == pytest.approx(8.0, rel=1e-9)
-        else:
-            assert entry.motion.completed
-            assert entry.closest_approach.value > 8.0
-    endings = [entry.motion.ending for entry in simulation.branches]
-    assert endings.count(Ending.MARGIN) == 4
-    assert simulation.chosen.motion.completed
 
 
 @pytest.mark.slow

@@ -107,18 +107,6 @@ def test_the_nearest_attitude_is_chosen(nearest: Plan, largest: Plan) -> None:
 
 
 @pytest.mark.slow
-def test_the_nearest_attitude_with_spare_keeps_the_margin_around_it() -> None:
-    """Farther than the nearest of all by the spare angle and the corners of the set."""
-    problem = with_margin(30.0)
-    edge = planned(problem, ff.Search("nearest", frozen(BAD), SAMPLES, spare=0.0))
-    plan = planned(problem, ff.Search("nearest", frozen(BAD), SAMPLES))
-    attitude, branch = plan.chosen.motion.initial.attitude, plan.chosen.branch.index
-    within = attitudes_within(attitude, np.radians(2.0), 2000, 99)
-    assert FeasibilityEvaluator(problem, 1).regular(within, branch).all()
-    assert 0.03 < plan.deviation - edge.deviation < 0.1
-
-
-@pytest.mark.slow
 def test_the_deepest_attitude_is_chosen(robust: Plan, largest: Plan, nearest: Plan) -> None:
     """Deeper than others, up to the shortened search; 10 percent beyond, the margin is violated."""
     assert robust.robust_radius > 0.9 * largest.robust_radius > nearest.robust_radius >= 0.0

@@ -10,17 +10,13 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.paths import FixedOrientation, PolynomialCurve
 from freefloat.planning.space.tangency import require_tangency_points, tangency_points
-from freefloat.so3 import axes_rotation
 from tests.errors import error_key
 from tests.motions import bundled
 from tests.robots import random_robot
 
 MOMENTUM = (0.5, 0.3, 0.1)
 STILL = (0.0, 0.0, 0.0)
-PRINTED_JOINTS = np.array([0.1, 2.0, 3.3076, -2.6104, 2.2981, 1.4288])
-PRINTED_ATTITUDE = np.array([0.4295, -0.147, 0.6898, -0.564])
 
 
 def changed(problem, *, h=None, path=None, measure=None, value=None):
@@ -37,46 +33,9 @@ def problem():
     return bundled("spatial_6dof/line")
 
 
-@pytest.fixture(scope="module")
-def printed(problem):
-    """Example 2 with B in plane (41): its z is 0.3317 m, printed 0.33."""
-    A, B = np.array([1.0, 0.0, 0.0]), np.array([-0.5, 0.8, 0.3317])
-    axes = axes_rotation("attitude", ("x", [0.4683, 1.1683, -0.7]), ("z", A - B))
-    path = ff.EndEffectorPath(PolynomialCurve.line(A, B), FixedOrientation(axes))
-    return changed(problem, path=ff.TimedPath(path, problem.path.timing))
-
-
 def gap(a, b):
     """Largest difference of angles modulo 2 pi."""
     return np.abs((a - b + np.pi) % (2 * np.pi) - np.pi).max()
-
-
-def backward(problem, point):
-    """The motion from a tangency point back to the start of the path."""
-    return ff.integrate_motion(problem, point.attitude, point.joints, start=point.time, end=0.0)
-
-
-def nearest_to_printed(problem):
-    return min(
-        tangency_points(problem, 0.1, 2.0, -5.0), key=lambda t: gap(t.joints, PRINTED_JOINTS)
-    )
-
-
-@pytest.mark.slow
-def test_printed_tangency_point_follows_from_q1_and_q2(printed):
-    """Example 2, to two units of the last printed digit, there and integrated backward.
-
-    dS/dt = 0 has the first two components of h exchanged; the motion backward has h as printed.
-    """
-    point = nearest_to_printed(changed(printed, h=[0.3, 0.5, 0.1]))
-    assert point.tau == pytest.approx(0.4225, abs=2e-4)
-    assert point.time == pytest.approx(100.0 * point.tau)
-    assert gap(point.joints, PRINTED_JOINTS) < 2e-4
-    sign = np.sign(point.attitude @ PRINTED_ATTITUDE)
-    assert sign * point.attitude == pytest.approx(PRINTED_ATTITUDE, abs=2e-4)
-    start = backward(printed, point).final
-    assert start.time == 0.0
-    assert sign * start.attitude == pytest.approx([0.46, 0.0935, 0.7352, -0.489], abs=2e-4)
 
 
 CASES = [

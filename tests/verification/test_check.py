@@ -271,8 +271,9 @@ def test_a_singular_motion_is_verified_to_be_singular(simulated):
 
 
 @pytest.mark.slow
-def test_a_singular_motion_cut_short_is_not_singular(simulated):
+def test_a_singular_motion_cut_short_is_neither_singular_nor_complete(simulated):
     assert "singular end" in failed(shortened(0, -40)(simulated))
+    assert failed(shortened(0, -40, ending=Ending.COMPLETED)(simulated)) == {"whole motion"}
 
 
 @pytest.mark.slow
@@ -312,11 +313,6 @@ def test_a_motion_that_ends_where_it_begins_is_verified_to_be_singular_there():
     stopped = regular.motion.cut(0.0, Ending.SINGULAR)
     chosen = replace(regular.chosen, motion=stopped)
     assert failed(replace(regular, chosen=chosen)) == {"singular start"}
-
-
-def test_a_singular_motion_cut_short_is_not_complete(simulated):
-    cut = shortened(0, -40, ending=Ending.COMPLETED)(simulated)
-    assert failed(cut) == {"whole motion"}
 
 
 # --- the command ----------------------------------------------------------------------------------
