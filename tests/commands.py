@@ -19,8 +19,8 @@ def run(*words: object) -> Any:
 
 
 def without_progress(text: str) -> str:
-    """What a process printed on stderr, without lines on progress."""
-    return re.sub(r"^freefloat: .*(: \d+ %| \.\.\.)\n", "", text, flags=re.MULTILINE)
+    """What a process printed on stderr, without lines on progress and on written files."""
+    return re.sub(r"^freefloat: .*(: \d+ %| \.\.\.| was written)\n", "", text, flags=re.MULTILINE)
 
 
 def document(*words: object, code: int = 0) -> dict[str, Any]:

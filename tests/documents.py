@@ -20,7 +20,7 @@ from pydantic import TypeAdapter
 
 from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.studies.study import StudyFile
-from tests.commands import run
+from tests.commands import run, without_progress
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = {
@@ -158,7 +158,7 @@ def _answer(asked: int, answered: int) -> None:
         for words in requests:
             result = run(*words.rstrip("\n").split("\t"))
             Path(".stdout").write_bytes(result.stdout_bytes)
-            Path(".stderr").write_bytes(result.stderr_bytes)
+            Path(".stderr").write_text(without_progress(result.stderr))
             answers.write(f"{result.exit_code}\n")
 
 
