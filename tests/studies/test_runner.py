@@ -97,7 +97,7 @@ def test_runs_that_fail_stop_no_other(folder: Path) -> None:
     write_study(folder, vary, base=SHORT, combine="zipped", files="none")
     result = run("batch", "study.yaml", "-o", "out", "--workers", "1")
     assert result.exit_code == 1
-    assert len(result.stderr.splitlines()) == 1
+    assert len(result.stderr.splitlines()) == 2  # run by run, and the first error
     rows = table(folder / "out")
     failed = [number for number, error in enumerate(rows["error"]) if error is not None]
     assert failed == [3, 7, 11, 15]
