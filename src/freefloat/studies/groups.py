@@ -10,11 +10,8 @@ from typing import Any
 import numpy as np
 
 from freefloat.ensemble.disturbed_motions import (
-    SAFE_RANGE,
-    STRICT_SAFE_RANGE,
     integrate_disturbed,
 )
-from freefloat.ensemble.endings import NORMAL
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.equivalence import equivalents
 from freefloat.ensemble.many_motions import ManyMotions
@@ -22,9 +19,7 @@ from freefloat.ensemble.starts import starts_at
 from freefloat.ensemble.systems import Systems
 from freefloat.errors import FreeFloatError
 from freefloat.io.scenario.scenario import Scenario
-from freefloat.limits.limits import GIVEN
 from freefloat.motion.problem import Problem
-from freefloat.robot.joint_ranges import largest_range_ratio
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, BoolArray, IntArray
 from freefloat.studies.document import scenario_from, with_values
@@ -37,50 +32,7 @@ from freefloat.studies.robot_values import (
 )
 from freefloat.studies.run_values import arrays_of, fits_ensembles
 from freefloat.studies.study import START_KEYS, Study
-
-
-@dataclass(frozen=True, eq=False)
-class Unvaried:
-    """The base scenario of a study, in the arm branches of whose motions the runs begin.
-
-    Attributes:
-        problem: The base scenario's problem, which may have ``start_joints``.
-        ranges: Whether the choice of its motion depends on joint ranges.
-    """
-
-    problem: Problem
-    ranges: bool
-
-    @classmethod
-    def of(cls, study: Study) -> Unvaried | None:
-        """That of a study; None where limits choose the motion, which only precise ones show."""
-        scenario = scenario_from(study.base, study.base_source.absolute())
-        problem = scenario.search().applied_to(scenario.problem())
-        ranges, limited = _limits(scenario)
-        if problem.start_joints is not None:
-            return cls(problem, False)
-        return None if limited else cls(problem, ranges)
-
-    def joints_at(self, attitudes: Array, threads: int) -> Array:
-        """Initial joint values of its motions from attitudes (K, 4).
-
-        Returns:
-            Shape (K, n); NaN where there is no motion, or a precise one decides which it is.
-        """
-        required = np.full(len(attitudes), self.problem.margin.threshold)
-        begun = None
-        if self.problem.start_joints is not None:
-            sets = self.problem.many_branches(attitudes)
-            begun = np.full((len(attitudes), self.problem.model.arm_dof), np.nan)
-            begun[np.nonzero(sets.exist)[0]] = sets.joints[sets.exist]
-        motions = integrate_disturbed(
-            equivalents(self.problem.replace(start_joints=None), len(attitudes)), attitudes,
-            required, joints=begun, threads=threads, ranges=self.ranges,
-        )  # fmt: skip
-        if not self.ranges:
-            return motions.joints
-        decided = keeps_ranges(self.problem, motions) | ~motions.feasible
-        return np.where(decided[:, None], motions.joints, np.nan)
+from freefloat.studies.unvaried import Unvaried, has_ranges_and_limits, keeps_ranges
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,13 +118,6 @@ class Group:
         return np.asarray(decided)
 
 
-def keeps_ranges(problem: Problem, motions: ManyMotions) -> BoolArray:
-    """Whether motions keep their joint ranges by more than an ensemble's errors, shape (K,)."""
-    safe = np.where(motions.deciders == NORMAL, SAFE_RANGE, STRICT_SAFE_RANGE)
-    ratios = largest_range_ratio(problem.model.joint_ranges, motions.lower, motions.upper)
-    return np.asarray(ratios <= safe)
-
-
 def _begins_stricter(group: Group, number: int) -> bool:
     """Whether undisturbed motions with a run's robot are cheaper with a stricter tolerance."""
     if group.attitude is None:
@@ -233,7 +178,7 @@ def _group(study: Study, number: int) -> Group:
     scenario = scenario_from(document, study.base_source.absolute())
     problem = scenario.problem()
     _require_fit(study, scenario, problem, parameters)
-    ranges, limited = _limits(scenario)
+    ranges, limited = has_ranges_and_limits(scenario)
     attitude = joints = None
     branch = content.branch if isinstance(content.branch, int) else None
     unvaried = Unvaried.of(study) if content.branch is None else None
@@ -298,13 +243,3 @@ def _varied_robot(study: Study, document: dict[str, Any], scenario: Scenario) ->
         return scenario_from(with_values(document, own), study.base_source.absolute()).model()
 
     return VariedRobot(scenario.model(), scenario.content.robot, model_of)
-
-
-def _limits(scenario: Scenario) -> tuple[bool, bool]:
-    """Whether the joints of a scenario have ranges, and whether anything else is limited."""
-    problem = scenario.problem()
-    ranges = bool(np.isfinite(problem.model.joint_ranges).any())
-    limits = scenario.limits()
-    bounds = [getattr(limits, kind.name) for kind in GIVEN]
-    given = any(bound is not None and np.size(bound) > 0 for bound in bounds)
-    return ranges, given or problem.scene.corridor is not None
