@@ -13,27 +13,11 @@ PLACE = [0.35, 0.75, 0.0]
 """The elbow of the best motion passes here [m]."""
 
 
-def beside(body):
-    """The plan without and with a body."""
+def beside(*bodies):
+    """The plan beside some bodies."""
     scenario = ff.load_scenario("planar_2dof/line")
-    free = ff.plan(scenario.problem(), scenario.search(), LIMITS)
-    problem = scenario.problem().replace(scene=ff.Scene([body]))
-    return free, ff.plan(problem, scenario.search(), LIMITS)
-
-
-@pytest.mark.slow
-def test_another_arm_branch_is_chosen_where_a_body_is_in_the_way():
-    free, plan = beside(ff.SceneBody("client", ff.Sphere(0.1), PLACE))
-    assert (free.chosen.branch.label, plan.chosen.branch.label) == ("elbow-", "elbow+")
-    assert plan.feasible
-    assert plan.excluded["clearance"] > free.excluded["clearance"]
-    assert plan.chosen.closest_approach.value < free.chosen.closest_approach.value
-    assert ff.check(plan).passed
-    attitude = free.chosen.motion.initial.attitude
-    blocked = ff.simulate(plan.problem, attitude, branch=free.chosen.branch.index, limits=LIMITS)
-    (clearance,) = (r for r in blocked.limit_results if r.limit == "clearance")
-    assert clearance.where.endswith(" - client")
-    assert clearance.worst < 0.0
+    problem = scenario.problem().replace(scene=ff.Scene(bodies))
+    return ff.plan(problem, scenario.search(), LIMITS)
 
 
 @pytest.mark.slow
@@ -41,7 +25,7 @@ def test_another_arm_branch_is_chosen_where_a_body_is_in_the_way():
 def test_a_tumbling_body_is_an_obstacle_at_its_time_only(in_the_way):
     """The same ball on a wheel above: it is down there with the elbow or half a minute later."""
     fixed = ff.SceneBody("client", ff.Sphere(0.1), PLACE)
-    free, _ = beside(fixed)
+    free = beside()
     problem = ff.load_scenario("planar_2dof/line").problem().replace(scene=ff.Scene([fixed]))
     attitude, branch = free.chosen.motion.initial.attitude, free.chosen.branch.index
     motion = ff.simulate(problem, attitude, branch=branch).chosen.motion
@@ -54,7 +38,7 @@ def test_a_tumbling_body_is_an_obstacle_at_its_time_only(in_the_way):
     )  # fmt: skip
     start = body.pose_at(-meeting, problem.path)
     body = replace(body, position=start.position, orientation=start.rotation)
-    _, plan = beside(body)
+    plan = beside(body)
     assert plan.feasible
     assert (plan.chosen.branch.label == "elbow+") is in_the_way
     assert ff.check(plan).passed
