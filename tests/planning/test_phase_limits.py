@@ -9,6 +9,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.limits.kinds import KINDS
+from freefloat.motion.scene_poses import scene_poses
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 
 BODY = ff.SceneBody("client", ff.Sphere(0.1), position=[2.5, 1.2, 0.0])
@@ -64,6 +65,32 @@ def test_the_scene_stays_where_it_is_while_the_centre_of_mass_drifts(manoeuvre: 
             axis = corridor.position + problem.scene.corridor.point
             np.testing.assert_allclose(body.position + centre, BODY.position, atol=1e-12)
             np.testing.assert_allclose(axis + centre, AROUND.point, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_held_body_moves_with_the_end_effector_whose_orientation_is_free(
+    problem: ff.Problem,
+) -> None:
+    """Along a path of positions and along joints; a rod beside the arm is as near as it is."""
+    end = problem.path.path.pose(1.0).position
+    rod = ff.SceneBody("client", ff.Box([0.8, 0.1, 0.1]), end + [0.3, 0.2, 0.0])
+    line = ff.Goal(ff.so3.Pose(end - [0.0, 0.2, 0.0], np.eye(3)), duration=20.0)
+    phases = [ff.CapturePhase("client", 3.0, [0.1, 0.2, 0.2]), ff.PathPhase(line), BERTH]
+    around = problem.replace(scene=ff.Scene((rod,)))
+    found = ff.plan_manoeuvre(around, phases, limits=ff.Limits(clearance=1e-3))
+    motions = [phase.motion for phase in found.phases[2:]]
+    first = motions[0].initial
+    model, held = motions[0].problem.model, motions[0].problem.scene.bodies[0]
+    for motion in motions:
+        assert held.pose.position == pytest.approx(motion.problem.scene.bodies[0].pose.position)
+        for state in (motion.initial, motion.final):
+            hand = model.end_effector_pose(state.attitude, state.joints)
+            (pose,) = scene_poses(motion, state.time, state.attitude, state.joints)
+            assert pose.position == pytest.approx((hand @ held.pose).position, abs=1e-9)
+            assert pose.rotation == pytest.approx((hand @ held.pose).rotation, abs=1e-9)
+    (placed,) = scene_poses(motions[0], 0.0, first.attitude, first.joints)
+    centre = found.phases[2].centre
+    assert placed.position + centre == pytest.approx(rod.position, abs=1e-6)
 
 
 @pytest.mark.slow

@@ -20,6 +20,7 @@ from freefloat.limits.levers import frame_levers, joint_levers
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.motion import Motion
 from freefloat.motion.panels import TO_COEFFICIENTS
+from freefloat.motion.scene_poses import scene_poses
 from freefloat.scene.scene import Scene
 from freefloat.scene.tumbling import Tumbling
 from freefloat.so3 import Array, IntArray, Pose, without_jumps
@@ -111,9 +112,8 @@ def _distances(motion: Motion, pairs: CollisionPairs, places: Array, pair: IntAr
     order = np.argsort(number, kind="stable")
     groups = np.split(order, np.cumsum(np.bincount(number, minlength=len(unique)))[:-1])
     states = zip(*motion.evaluate(unique), groups, strict=True)
-    path, law = motion.problem.path, motion.law
     for t, attitude, joints, group in states:
-        poses = pairs.scene.poses(t, path, law.target(t, attitude, joints))
+        poses = scene_poses(motion, t, attitude, joints)
         distances[group] = pairs.distances(joints, pair[group], attitude, poses)
     return distances
 
@@ -163,14 +163,16 @@ def _frame_path_lengths(motion: Motion, scene: Scene, edges: Array) -> Array:
         c = TO_COEFFICIENTS @ values[motion.panel_nodes]
         return np.hstack([_path_lengths(c[:, :, :3], 3), 2.0 * _path_lengths(c[:, :, 3:], 4)])
 
-    problem, law = motion.problem, motion.law
+    problem = motion.problem
     nodes = list(zip(motion.times, motion.attitudes, motion.joints, strict=True))
     robot = [problem.model.body_poses(attitude, joints) for _, attitude, joints in nodes]
     frames = [lengths(poses) for poses in zip(*robot, strict=True)]
     elapsed = np.abs(motion.evaluate(edges)[0] - motion.times[0])
-    for body in scene.bodies:
+    moving = any(body.motion == "target" for body in scene.bodies)
+    placed = [scene_poses(motion, *node) for node in nodes if moving]
+    for number, body in enumerate(scene.bodies):
         if body.motion == "target":
-            frames.append(lengths([law.target(*node) @ body.pose for node in nodes]))
+            frames.append(lengths([poses[number] for poses in placed]))
             continue
         speed, rate, com = float(np.linalg.norm(problem.path.drift)), 0.0, 0.0
         if isinstance(body.motion, Tumbling):

@@ -161,12 +161,30 @@ class Scene:
             corridor = replace(corridor, point=corridor.point + offset)
         return Scene(bodies, corridor)
 
-    def poses(self, t: float, path: PathFrame, target: Pose | None = None) -> tuple[Pose, ...]:
-        """The frames of all bodies, see :meth:`freefloat.scene.scene_body.SceneBody.pose_at`."""
-        return tuple(body.pose_at(t, path, target) for body in self.bodies)
+    @property
+    def holds(self) -> bool:
+        """Whether the robot holds a body."""
+        return any(body.payload is not None for body in self.bodies)
 
-    def corridor_pose(self, t: float, path: PathFrame, target: Pose | None = None) -> Pose:
+    def poses(
+        self,
+        t: float,
+        path: PathFrame,
+        target: Pose | None = None,
+        end_effector: Pose | None = None,
+    ) -> tuple[Pose, ...]:
+        """The frames of all bodies, see :meth:`freefloat.scene.scene_body.SceneBody.pose_at`."""
+        return tuple(body.pose_at(t, path, target, end_effector) for body in self.bodies)
+
+    def corridor_pose(
+        self,
+        t: float,
+        path: PathFrame,
+        target: Pose | None = None,
+        end_effector: Pose | None = None,
+    ) -> Pose:
         """The frame of the corridor; arguments are those of :meth:`poses`."""
         if self.corridor is None or self.corridor.body is None:
             return Pose(path.origin(t), np.eye(3))
-        return self.bodies[self.names.index(self.corridor.body)].pose_at(t, path, target)
+        body = self.bodies[self.names.index(self.corridor.body)]
+        return body.pose_at(t, path, target, end_effector)

@@ -95,16 +95,25 @@ class SceneBody:
         """Its frame at time zero, see ``position``."""
         return Pose(self.position, self.orientation)
 
-    def pose_at(self, t: float, path: PathFrame, target: Pose | None = None) -> Pose:
+    def pose_at(
+        self,
+        t: float,
+        path: PathFrame,
+        target: Pose | None = None,
+        end_effector: Pose | None = None,
+    ) -> Pose:
         """Its frame at time t [s] relative to the centre of mass, inertial axes.
 
         Args:
             t: Time [s].
             path: Its frame, and the pose that it prescribes for the end-effector.
-            target: Pose of the end-effector in place of the path's.
+            target: The pose that is prescribed, in place of the path's.
+            end_effector: The pose that the end-effector has, with which a body moves that is held;
+                tasks may leave a part of it free.
         """
         if self.motion == "target":
-            return (target or path.pose(t)) @ self.pose
+            held = None if self.payload is None else end_effector
+            return (held or target or path.pose(t)) @ self.pose
         pose = self._turned(t)
         return Pose(pose.position + path.origin(t), pose.rotation)
 

@@ -9,6 +9,7 @@ from freefloat.limits.limit import Limit
 from freefloat.limits.result import LimitResult
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
+from freefloat.motion.scene_poses import corridor_pose
 from freefloat.scene.scene import Corridor
 from freefloat.so3 import Array
 
@@ -26,12 +27,11 @@ class CorridorLimit(Limit[Corridor]):
 
     def worst(self, motion: Motion) -> LimitResult:
         """The instant at which the end-effector deviates most from the corridor's axis."""
-        problem, law, corridor = motion.problem, motion.law, self.bound
+        problem, corridor = motion.problem, self.bound
 
         def deviation(t: float, attitude: Array, joints: Array) -> float:
             position = problem.model.end_effector_pose(attitude, joints).position
-            target = law.target(t, attitude, joints)
-            frame = problem.scene.corridor_pose(t, problem.path, target)
+            frame = corridor_pose(motion, t, attitude, joints)
             return corridor.deviation(frame.rotation.T @ (position - frame.position))
 
         def squared(panel: int, x: float) -> Array:

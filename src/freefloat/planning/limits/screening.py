@@ -126,11 +126,13 @@ def clearance_deficits(
 
     def deficits_at(t: float, attitudes: Array, joints: Array) -> list[float]:
         """Those of states (K, 4), (K, n) at a time."""
-        poses = pairs.scene.poses(t, path)
-        states = zip(attitudes, joints, strict=True)
-        distances = [
-            pairs.distances(problem.all_joints(q, t), every, a, poses).min() for a, q in states
-        ]
+        poses, distances = pairs.scene.poses(t, path), list[float]()
+        for attitude, q in zip(attitudes, joints, strict=True):
+            every_joint = problem.all_joints(q, t)
+            if pairs.scene.holds:
+                end = problem.model.end_effector_pose(attitude, every_joint)
+                poses = pairs.scene.poses(t, path, None, end)
+            distances.append(pairs.distances(every_joint, every, attitude, poses).min())
         return [max(0.0, clearance - float(distance) - _SLACK) for distance in distances]
 
     deficits[:] = deficits_at(0.0, attitudes, joints)

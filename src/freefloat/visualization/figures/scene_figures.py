@@ -178,14 +178,14 @@ def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figu
     robots = outlines(motion, times)
     for axes, robot, time in zip(views, robots, times, strict=True):
         _draw_in_space(axes, motion.problem, robot)
-        draw_in_space(axes, motion.problem, float(time))
+        draw_in_space(axes, motion, float(time))
         axes.set_title(f"{digits(time)} s", y=1.0)
     _mark_singular(views[-1], motion, 3)
     bodies = np.array([[robot.spacecraft.mean(axis=0), *robot.arm[1:]] for robot in robots])
     points = np.vstack([
         points for robot in robots for points in (robot.spacecraft, robot.arm, *robot.others)
     ])  # fmt: skip
-    others = [p for time in times for _, p in outline_points(motion.problem, float(time))]
+    others = [p for time in times for _, p in outline_points(motion, float(time))]
     points = np.vstack([points, *others])
     eye = view_direction([bodies], [np.mean(other, axis=0) for other in others])
     _set_equal_scales(views, points, eye)
@@ -205,7 +205,7 @@ def draw_snapshots(axes: Any, motion: Motion, workspace: Workspace | None) -> No
     _draw_path(axes, motion.problem, workspace)
     times = np.linspace(motion.initial.time, motion.final.time, _INSTANTS)
     robots = outlines(motion, times)
-    draw_in_plane(axes, motion.problem, times)
+    draw_in_plane(axes, motion, times)
     shades = [f"{shade:.3f}" for shade in np.linspace(_LIGHTEST, 0.0, _INSTANTS)]
     for k in (0, -1):
         corners = robots[k].spacecraft[_FROM_ABOVE, :2]

@@ -12,7 +12,8 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from scipy.spatial import ConvexHull
 
 from freefloat.attitude_grids import even_directions
-from freefloat.motion.problem import Problem
+from freefloat.motion.motion import Motion
+from freefloat.motion.scene_poses import scene_poses
 from freefloat.robot.meshes import Mesh
 from freefloat.robot.shapes import Box, Cylinder, corners
 from freefloat.scene.scene_body import SceneBody
@@ -29,12 +30,12 @@ _JOGGLE = "QJ"
 """Option of Qhull for flat shapes."""
 
 
-def draw_in_plane(axes: Any, problem: Problem, times: Array) -> None:
+def draw_in_plane(axes: Any, motion: Motion, times: Array) -> None:
     """Draw the outlines of the bodies in the x-y plane, of those that move at all times [s]."""
-    drifts = problem.path.drifts
+    drifts = motion.problem.path.drifts
     label: str | None = "other bodies"
     for number, time in enumerate(times.tolist()):
-        for body, points in outline_points(problem, time):
+        for body, points in outline_points(motion, time):
             if number == 0 or drifts or body.motion != "fixed":
                 outline = points[ConvexHull(points[:, :2], qhull_options=_JOGGLE).vertices, :2]
                 style: Any = {
@@ -47,17 +48,18 @@ def draw_in_plane(axes: Any, problem: Problem, times: Array) -> None:
                 label = None
 
 
-def draw_in_space(axes: Any, problem: Problem, time: float) -> None:
+def draw_in_space(axes: Any, motion: Motion, time: float) -> None:
     """Draw the bodies at a time [s]."""
-    for _, points in outline_points(problem, time):
+    for _, points in outline_points(motion, time):
         faces = points[ConvexHull(points, qhull_options=_JOGGLE).simplices]
         axes.add_collection3d(Poly3DCollection(faces, facecolors=ORANGE, alpha=0.25))
 
 
-def outline_points(problem: Problem, time: float) -> Iterator[tuple[SceneBody, Array]]:
+def outline_points(motion: Motion, time: float) -> Iterator[tuple[SceneBody, Array]]:
     """Yield each shape of the bodies at a time [s] as points in the inertial frame [m], (K, 3)."""
-    poses = problem.scene.poses(time, problem.path)
-    for body, pose in zip(problem.scene.bodies, poses, strict=True):
+    _, attitudes, joints = motion.evaluate(motion.coordinates_at([time]))
+    poses = scene_poses(motion, time, attitudes[0], joints[0])
+    for body, pose in zip(motion.problem.scene.bodies, poses, strict=True):
         for points in _body_points(body):
             yield body, pose.position + points @ pose.rotation.T
 

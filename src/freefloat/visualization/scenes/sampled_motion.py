@@ -95,7 +95,7 @@ def sampled_motion(
         np.abs([measure(q) for q in motion.evaluate(parameters)[2]]),
         np.array([problem.path.timing.s(float(t)) for t in times]),
         areas,
-        Surroundings.of(problem, times),
+        Surroundings.of(motion, times, parameters),
         tuple(
             PointingCone.of(problem, axis, number, times, poses, visuals)
             for number, axis in enumerate(pointing)

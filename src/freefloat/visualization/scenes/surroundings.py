@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
+from freefloat.motion.scene_poses import corridor_pose, scene_poses
 from freefloat.robot.description import Colour
 from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.meshes import read_mesh
@@ -76,21 +78,25 @@ class Surroundings:
         problem: The problem.
         times: The key times [s], shape (K,).
         poses: Frames of the bodies at these times.
+        corridor: Frames of the corridor at these times; empty without one.
         visuals: Their shapes.
     """
 
     problem: Problem
     times: Array
     poses: tuple[tuple[Pose, ...], ...]
+    corridor: tuple[Pose, ...]
     visuals: tuple[BodyVisuals, ...]
 
     @classmethod
-    def of(cls, problem: Problem, times: Array) -> Surroundings:
-        """Return those of a problem."""
-        scene = problem.scene
-        poses = tuple(scene.poses(float(t), problem.path) for t in times)
+    def of(cls, motion: Motion, times: Array, places: Array) -> Surroundings:
+        """Return those of a motion at some times [s], whose panel coordinates are given."""
+        problem, scene = motion.problem, motion.problem.scene
+        states = list(zip(times.tolist(), *motion.evaluate(places)[1:], strict=True))
+        poses = tuple(scene_poses(motion, *state) for state in states)
+        corridor = [corridor_pose(motion, *state) for state in states if scene.corridor is not None]
         visuals = tuple(body_visuals(k, body) for k, body in enumerate(scene.bodies))
-        return cls(problem, times, poses, visuals)
+        return cls(problem, times, poses, tuple(corridor), visuals)
 
     @property
     def items(self) -> tuple[str, ...]:
@@ -134,12 +140,11 @@ class Surroundings:
         if corridor is not None:
             surface = _corridor_surface(corridor, self._path_in_corridor())
             builder.mesh(path, surface, _CORRIDOR, shaded=False)
-            scene, timed = self.problem.scene, self.problem.path
-            motions = {body.name: body.motion for body in scene.bodies}
-            if corridor.body is not None or timed.drifts:
-                poses = [scene.corridor_pose(float(t), timed) for t in self.times]
-                fixed = motions.get(str(corridor.body)) == "fixed" and not timed.drifts
-                _move(builder, path, self.times, poses, fixed=fixed)
+            motions = {body.name: body.motion for body in self.problem.scene.bodies}
+            drifts = self.problem.path.drifts
+            if corridor.body is not None or drifts:
+                fixed = motions.get(str(corridor.body)) == "fixed" and not drifts
+                _move(builder, path, self.times, self.corridor, fixed=fixed)
         return labels
 
     def _path_in_corridor(self) -> Array:
@@ -170,7 +175,7 @@ def _corridor_surface(corridor: Corridor, path: Array) -> tuple[Array, IntArray]
 
 
 def _move(
-    builder: SceneBuilder, path: str, times: Array, poses: list[Pose], *, fixed: bool
+    builder: SceneBuilder, path: str, times: Array, poses: Sequence[Pose], *, fixed: bool
 ) -> None:
     """Place a path at a fixed frame, or move it with another."""
     if fixed:

@@ -1,0 +1,31 @@
+"""The bodies of a scene along a motion."""
+
+from __future__ import annotations
+
+from freefloat.motion.motion import Motion
+from freefloat.so3 import Array, Pose
+
+
+def scene_poses(motion: Motion, t: float, attitude: Array, joints: Array) -> tuple[Pose, ...]:
+    """Frames of the bodies of the scene in a state, from the centre of mass, inertial axes.
+
+    Args:
+        motion: The motion.
+        t: Time [s].
+        attitude: Of the spacecraft, unit quaternion x, y, z, w.
+        joints: Joint values, shape (n,).
+    """
+    scene, path = motion.problem.scene, motion.problem.path
+    return scene.poses(t, path, *_ends(motion, t, attitude, joints)) if scene.bodies else ()
+
+
+def corridor_pose(motion: Motion, t: float, attitude: Array, joints: Array) -> Pose:
+    """The frame of the corridor; arguments are those of :func:`scene_poses`."""
+    scene, path = motion.problem.scene, motion.problem.path
+    return scene.corridor_pose(t, path, *_ends(motion, t, attitude, joints))
+
+
+def _ends(motion: Motion, t: float, attitude: Array, joints: Array) -> tuple[Pose, Pose]:
+    """The pose of the end-effector that is prescribed, and the one that it has."""
+    target = motion.law.target(t, attitude, joints)
+    return target, motion.problem.model.end_effector_pose(attitude, joints)
