@@ -221,7 +221,7 @@ def finite_number(
     import numpy as np
 
     number = isinstance(value, int | float | np.integer | np.floating)
-    if not number or not minimum <= value <= maximum:
+    if not number or isinstance(value, bool) or not minimum <= value <= maximum:
         raise InputError(key, f"{value!r} was given", accepted)
     return float(value)
 

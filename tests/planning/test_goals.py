@@ -191,8 +191,6 @@ def test_goals_must_suit_the_system() -> None:
         (ff.Goal(joints=[0.1, 0.2]), "goal.duration"),
     ):
         assert error_key(ff.move, system, state, goal) == key
-    scene = ff.Scene([ff.SceneBody("inertial", ff.Sphere(0.1), [3.0, 0.0, 0.0])])
-    assert error_key(ff.move, system, state, ff.Goal(POSE), None, scene) == "goal.pose.frame"
     tilted = [0.1305262, 0.0, 0.0, 0.9914449], state[1]
     assert error_key(ff.move, system, tilted, ff.Goal(joints=[0.1, 0.2])) == "state.attitude"
 

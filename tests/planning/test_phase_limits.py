@@ -73,8 +73,8 @@ def test_a_held_body_moves_with_the_end_effector_whose_orientation_is_free(
 ) -> None:
     """Along a path of positions and along joints; a rod beside the arm is as near as it is."""
     end = problem.path.path.pose(1.0).position
-    rod = ff.SceneBody("client", ff.Box([0.8, 0.1, 0.1]), end + [0.3, 0.2, 0.0])
-    line = ff.Goal(ff.so3.Pose(end - [0.0, 0.2, 0.0], np.eye(3)), duration=20.0)
+    rod = ff.SceneBody("client", ff.Box([0.8, 0.1, 0.1]), end + np.array([0.3, 0.2, 0.0]))
+    line = ff.Goal(ff.so3.Pose(end - np.array([0.0, 0.2, 0.0]), np.eye(3)), duration=20.0)
     phases = [ff.CapturePhase("client", 3.0, [0.1, 0.2, 0.2]), ff.PathPhase(line), BERTH]
     around = problem.replace(scene=ff.Scene((rod,)))
     found = ff.plan_manoeuvre(around, phases, limits=ff.Limits(clearance=1e-3))

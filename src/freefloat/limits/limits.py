@@ -17,6 +17,8 @@ from freefloat.so3 import Array
 class Limits(AttitudeLimits):
     """Limits in addition to the joint ranges of the URDF; None for those that do not apply.
 
+    Without limits of pointing ``pointing`` is empty.
+
     Attributes:
         joint_rate: Magnitudes [rad/s or m/s], shape (n,); infinite for joints without a limit.
         joint_torque: Magnitudes [N m or N], shape (n,); infinite for joints without a limit.
@@ -47,7 +49,8 @@ class Limits(AttitudeLimits):
 
     def __post_init__(self) -> None:
         for kind in GIVEN:
-            if (bound := getattr(self, kind.name)) is not None:
+            bound = getattr(self, kind.name)
+            if bound is not None or kind.name == "pointing":
                 checked = kind.value.checked(f"limits.{kind.name}", bound)
                 object.__setattr__(self, kind.name, checked)
 

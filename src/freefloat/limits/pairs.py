@@ -101,7 +101,7 @@ class CollisionPairs:
             f"{link.name}: without shape"
             for link in model.description.links if link.mass > 0.0 and link.name not in shaped
         ) + tuple(
-            f"{body.name} - {other.name}: it is held, the other is no part of the robot"
+            f"{body.name} - {other.name}: a held body and another body are not compared"
             for body, other in itertools.product(scene.bodies, repeat=2)
             if body.payload is not None and other.payload is None
         )  # fmt: skip

@@ -23,8 +23,8 @@ class LimitResult:
         allowed: Bound of that value [unit]; of a range the nearer end.
         unit: Unit of both; empty where they have none.
         time: The instant [s].
-        where: The joint, the pair of links, or link and body of the scene, as ``"a - b"``, the link
-            that points with the number of its limit, ``"spacecraft"``, or of a corridor the
+        where: The joint, the pair of links, or link and body of the scene, as ``"a - b"``, the name
+            of the limit of pointing or its link and number, ``"spacecraft"``, or of a corridor the
             end-effector.
         kept: Whether the motion keeps the limit.
         ratio: 1 where the limit is just kept: worst over allowed; of a range the distance from its

@@ -12,9 +12,19 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.errors import InputError, did_you_mean, finite_number, finite_vector, member
+from freefloat.errors import (
+    InputError,
+    did_you_mean,
+    finite_number,
+    finite_vector,
+    member,
+    require_type,
+)
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen, rotation_matrix, unit_vector
+
+TOO_NEAR = 1e-3
+"""Distance of a point from the start of the line of sight below which it has no direction [m]."""
 
 
 class Keep(StrEnum):
@@ -35,7 +45,8 @@ class PointingLimit:
         keep: The side of the cone.
         direction: Direction of a target far away, inertial axes, normalized, shape (3,).
         point: Point [m] in the path's frame in place of a direction, shape (3,); the line of sight
-            begins at the origin of the link's frame.
+            begins at the origin of the link's frame. The limit is kept where that is less than 1 mm
+            from the point.
         name: Name by which results, figures and pages call it; None for the link and its number.
 
     Raises:
@@ -57,6 +68,8 @@ class PointingLimit:
     name: str | None = None
 
     def __post_init__(self) -> None:
+        require_type("body", self.body, str, "the name of a link")
+        require_type("name", self.name, str | None, "a name")
         object.__setattr__(self, "keep", member("keep", Keep, self.keep))
         finite_number("angle", self.angle, "an angle above 0 and below pi", 0.0, np.pi)
         if not 0.0 < self.angle < np.pi:
@@ -102,7 +115,10 @@ class PointingLimit:
         if self.point is None:
             return axis, np.asarray(self.direction)
         sight = self.point + origin - pose.position - pose.rotation @ placement.position
-        return axis, sight / np.linalg.norm(sight)
+        distance = float(np.linalg.norm(sight))
+        if distance < TOO_NEAR:
+            return axis, axis if self.keep is Keep.INSIDE else -axis
+        return axis, sight / distance
 
     def to_dict(self) -> dict[str, Any]:
         """The keys of a scenario's limit, angles in degrees."""

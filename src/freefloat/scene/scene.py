@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,6 +16,8 @@ from freefloat.scene.scene_body import PathFrame, SceneBody
 from freefloat.scene.tumbling import MOST_REVOLUTIONS, Tumbling
 from freefloat.so3 import Array, Pose, frozen, unit_vector
 
+FRAMES = ("inertial", "spacecraft", "base", "end_effector")
+"""Names of frames of paths and goals, which no body of a scene has."""
 _APEX = 1e-3
 """Points nearer to the apex of a cone than this are inside [m]."""
 
@@ -107,9 +110,14 @@ class Scene:
     corridor: Corridor | None = None
 
     def __post_init__(self) -> None:
+        accepted = "bodies, such as [SceneBody(name, shape)]"
+        require_type("scene.bodies", self.bodies, Iterable, accepted)
         object.__setattr__(self, "bodies", tuple(self.bodies))
         for body in self.bodies:
             require_type("scene.bodies", body, SceneBody, "SceneBody(name, shape, position)")
+        for frame in FRAMES:
+            if frame in self.names:
+                raise InputError("scene.bodies", f"{frame!r} is a frame", "another name")
         twice = [name for name, count in Counter(self.names).items() if count > 1]
         if twice:
             raise InputError("scene.bodies", f"two are named {twice[0]}", "distinct names")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, Protocol
@@ -77,6 +77,9 @@ class SceneBody:
         require_type("body.name", self.name, str, "a name")
         if not self.name.strip():
             raise InputError("body.name", f"{self.name!r} was given", "a name")
+        if isinstance(self.touch_links, str) or not isinstance(self.touch_links, Iterable):
+            given = f"{self.touch_links!r} was given"
+            raise InputError("body.touch_links", given, "a list of names of links")
         values = {
             "shape": _checked_shape("body.shape", self.shape),
             "position": frozen(finite_vector("body.position", self.position, 3)),

@@ -44,6 +44,7 @@ from freefloat.lockstep.lanes import (
 )
 from freefloat.lockstep.tables import Table, below, get_lane, get_vector
 from freefloat.lockstep.vectors import Vector, components, dot, vector
+from freefloat.motion.pointing import TOO_NEAR
 
 if TYPE_CHECKING:
     from freefloat.ensemble.result import EnsembleResult
@@ -114,7 +115,9 @@ def slack(robot: Robot, cones: Cones, i: int, y: Table, work: Workspace) -> Floa
     if table[i, OF_POINT] != 0.0:
         origin = to_base(robot, body, get_vector(table, i, ORIGIN), 1.0, y)
         target = target - origin + centre_of_mass(robot, y, work)
-        target = target * (1.0 / sqrt(dot(target, target)))
+        distance = sqrt(dot(target, target))
+        slack = (dot(axis, target) / distance - table[i, BOUND]) * table[i, SIDE]
+        return select(distance < TOO_NEAR, 1.0, slack)
     return (dot(axis, target) - table[i, BOUND]) * table[i, SIDE]
 
 

@@ -15,11 +15,10 @@ from freefloat.paths.time_laws import positive_duration
 from freefloat.planning.goals.target import Target
 from freefloat.records import Joints, Quaternions
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.scene.scene import FRAMES
 from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, Pose, frozen, unit_quaternion
 
-FRAMES = ("inertial", "spacecraft", "base", "end_effector")
-"""Frames of a pose other than bodies of the scene: inertial, or of a link at the start."""
 _FARTHEST = 1e3
 """Largest value of a joint at the end [rad or m]."""
 
@@ -85,9 +84,6 @@ class Goal:
         if self.attitude is not None and problem.task.planar:
             problem.attitude(self.attitude, key="goal.attitude")
         bodies = [body.name for body in problem.scene.bodies if body.motion != "target"]
-        if self.frame in FRAMES and self.frame in bodies:
-            given = f"{self.frame!r} is also a body of the scene"
-            raise InputError("goal.pose.frame", given, "another name of the body")
         known = [*FRAMES, *bodies]
         if self.frame not in known:
             raise InputError("goal.pose.frame", f"{self.frame!r} was given", ", ".join(known))

@@ -23,7 +23,7 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.timing import TimedPath
 from freefloat.paths.transfer import transfer
-from freefloat.planning.goals.goal import FRAMES, Goal
+from freefloat.planning.goals.goal import Goal
 from freefloat.planning.phases.expected_state import ExpectedState
 from freefloat.planning.phases.phase import Phase
 from freefloat.planning.phases.prescribed_path import (
@@ -37,6 +37,7 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import PRECEDED, Cause, Verdict
 from freefloat.planning.settings import Search
 from freefloat.planning.simulation import SimulatedBranch
+from freefloat.scene.scene import FRAMES
 from freefloat.so3 import Array, Pose, frozen
 
 _NEAR = 1e-6
