@@ -146,8 +146,11 @@ def _ranges_of(line: Samples, index: int, label: str, domain: SearchDomain) -> B
     headings = line.points[changes + opening] % tau
     order = np.argsort(headings)
     ends = [(float(heading), _cause(heading, domain)) for heading in headings[order]]
-    feasible = opening[order].tolist() or [bool(line.kept.all())]
-    return branch_ranges(index, label, [*arcs_between(ends)], feasible)
+    arcs = [*arcs_between(ends)]
+    if not ends:
+        return branch_ranges(index, label, arcs, [bool(line.kept.all())])
+    opens = dict(zip(headings[order].tolist(), opening[order].tolist(), strict=True))
+    return branch_ranges(index, label, arcs, [opens[arc.low] for arc in arcs])  # some have no width
 
 
 def _cause(heading: float, domain: SearchDomain) -> str:
