@@ -69,6 +69,14 @@ class EnsembleResult(NamedTuple):
             np.zeros(shape, np.int64), np.full((*shape, limits), np.nan),
         )  # fmt: skip
 
+    def rate_usage(self, limits: Array) -> Array:
+        """Largest ratio of joint rates of arms on paths to limits, shape (K,).
+
+        Args:
+            limits: Of all joints that move, those of arms on paths first [rad/s or m/s].
+        """
+        return np.asarray((self.rates / limits[: self.rates.shape[-1]]).max(axis=-1))
+
     def columns(self, numbers: IntArray) -> EnsembleResult:
         """The results of some columns of a table."""
         return EnsembleResult._make(values[:, numbers] for values in self)

@@ -75,9 +75,8 @@ def _screened(
     entries = rows.ravel(), branches
     violations = {JointRangeLimit.name: _out_of_range(evaluator.problem, results, entries)}
     rate_ratios, deficits = np.zeros((2, len(attitudes)))
-    arm = slice(evaluator.problem.model.arm_dof)
     if limits.joint_rate is not None:
-        rate_ratios = (results.motions.rates[entries] / limits.joint_rate[arm]).max(axis=1)
+        rate_ratios = results.motions.rate_usage(limits.joint_rate)[entries]
     violations[JointRateLimit.name] = rate_ratios > 1.0 + _SLACK
     if limits.clearance is not None and pairs is not None:
         left = ~np.any([*violations.values()], axis=0)

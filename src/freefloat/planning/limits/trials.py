@@ -143,7 +143,7 @@ class Trials:
             stretched = self.problem.stretched(factor)
             evaluator = evaluator_for(stretched, self._threads, self._limits)
             results = evaluator.evaluate(attitudes)
-            ratios = (results.motions.rates / joint_rate).max(axis=2)
+            ratios = results.motions.rate_usage(joint_rate)
             ratios[~self.problem.margin.keeps(results.margins)] = np.inf
             for index in np.argsort(ratios, axis=None)[:_STRETCHED]:
                 row, branch = np.unravel_index(int(index), ratios.shape)

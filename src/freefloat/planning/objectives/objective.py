@@ -211,7 +211,7 @@ class Comparison:
         if self.limits is None or self.limits.joint_rate is None:
             raise InputError(key, "the time counts, but joint rates have no limits",
                              "limits.joint_rate")  # fmt: skip
-        return np.asarray((motions.rates / self.limits.joint_rate).max(axis=-1))
+        return motions.rate_usage(self.limits.joint_rate)
 
     def times_to_start(self, attitudes: Array) -> Array:
         """Estimated times from the present state to attitudes (K, 4) of starts [s], shape (K,)."""
