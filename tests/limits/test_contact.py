@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 import freefloat as ff
-from freefloat.limits.contact import self_contact, why_unchecked
+from freefloat.limits.contact import deepest_contact, why_unchecked
 from freefloat.motion.motion import Motion
 from tests.prismatic import prismatic_motion, prismatic_robot, shape_text
 from tests.robots import joint_text
@@ -29,7 +29,7 @@ def test_the_deepest_contact_is_that_of_the_limit(simulation):
     assert " - ".join(contact.bodies) == limit.where
     np.testing.assert_allclose([contact.depth, contact.time], [-limit.worst, limit.time])
     assert contact.s == motion.problem.path.timing.s(contact.time)
-    known = self_contact(motion, [*results[:-1], replace(results[-1], worst=-0.5)])
+    known = deepest_contact(motion, [*results[:-1], replace(results[-1], worst=-0.5)])
     assert (known.bodies, known.depth) == (contact.bodies, 0.5)  # no search
 
 
@@ -62,8 +62,8 @@ def between_cubes(folder, gap: float) -> Motion:
 
 def test_meshes_in_contact_are_divided_into_convex_parts(tmp_path):
     """The convex hull of the two cubes closes the gap between them."""
-    assert self_contact(between_cubes(tmp_path, 0.24)) is None
-    contact = self_contact(between_cubes(tmp_path, 0.18))
+    assert deepest_contact(between_cubes(tmp_path, 0.24)) is None
+    contact = deepest_contact(between_cubes(tmp_path, 0.18))
     assert contact.bodies == ("gate", "hand")
     assert str(contact) == f"hand overlaps gate by 0.01 m at t = {contact.time:.4f} s"
     assert contact.to_dict() == {**vars(contact), "bodies": ["gate", "hand"]}
@@ -73,6 +73,6 @@ def test_meshes_in_contact_are_divided_into_convex_parts(tmp_path):
 @pytest.mark.parametrize("shape", ["", shape_text('<mesh filename="none.stl"/>')])
 def test_robots_whose_shapes_cannot_be_used_have_none(shape):
     motion = prismatic_motion(prismatic_robot(CUBE, shape))
-    assert self_contact(motion) is None
+    assert deepest_contact(motion) is None
     assert why_unchecked(motion.problem.model).startswith("link hand: <coll") is bool(shape)
     assert why_unchecked(prismatic_motion(prismatic_robot(CUBE, BALL)).problem.model) is None

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.limits.clearance import _frame_path_lengths, _path_lengths, clearance
-from freefloat.limits.contact import self_contact
+from freefloat.limits.contact import deepest_contact
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.integration import integrate_motion
 from freefloat.robot.model import FreeFloatingModel
@@ -92,8 +92,8 @@ def test_links_that_may_touch_are_left_out():
     other = SceneBody("other", Sphere(0.1), [5.0, 0.0, 0.0])
     motion = prismatic(SceneBody("client", touch_links=("hand",), **overlapping), other)
     assert nearest_of(motion)[1] == "hand - other"
-    assert self_contact(motion) is None
-    contact = self_contact(prismatic(SceneBody("client", **overlapping)))
+    assert deepest_contact(motion) is None
+    contact = deepest_contact(prismatic(SceneBody("client", **overlapping)))
     assert contact.bodies == ("hand", "client")
     assert contact.depth == pytest.approx(0.6, abs=1e-6)
 
@@ -108,10 +108,10 @@ def test_a_ball_in_the_notch_of_a_mesh_is_no_contact(tmp_path):
     trimesh.util.concatenate(plates).export(file)
     body = SceneBody("angle", str(file), [1.0, 0.0, 0.0])
     motion = prismatic(body)
-    assert self_contact(motion) is None
+    assert deepest_contact(motion) is None
     assert 0.1 < nearest_of(motion)[0] <= 0.3 - 0.01 - RADIUS + 1e-6  # parts contain the mesh
     raised = prismatic(SceneBody("angle", str(file), [1.0, 0.25, 0.0]))
-    contact = self_contact(raised)
+    contact = deepest_contact(raised)
     assert contact.bodies == ("hand", "angle")
     assert 0.01 + RADIUS - 0.05 - 1e-6 <= contact.depth < 0.12
 

@@ -43,7 +43,7 @@ class Contact:
         return {"bodies": [*self.bodies], "depth": self.depth, "time": self.time, "s": self.s}
 
 
-def self_contact(motion: Motion, results: Iterable[LimitResult] = ()) -> Contact | None:
+def deepest_contact(motion: Motion, results: Iterable[LimitResult] = ()) -> Contact | None:
     """The deepest contact along a motion of bodies that no joint connects; None without contact.
 
     Bodies of the problem's scene count. Less than 0.1 mm is no contact. Robots whose shapes cannot

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
 
-from freefloat.limits.contact import Contact, self_contact
+from freefloat.limits.contact import Contact, deepest_contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.motion import Motion
@@ -154,7 +154,7 @@ class Answer:
         found = list[Contact]()
         for phase in self.phases:
             motion = phase.motion
-            contact = None if motion is None else self_contact(motion, phase.limit_results)
+            contact = None if motion is None else deepest_contact(motion, phase.limit_results)
             if contact is not None:
                 found.append(replace(contact, time=phase.start + contact.time))
         return max(found, key=lambda contact: contact.depth, default=None)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from freefloat.certificate.certificate import certify
 from freefloat.concurrency import Progress
-from freefloat.limits.contact import self_contact
+from freefloat.limits.contact import deepest_contact
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import ScreenedCandidate
@@ -46,7 +46,7 @@ def plan_path(
     chosen, radius = result.chosen, result.robust_radius
     if chosen is None or (to_retime and problem.depends_on_timing and result.feasible):
         return result
-    contact = self_contact(chosen.motion, result.limit_results)
+    contact = deepest_contact(chosen.motion, result.limit_results)
     result = replace(result, certificate=certify(chosen.motion), contact=contact)
     if result.map is None or not result.feasible:
         return result

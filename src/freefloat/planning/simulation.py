@@ -12,7 +12,7 @@ from freefloat.dynamics.redundancy import Redundancy
 from freefloat.errors import InputError
 from freefloat.ik.branches import ArmBranch
 from freefloat.limits.check import LimitChecker
-from freefloat.limits.contact import Contact, self_contact
+from freefloat.limits.contact import Contact, deepest_contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.extrema import ClosestApproach, closest_approach, unwrapped
@@ -220,7 +220,7 @@ def simulate(
         candidates = [simulated[branches.index(requested)]]
     checked = _within_limits(candidates, checker)
     chosen, results = checked[0]
-    contact = self_contact(chosen.motion, results)
+    contact = deepest_contact(chosen.motion, results)
     verdicts = {entry.branch.index: entry.verdict(results) for entry, results in checked if results}
     return Simulation(tuple(simulated), chosen, limits, results, contact, verdicts)
 

@@ -12,7 +12,7 @@ from freefloat.certificate.certificate import certify
 from freefloat.concurrency import Progress, step_of
 from freefloat.errors import InputError, require_type
 from freefloat.limits.check import LimitChecker
-from freefloat.limits.contact import self_contact
+from freefloat.limits.contact import deepest_contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import needed_stretch
 from freefloat.motion.integration import integrate_motion
@@ -166,7 +166,7 @@ def _with_tolerances(plan: Plan, limits: Limits, threads: int | None) -> Plan:
     if tolerances is not None:
         integrator = evaluator_for(plan.problem, threads, limits, plan.search).integrator
         tolerances = tolerance(integrator, motion.initial.attitude, motion.initial.joints)
-    contact = self_contact(motion, plan.limit_results)
+    contact = deepest_contact(motion, plan.limit_results)
     return replace(plan, certificate=certify(motion), contact=contact, tolerance=tolerances)
 
 

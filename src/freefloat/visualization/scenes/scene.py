@@ -11,7 +11,7 @@ from meshcat import geometry as g
 from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError
-from freefloat.limits.contact import self_contact
+from freefloat.limits.contact import deepest_contact
 from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import PointingLimit
 from freefloat.motion.singularity import singular_event
@@ -178,7 +178,7 @@ def _draw(
         sampled.fractions.round(6).tolist(),
         indices,
     )
-    contact = self_contact(motion)
+    contact = deepest_contact(motion)
     return TitledScene(
         title,
         node(title),

@@ -13,7 +13,7 @@ from freefloat.errors import InputError, finite_number, require_type
 from freefloat.ik.branches import ArmBranch
 from freefloat.ik.numbering import MAX_BRANCHES
 from freefloat.limits.check import LimitChecker
-from freefloat.limits.contact import self_contact
+from freefloat.limits.contact import deepest_contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
 from freefloat.motion.extrema import closest_approach
@@ -136,7 +136,7 @@ class PathPhase(Phase):
         return Plan(
             problem, Search(), verdict.feasible, reason, chosen=chosen, limits=limits,
             limit_results=results, certificate=certify(motion),
-            contact=self_contact(motion, results),
+            contact=deepest_contact(motion, results),
         )  # fmt: skip
 
 
