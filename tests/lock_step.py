@@ -121,6 +121,7 @@ NUMPY = {
     "get_vector": get_vector,
     "set_vector": set_vector,
     "pick": pick,
+    "pick_row": lambda table, indices: tuple(pick(table, indices + k) for k in range(WIDTH)),
     "get_lane": lambda table, row, lane: float(table[row][lane]),
     "set_lane": set_lane,
 }

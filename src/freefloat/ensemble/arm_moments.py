@@ -36,7 +36,8 @@ def kernel_arms(problem: Problem, frames: LinkFrames) -> Arms:
         times = (np.arange(number)[:, None] + _NODES) * (problem.path.duration / number)
         joints, rates = (problem.arms.at(times, order) for order in (0, 1))
         rows, momenta = spacecraft_moments(problem.model, joints, rates)
-        values = np.concatenate([in_frame(rows, axes, -axes @ origin)[..., 1:], momenta], axis=-1)
+        rows = in_frame(rows, axes, -axes @ origin)
+        values = np.concatenate([rows[..., 1:4], momenta, rows[..., 4:]], axis=-1)
         cubics = np.einsum("pk,nki->nip", _THROUGH_NODES, values[:, :4])[..., ::-1]
         error = np.abs(values[:, 4] - cubics @ (0.5 ** np.arange(3, -1, -1))).max(axis=0)
         if (

@@ -194,6 +194,42 @@ def pick(typing: Any, table: Any, index: Any) -> Any:
 
 
 @builtin
+def pick_row(typing: Any, table: Any, index: Any) -> Any:
+    """The ``WIDTH`` elements that follow one another from an index for each motion, as a tuple.
+
+    The elements of a motion are loaded at once; a transposition makes one of all motions of each.
+    """
+
+    def lower(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        indices = builder.fptosi(values[1], ir.VectorType(INTEGER, WIDTH))
+        rows = []
+        for i in range(WIDTH):
+            place = builder.extract_element(indices, SHORT(i))
+            pointer = builder.gep(values[0], [place], inbounds=True, source_etype=DOUBLE)
+            row = builder.load(builder.bitcast(pointer, LANES.as_pointer()), typ=LANES)
+            row.align = 8
+            rows.append(row)
+        return context.make_tuple(builder, signature.return_type, _transposed(builder, rows))
+
+    return types.UniTuple(lanes_type, WIDTH)(table, lanes_type), lower
+
+
+def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
+    rows, half = list(rows), 1
+    while half < WIDTH:  # exchange elements between rows that are ``half`` apart
+        low = [k if not k & half else WIDTH + k - half for k in range(WIDTH)]
+        masks = [
+            ir.Constant(ir.VectorType(SHORT, WIDTH), [k + shift for k in low])
+            for shift in (0, half)
+        ]
+        for i in (i for i in range(WIDTH) if not i & half):
+            pair = rows[i], rows[i + half]
+            rows[i], rows[i + half] = (builder.shuffle_vector(*pair, mask) for mask in masks)
+        half *= 2
+    return rows
+
+
+@builtin
 def get_lane(typing: Any, table: Any, row: Any, lane: Any) -> Any:
     """The number of one of the motions in the first column of a table of ``Lanes``."""
 

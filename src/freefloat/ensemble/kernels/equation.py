@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from freefloat.ensemble.kernels.cubics import SIX, six_cubics, slope, value
 from freefloat.ensemble.kernels.inertia import (
     Inertia,
     in_axes,
@@ -50,7 +51,7 @@ from freefloat.ensemble.kernels.records import (
 from freefloat.lockstep.compilation import inlined, inner
 from freefloat.lockstep.lanes import Float, floor, maximum, minimum, sine_cosine
 from freefloat.lockstep.reflections import factorize, solve_least_norm
-from freefloat.lockstep.tables import Table, below, get_vector, pick, set_vector
+from freefloat.lockstep.tables import Table, below, get_vector, set_vector
 from freefloat.lockstep.vectors import (
     Vector,
     components,
@@ -68,9 +69,6 @@ AXIS, POINT, LINEAR, ANGULAR, TURN = 0, 3, 6, 9, 12
 """Columns of ``Workspace.momenta``: axis of a joint and a point on it; P, and L about the origin of
 the spacecraft frame; the spacecraft's angular velocity per joint rate."""
 
-INERTIA, OWN_MOMENTUM, CELL = 12.0, 36.0, 48.0
-"""Places in a cell of ``Arms.cells``, behind the first moment, and its length."""
-
 
 @inlined
 def spacecraft(robot: Robot, q: Table, work: Workspace) -> tuple[Vector, Inertia]:
@@ -87,30 +85,18 @@ def spacecraft(robot: Robot, q: Table, work: Workspace) -> tuple[Vector, Inertia
         return get_vector(bodies, 0, MOMENT), I
     place = q[robot.n] * (1.0 * arms.number)
     cell = maximum(minimum(floor(place), arms.number - 1.0), 0.0)
-    x, first, cells = place - cell, cell * CELL, arms.cells
-    slope = cubic_column(cells, first, 0) * (3.0 * x) + cubic_column(cells, first, 1) * 2.0
-    slope = (slope * x + cubic_column(cells, first, 2)) * arms.density
-    base = below(robot.properties, BASE, 3)
-    px, py, pz = components(slope)
-    P = get_vector(base, 0, 0) * px + get_vector(base, 1, 0) * py + get_vector(base, 2, 0) * pz
+    x, first = place - cell, cell * (2.0 * SIX)
+    mx, my, mz, lx, ly, lz = six_cubics(arms.cells, first)
+    xx, yy, zz, yz, zx, xy = six_cubics(arms.cells, first + SIX)
+    base, rate = below(robot.properties, BASE, 3), arms.density
+    P = get_vector(base, 0, 0) * (slope(mx, x) * rate)
+    P = P + get_vector(base, 1, 0) * (slope(my, x) * rate)
+    P = P + get_vector(base, 2, 0) * (slope(mz, x) * rate)
     set_vector(work.carried, 0, 0, P)
-    set_vector(work.carried, 1, 0, cubics(cells, first + OWN_MOMENTUM, x))
-    I = Inertia(cubics(cells, first + INERTIA, x), cubics(cells, first + (INERTIA + 12.0), x))
-    return cubics(cells, first, x), I
-
-
-@inlined
-def cubic_column(cells: Table, first: Float, power: int) -> Vector:
-    """Coefficients of three cubics that follow one another."""
-    return vector(pick(cells, first + power), pick(cells, first + (4.0 + power)),
-                  pick(cells, first + (8.0 + power)))  # fmt: skip
-
-
-@inlined
-def cubics(cells: Table, first: Float, x: Float) -> Vector:
-    """The values of three cubics at the fraction ``x`` of their cell."""
-    value = cubic_column(cells, first, 0) * x + cubic_column(cells, first, 1)
-    return (value * x + cubic_column(cells, first, 2)) * x + cubic_column(cells, first, 3)
+    set_vector(work.carried, 1, 0, vector(value(lx, x), value(ly, x), value(lz, x)))
+    I = Inertia(vector(value(xx, x), value(yy, x), value(zz, x)),
+                vector(value(yz, x), value(zx, x), value(xy, x)))  # fmt: skip
+    return vector(value(mx, x), value(my, x), value(mz, x)), I
 
 
 @inlined

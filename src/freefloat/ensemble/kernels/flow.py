@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from freefloat.ensemble.kernels.cubics import SIX, six_cubics, value
 from freefloat.ensemble.kernels.equation import solve_rates, spacecraft_rate
 from freefloat.ensemble.kernels.null_space import add_null_space_motion, gradient
 from freefloat.ensemble.kernels.records import (
@@ -50,25 +51,23 @@ def twist_at(course: Course, segment: Float, t: Float) -> tuple[Vector, Vector, 
     last = of_segment(course, segment, CELLS) - 1.0
     cell = maximum(minimum(floor(place), last), 0.0)
     u = place - cell
-    first = (of_segment(course, segment, FIRST_CELL) + cell) * 24.0
-    v = vector(cubic(course, first, 0, u), cubic(course, first, 4, u), cubic(course, first, 8, u))
-    omega = vector(
-        cubic(course, first, 12, u), cubic(course, first, 16, u), cubic(course, first, 20, u)
-    )
+    if course.single_cell:
+        v = vector(fixed(course, 0, u), fixed(course, 4, u), fixed(course, 8, u))
+        omega = vector(fixed(course, 12, u), fixed(course, 16, u), fixed(course, 20, u))
+    else:
+        first = (of_segment(course, segment, FIRST_CELL) + cell) * SIX
+        x, y, z, a, b, c = six_cubics(course.cells, first)
+        v = vector(value(x, u), value(y, u), value(z, u))
+        omega = vector(value(a, u), value(b, u), value(c, u))
     return v * speed, omega * speed, speed
 
 
 @inlined
-def cubic(course: Course, first: Float, column: int, u: Float) -> Float:
-    """A cubic of each motion's cell, at the fraction ``u`` of the cell."""
-    if course.single_cell:
-        cells = course.cells
-        return ((cells[column] * u + cells[column + 1]) * u + cells[column + 2]) * u + cells[
-            column + 3
-        ]
-    cells, place = course.cells, first + column
-    value = pick(cells, place) * u + pick(cells, place + 1.0)
-    return (value * u + pick(cells, place + 2.0)) * u + pick(cells, place + 3.0)
+def fixed(course: Course, column: int, u: Float) -> Float:
+    """A cubic of the only cell, at the fraction ``u``."""
+    cells = course.cells
+    square = (cells[column] * u + cells[column + 1]) * u + cells[column + 2]
+    return square * u + cells[column + 3]
 
 
 @inlined

@@ -31,8 +31,8 @@ class Arms(NamedTuple):
 
     number: int  # of cells of equal duration; 0 where no further arm moves
     density: float  # cells per second
-    cells: Table  # cubics of each cell, highest power first: first moment and inertia in link frame
-    # 0, then the angular momentum relative to the spacecraft and about its origin, in its frame
+    cells: Table  # cubics of each cell, highest power first: first moment in link frame 0, angular
+    # momentum relative to the spacecraft and about its origin, in its frame, inertia as the first
 
 
 class Course(NamedTuple):
