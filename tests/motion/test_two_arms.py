@@ -17,7 +17,7 @@ from freefloat.ik.several_arms import newton_combination
 from freefloat.limits.limits import Limits
 from freefloat.motion.residuals import path_errors
 from freefloat.robot.mjcf_writer import robot_mjcf
-from freefloat.so3 import angle_between
+from freefloat.so3 import angle_between, rotation_matrix
 from freefloat.verification.engines.mujoco import forward_run
 from freefloat.verification.engines.mujoco_model import Engine, engine_module
 from tests.commands import document, error
@@ -120,16 +120,25 @@ def test_a_momentum_free_motion_keeps_its_shape_at_another_speed(problem):
     assert motions[1].final.time == 60.0
 
 
-def test_combinations_of_branches_reach_both_poses_and_none_is_lost():
-    problem = ff.load_scenario("servicing/two_arms_both").problem()
-    attitude = np.array([0.0, 0.0, 0.0, 1.0])
-    branches = problem.branches(attitude)
-    assert [branch.index for branch in branches] == [*range(64)]
-    assert branches[28].label == "shoulder+ elbow- wrist-, shoulder- elbow+ wrist+"
+@pytest.mark.parametrize(  # of two UR5, of arms of which one has no closed form
+    ("seed", "count", "label"), [
+        (None, 64, "shoulder+ elbow- wrist-, shoulder- elbow+ wrist+"), ([7, 25], 16, "4, 0"),
+    ],
+)  # fmt: skip
+def test_combinations_of_branches_reach_both_poses_and_none_is_lost(seed, count, label):
+    problem, q0 = ff.load_scenario("servicing/two_arms_both").problem(), [0.0, 0.0, 0.0, 1.0]
+    if seed:
+        case = random_case(np.random.default_rng(seed), both=True)
+        problem, q0 = case.problem, case.attitude
+    branches = problem.branches(q0)
+    assert len({branch.index for branch in branches}) == count
+    assert label in [branch.label for branch in branches]
     joints = np.array([branch.joints for branch in branches])
-    assert path_errors(problem, np.zeros(64), np.tile(attitude, (64, 1)), joints).max() < 1e-8
-    for q in np.random.default_rng(0).uniform(-np.pi, np.pi, (40, 12)):
-        found = newton_combination(problem.model, problem.path.poses(0.0), problem.task, q)
+    poses = [pose.seen_from(rotation_matrix(q0)) for pose in problem.path.poses(0.0)]
+    states = np.zeros(count), np.tile(q0, (count, 1)), joints
+    assert path_errors(problem, *states).max() < 1e-8
+    for q in np.random.default_rng(0).uniform(-np.pi, np.pi, (200, 12)):
+        found = newton_combination(problem.model, poses, problem.task, q)
         if np.isfinite(found).all():
             assert problem.model.joint_distance(joints, found).min() < 1e-6
 

@@ -33,8 +33,8 @@ Branch = int | IntArray | None
 class FeasibilityEvaluator:
     """Integrator of the motions from many attitudes, which decides which keep the margin.
 
-    Arm branches without closed form, and those of two arms, take far longer than integrating the
-    motions; searches then divide their numbers of attitudes by ``sample_reduction``.
+    Arm branches without closed form, and the many motions of two arms, take far longer than those
+    of one arm; searches then divide their numbers of attitudes by ``sample_reduction``.
     """
 
     def __init__(

@@ -200,8 +200,17 @@ def search_arm_branches(
         _in_slices(partial(configurations, model, task, most=MAX_BRANCHES), p, R), axis=2
     )
     joints, names = numbered_branches(Chain.of(model), task, q)
-    signs = model.dof == m == 6 and not model.prismatic.any()
-    return BranchSets(joints, names, _SIGNS if signs else _NUMBERS)
+    return BranchSets(joints, names, searched_labels(model, task))
+
+
+def has_signs(model: FreeFloatingModel, task: Task) -> bool:
+    """Whether signs identify the branches of an arm that are searched for."""
+    return model.dof == len(task.rows) == 6 and not model.prismatic.any()
+
+
+def searched_labels(model: FreeFloatingModel, task: Task) -> tuple[str, ...]:
+    """The labels of the branches of an arm that are searched for."""
+    return _SIGNS if has_signs(model, task) else _NUMBERS
 
 
 def _poses(positions: npt.ArrayLike, rotations: npt.ArrayLike) -> tuple[Array, Array]:

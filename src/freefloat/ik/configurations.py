@@ -22,7 +22,7 @@ from freefloat.ik.numeric import APPROACH, approached, many_solutions, newton, r
 from freefloat.ik.pose_table import PoseTable, sampled_box
 from freefloat.ik.vectors import wrapped
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, IntArray
+from freefloat.so3 import Array, BoolArray, IntArray
 
 _TRIALS = (slice(2), slice(2, 8))
 """Starts, the closest first, one of which comes near to a pose that is within reach."""
@@ -62,13 +62,16 @@ def isolated_configurations(
         target = _taken(positions, rotations, pending)
         following = np.repeat(starts[:, q.shape[1] : count, None], len(pending), axis=2)
         q = np.concatenate([q, approached(chain, task, *target, following)], axis=1)
-        rough, times_reached = _distinct(chain, q, np.ones(q.shape[1:]), 2 * most, _ALIKE)
+        rough, times_reached = distinct_solutions(
+            chain.prismatic, q, np.ones(q.shape[1:]), 2 * most, _ALIKE
+        )
         refined = refined_solutions(chain, task, *target, rough)
         refined = np.where(chain.prismatic[:, None, None], refined, wrapped(refined))
-        found[..., pending], hits = _distinct(chain, refined, times_reached, most, SAME)
+        found[..., pending], hits = distinct_solutions(
+            chain.prismatic, refined, times_reached, most, SAME
+        )
         number = (hits > 0).sum(axis=0)
-        often = ((hits == 0) | (hits >= _HITS)).all(axis=0)
-        more = (number < most) & ~(often & (number % 2 == 0))
+        more = (number < most) & ~found_often(hits)
         pending, q = pending[more], q[..., more]
     return found
 
@@ -187,13 +190,13 @@ def _well_spread(chain: Chain, q: Array, most: int) -> Array:
             break
         chosen[:, column, new] = q[:, farthest[new], poses[new]]
         centre = np.take_along_axis(rough, farthest[None, None], axis=1)
-        distance = np.fmin(distance, _joint_distance(chain, rough, centre))
+        distance = np.fmin(distance, _joint_distance(chain.prismatic, rough, centre))
         farthest = np.argmax(distance, axis=0)
     return chosen
 
 
-def _distinct(
-    chain: Chain, q: Array, hits: Array, most: int, tolerance: float
+def distinct_solutions(
+    prismatic: BoolArray, q: Array, hits: Array, most: int, tolerance: float
 ) -> tuple[Array, Array]:
     """At most that many different configurations, and the sums of their hits, shape (most, K)."""
     different = np.full((len(q), most, q.shape[2]), np.nan)
@@ -205,16 +208,23 @@ def _distinct(
         if not new.any():
             break
         different[:, column, new] = q[:, first[new], poses[new]]
-        same = others & (_joint_distance(chain, q, different[:, column, None]) <= tolerance)
+        distance = _joint_distance(prismatic, q, different[:, column, None])
+        same = others & (distance <= tolerance)
         total[column] = np.where(same, hits, 0.0).sum(axis=0)
         others &= ~same
     return different, total
 
 
-def _joint_distance(chain: Chain, first: Floats, second: Floats) -> Floats:
+def found_often(hits: Array) -> BoolArray:
+    """Whether solutions with hits (B, K) are all: each was found often, their number is even."""
+    often = ((hits == 0) | (hits >= _HITS)).all(axis=0)
+    return np.asarray(often & ((hits > 0).sum(axis=0) % 2 == 0))
+
+
+def _joint_distance(prismatic: BoolArray, first: Floats, second: Floats) -> Floats:
     """Largest differences (B, K) of joint values, modulo 2 pi for revolute joints."""
     difference = first - second
     revolutions = np.rint(difference * first.dtype.type(1.0 / tau))
-    revolutions[chain.prismatic] = 0.0
+    revolutions[prismatic] = 0.0
     difference -= first.dtype.type(tau) * revolutions
     return np.asarray(np.abs(difference).max(axis=0))
