@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import copy
 import json
-import xml.etree.ElementTree as ET
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ik.several_arms import newton_combination
+from freefloat.io.formats.trajectory import Trajectory
 from freefloat.limits.limits import Limits
 from freefloat.motion.residuals import path_errors
-from freefloat.robot.mjcf_writer import robot_mjcf
 from freefloat.so3 import angle_between, rotation_matrix
 from freefloat.verification.engines.mujoco import forward_run
-from freefloat.verification.engines.mujoco_model import Engine, engine_module
+from freefloat.verification.engines.mujoco_model import Engine
+from freefloat.visualization.scenes.scene import motion_scene
 from tests.commands import document, error
 from tests.errors import error_key
+from tests.scene_commands import commands
 from tests.two_arms import own_motion, random_case, tip_errors
 
 WAYPOINTS = [[0.3, 0.4], [0.9, -0.6], [-0.5, 1.2]]
@@ -160,6 +160,15 @@ def test_plans_are_saved_loaded_and_checked(tmp_path, scenario):
     left = np.array([state.joints[2:] for state in loaded.chosen.motion.sample(times)])
     if problem.arms:
         np.testing.assert_allclose(left, problem.arms.at(times), atol=1e-9)
+    else:  # exports and the page have the end-effectors of both arms
+        right, other = Trajectory.of(loaded.chosen.motion, times).end_effectors
+        wanted = [[pose.position for pose in problem.path.poses(t)] for t in times]
+        found = np.stack([right.positions, other.positions], axis=1)
+        np.testing.assert_allclose(found, wanted, atol=1e-8)
+    ff.export(loaded, tmp_path / "plan.csv")
+    assert "left end-effector position y [m]" in (tmp_path / "plan.csv").read_text()
+    drawn = commands(motion_scene({"plan": loaded.chosen.motion}), "set_object")
+    assert {"/meshcat/plan/Trail/end_effector", "/meshcat/plan/Trail/left_end_effector"} <= {*drawn}
     # what one motion of this arm does, another one may take from its file
     drawn = document("simulate", _written(tmp_path, _saved(tmp_path, "plan.h5")), "--heading", 190)
     assert drawn["final"]["joints"][2:] == pytest.approx(left[-1], abs=1e-6)
@@ -181,13 +190,8 @@ def test_an_altered_joint_of_the_other_arm_is_found(problem):
     joints = motion.joints.copy()
     joints[:, 3] += 1e-4 * np.sin(np.linspace(0.0, np.pi, len(joints)))
     altered = type(motion)(motion.problem, motion.ending, motion.times, motion.attitudes, joints)
-    report = ff.check(_with_motion(simulation, altered))
-    assert not report.passed
-
-
-def _with_motion(simulation, motion):
-    chosen = replace(simulation.chosen, motion=motion)
-    return replace(simulation, branches=(chosen,), chosen=chosen)
+    chosen = replace(simulation.chosen, motion=altered)
+    assert not ff.check(replace(simulation, branches=(chosen,), chosen=chosen)).passed
 
 
 @pytest.mark.parametrize(
@@ -242,18 +246,3 @@ def test_what_needs_one_moving_arm_refuses_others(scenario):
         assert key == "robot.arms", call
     varied = {"headings": [3.3], "scale_mass": {"link_1": [1.1]}}
     assert error_key(ff.simulate_many, problem, **varied) == "robot.arms"
-
-
-def test_mjcf_has_both_arms_where_they_are():
-    mujoco = engine_module()
-    case = random_case(np.random.default_rng(5))
-    model = case.problem.model
-    simulated = mujoco.MjModel.from_xml_string(ET.tostring(robot_mjcf(model), encoding="unicode"))
-    data, q = mujoco.MjData(simulated), np.random.default_rng(1).uniform(-1.0, 1.0, model.dof)
-    attitude = Rotation.random(rng=np.random.default_rng(2)).as_quat()
-    data.qpos[:] = [*model.base_position(attitude, q), *np.roll(attitude, 1), *q]
-    mujoco.mj_kinematics(simulated, data)
-    for name, pose in zip(model.body_names, model.body_poses(attitude, q), strict=True):
-        np.testing.assert_allclose(data.body(name).xpos, pose.position, atol=1e-12)
-    tip = model.end_effector_pose(attitude, q).position
-    np.testing.assert_allclose(data.site("end_effector").xpos, tip, atol=1e-12)

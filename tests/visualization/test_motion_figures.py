@@ -64,7 +64,7 @@ def test_the_motion_is_drawn_as_it_is(spatial: SimulatedBranch) -> None:
         assert np.allclose(line(angles, f"${letter}$")[:, 1], turns[:, k])
         spin = line(spacecraft_rates, rf"$\omega_{letter}$")[:, 1]
         assert np.allclose(spin, np.degrees(trajectory.angular_velocities[:, k]))
-        assert np.allclose(line(end, f"${letter}$")[:, 1], trajectory.end_effector_positions[:, k])
+        assert np.allclose(line(end, f"${letter}$")[:, 1], trajectory.end_effector.positions[:, k])
         assert np.allclose(line(base, f"${letter}$")[:, 1], trajectory.base_positions[:, k])
 
 

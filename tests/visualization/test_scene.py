@@ -68,7 +68,7 @@ def test_the_trail_shows_the_measure_by_time_and_colour(scene: Scene, motion: Mo
     assert trail.values[::50] == pytest.approx(wanted, rel=1e-4)
     s = [motion.problem.path.timing.s(t) for t in trail.times[::50]]
     assert trail.fractions[::50] == pytest.approx(s, abs=1e-5)
-    tube = objects(scene)["/meshcat/good/Trail"]
+    tube = objects(scene)[f"/meshcat/good/Trail/{motion.problem.model.end_effector_link}"]
     shades = attribute(tube, "color")[::10]  # of each ring
     assert shades[np.argmin(trail.values)].sum() < shades[np.argmax(trail.values)].sum()
     start, end = (motion.problem.path.pose(t).position for t in (0.0, 100.0))

@@ -171,9 +171,13 @@ class FreeFloatingModel:
 
     def joints_of_arm(self, name: str) -> tuple[str, ...]:
         """Names of the joints that move one of the further arms."""
-        link = {**self.arms, **self.path_arms}[name]
-        joints = moving_joints(self.description, link, self.fixed_joints)
+        joints = moving_joints(self.description, self.further_arms[name], self.fixed_joints)
         return tuple(joint.name for joint in joints)
+
+    @property
+    def further_arms(self) -> dict[str, str]:
+        """End-effector links of the further arms that move, by name, in the order of joints."""
+        return {**self.path_arms, **self.arms}
 
     @property
     def has_one_arm(self) -> bool:

@@ -25,6 +25,8 @@ from freefloat.motion.motion import Motion
 from freefloat.planning.answer import Answer, PhaseResult
 from freefloat.so3 import Array
 
+_FIELD = 32
+"""Length of an arm's name in keys: MATLAB accepts 63 characters in all."""
 _FRAMES = (
     "positions from the centre of mass of the whole system, inertial axes; attitudes are unit "
     "quaternions x y z w that rotate spacecraft or end-effector axes into inertial ones"
@@ -90,10 +92,12 @@ def _groups(trajectory: Trajectory) -> list[_Group]:
     measure = problem.margin.measure
     model = problem.model
 
-    def space(key: str, values: Array, unit: str) -> _Group:
+    def space(key: str, values: Array, unit: str, arm: str = "") -> _Group:
         axes = "xyzw"[: values.shape[1]]
         words = key.replace("end_effector", "end-effector").replace("_", " ")
-        return _Group(key, values, tuple(f"{words} {a}" for a in axes), (unit,) * len(axes))
+        names = tuple(f"{arm} {words} {a}".strip() for a in axes)
+        field = re.sub(r"\W", "_", arm)[:_FIELD]  # of a MATLAB struct
+        return _Group(f"{key}_{field}" if arm else key, values, names, (unit,) * len(axes))
 
     def joints(key: str, word: str, values: Array, revolute: str, prismatic: str) -> _Group:
         names = tuple(f"{name} {word}" for name in model.joint_names)
@@ -106,8 +110,17 @@ def _groups(trajectory: Trajectory) -> list[_Group]:
         fixed = [
             space("centre_of_mass_position", centre, "m"),
             space("base_position_fixed", centre + trajectory.base_positions, "m"),
-            space("end_effector_position_fixed", centre + trajectory.end_effector_positions, "m"),
-        ]
+            *(space("end_effector_position_fixed", centre + track.positions, "m", track.arm)
+              for track in trajectory.end_effectors),
+        ]  # fmt: skip
+    tracks = [
+        group
+        for track in trajectory.end_effectors
+        for group in (
+            space("end_effector_position", track.positions, "m", track.arm),
+            space("end_effector_attitude", track.orientations, "1", track.arm),
+        )
+    ]
     return [
         _Group("time", trajectory.times[:, None], ("time",), ("s",)),
         space("attitude", trajectory.attitudes, "1"),
@@ -119,8 +132,7 @@ def _groups(trajectory: Trajectory) -> list[_Group]:
         joints("joint_accelerations", "acceleration", trajectory.joint_accelerations,
                "rad/s^2", "m/s^2"),
         joints("joint_torques", "torque", trajectory.joint_torques, "N m", "N"),
-        space("end_effector_position", trajectory.end_effector_positions, "m"),
-        space("end_effector_attitude", trajectory.end_effector_orientations, "1"),
+        *tracks,
         _Group("measure", trajectory.measure[:, None], (measure.name,), (measure.unit,)),
         *fixed,
     ]  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime
 
@@ -11,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError, require_type
 from freefloat.motion.motion import Ending, Motion
-from freefloat.so3 import Array, frozen, without_jumps
+from freefloat.so3 import Array, Pose, frozen, without_jumps
 
 MAX_SAMPLES = 1_000_000
 """More samples would fill gigabytes of text."""
@@ -55,6 +56,28 @@ HEADER = Header()
 
 
 @dataclass(frozen=True, eq=False)
+class Track:
+    """Poses of an end-effector.
+
+    Attributes:
+        arm: Name of its arm; empty for the one on the path of the problem.
+        positions: From the centre of mass, inertial axes [m], shape (K, 3).
+        orientations: Quaternions x, y, z, w of continuous sign, shape (K, 4).
+    """
+
+    arm: str
+    positions: Array
+    orientations: Array
+
+    @classmethod
+    def of(cls, arm: str, poses: Sequence[Pose]) -> Track:
+        """That with some poses in the inertial frame."""
+        rotations = Rotation.from_matrix(np.array([pose.rotation for pose in poses]))
+        positions = frozen(np.array([pose.position for pose in poses]))
+        return cls(arm, positions, frozen(without_jumps(rotations.as_quat())))
+
+
+@dataclass(frozen=True, eq=False)
 class Trajectory:
     """A motion sampled at given times.
 
@@ -77,10 +100,8 @@ class Trajectory:
         joint_rates: Joint rates [rad/s or m/s], shape (K, n).
         joint_accelerations: Joint accelerations [rad/s² or m/s²], shape (K, n).
         joint_torques: Joint torques of inverse dynamics [N m or N], shape (K, n).
-        end_effector_positions: Positions of the end-effector from the centre of mass, inertial axes
-            [m], shape (K, 3).
-        end_effector_orientations: Orientations of the end-effector, quaternions x, y, z, w of
-            continuous sign, shape (K, 4).
+        end_effectors: Poses of the end-effectors of all arms that move, that on the path of the
+            problem first.
         centre_of_mass_positions: Positions of the centre of mass in the path's frame [m],
             shape (K, 3).
         measure: Signed singularity measure of the margin, shape (K,).
@@ -97,8 +118,7 @@ class Trajectory:
     joint_rates: Array
     joint_accelerations: Array
     joint_torques: Array
-    end_effector_positions: Array
-    end_effector_orientations: Array
+    end_effectors: tuple[Track, ...]
     centre_of_mass_positions: Array
     measure: Array
     header: Header = field(default=HEADER, repr=False)
@@ -168,8 +188,9 @@ class Trajectory:
         )
         base_axes = Rotation.from_quat(attitudes)
         states = list(zip(attitudes, joints, strict=True))
-        poses = [problem.model.end_effector_pose(*state) for state in states]
-        orientations = Rotation.from_matrix(np.array([pose.rotation for pose in poses]))
+        bodies = [problem.model.body_poses(*state) for state in states]
+        links = {"": problem.model.end_effector_link, **problem.model.further_arms}
+        places = {arm: problem.model.link_places[link] for arm, link in links.items()}
         return cls(
             motion=motion,
             times=times,
@@ -181,12 +202,19 @@ class Trajectory:
             joint_rates=rates,
             joint_accelerations=accelerations,
             joint_torques=torques,
-            end_effector_positions=np.array([pose.position for pose in poses]),
-            end_effector_orientations=without_jumps(orientations.as_quat()),
+            end_effectors=tuple(
+                Track.of(arm, [poses[number] @ place for poses in bodies])
+                for arm, (number, place) in places.items()
+            ),
             centre_of_mass_positions=np.outer(times, problem.path.drift),
             measure=np.array([problem.margin.measure(q) for q in joints]),
             header=header,
         )
+
+    @property
+    def end_effector(self) -> Track:
+        """Poses of the end-effector on the path of the problem."""
+        return self.end_effectors[0]
 
     @property
     def displaced(self) -> bool:

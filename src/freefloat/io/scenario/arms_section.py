@@ -164,8 +164,9 @@ def arms_content(
     laws: dict[str, dict[str, Any]] = {name: {"path": path} for name, path in paths.items()}
     for name, curve in curves.curves.items():
         laws[name] = {"joints": curve.waypoints.tolist(), "times": curve.times.tolist()}
-    links = {**model.path_arms, **model.arms}
-    return {name: {"end_effector": links[name], "law": law} for name, law in laws.items()}
+    return {
+        name: {"end_effector": model.further_arms[name], "law": law} for name, law in laws.items()
+    }
 
 
 def _saved_curve(path: Path, key: str, joints: tuple[str, ...]) -> ArmCurve:

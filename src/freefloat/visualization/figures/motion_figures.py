@@ -116,12 +116,15 @@ def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
     spins = np.degrees(trajectory.angular_velocities)[:, 2 if problem.task.planar else 0 :]
     spin_names = [rf"$\omega_{axis}$" for axis in ("z" if problem.task.planar else "xyz")]
     rate_unit = ", ".join(f"{part}/s" for part in unit.split(", "))
+    tracks = trajectory.end_effectors
+    tips = [f"{axis} {track.arm}".strip() for track in tracks for axis in axes]
+    word = "end-effector,\ninertial axes" if len(tracks) == 1 else "end-effectors,\ninertial axes"
     curves = [
         ("joints", scale * trajectory.joints, joints, unit),
         ("joint rates", scale * trajectory.joint_rates, joints, rate_unit),
         (*attitude_curves(problem, trajectory), "deg"),
         ("spacecraft rate,\ninertial axes", spins, spin_names, "deg/s"),
-        ("end-effector,\ninertial axes", trajectory.end_effector_positions, axes, "m"),
+        (word, np.hstack([track.positions[:, : len(axes)] for track in tracks]), tips, "m"),
         ("spacecraft origin,\ninertial axes", trajectory.base_positions, axes, "m"),
     ]
     for panel, (quantity, values, names, quantity_unit) in zip(panels.flat, curves, strict=True):

@@ -16,6 +16,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
+from freefloat.paths.timing import TimedPath
 from freefloat.singularities.planar_regions import Interval
 from freefloat.singularities.regions import Workspace
 from freefloat.so3 import Array
@@ -46,6 +47,9 @@ from freefloat.visualization.scenes.visuals import (
     view_direction,
 )
 
+_S = np.linspace(0.0, 1.0, 301)
+"""Path parameters at which paths are drawn."""
+_TIP = np.zeros(3)
 _INSTANTS, _VIEWS = 5, 3
 """Number of robots drawn in the plane and in space."""
 _LIGHTEST = 0.72
@@ -64,8 +68,7 @@ class Outline:
     Attributes:
         spacecraft: Corners of the box [m], z changing fastest, then y, shape (8, 3).
         arm: Mount on the box, joints, end-effector [m], shape (n + 2, 3).
-        others: Joints of each further arm that moves, and its end-effector where that follows a
-            path [m], shape (n, 3) or (n + 1, 3).
+        others: Joints of each further arm that moves, and its end-effector [m], shape (n + 1, 3).
     """
 
     spacecraft: Array
@@ -88,9 +91,7 @@ def outlines(motion: Motion, times: npt.ArrayLike) -> list[Outline]:
     last, bodies = model.link_places[model.end_effector_link][0], len(model.bodies)
     arm = [*range(1, last + 1), -1]
     starts = [k for k, body in enumerate(model.bodies) if k > last and body.parent == 0]
-    others = [[*range(*ends)] for ends in pairwise([*starts, bodies])]
-    for tip in range(len(model.path_arms)):
-        others[tip].append(bodies + tip)
+    others = [[*range(*ends), bodies + tip] for tip, ends in enumerate(pairwise([*starts, bodies]))]
     return [
         Outline(
             points[0] + box @ R.T, np.vstack([points[0] + R @ mount, points[arm]]),
@@ -119,32 +120,22 @@ def workspace_figure(problem: Problem, workspace: Workspace) -> Figure:
 
 def _draw_distances(axes: Any, problem: Problem, workspace: Workspace) -> None:
     """Distance of the path from the centre of mass over the areas."""
-    s, _, points = _sampled_path(problem, workspace)
+    points = _sampled_path(problem.path, workspace.offset)
     for label, (low, high), colour in _labelled_areas(workspace):
         axes.axhspan(low, high, color=colour, linewidth=0.0, zorder=0, label=label)
     for radius in workspace.reach:
         label = "reach" if radius == workspace.reach[1] else None
         axes.axhline(radius, color=GREY, linewidth=0.7, label=label)
-    axes.plot(s, np.linalg.norm(points, axis=1), color=BLUE, label=workspace.point)
+    axes.plot(_S, np.linalg.norm(points, axis=1), color=BLUE, label=workspace.point)
     axes.set(xlim=(0.0, 1.0), ylim=(0.0, 1.05 * workspace.reach[1]))
     axes.set_xlabel(axis_label("path parameter $s$", "1"))
     axes.set_ylabel(axis_label("distance from centre", "m"))
 
 
-def _sampled_path(problem: Problem, workspace: Workspace | None) -> tuple[Array, Array, Array]:
-    """Path parameter (K,), positions of the end-effector and of the reference point (K, 3) [m]."""
-    s = np.linspace(0.0, 1.0, 301)
-    poses = [problem.path.pose_at(float(value)) for value in s]
-    offset = np.zeros(3) if workspace is None else workspace.offset
-    path = np.array([pose.position for pose in poses])
-    return s, path, path + np.array([pose.rotation @ offset for pose in poses])
-
-
-def _further_paths(problem: Problem) -> list[Array]:
-    """Positions (K, 3) of the end-effectors of further arms along their paths [m]."""
-    s = np.linspace(0.0, 1.0, 301).tolist()
-    return [np.array([path.pose_at(value).position for value in s])
-            for path in problem.path.every[1:]]  # fmt: skip
+def _sampled_path(path: TimedPath, offset: Array = _TIP) -> Array:
+    """Positions of a point of the end-effector along a path [m], shape (K, 3)."""
+    poses = [path.pose_at(value) for value in _S.tolist()]
+    return np.array([pose.position + pose.rotation @ offset for pose in poses])
 
 
 def _labelled_areas(workspace: Workspace) -> Iterator[tuple[str | None, Interval, str]]:
@@ -245,32 +236,30 @@ def _draw_areas(axes: Any, workspace: Workspace) -> None:
 
 
 def _draw_path(axes: Any, problem: Problem, workspace: Workspace | None) -> None:
-    """Draw a planar path and the path of the reference point (point 3 of the paper)."""
-    _, path, points = _sampled_path(problem, workspace)
-    axes.plot(*path[:, :2].T, color=BLUE, linestyle="-", linewidth=1.6, label="path")
-    for further in _further_paths(problem):
-        axes.plot(*further[:, :2].T, color=BLUE, linestyle="-", linewidth=1.6)
+    """Draw planar paths and the path of the reference point (point 3 of the paper)."""
+    _draw_lines(axes, problem, 2)
     if workspace is not None and workspace.offset.any():
+        points = _sampled_path(problem.path, workspace.offset)
         style = {"color": GREEN, "linestyle": "--", "linewidth": 1.3}
         axes.plot(*points[:, :2].T, label=workspace.point, **style)
-    _mark_ends(axes, path[:, :2])
     axes.set_aspect("equal")
     axes.set_xlabel(axis_label("$x$", "m"))
     axes.set_ylabel(axis_label("$y$", "m"))
 
 
-def _mark_ends(axes: Any, path: Array) -> None:
-    for place, name, fill in ((path[0], "start", "white"), (path[-1], "end", BLUE)):
-        style = {"color": BLUE, "markerfacecolor": fill, "zorder": 6}
-        draw_point(axes, place, "s", 4.5, label=name, **style)
+def _draw_lines(axes: Any, problem: Problem, dimensions: int) -> None:
+    """Draw the paths of all end-effectors, with both ends."""
+    for number, timed in enumerate(problem.path.every):
+        path, named = _sampled_path(timed)[:, :dimensions], number == 0
+        line = {"color": BLUE, "linestyle": "-", "linewidth": 1.6}
+        axes.plot(*path.T, label="path" if named else None, **line)
+        for place, name, fill in ((path[0], "start", "white"), (path[-1], "end", BLUE)):
+            style = {"color": BLUE, "markerfacecolor": fill, "zorder": 6}
+            draw_point(axes, place, "s", 4.5, label=name if named else None, **style)
 
 
 def _draw_in_space(axes: Any, problem: Problem, robot: Outline) -> None:
-    _, path, _ = _sampled_path(problem, None)
-    axes.plot(*path.T, color=BLUE, linestyle="-", linewidth=1.6, label="path")
-    for further in _further_paths(problem):
-        axes.plot(*further.T, color=BLUE, linestyle="-", linewidth=1.6)
-    _mark_ends(axes, path)
+    _draw_lines(axes, problem, 3)
     faces = robot.spacecraft[_FACES]
     style = {"facecolors": _DEPENDENT, "edgecolors": GREY, "linewidths": 0.6, "alpha": 0.45}
     axes.add_collection3d(Poly3DCollection(faces, **style))

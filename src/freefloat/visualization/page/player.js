@@ -36,7 +36,7 @@ class Player {
     this.shown = about.scenes.length ? [about.scenes[0]] : [];
     this.follows = about.sequence; // shows the phase of the present time
     this.hidden = new Set(about.items.filter(item => !item.visible).map(item => item.name));
-    this.trails = new Map(about.scenes.map(scene => [scene, this.geometry(scene)]));
+    this.trails = new Map(about.scenes.map(scene => [scene, this.geometries(scene)]));
   }
 
   // The node of the scene tree at a path, or undefined (MeshCat's search creates missing nodes).
@@ -47,9 +47,11 @@ class Player {
 
   sceneNode(scene) { return this.node(`${ROOT}/${scene.node}`); }
 
-  geometry(scene) {
-    const tube = scene.trail && this.node(`${ROOT}/${scene.node}/Trail/<object>`);
-    return tube && tube.object.geometry;
+  // Those of the trails of all end-effectors.
+  geometries(scene) {
+    const trails = scene.trail && this.node(`${ROOT}/${scene.node}/Trail`), found = [];
+    if (trails) trails.object.traverse(part => part.geometry && found.push(part.geometry));
+    return found;
   }
 
   // Offset of a scene: several scenes form a row across the initial line of sight.
@@ -134,10 +136,11 @@ class Player {
       return;
     }
     this.viewer.animator.seek(this.time);
-    for (const [scene, geometry] of this.trails) {
-      if (!geometry) continue;
-      const rings = countUpTo(scene.trail.times, this.time);
-      geometry.setDrawRange(0, Math.max(0, rings - 1) * scene.trail.indices);
+    for (const [scene, geometries] of this.trails) {
+      for (const geometry of geometries) {
+        const rings = countUpTo(scene.trail.times, this.time);
+        geometry.setDrawRange(0, Math.max(0, rings - 1) * scene.trail.indices);
+      }
     }
     this.viewer.set_dirty();
   }

@@ -46,7 +46,7 @@ class Trail:
         times: Key times [s].
         values: Magnitudes of the margin's measure.
         fractions: Path parameters s.
-        indices: Number of triangle indices of the trail per segment; zero if there is none.
+        indices: Number of triangle indices of trails per segment.
     """
 
     times: list[float]

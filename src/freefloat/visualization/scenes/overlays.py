@@ -54,19 +54,13 @@ def draw_path(builder: SceneBuilder, root: str, problem: Problem) -> list[Label]
 
 
 def draw_trail(
-    builder: SceneBuilder, root: str, problem: Problem, points: Array, colours: Array
-) -> int:
-    """Draw the end-effector positions [m], shape (K, 3), as a thick tube.
-
-    Returns:
-        Number of triangle indices per segment; zero if the end-effector does not move.
-    """
+    builder: SceneBuilder, path: str, problem: Problem, points: Array, colours: Array
+) -> None:
+    """Draw positions of an end-effector [m], shape (K, 3), as a thick tube, unless it rests."""
     size = thickness(problem)
-    if np.ptp(points, axis=0).max() <= 1e-4 * size:
-        return 0
-    vertices, faces = tube(points, size)
-    builder.coloured_mesh(f"{root}/{TRAIL}", vertices, faces, np.repeat(colours, SIDES, axis=0))
-    return 6 * SIDES
+    if np.ptp(points, axis=0).max() > 1e-4 * size:
+        vertices, faces = tube(points, size)
+        builder.coloured_mesh(path, vertices, faces, np.repeat(colours, SIDES, axis=0))
 
 
 def draw_areas(builder: SceneBuilder, root: str, problem: Problem, areas: Workspace) -> None:

@@ -30,6 +30,8 @@ from freefloat.visualization.scenes.overlays import (
     BASE_AXES,
     END_EFFECTOR_AXES,
     ITEMS,
+    SIDES,
+    TRAIL,
     draw_areas,
     draw_axes,
     draw_centre,
@@ -41,7 +43,12 @@ from freefloat.visualization.scenes.overlays import (
 from freefloat.visualization.scenes.pointing_cones import POINTING
 from freefloat.visualization.scenes.sampled_motion import MAX_KEYS, SampledMotion, sampled_motion
 from freefloat.visualization.scenes.scene_builder import ROOT, Scene, SceneBuilder, node
-from freefloat.visualization.scenes.visuals import bounding_box, robot_visuals, view_direction
+from freefloat.visualization.scenes.visuals import (
+    bounding_box,
+    robot_visuals,
+    tip_links,
+    view_direction,
+)
 
 ROBOT = "Robot"
 
@@ -156,12 +163,16 @@ def _draw(
     for visual in sampled.visuals.shapes:
         builder.visual(f"{bodies[visual.body]}/{node(visual.name)}", visual)
     labels = draw_path(builder, root, problem)
-    indices = draw_trail(builder, root, problem, positions[-1], colours(sampled.values))
     labels += draw_centre(builder, root, problem) + draw_ending(builder, root, motion)
     labels += sampled.surroundings.draw(builder, root)
     labels += [cone.draw(builder, root, size) for cone in sampled.cones]
     moved = {path: body for body, path in enumerate(bodies)}
-    for item, body in ((BASE_AXES, 0), (END_EFFECTOR_AXES, -1)):
+    axes = {BASE_AXES: 0}
+    for body, link in enumerate(tip_links(problem.model), len(bodies)):
+        axes[f"{END_EFFECTOR_AXES}/{node(link)}"] = body
+        path = f"{root}/{TRAIL}/{node(link)}"
+        draw_trail(builder, path, problem, positions[body], colours(sampled.values))
+    for item, body in axes.items():
         draw_axes(builder, f"{root}/{item}", 25.0 * size, 0.6 * size)
         moved[f"{root}/{item}"] = body
     for path, body in moved.items():
@@ -176,7 +187,7 @@ def _draw(
         (place.start + times).round(6).tolist(),
         [float(f"{value:.6g}") for value in sampled.values],
         sampled.fractions.round(6).tolist(),
-        indices,
+        6 * SIDES,
     )
     contact = deepest_contact(motion)
     return TitledScene(

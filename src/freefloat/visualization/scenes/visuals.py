@@ -59,17 +59,21 @@ def body_poses(motion: Motion, parameters: Array) -> tuple[Array, Array]:
 
     Returns:
         Positions [m], shape (K, n + 1 + E, 3), and rotation matrices, shape (K, n + 1 + E, 3, 3),
-        of the spacecraft's root link, of every joint, and of the E end-effectors that follow paths,
-        that of the problem's path last.
+        of the spacecraft's root link, of every joint, and of the E end-effectors of
+        :func:`tip_links`.
     """
     model = motion.problem.model
     _, attitudes, joints = motion.evaluate(parameters)
     poses = [model.body_poses(a, q) for a, q in zip(attitudes, joints, strict=True)]
-    first, *further = (model.link_places[link] for link in model.end_effector_links)
-    tips = *further, first
+    tips = [model.link_places[link] for link in tip_links(model)]
     poses = [(*row, *(row[body] @ place for body, place in tips)) for row in poses]
     positions = np.array([[pose.position for pose in row] for row in poses])
     return positions, np.array([[pose.rotation for pose in row] for row in poses])
+
+
+def tip_links(model: FreeFloatingModel) -> tuple[str, ...]:
+    """Return the end-effectors of the arms that move, that on the problem's path last."""
+    return (*model.further_arms.values(), model.end_effector_link)
 
 
 def view_direction(motions: Sequence[Array], others: Sequence[Array] = ()) -> Array:
@@ -169,7 +173,7 @@ def _default_visuals(
     ends: list[list[Array]] = [[] for _ in model.bodies]
     for body in model.bodies[1:]:
         ends[body.parent].append(body.placement.position)
-    for link in model.end_effector_links:
+    for link in tip_links(model):
         number, place = model.link_places[link]
         ends[number].append(place.position)
     size = float(sum(np.linalg.norm(end) for end in itertools.chain(*ends[1:]))) or 1.0
