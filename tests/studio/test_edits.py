@@ -130,3 +130,15 @@ def test_a_path_on_a_tumbling_body_has_no_handles() -> None:
     content = scenario("servicing/capture_client")
     assert outline_of(content)["handles"] == []
     assert error_key(moved, content, 0, np.zeros(3)) == "handle"
+
+
+def test_each_path_of_two_arms_has_handles() -> None:
+    content = scenario("servicing/two_arms_both")
+    names = [handle["name"] for handle in outline_of(content)["handles"]]
+    assert names[:4] == ["start", "1", "end", "target"]
+    assert names[4:] == ["left start", "left 1", "left end", "left target"]
+    changed = moved(content, 6, positions(content)[6] + [0.0, 0.1, 0.0])
+    arm = changed["robot"]["arms"].pop("left")
+    assert arm["law"]["path"]["waypoints"][2] == [1.0, 0.9, 0.1]
+    assert changed["robot"]["arms"] == {"right": content["robot"]["arms"]["right"]}
+    assert changed["path"] == content["path"]

@@ -49,6 +49,15 @@ def edited(content: Content, edit: Edit, outline: Mapping[str, Any] | None) -> d
     return {**content, **changes(content, edit, outline)}
 
 
+def _path_of(handle: int, outline: Content) -> tuple[Content, int]:
+    """The path of which a handle is one, and its number there."""
+    for path in outline["paths"]:
+        if handle < path["handles"]:
+            return path, handle
+        handle -= path["handles"]
+    raise InputError("handle", "there is no such handle", "a handle of the path")
+
+
 def _goal_changes(
     content: Content, edit: SetDuration | TurnEnd | MoveHandle, outline: Content | None
 ) -> Content:
@@ -69,10 +78,17 @@ def _path_changes(
     """The timing or the path after an edit."""
     if isinstance(edit, SetDuration):
         return {"timing": _with_duration(content["timing"], edit.value)}
-    path, known = content["path"], _known(outline)
+    known = _known(outline)
     if isinstance(edit, TurnEnd):
-        return {"path": _with_end(path, _angles(edit, known), known)}
-    return {"path": _with_handle(path, edit.handle, _local(edit, known), known)}
+        return {"path": _with_end(content["path"], _angles(edit, known), known)}
+    path, handle = _path_of(edit.handle, known)
+    point = _local(edit, known)
+    if not path["arm"]:
+        return {"path": _with_handle(content["path"], handle, point, path["points"])}
+    robot = content["robot"]
+    arm = robot["arms"][path["arm"]]
+    law = {"path": _with_handle(arm["law"]["path"], handle, point, path["points"])}
+    return {"robot": {**robot, "arms": {**robot["arms"], path["arm"]: {**arm, "law": law}}}}
 
 
 def _known(outline: Content | None) -> Content:
@@ -110,19 +126,17 @@ def _with_end(path: Content, rpy: list[float], outline: Content) -> dict[str, An
 
 
 def _local(edit: MoveHandle, outline: Content) -> list[float]:
-    """The position of a handle that was moved, in the frame of the path or of the goal's pose."""
-    frame = outline["frame"]
-    if edit.handle >= len(outline["handles"]) or frame is None:
-        raise InputError("handle", f"there is no handle {edit.handle}", "a handle of the path")
+    """The position of a handle that was moved, in the frame of its path or of the goal's pose."""
+    frame = _path_of(edit.handle, outline)[0]["frame"]
     place = np.array(edit.position) - outline["handles"][edit.handle]["shift"]
     return [_rounded(part) for part in np.array(frame["rotation"]).T @ (place - frame["position"])]
 
 
 def _with_handle(
-    path: Content, handle: int, point: list[float], outline: Content
+    path: Content, handle: int, point: list[float], known: Sequence[Sequence[float]]
 ) -> dict[str, Any]:
     """The path with one of its points, or the target of its orientation, at another position."""
-    points = [list(each) for each in outline["points"]]
+    points = [list(each) for each in known]
     if handle == len(points):  # follows the points
         law = path["attitude"]
         return {**path, "attitude": {"point_at": {**law["point_at"], "target": point}}}

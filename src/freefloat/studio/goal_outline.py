@@ -28,7 +28,7 @@ def goal_outline(
         "is_goal": True,
         "planar": problem.task.planar,
         "size": thickness(problem),
-        "path": [],
+        "lines": [],
         **_handle(scenario, goal, problem, attitude, joints),
         "momentum": problem.momentum.tolist(),
         "duration": goal.duration,
@@ -42,19 +42,17 @@ def _handle(
     """The handle of the goal's pose, in inertial axes, and its frame; none without a fixed pose."""
     target, body = goal.target(problem, attitude, joints), goal.body(problem)
     if goal.pose is None or (body and body.motion != "fixed"):
-        return {"frame": None, "handles": [], "points": [], "rpy": None, "start_quaternion": None}
+        return {"paths": [], "handles": [], "rpy": None, "start_quaternion": None}
     pose = target.pose_at(0.0)
     rotation = pose.rotation @ goal.pose.rotation.T
     place = pose.position.round(6).tolist()
+    origin = pose.position - rotation @ goal.pose.position
+    frame = {"position": origin.tolist(), "rotation": rotation.tolist()}
     section = scenario.content.goal and scenario.content.goal.pose
     stated = section and section.orientation and section.orientation.rpy
     return {
-        "frame": {
-            "position": (pose.position - rotation @ goal.pose.position).tolist(),
-            "rotation": rotation.tolist(),
-        },
+        "paths": [{"arm": "", "frame": frame, "handles": 1}],
         "handles": [{"name": "goal", "position": place, "shift": [0.0, 0.0, 0.0]}],
-        "points": [goal.pose.position.round(6).tolist()],
         "rpy": [*stated] if stated else rounded_rpy(goal.pose.rotation),
         "start_quaternion": None,
     }

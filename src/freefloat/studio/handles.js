@@ -8,7 +8,7 @@ class Handles {
     this.raycaster = new MeshCat.THREE.Raycaster();
     const geometry = new MeshCat.THREE.BufferGeometry();
     const material = new MeshCat.THREE.LineBasicMaterial({ color: 0xffd97a, depthTest: false, transparent: true });
-    this.line = new MeshCat.THREE.Line(geometry, material);
+    this.line = new MeshCat.THREE.LineSegments(geometry, material);
     this.line.frustumCulled = false;
     this.line.renderOrder = 1; // over the robot
     viewer.scene.add(this.line);
@@ -16,18 +16,19 @@ class Handles {
 
   show(outline) {
     this.outline = outline;
-    const points = new Float32Array(outline.path.flat());
+    const segments = outline.lines.flatMap(line => line.slice(1).flatMap((point, k) => [line[k], point]));
+    const points = new Float32Array(segments.flat());
     this.line.geometry.setAttribute("position", new MeshCat.THREE.BufferAttribute(points, 3));
     if (this.buttons.length !== outline.handles.length) {
       this.buttons = outline.handles.map((handle, number) => this.button(number));
       element("handles").replaceChildren(...this.buttons);
     }
-    outline.handles.forEach(({ name, position }, number) => {
+    outline.handles.forEach(({ name, position, is_target }, number) => {
       const button = this.buttons[number];
       if (this.held !== number) button.position = position;
       button.title = `${name}: drag, or use the arrow keys`;
       button.setAttribute("aria-label", `Handle ${name}`);
-      button.classList.toggle("target", name === "target");
+      button.classList.toggle("target", Boolean(is_target));
     });
     this.viewer.set_dirty();
   }

@@ -8,10 +8,14 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from freefloat.dynamics.momentum import Task
+from freefloat.io.scenario.arms_section import paths_of_arms
+from freefloat.io.scenario.path_schema import PathSection
 from freefloat.io.scenario.path_section import frame_of
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.problem import Problem
 from freefloat.paths.curves import SplineCurve
+from freefloat.paths.timing import TimedPath
 from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, Pose
 from freefloat.visualization.scenes.overlays import thickness
@@ -32,18 +36,24 @@ def outline(scenario: Scenario, problem: Problem, largest: float) -> dict[str, A
         problem: The problem that it poses.
         largest: Largest magnitude of the measure over the joint space.
     """
-    content = scenario.content
-    now = problem.arms.at(0.0).tolist()
-    frame = frame_of(content.path.frame, problem.model, scenario.search(), problem.scene, now)
-    margin = problem.margin
+    content, margin = scenario.content, problem.margin
+    sections = [content.path, *paths_of_arms(content.robot.arms).values()]
+    arms = ["", *problem.path.arms]
+    frames = [_frame(scenario, problem, *pair) for pair in zip(arms, sections, strict=True)]
+    parts = zip(arms, problem.path.every, sections, frames, strict=True)
+    paths, handles = zip(*(_handles(problem.task, *part) for part in parts), strict=True)
     fraction = content.margin.fraction
     return {
         "is_goal": False,
         "planar": problem.task.planar,
         "size": thickness(problem),
-        "path": _positions(problem, np.linspace(0.0, 1.0, _DRAWN)).round(6).tolist(),
-        **_handles(scenario, problem, frame),
-        **_orientation(scenario, problem, frame),
+        "lines": [
+            _positions(path, np.linspace(0.0, 1.0, _DRAWN)).round(6).tolist()
+            for path in problem.path.every
+        ],
+        "paths": paths,
+        "handles": [handle for entries in handles for handle in entries],
+        **_orientation(scenario, problem, frames[0]),
         "momentum": problem.momentum.tolist(),
         "duration": problem.path.duration,
         "margin": {
@@ -57,20 +67,32 @@ def outline(scenario: Scenario, problem: Problem, largest: float) -> dict[str, A
     }
 
 
-def _positions(problem: Problem, parameters: Array) -> Array:
-    """Points of the path from the centre of mass, inertial axes [m]."""
-    return np.array([problem.path.pose_at(float(s)).position for s in parameters])
+def _frame(
+    scenario: Scenario, problem: Problem, arm: str, section: PathSection
+) -> Pose | SceneBody | None:
+    """The frame of the path of an arm."""
+    model, now = problem.model, problem.arms.at(0.0).tolist()
+    joint = model.joint_names.index(model.joints_of_arm(arm)[0]) if arm else 0
+    return frame_of(section.frame, model, scenario.search(), problem.scene, now, joint)
 
 
-def _handles(scenario: Scenario, problem: Problem, frame: Pose | SceneBody | None) -> Any:
-    """Handles, in inertial axes, and the same points in the frame of the path's section.
+def _positions(path: TimedPath, parameters: Array) -> Array:
+    """Points of a path from the centre of mass, inertial axes [m]."""
+    return np.array([path.pose_at(float(s)).position for s in parameters])
 
-    A handle is the drawn point; where the centre of mass drifts, it differs from the path's.
+
+def _handles(
+    task: Task, arm: str, path: TimedPath, section: PathSection, frame: Pose | SceneBody | None
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Points of a path that have a handle, in the frame of its section, and the handles.
+
+    A handle is the drawn point, in inertial axes; where the centre of mass drifts, it differs from
+    the path's.
     """
-    section, curve = scenario.content.path, problem.path.path.curve
-    oriented = problem.task.prescribes_orientation and section.attitude is None  # in the CSV file
+    curve = path.path.curve
+    oriented = task.prescribes_orientation and section.attitude is None  # in the CSV file
     if isinstance(frame, SceneBody) or oriented:  # or the path moves with a tumbling body
-        return {"frame": None, "handles": [], "points": []}
+        return {"arm": arm, "frame": None, "handles": 0, "points": []}, []
     frame = frame or Pose(np.zeros(3), np.eye(3))
     names = ["start", *map(str, range(1, _HANDLES - 1)), "end"]
     parameters = np.linspace(0.0, 1.0, _HANDLES)
@@ -79,22 +101,32 @@ def _handles(scenario: Scenario, problem: Problem, frame: Pose | SceneBody | Non
     elif isinstance(curve, SplineCurve) and len(section.waypoints or ()) in _FEW:
         parameters = curve.knots
         names = ["start", *map(str, range(1, len(parameters) - 1)), "end"]
-    drawn = _positions(problem, parameters)
+    drawn = _positions(path, parameters)
     points = np.array([curve(float(s)) for s in parameters])
     handles = [
-        {"name": name, "position": place.round(6).tolist(), "shift": (place - point).tolist()}
+        _handle(arm, name, place, place - point)
         for name, place, point in zip(names, drawn, points, strict=True)
     ]
     law = section.attitude
     if law is not None and law.point_at is not None:
         target = frame.position + frame.rotation @ np.array(law.point_at.target)
-        place = target.round(6).tolist()
-        handles.append({"name": "target", "position": place, "shift": [0.0, 0.0, 0.0]})
+        handles.append(_handle(arm, "target", target, np.zeros(3)))
     local = (points - frame.position) @ frame.rotation
     return {
+        "arm": arm,
         "frame": {"position": frame.position.tolist(), "rotation": frame.rotation.tolist()},
-        "handles": handles,
+        "handles": len(handles),
         "points": local.round(6).tolist(),
+    }, handles
+
+
+def _handle(arm: str, name: str, place: Array, shift: Array) -> dict[str, Any]:
+    """A handle at a place that differs from the path's point by a shift [m]."""
+    return {
+        "name": f"{arm} {name}".strip(),
+        "is_target": name == "target",
+        "position": place.round(6).tolist(),
+        "shift": shift.tolist(),
     }
 
 

@@ -47,4 +47,5 @@ class Robots:
 
     @staticmethod
     def _key(scenario: Scenario) -> str:
-        return f"{scenario.content.robot.model_dump_json()} {scenario.source}"
+        without_paths = {"arms": {"__all__": {"law": {"path"}}}}
+        return f"{scenario.content.robot.model_dump_json(exclude=without_paths)} {scenario.source}"
