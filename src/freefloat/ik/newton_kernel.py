@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from freefloat.lockstep.compilation import compiled, inlined, inner
+from freefloat.lockstep.damped_steps import damped_step
 from freefloat.lockstep.lanes import (
     WIDTH,
     Float,
@@ -16,7 +17,6 @@ from freefloat.lockstep.lanes import (
     sine_cosine,
     sqrt,
 )
-from freefloat.lockstep.reflections import factorize, solve_least_norm
 from freefloat.lockstep.tables import (
     Table,
     below,
@@ -67,9 +67,9 @@ class Workspace(NamedTuple):
     targets: Table  # position and axes of each end-effector
     joints: Table  # axis of each joint, and its point of both chains
     ends: Table  # those of both chains of each arm
-    J: Table  # columns of the Jacobian in rows, then its factors
+    J: Table  # columns of the Jacobian in rows
+    normal: Table  # its rows' products, then their factors
     error: Table
-    scales: Table
     step: Table
     size: Table  # of the error
     moves: Table  # 1 in lanes that take the step
@@ -77,7 +77,18 @@ class Workspace(NamedTuple):
 
 def make_workspace(n: int, arms: int) -> Workspace:
     """Workspace for arms with n joints in all."""
-    shapes = ((n,), (arms, 12), (n, 9), (arms, 6), (n, _ROOM), (_ROOM,), (_ROOM,), (n,), (1,), (1,))
+    shapes = (
+        (n,),
+        (arms, 12),
+        (n, 9),
+        (arms, 6),
+        (n, _ROOM),
+        (_ROOM, _ROOM),
+        (_ROOM,),
+        (n,),
+        (1,),
+        (1,),
+    )
     return Workspace(*(np.zeros((*shape, WIDTH)) for shape in shapes))
 
 
@@ -136,7 +147,7 @@ def in_tables(arms: Arms, work: Workspace) -> tuple[Arms, Workspace]:
     )  # fmt: skip
     return tables, Workspace(
         lanes(work.q, 1), lanes(work.targets, 12), lanes(work.joints, 9), lanes(work.ends, 6),
-        lanes(work.J, _ROOM), lanes(work.error, 1), lanes(work.scales, 1), lanes(work.step, 1),
+        lanes(work.J, _ROOM), lanes(work.normal, _ROOM), lanes(work.error, 1), lanes(work.step, 1),
         lanes(work.size, 1), lanes(work.moves, 1),
     )  # fmt: skip
 
@@ -154,9 +165,9 @@ def load(target: Array, q: Array, lane: int, work: Workspace) -> None:
 
 @inlined
 def take_step(arms: Arms, work: Workspace) -> None:
-    """Add the step of least norm, of at most one radian or metre per joint."""
-    factorize(arms.m, arms.n, work.J, work.scales)
-    solve_least_norm(arms.m, arms.n, work.J, work.scales, work.error, work.step)
+    """Add Levenberg's step, of at most one radian or metre per joint."""
+    square = work.size[0] * work.size[0]
+    damped_step(arms.m, arms.n, work.J, work.error, square, work.normal, work.step)
     largest = magnitude(work.step[0])
     for j in range(1, arms.n):
         largest = maximum(largest, magnitude(work.step[j]))
