@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from freefloat.errors import require_type
+from freefloat.limits.joint_limit import MagnitudeLimit
 from freefloat.limits.kinds import KINDS
 from freefloat.limits.limit import Limit
 from freefloat.motion.pointing import AttitudeLimits
@@ -64,6 +65,14 @@ class Limits(AttitudeLimits):
     def without_turn(self) -> Limits:
         """Those of motions that are meant to turn the spacecraft: all but ``base_turn``."""
         return replace(self, base_turn=None)
+
+    def of_joints(self, count: int) -> Limits:
+        """The limits of a robot of whose joints only the first ones move."""
+        bounds = {
+            kind.name: bound[:count] for kind in GIVEN
+            if issubclass(kind, MagnitudeLimit) and (bound := getattr(self, kind.name)) is not None
+        }  # fmt: skip
+        return replace(self, **bounds)
 
     def seen_from(self, centre: Array) -> Limits:
         """The limits in a frame that begins at another place of the centre of mass.

@@ -144,6 +144,11 @@ class Problem:
         return System(self.model, self.momentum, self.wheel_momentum, self.path.drift)
 
     @property
+    def arm_joints(self) -> slice:
+        """The joints of the arms that follow paths, the first of all."""
+        return slice(self.model.arm_dof)
+
+    @property
     def redundant(self) -> bool:
         """Whether the arms that follow paths have more joints than the task has rows."""
         return self.model.arm_dof > len(prescribed_rows(self.model, self.task))
@@ -191,6 +196,10 @@ class Problem:
         if t not in self._chains:
             self._chains[t] = self.model.with_arms_at(self.arms.at(t))
         return self._chains[t]
+
+    def with_arms_resting(self, t: float) -> Problem:
+        """The same problem, further arms on joint curves being fixed as at a time [s]."""
+        return self.replace(model=self.chain(t), arms=ArmCurves()) if self.arms else self
 
     def reach(self, t: float = 0.0) -> float:
         """Upper bound of the distance from the centre of mass to the end-effector [m].

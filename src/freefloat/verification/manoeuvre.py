@@ -84,7 +84,10 @@ def _handover_checks(manoeuvre: Manoeuvre) -> Iterator[Check]:
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """Where a phase begins or ends, the base position in the frame of the manoeuvre."""
+    """Where a phase begins or ends, the base position in the frame of the manoeuvre.
+
+    Joints are those of the arm that follows the path.
+    """
 
     attitude: Array
     joints: Array
@@ -96,9 +99,9 @@ class _State:
 def _state(phase: PhaseResult, motion: Motion, state: State) -> _State:
     """A state of a motion with its rates."""
     where, drift = (state.attitude, state.joints), motion.problem.path.drift
-    rates = motion.law.rates(state.time, *where)
+    rates, arm = motion.law.rates(state.time, *where), motion.problem.arm_joints
     base = phase.centre + state.time * drift + state.base_position
-    return _State(*where, base, rates.joints, rates.base)
+    return _State(state.attitude, state.joints[arm], base, rates.joints[arm], rates.base)
 
 
 def _joint_checks(

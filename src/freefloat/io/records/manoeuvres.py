@@ -34,7 +34,7 @@ def decode_manoeuvre(tree: Tree, scenario: Scenario) -> Manoeuvre:
     if plan.motion is not None:
         state = SystemState.at_start(plan.motion)
         phases = [
-            *(_before(entry, state.problem, limits) for entry in trees[:first]),
+            *(_before(entry, state.problem, state.limits(limits)) for entry in trees[:first]),
             path,
             *_following(trees[first + 1 :], scenario, limits, state.after(plan.motion)),
         ]
@@ -50,7 +50,7 @@ def _following(
         problem = phase.problem_at(state)
         if phase.kind == GoalMotion.kind and "motion" in tree["result"]:
             problem = _timed(problem, _duration(tree))
-        planned = _decoded(tree, problem, limits.seen_from(state.centre))
+        planned = _decoded(tree, problem, state.limits(limits))
         yield planned
         if planned.feasible:
             state = phase.end(state, planned.result)

@@ -221,12 +221,13 @@ class Scenario:
         Raises:
             InputError: If a value is invalid; it names the file and the key.
         """
+        if not self.content.phases:
+            return ()
         problem = self.problem()
         with self.error_context():
-            if self.content.phases:
-                problem.model.require_one_arm("phases")
+            resting = problem.with_arms_resting(problem.path.duration)
             folder, seed = self.source.parent, self.content.search.seed
-            return phases_of(self.content.phases, problem, folder, seed)
+            return phases_of(self.content.phases, resting, folder, seed)
 
     @property
     def has_phases(self) -> bool:

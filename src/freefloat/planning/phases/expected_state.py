@@ -41,7 +41,13 @@ class ExpectedState:
 
     @classmethod
     def after_first(cls, problem: Problem) -> ExpectedState:
-        """The state at the end of the first path, whose problem is given."""
+        """The state at the end of the first path, whose problem is given.
+
+        Raises:
+            InputError: If further arms follow paths.
+        """
+        problem = problem.with_arms_resting(problem.path.duration)
+        problem.model.require_one_arm("phases")
         path = problem.path
         pose, twist = path.path.pose(1.0), path.twist(path.duration) + path.drift_twist
         return cls(problem, problem.scene.bodies, path.duration, pose, twist)

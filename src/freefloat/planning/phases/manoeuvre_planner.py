@@ -74,11 +74,10 @@ def plan_manoeuvre(
     require_type("search", search, Search, "a Search, such as Search(samples=1024)")
     limits = Limits() if limits is None else limits
     require_problem(problem)
-    problem.model.require_one_arm("phases")
     following = checked_phases(problem, phases)
     present = None
     if reorient:
-        present = _present_joints(problem, search)
+        present = _present_joints(problem.with_arms_resting(0.0), search)
     share = 0.5 if reorient else 0.9
     step = step_of(progress, 0.0, share)
     first = plan(problem, search, limits, threads=threads, progress=step)
@@ -89,7 +88,8 @@ def plan_manoeuvre(
     state = SystemState.at_start(first.chosen.motion)
     done: list[PhaseResult] = []
     if present is not None:
-        done += _to_start(state, search, present, limits, step_of(progress, share, 0.9))
+        own = state.limits(limits)
+        done += _to_start(state, search, present, own, step_of(progress, share, 0.9))
     done.append(path)
     if all(phase.feasible for phase in done):
         done += _following(state.after(first.chosen.motion), following, limits)
@@ -134,7 +134,7 @@ def _following(
     """The phases after the first path, up to the first that fails."""
     for number, phase in enumerate(phases):
         with keys_within(f"phases.{number}"):
-            result = phase.run(state, limits.seen_from(state.centre))
+            result = phase.run(state, state.limits(limits))
         yield PhaseResult(phase.name, phase.kind, result, state.time, state.centre)
         if not result.feasible:
             return

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from freefloat.dynamics.momentum import end_effector_jacobian
+from freefloat.limits.limits import Limits
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.paths.timing import TimedPath
@@ -18,6 +19,8 @@ from freefloat.so3 import Array, Pose, frozen
 @dataclass(frozen=True, eq=False)
 class SystemState:
     """The system at the end of a phase.
+
+    Arms that moved along joint curves during the first path rest where these end.
 
     Attributes:
         problem: Problem of the first path, with the robot, momentum and scene that there are now;
@@ -45,11 +48,12 @@ class SystemState:
     @classmethod
     def at_start(cls, motion: Motion) -> SystemState:
         """The state at the beginning of a motion along the first path."""
-        problem, start = replace(motion.problem, start_joints=None), motion.initial
-        rates = motion.law.rates(0.0, start.attitude, start.joints)
+        problem, start = motion.problem, motion.initial
+        rates, arm = motion.law.rates(0.0, start.attitude, start.joints), problem.arm_joints
         return cls(
-            problem, 0.0, start.attitude, start.joints, rates.joints, rates.base, np.zeros(3)
-        )
+            _resting(problem, 0.0), 0.0, start.attitude, start.joints[arm], rates.joints[arm],
+            rates.base, np.zeros(3),
+        )  # fmt: skip
 
     @property
     def pose(self) -> Pose:
@@ -67,11 +71,12 @@ class SystemState:
     def after(self, motion: Motion) -> SystemState:
         """The state at the end of a motion that begins with this one."""
         law, final = motion.law, motion.final
-        duration = law.duration
+        duration, arm = law.duration, motion.problem.arm_joints
         rates = law.rates(duration, final.attitude, final.joints)
+        problem = _resting(motion.problem, duration) if motion.problem.arms else self.problem
         return replace(
-            self, time=self.time + duration, attitude=final.attitude, joints=final.joints,
-            joint_rates=rates.joints, base_rate=rates.base,
+            self, problem=problem, time=self.time + duration, attitude=final.attitude,
+            joints=final.joints[arm], joint_rates=rates.joints[arm], base_rate=rates.base,
             centre=self.centre + duration * self.problem.path.drift,
         )  # fmt: skip
 
@@ -88,3 +93,12 @@ class SystemState:
     def scene(self) -> Scene:
         """The scene now, from the present centre of mass."""
         return self.problem.scene.later(self.time, -self.centre)
+
+    def limits(self, limits: Limits) -> Limits:
+        """Limits from the present centre of mass, of the joints that move now."""
+        return limits.of_joints(self.problem.model.dof).seen_from(self.centre)
+
+
+def _resting(problem: Problem, t: float) -> Problem:
+    """A problem without its start, arms on joint curves resting as at a time [s]."""
+    return replace(problem.with_arms_resting(t), start_joints=None)
