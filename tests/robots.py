@@ -32,16 +32,14 @@ class Robot:
         end_effector: Last link of the arm.
         joints: Moving joints from the spacecraft to the end-effector.
         others: Moving joints of the second arm.
-        end_effector_centre: ``xyz`` and ``rpy`` of the end-effector's inertial frame.
     """
 
     text: str
     end_effector: str
     joints: tuple[str, ...]
     others: tuple[str, ...]
-    end_effector_centre: tuple[str, str]
 
-    def with_frame(self, name: str, xyz: str, rpy: str) -> Robot:
+    def with_frame(self, name: str, xyz: str, rpy: str = "0 0 0") -> Robot:
         """The same robot with one more massless frame fixed to the end-effector."""
         frame = f'<link name="{name}"/>' + joint_text(
             f"{name}_joint", "F", self.end_effector, name, xyz, rpy
@@ -120,30 +118,30 @@ def random_robot(
     def place(size: float) -> tuple[str, str]:
         return numbers(rng.uniform(-size, size, 3)), numbers(rng.uniform(-3.0, 3.0, 3))
 
-    def arm(structure: str, parents: list[str], parent: str) -> tuple[list[str], tuple[str, str]]:
-        moving, centre = [], ("0 0 0", "0 0 0")
+    def arm(structure: str, parents: list[str], parent: str) -> list[str]:
+        moving = []
         for kind in structure:
             number = next(names)
             joint, child = f"joint_{number:02d}", f"link_{number:02d}"
             axis = direction()
             parts.append(joint_text(joint, kind, parent, child, *place(0.8), numbers(axis)))
             mass, centre = float(np.exp(rng.uniform(0.0, 4.0))), place(0.3)
-            inertia = random_inertia(rng, 0.1 * mass)
-            parts.append(link_text(child, inertial_text(mass, inertia, *centre)))
+            inertial = inertial_text(mass, random_inertia(rng, 0.1 * mass), *centre)
+            parts.append(link_text(child, inertial))
             if kind != "F":
                 moving.append(joint)
             parents.append(child)
             parent = child
-        return moving, centre
+        return moving
 
     mass = float(rng.uniform(50.0, 500.0))
     bus = inertial_text(mass, random_inertia(rng, 0.2 * mass), *place(0.4))
     parts, bodies = [link_text("bus", bus)], ["bus"]
-    joints, centre = arm(chain, bodies, "bus")
+    joints = arm(chain, bodies, "bus")
     end_effector = bodies[-1]
-    others, _ = arm(branch, bodies, bodies[0 if on_bus else rng.integers(len(chain) + 1)])
+    others = arm(branch, bodies, bodies[0 if on_bus else rng.integers(len(chain) + 1)])
     text = '<?xml version="1.0"?>\n<robot name="random">\n' + "".join(parts) + "</robot>"
-    return Robot(text, end_effector, tuple(joints), tuple(others), centre)
+    return Robot(text, end_effector, tuple(joints), tuple(others))
 
 
 def planar_robot(

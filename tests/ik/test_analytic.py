@@ -41,9 +41,6 @@ def brute_force(
     return distinct
 
 
-# ----------------------------------------------------------------------------- many at once
-
-
 @pytest.mark.parametrize(
     ("robot", "task"),
     [("spatial_6dof", ff.Task.POSE), ("ur5", ff.Task.POSE), ("ur5", ff.Task.POSITION),
@@ -67,9 +64,6 @@ def test_branches_of_many_poses_are_those_of_each_pose(
             np.testing.assert_array_equal(branch.joints, sets.joints[k, branch.index])
 
 
-# ------------------------------------------------------------------------------ nothing missed
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", ["spatial_6dof", "ur5"])
 def test_a_search_finds_what_brute_force_finds(
@@ -86,9 +80,6 @@ def test_a_search_finds_what_brute_force_finds(
         assert all(gaps(known, joints).min() < 1e-5 for joints in brute)
         total += len(brute)
     assert total > 0.9 * sets.exist.sum()
-
-
-# ------------------------------------------------------------------------------------ names
 
 
 def test_signs_identify_the_branches_of_the_ur5(

@@ -2,6 +2,8 @@
 
 import os
 import shutil
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -18,9 +20,9 @@ assert_close = partial(np.testing.assert_allclose, rtol=0)
 
 
 def spart_generalized_jacobian(
-    path: Path, robot: Robot, joints: np.ndarray, fixed: dict[str, float]
+    path: Path, robot: Robot, joints: dict[str, float], ends: Sequence[str]
 ) -> np.ndarray:
-    """S* of the end-effector's centre of mass from SPART's kinematics, linear rows first."""
+    """S* of the end links' centres of mass from SPART's kinematics, linear rows first."""
     from SPARTpy import SPART
     from SPARTpy.urdf2robot import urdf2robot
 
@@ -29,7 +31,7 @@ def spart_generalized_jacobian(
     body, n = spart.robot, spart.robot.n_links_joints
     column = {name: number - 1 for name, number in keys["q_id"].items()}
     q = np.zeros(body.n_q)
-    for name, value in {**dict(zip(robot.joints, joints, strict=True)), **fixed}.items():
+    for name, value in joints.items():
         q[column[name]] = value
     _, RL, _, rL, e, g = spart.kinematics(np.eye(3), np.zeros(3), q)
     Bij, Bi0, P0, pm = spart.diff_kinematics(np.eye(3), np.zeros(3), rL, e, g)
@@ -44,9 +46,9 @@ def spart_generalized_jacobian(
             Am[:, :, int(joint.q_id) - 1] = Bij[:, j] @ pm[:, j]
     H0 = P0.T @ M0 @ P0 + np.einsum("iab,iac,icd->bd", A0, M, A0, optimize=True)
     H0m = np.einsum("iab,iac,icd->bd", A0, M, Am, optimize=True)
-    i = keys["link_id"][robot.end_effector] - 1
-    S = Am[i] - A0[i] @ np.linalg.solve(H0, H0m)
-    return S[[3, 4, 5, 0, 1, 2]][:, [column[name] for name in robot.joints]]
+    at = [keys["link_id"][end] - 1 for end in ends]
+    S = (Am[at] - A0[at] @ np.linalg.solve(H0, H0m))[:, [3, 4, 5, 0, 1, 2]]
+    return S.reshape(-1, body.n_q)[:, [column[name] for name in joints]]
 
 
 @pytest.mark.slow
@@ -59,21 +61,27 @@ def test_spart_finds_the_same_generalized_jacobian(
 ) -> None:
     """SPART uses centres of mass and the spacecraft's inertial axes; S* is the same."""
     # one test, so that one worker only meets SPART, which compiles itself when first used
-    structures = [("RRRRRR", "")] * 6 + [("RRRRRR", "RR"), ("RFCPRR", "PR"), ("CRPF", "FR")] * 3
+    structures = [("RRRRRR", "")] * 6
+    structures += [("RRRRRR", "RRRRRR"), ("RFCPRR", "CRPR"), ("CRPF", "FR")] * 3
     for number, (chain, branch) in enumerate(structures):
-        robot = random_robot(rng, chain, branch)
-        fixed = dict(zip(robot.others, rng.uniform(-2.0, 2.0, len(robot.others)), strict=True))
-        marked = robot.with_frame("centre", robot.end_effector_centre[0], "0 0 0")
-        model = ff.FreeFloatingModel.from_urdf(marked.text, marked.end_effector, fixed_joints=fixed)
+        robot = marked = random_robot(rng, chain, branch, on_bus=True)
+        names, ends = (*robot.joints, *robot.others), [robot.end_effector]
+        ends += [f"link_{name[6:]}" for name in robot.others[-1:]]
+        for k, end in enumerate(ends):
+            centre = _inertial(robot, end, "xyz")
+            marked = replace(marked, end_effector=end).with_frame(f"centre_{k}", centre)
+        arms = {"other": "centre_1"} if branch else {}
+        model = ff.FreeFloatingModel.from_urdf(marked.text, "centre_0", arms=arms)
+        model = model.with_paths(*arms)
+        angles = [float(angle) for angle in _inertial(robot, "bus", "rpy").split()]
+        bus, file = Rotation.from_euler("xyz", angles).as_matrix(), tmp_path / f"{number}.urdf"
         for q in rng.uniform(-3.0, 3.0, (4, model.dof)):
-            bus = Rotation.from_euler("xyz", _bus_angles(robot)).as_matrix()
-            S = spart_generalized_jacobian(tmp_path / f"{number}.urdf", robot, q, fixed)
-            seen = np.vstack([bus @ S[:3], bus @ S[3:]])
+            S = spart_generalized_jacobian(file, robot, dict(zip(names, q, strict=True)), ends)
+            seen = np.vstack([bus @ rows for rows in S.reshape(-1, 3, len(q))])
             worst = relative(ff.generalized_jacobian(model, q), seen)
             assert_agrees("test_spart_finds_the_same_generalized_jacobian", worst)
 
 
-def _bus_angles(robot: Robot) -> list[float]:
-    """``rpy`` of the spacecraft's inertial frame."""
-    inertial = robot.text.split('<link name="bus">')[1].split('rpy="')[1].split('"')[0]
-    return [float(word) for word in inertial.split()]
+def _inertial(robot: Robot, link: str, key: str) -> str:
+    """``xyz`` or ``rpy`` of the inertial frame of a link."""
+    return robot.text.split(f'<link name="{link}">')[1].split(f'{key}="')[1].split('"')[0]
