@@ -86,6 +86,11 @@ class Chain:
             *joint_ranges,
         )  # fmt: skip
 
+    @property
+    def joint_ranges(self) -> tuple[Array, Array]:
+        """Lower and upper ends of the joint ranges."""
+        return self.lower, self.upper
+
     @cached_property
     def _joint_frames(self) -> tuple[list[list[_Terms]], list[_Terms], list[Any]]:
         """Columns of the rotation of each joint's frame, the link behind it, and its stroke.

@@ -98,19 +98,23 @@ def spread_configurations(
     unlimited = np.array_equal(sampled_box(model), joint_box(model))
     for inside in (True,) if unlimited else (True, False):
         table = PoseTable.of(model, task, inside=inside)
-        few = np.isnan(q[0, most - 1]) & (inside | (_excess(chain, q) > 0.0).all(axis=0))
+        few = np.isnan(q[0, most - 1]) & (
+            inside | (_excess(chain.joint_ranges, q) > 0.0).all(axis=0)
+        )
         (pending,) = np.nonzero(few)
         pending = pending[_within_reach(table, *_taken(positions, rotations, pending))]
         for candidates, starts in _PASSES:
             target = _taken(positions, rotations, pending)
             new = _approached_from(table, *target, candidates, starts)
             together = np.concatenate([q.take(pending, axis=2), new], axis=1)
-            q[..., pending] = _usable(chain, together, q.shape[1])
+            q[..., pending] = usable(chain.prismatic, chain.joint_ranges, together, q.shape[1])
             pending = pending[np.isnan(q[0, most - 1, pending])]
     q = chain.into_range(refined_solutions(chain, task, positions, rotations, q))
     _move_inside(model, task, positions, rotations, q)
     order = np.lexsort(np.rint(1e6 * q[::-1]), axis=0)
-    return _usable(chain, np.take_along_axis(q, order[None], axis=1), most)
+    return usable(
+        chain.prismatic, chain.joint_ranges, np.take_along_axis(q, order[None], axis=1), most
+    )
 
 
 def _taken(positions: Array, rotations: Array, index: IntArray) -> tuple[Array, Array]:
@@ -118,10 +122,10 @@ def _taken(positions: Array, rotations: Array, index: IntArray) -> tuple[Array, 
     return positions.take(index, axis=1), rotations.take(index, axis=2)
 
 
-def _usable(chain: Chain, q: Array, most: int) -> Array:
+def usable(prismatic: BoolArray, ranges: tuple[Array, Array], q: Array, most: int) -> Array:
     """At most that many well-spread configurations, those inside the ranges if there are any."""
-    inside = _excess(chain, q) == 0.0
-    return _well_spread(chain, np.where(inside | ~inside.any(axis=0), q, np.nan), most)
+    inside = _excess(ranges, q) == 0.0
+    return _well_spread(prismatic, np.where(inside | ~inside.any(axis=0), q, np.nan), most)
 
 
 def _within_reach(table: PoseTable, positions: Array, rotations: Array) -> IntArray:
@@ -144,15 +148,15 @@ def _approached_from(
     """Approximate configurations reached from well-spread ones of a table's closest candidates."""
     chain, task = table.chain, table.task
     q = table.nearest(positions, rotations, candidates)
-    inside = _excess(chain, chain.into_range(q)) == 0.0
+    inside = _excess(chain.joint_ranges, chain.into_range(q)) == 0.0
     q = np.where(inside | (inside.sum(axis=0) < count), q, np.nan)
-    starts = _well_spread(chain, q, count)
+    starts = _well_spread(chain.prismatic, q, count)
     return chain.into_range(approached(chain, task, positions, rotations, starts))
 
 
-def _excess(chain: Chain, q: Array) -> Array:
+def _excess(ranges: tuple[Array, Array], q: Array) -> Array:
     """Largest distance of joint values from their ranges, infinite for NaN, shape (B, K)."""
-    lower, upper = chain.lower[:, None, None], chain.upper[:, None, None]
+    lower, upper = (ends[:, None, None] for ends in ranges)
     excess = np.maximum(np.maximum(lower - q, q - upper), 0.0).max(axis=0)
     return np.where(np.isnan(excess), np.inf, excess)
 
@@ -164,7 +168,9 @@ def _move_inside(
     chain = Chain.of(model)
     lower, upper = (ends[:, None, None] for ends in sampled_box(model))
     inset = _INSET * (upper - lower)
-    (pending,) = np.nonzero(np.isfinite(q[0]).any(axis=0) & (_excess(chain, q) > 0.0).all(axis=0))
+    (pending,) = np.nonzero(
+        np.isfinite(q[0]).any(axis=0) & (_excess(chain.joint_ranges, q) > 0.0).all(axis=0)
+    )
     moved = q.take(pending, axis=2)
     for _ in range(_ROUNDS):
         if not len(pending):
@@ -173,12 +179,12 @@ def _move_inside(
         starts = np.where(outside, np.clip(moved, lower + inset, upper - inset), moved)
         target = _taken(positions, rotations, pending)
         moved = chain.into_range(many_solutions(chain, task, *target, starts))
-        done = (_excess(chain, moved) == 0.0).any(axis=0)
+        done = (_excess(chain.joint_ranges, moved) == 0.0).any(axis=0)
         q[..., pending[done]] = moved[..., done]
         pending, moved = pending[~done], moved[..., ~done]
 
 
-def _well_spread(chain: Chain, q: Array, most: int) -> Array:
+def _well_spread(prismatic: BoolArray, q: Array, most: int) -> Array:
     """At most that many configurations by farthest-point sampling from the first one."""
     chosen = np.full((len(q), most, q.shape[2]), np.nan)
     rough = q.astype(np.float32)
@@ -190,7 +196,7 @@ def _well_spread(chain: Chain, q: Array, most: int) -> Array:
             break
         chosen[:, column, new] = q[:, farthest[new], poses[new]]
         centre = np.take_along_axis(rough, farthest[None, None], axis=1)
-        distance = np.fmin(distance, _joint_distance(chain.prismatic, rough, centre))
+        distance = np.fmin(distance, _joint_distance(prismatic, rough, centre))
         farthest = np.argmax(distance, axis=0)
     return chosen
 

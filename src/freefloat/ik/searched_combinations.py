@@ -1,4 +1,4 @@
-"""Configurations of several square arms, one of which has no closed form, from many starts."""
+"""Configurations of several arms, one of which has no closed form, from many starts."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from freefloat.dynamics.joint_space import joint_box
 from freefloat.ik.arm_group import ArmGroup
 from freefloat.ik.branches import BranchSets, has_signs, searched_labels
 from freefloat.ik.chain import SAME
-from freefloat.ik.configurations import distinct_solutions, found_often
+from freefloat.ik.configurations import distinct_solutions, found_often, usable
 from freefloat.ik.numbering import MAX_BRANCHES, numbered_branches
 from freefloat.so3 import Array, IntArray
 
@@ -21,26 +21,44 @@ _STEPS = 25
 """Largest number of Newton steps."""
 
 
-def isolated_combinations(group: ArmGroup, positions: Array, rotations: Array) -> BranchSets:
+def searched_combinations(group: ArmGroup, positions: Array, rotations: Array) -> BranchSets:
     """The combinations at K instants that are found; see :func:`.several_arm_branches`."""
     lower, upper = joint_box(group.model)
     starts = lower + (upper - lower) * low_discrepancy(_STARTS[-1], len(lower))
+
+    def ends(poses: IntArray, first: Array) -> Array:
+        """Where Newton's method leads from starts (S, n), shape (n, S, K)."""
+        pose, q = np.repeat(poses, len(first)), np.tile(first, (len(poses), 1))
+        q = group.solved(positions, rotations, pose, q, _STEPS)
+        return q.reshape(len(poses), *first.shape).transpose(2, 1, 0)
+
+    pending, prismatic = np.arange(positions.shape[1]), group.model.prismatic
+    if group.redundant:
+        q, most = ends(pending, starts[: _STARTS[0]]), MAX_BRANCHES * len(group.arms)
+        return _listed(usable(prismatic, group.model.joint_ranges, q, most))
     most = MAX_BRANCHES ** len(group.arms)
-    pending = np.arange(positions.shape[1])
     found = np.full((len(lower), most, len(pending)), np.nan)
     q = np.empty((len(lower), 0, len(pending)))
     for count in _STARTS:
-        following = starts[q.shape[1] : count]
-        poses, first = np.repeat(pending, len(following)), np.tile(following, (len(pending), 1))
-        ends = group.solved(positions, rotations, poses, first, _STEPS)
-        ends = ends.reshape(len(pending), *following.shape).transpose(2, 1, 0)
-        q = np.concatenate([q, ends], axis=1)
+        q = np.concatenate([q, ends(pending, starts[q.shape[1] : count])], axis=1)
         found[..., pending], hits = distinct_solutions(
-            group.model.prismatic[: len(q)], q, np.ones(q.shape[1:]), most, SAME
+            prismatic, q, np.ones(q.shape[1:]), most, SAME
         )
         more = ~found_often(hits)
         pending, q = pending[more], q[..., more]
     return _numbered(group, found)
+
+
+def _sorted(q: Array) -> Array:
+    """Combinations (n, B, K) in lexicographic order of their first six decimals."""
+    return np.take_along_axis(q, np.lexsort(np.rint(1e6 * q[::-1]), axis=0)[None], axis=1)
+
+
+def _listed(q: Array) -> BranchSets:
+    """Combinations (n, B, K) of redundant arms, one after the other."""
+    joints = np.ascontiguousarray(_sorted(q).transpose(2, 1, 0))
+    names = np.where(np.isfinite(joints).all(axis=2), np.arange(q.shape[1]), -1)
+    return BranchSets(joints, names, tuple(map(str, range(q.shape[1]))))
 
 
 def _numbered(group: ArmGroup, q: Array) -> BranchSets:
@@ -49,7 +67,7 @@ def _numbered(group: ArmGroup, q: Array) -> BranchSets:
     Its digits are the numbers of the arms' signs. Of combinations with equal signs, one arm after
     the other without names for them has higher numbers; what then is equal has a free column.
     """
-    q = np.take_along_axis(q, np.lexsort(np.rint(1e6 * q[::-1]), axis=0)[None], axis=1)
+    q = _sorted(q)
     exist = np.isfinite(q).all(axis=0)
     pose, own = np.nonzero(exist)[1], q[:, exist]
     digits = np.array([
