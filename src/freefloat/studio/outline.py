@@ -37,11 +37,13 @@ def outline(scenario: Scenario, problem: Problem, largest: float) -> dict[str, A
         largest: Largest magnitude of the measure over the joint space.
     """
     content, margin = scenario.content, problem.margin
-    sections = [content.path, *paths_of_arms(content.robot.arms).values()]
-    arms = ["", *problem.path.arms]
-    frames = [_frame(scenario, problem, *pair) for pair in zip(arms, sections, strict=True)]
-    parts = zip(arms, problem.path.every, sections, frames, strict=True)
-    paths, handles = zip(*(_handles(problem.task, *part) for part in parts), strict=True)
+    sections = {"": content.path, **paths_of_arms(content.robot.arms)}
+    frames = {arm: _frame(scenario, problem, arm, part) for arm, part in sections.items()}
+    paths, handles = [], []
+    for arm, path in zip(("", *problem.path.arms), problem.path.every, strict=True):
+        part, own = _handles(problem.task, arm, path, sections[arm], frames[arm])
+        paths.append(part)
+        handles += own
     fraction = content.margin.fraction
     return {
         "is_goal": False,
@@ -52,8 +54,8 @@ def outline(scenario: Scenario, problem: Problem, largest: float) -> dict[str, A
             for path in problem.path.every
         ],
         "paths": paths,
-        "handles": [handle for entries in handles for handle in entries],
-        **_orientation(scenario, problem, frames[0]),
+        "handles": handles,
+        **_orientation(scenario, problem, frames[""]),
         "momentum": problem.momentum.tolist(),
         "duration": problem.path.duration,
         "margin": {
