@@ -78,17 +78,8 @@ class Workspace(NamedTuple):
 def make_workspace(n: int, arms: int) -> Workspace:
     """Workspace for arms with n joints in all."""
     shapes = (
-        (n,),
-        (arms, 12),
-        (n, 9),
-        (arms, 6),
-        (n, _ROOM),
-        (_ROOM, _ROOM),
-        (_ROOM,),
-        (n,),
-        (1,),
-        (1,),
-    )
+        (n,), (arms, 12), (n, 9), (arms, 6), (n, _ROOM), (_ROOM, _ROOM), (_ROOM,), (n,), (1,), (1,),
+    )  # fmt: skip
     return Workspace(*(np.zeros((*shape, WIDTH)) for shape in shapes))
 
 
