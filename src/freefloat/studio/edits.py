@@ -5,7 +5,7 @@ Coordinates that the page sends are inertial; the outline of the worker has the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -49,15 +49,6 @@ def edited(content: Content, edit: Edit, outline: Mapping[str, Any] | None) -> d
     return {**content, **changes(content, edit, outline)}
 
 
-def _path_of(handle: int, outline: Content) -> tuple[Content, int]:
-    """The path of which a handle is one, and its number there."""
-    for path in outline["paths"]:
-        if handle < path["handles"]:
-            return path, handle
-        handle -= path["handles"]
-    raise InputError("handle", "there is no such handle", "a handle of the path")
-
-
 def _goal_changes(
     content: Content, edit: SetDuration | TurnEnd | MoveHandle, outline: Content | None
 ) -> Content:
@@ -89,6 +80,15 @@ def _path_changes(
     arm = robot["arms"][path["arm"]]
     law = {"path": _with_handle(arm["law"]["path"], handle, point, path["points"])}
     return {"robot": {**robot, "arms": {**robot["arms"], path["arm"]: {**arm, "law": law}}}}
+
+
+def _path_of(handle: int, outline: Content) -> tuple[Content, int]:
+    """The path of which a handle is one, and its number there."""
+    for path in outline["paths"]:
+        if handle < path["handles"]:
+            return path, handle
+        handle -= path["handles"]
+    raise InputError("handle", "there is no such handle", "a handle of the path")
 
 
 def _known(outline: Content | None) -> Content:
