@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.patches import Polygon
@@ -47,9 +49,10 @@ def test_moving_bodies_are_drawn_at_every_instant_of_a_planar_figure() -> None:
 def test_outlines_have_nearly_the_volume_of_the_shapes() -> None:
     shapes = [(ff.Sphere(0.5), 4.0 / 3.0 * np.pi * 0.125), (ff.Box([1, 2, 3]), 6.0),
               (ff.Cylinder(0.5, 2.0), 0.5 * np.pi)]  # fmt: skip
-    problem = ff.load_scenario("planar_2dof/line").problem()
+    motion = motion_beside("planar_2dof/line", list(heading_quaternion(0.5)))
     for shape, volume in shapes:
         scene = ff.Scene([ff.SceneBody("body", shape, [5.0, 0.0, 0.0])])
-        ((_, points),) = outline_points(problem.replace(scene=scene), 0.0)
+        beside = replace(motion, problem=motion.problem.replace(scene=scene))
+        ((_, points),) = outline_points(beside, 0.0)
         assert ConvexHull(points).volume == pytest.approx(volume, rel=0.03)
         assert points.mean(axis=0) == pytest.approx([5.0, 0.0, 0.0], abs=0.01)
