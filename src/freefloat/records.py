@@ -217,7 +217,7 @@ def _column(hint: _Hint, entries: list[Any]) -> Quantity:
 class _Decoder:
     def __init__(self, codec: Codec, context: Mapping[type, Any]) -> None:
         self._codec, self._context = codec, context
-        self._known: dict[tuple[int, type], Any] = {}
+        self._known: dict[tuple[int, type], tuple[Any, Any]] = {}  # trees, too: they keep their ids
 
     def record(self, classes: tuple[type, ...], tree: Any, place: str) -> Any:
         name = _checked(tree, dict, place).get("class")
@@ -225,8 +225,8 @@ class _Decoder:
         if kind is None:
             raise ValueError(f"its part {place} is a {name}")
         if (id(tree), kind) not in self._known:
-            self._known[id(tree), kind] = self._record(kind, tree, place)
-        return self._known[id(tree), kind]
+            self._known[id(tree), kind] = tree, self._record(kind, tree, place)
+        return self._known[id(tree), kind][1]
 
     def _record(self, kind: type, tree: Tree, place: str) -> Any:
         hints, properties = _fields(kind), _derived(kind)

@@ -31,8 +31,8 @@ _Gravity = Annotated[
     float | None,
     typer.Option(
         metavar="KM",
-        help="With another engine: report the effect of gravity gradient on a circular orbit about "
-        "the Earth of this radius [km]; 6778 is 400 km high.",
+        help="With another engine: report the effect of gravity gradient on a plan or a "
+        "simulation in a circular orbit about the Earth of this radius [km]; 6778 is 400 km high.",
     ),
 ]
 
@@ -44,11 +44,12 @@ def check(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Verify a saved plan, motion or singularity map from its file alone.
+    """Verify a saved plan, motion, manoeuvre or singularity map from its file alone.
 
     The recorded motion is compared with the equations, the path and the robot, it is integrated
     again with another method, and every number in the file is computed again. `check` reports
-    every altered value and exits with 1; exit code 2: the file is not a plan.
+    every altered value and exits with 1; exit code 2: the file is another one,
+    or the engine cannot repeat the motion.
 
     Example: freefloat check plan.h5 --engine mujoco --gravity 6778
     """

@@ -39,7 +39,8 @@ _Times = Annotated[
 _Epoch = Annotated[
     datetime | None,
     typer.Option(formats=["%Y-%m-%dT%H:%M:%S"], metavar="DATE",
-                 help="Date of t = 0 in aem and mcap, UTC: 2026-05-01T12:00:00. Default: J2000."),
+                 help="Date of t = 0 in aem and mcap, UTC, as 2026-05-01T12:00:00; by default "
+                      "2000-01-01T12:00:00."),
 ]  # fmt: skip
 _Frame = Annotated[str, typer.Option(metavar="NAME", help="Name of the inertial axes in aem.")]
 _Object = Annotated[

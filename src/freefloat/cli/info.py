@@ -86,7 +86,7 @@ def info(
         loaded.measure,
         loaded.diagnostics,
         values,
-        attitude,
+        None if hold and values is None else attitude,
         why_unchecked(loaded.model),
     )
     held = _held(robot, scenario, attitude) if hold else None

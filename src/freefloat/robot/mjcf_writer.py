@@ -28,7 +28,7 @@ def robot_mjcf(model: FreeFloatingModel, *, shapes: bool = True) -> ET.Element:
     """A model with a free base and a motor for each joint, without gravity and contacts.
 
     Args:
-        model: A robot without :func:`impossible_inertia`.
+        model: A robot without :func:`why_refused`.
         shapes: Whether to draw the robot. All meshes are in the model; those that cannot be read
             are left out.
     """
@@ -56,12 +56,16 @@ def robot_mjcf(model: FreeFloatingModel, *, shapes: bool = True) -> ET.Element:
     return root
 
 
-def impossible_inertia(model: FreeFloatingModel) -> str | None:
-    """Name of a body whose inertia violates the triangle inequality, which MuJoCo refuses."""
+def why_refused(model: FreeFloatingModel) -> str | None:
+    """Why MuJoCo refuses a robot: a name of its own, or an inertia; None where it does not."""
+    own = {"world", model.bodies[0].joint}
+    for name in (*model.body_names, *model.joint_names):
+        if name in own:
+            return f"{name} is a name of the simulation itself"
     for name, body in zip(model.body_names, model.bodies, strict=True):
         moments = np.linalg.eigvalsh(body.inertia)
         if moments[2] > (1.0 + _ROUNDING) * (moments[0] + moments[1]):
-            return name
+            return f"the inertia of {name} violates the triangle inequality"
     return None
 
 

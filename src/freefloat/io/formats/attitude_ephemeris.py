@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
 
+from freefloat.errors import InputError
 from freefloat.io.formats.trajectory import Trajectory
 
 
@@ -47,8 +48,12 @@ def attitude_ephemeris_text(trajectory: Trajectory) -> str:
 
 def _date(trajectory: Trajectory, t: float) -> str:
     """Date of a time [s], to a nanosecond."""
-    nanoseconds = round(t * 1e9)
-    whole = trajectory.header.epoch.astimezone(UTC) + timedelta(seconds=nanoseconds // 10**9)
+    nanoseconds, epoch = round(t * 1e9), trajectory.header.epoch
+    try:
+        whole = epoch.astimezone(UTC) + timedelta(seconds=nanoseconds // 10**9 + 1)
+    except OverflowError:
+        raise InputError("epoch", f"{epoch} was given", "years 1 to 9999 at all times") from None
+    whole -= timedelta(seconds=1)
     fraction = whole.microsecond * 1000 + nanoseconds % 10**9
     whole = whole.replace(microsecond=0) + timedelta(seconds=fraction // 10**9)
     return f"{whole:%Y-%m-%dT%H:%M:%S}.{fraction % 10**9:09d}"

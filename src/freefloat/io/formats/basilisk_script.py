@@ -18,6 +18,8 @@ _STEPS = 4000
 """Smallest number of steps of the simulation."""
 _STIFFNESS = 0.2
 """Natural frequency of the joint servos times the time step."""
+_SHORTEST = 20
+"""Shortest step of the simulation [ns]."""
 _CONTINUOUS = 201
 """Fewest samples between which a spline follows the motion closely enough."""
 
@@ -42,6 +44,8 @@ def basilisk_text(trajectory: Trajectory) -> str:
         raise InputError("times", f"{len(trajectory.times)} were given", accepted)
     model, duration = motion.problem.model, float(np.ptp(trajectory.times))
     step = round(1e9 * duration / max(_STEPS, len(trajectory.times) - 1))
+    if step < _SHORTEST:
+        raise InputError("motion", f"it lasts {duration:g} s", "a motion of 0.1 ms and more")
     stiffness = _inertias(trajectory) * (_STIFFNESS / (1e-9 * step)) ** 2
     values = {
         "joint_names": list(model.joint_names),

@@ -96,7 +96,7 @@ def _groups(trajectory: Trajectory) -> list[_Group]:
         axes = "xyzw"[: values.shape[1]]
         words = key.replace("end_effector", "end-effector").replace("_", " ")
         names = tuple(f"{arm} {words} {a}".strip() for a in axes)
-        field = re.sub(r"\W", "_", arm)[:_FIELD]  # of a MATLAB struct
+        field = re.sub(r"\W", "_", arm, flags=re.ASCII)[:_FIELD]  # of a MATLAB struct
         return _Group(f"{key}_{field}" if arm else key, values, names, (unit,) * len(axes))
 
     def joints(key: str, word: str, values: Array, revolute: str, prismatic: str) -> _Group:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
 from scipy.spatial.transform import Rotation
 
+from freefloat.errors import InputError
 from freefloat.io.formats.trajectory import Trajectory
 from freefloat.so3 import Array
 
+_LAST = 2**31 - 1
+"""Last second since 1970 that ROS has a number for."""
 _INERTIAL = "inertial"
 """Name of the frame of all transforms: inertial axes, origin at the centre of mass."""
 _PARTS = {
@@ -47,7 +51,11 @@ def write_mcap(path: Path, trajectory: Trajectory) -> None:
 
     model = trajectory.motion.problem.model
     epoch = trajectory.header.epoch
-    zero = round(epoch.timestamp()) * 10**9 + epoch.microsecond * 1000
+    zero = math.floor(epoch.timestamp()) * 10**9 + epoch.microsecond * 1000
+    first, last = (zero // 10**9 + t for t in trajectory.times[[0, -1]].tolist())
+    if not 0 <= first <= last <= _LAST:
+        given = f"{epoch:%Y-%m-%dT%H:%M:%S} was given"
+        raise InputError("epoch", given, "1970 to January 2038, which ROS has numbers for")
     with path.open("wb") as stream:
         writer = Writer(stream)
         schemas = {

@@ -8,7 +8,7 @@ import numpy as np
 
 from freefloat.errors import InputError
 from freefloat.io.formats.trajectory import Trajectory
-from freefloat.robot.mjcf_writer import attribute, impossible_inertia, robot_mjcf
+from freefloat.robot.mjcf_writer import attribute, robot_mjcf, why_refused
 from freefloat.so3 import Array, rotation_matrix
 
 
@@ -36,11 +36,10 @@ def _require_representable(trajectory: Trajectory) -> None:
     if problem.wheel_momentum.any():
         accepted = "for mjcf and basilisk a spacecraft whose wheels store no momentum"
         raise InputError("format", "wheels store momentum", accepted)
-    name = impossible_inertia(problem.model)
-    if name is not None:
-        accepted = "for mjcf and basilisk inertias that a body of positive density has"
-        problem_text = f"the inertia of {name} violates the triangle inequality"
-        raise InputError("format", problem_text, accepted)
+    refused = why_refused(problem.model)
+    if refused is not None:
+        accepted = "for mjcf and basilisk other names, and inertias that bodies of matter have"
+        raise InputError("format", refused, accepted)
 
 
 def _state(trajectory: Trajectory, k: int) -> dict[str, str]:

@@ -42,6 +42,7 @@ class Header:
     object_id: str | None = None
 
     def __post_init__(self) -> None:
+        require_type("epoch", self.epoch, datetime, "a datetime")
         if self.epoch.tzinfo is None:
             object.__setattr__(self, "epoch", self.epoch.replace(tzinfo=UTC))
         for key in ("frame", "object_name", "object_id"):

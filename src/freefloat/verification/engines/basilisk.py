@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.dynamics.momentum import mass_matrix
 from freefloat.errors import InputError, one_line, require_extra
 from freefloat.motion.motion import Motion, State
-from freefloat.robot.mjcf_writer import impossible_inertia, robot_mjcf
+from freefloat.robot.mjcf_writer import robot_mjcf, why_refused
 from freefloat.so3 import Array
 from freefloat.verification.engines.forward import STIFFNESS, ForwardRun, Reference, base_velocity
 from freefloat.verification.gravity import CircularOrbit
@@ -38,10 +38,10 @@ def require_basilisk(motion: Motion) -> None:
     if motion.problem.wheel_momentum.any():
         accepted = "for basilisk a spacecraft whose wheels store no momentum"
         raise InputError("engine", "wheels store momentum", accepted)
-    name = impossible_inertia(motion.problem.model)
-    if name is not None:
-        problem = f"the inertia of {name} violates the triangle inequality"
-        raise InputError("engine", problem, "for basilisk inertias of bodies of positive density")
+    refused = why_refused(motion.problem.model)
+    if refused is not None:
+        accepted = "for basilisk other names, and inertias that bodies of matter have"
+        raise InputError("engine", refused, accepted)
 
 
 def forward_run(motion: Motion, *, steps: int | None = None) -> ForwardRun:
