@@ -61,7 +61,7 @@ np.testing.assert_allclose(path.curve(1.0), [-0.7, 0, 3], atol=1e-12)
 for order in (1, 2):
     difference = (path.curve(0.4 + 1e-5, order - 1) - path.curve(0.4 - 1e-5, order - 1)) / 2e-5
     np.testing.assert_allclose(path.curve(0.4, order), difference, atol=1e-8)
-assert section_of(path) == ({"helix": helix}, None)
+assert section_of(path) == ({"helix": helix}, {})
 tilted = scenario | {"path": {"helix": helix | {"from": [0.7, 0, 2.5]}}}
 try:
     ff.load_scenario(tilted).problem()

@@ -86,7 +86,7 @@ def scenario_of(kind: str, count: int) -> Scenario:
             text("spatial_6dof", "pose", arm, FIXED), recorded(arch(count, 1e-3), 6)
         ),
     }[kind]  # fmt: skip
-    return parse_scenario(written, Path("scenario.yaml"), samples)
+    return parse_scenario(written, Path("scenario.yaml"), {"path.csv": samples})
 
 
 @pytest.mark.parametrize(

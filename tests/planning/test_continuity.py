@@ -27,6 +27,7 @@ ARMS = {
 REORIENTED = 0
 """The manoeuvre that begins with a reorientation."""
 SAME = 1e-9
+SAMPLES = "on.csv"
 
 
 def rates(phase: Any, end: int) -> Array:
@@ -65,6 +66,7 @@ def joins(manoeuvre: Manoeuvre) -> int:
 def checked(found: Manoeuvre, scenario: Scenario, folder: Path) -> Manoeuvre:
     """A manoeuvre as it is after saving and loading; where it is feasible, ``check`` passes."""
     ff.save(found, folder / "manoeuvre.h5", scenario)
+    (folder / SAMPLES).unlink()  # the file holds them
     loaded = ff.load(folder / "manoeuvre.h5")
     if found.feasible:
         report = ff.check(loaded)
@@ -100,6 +102,9 @@ def random_scenario(seed: int, folder: Path) -> Scenario:
     grasp = client.inverse() @ there
     points = grasp.position + 0.01 * np.arange(3)[:, None] * rng.normal(size=3)
     paths = [as_document(task, *ends, grasp.rotation) for ends in pairwise(points)]
+    np.savetxt(folder / SAMPLES, points[1:], delimiter=",", header="x,y,z", comments="")
+    paths[1]["samples"] = str(folder / SAMPLES)
+    del paths[1]["line"]
     capture = {"capture": {"body": "client", "mass": float(rng.uniform(5.0, 50.0))}}
     beyond = {"joints": rng.uniform(-3.9, 3.9, model.dof).tolist(), "duration": 90.0}
     turned = joints + rng.uniform(-0.2, 0.2, model.dof) + 2.0 * np.pi * (np.array([*chain]) == "C")

@@ -10,18 +10,17 @@ from typing import Any
 import yaml
 
 from freefloat.errors import InputError
+from freefloat.io.scenario.sampled_paths import sample_texts
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.io.scenario.yaml import section_at, validated
-from freefloat.paths.samples import samples_text
 
 
 def scenario_from(document: dict[str, Any], source: Path) -> Scenario:
     """Return the scenario with the given data; the source is its file, for relative paths."""
     content = validated(ScenarioFile, document, source)
-    samples = content.path.samples
-    text = None if samples is None else samples_text(source.parent / samples)
-    return Scenario(source, yaml.safe_dump(document, sort_keys=False), content, text)
+    text = yaml.safe_dump(document, sort_keys=False)
+    return Scenario(source, text, content, sample_texts(content, source.parent))
 
 
 def with_values(document: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:

@@ -126,10 +126,13 @@ def _origin(model: FreeFloatingModel, scenario: Scenario | None) -> dict[str, An
     }
     if scenario is None:
         return robot
-    source = {"scenario": scenario.text, "scenario_file": str(scenario.source)}
     return {
-        **robot, **source, "samples": scenario.samples or "", "scene": shapes_text(scenario.shapes),
-    }  # fmt: skip
+        **robot,
+        "scenario": scenario.text,
+        "scenario_file": str(scenario.source),
+        "samples": json.dumps(dict(scenario.samples)),
+        "scene": shapes_text(scenario.shapes),
+    }
 
 
 def load(path: str | Path) -> Result:
@@ -219,7 +222,7 @@ def _read_robot(tree: Tree) -> FreeFloatingModel:
 def _read_scenario(tree: Tree, model: FreeFloatingModel) -> Scenario:
     """The scenario of a file, with the robot of the file."""
     shapes, source = parse_shapes(_text(tree, "scene")), Path(_text(tree, "scenario_file"))
-    samples = _text(tree, "samples")
+    samples = {str(name): str(text) for name, text in json.loads(_text(tree, "samples")).items()}
     scenario = parse_scenario(_text(tree, "scenario"), source, samples, model, shapes)
     robot = scenario.content.robot
     stated = robot.path_link, robot.held, robot.moving_arms, [*paths_of_arms(robot.arms)]

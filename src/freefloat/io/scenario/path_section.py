@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -104,7 +104,7 @@ def timed_path(
 def path_of(
     section: PathSection,
     task: Task,
-    samples: str | None,
+    samples: Mapping[str, str],
     folder: Path,
     frame: Pose | None,
 ) -> EndEffectorPath:
@@ -113,8 +113,8 @@ def path_of(
     Args:
         section: The section.
         task: Part of the pose that it prescribes.
-        samples: Text of its CSV file.
-        folder: Folder of that file.
+        samples: Texts of CSV files, among them that of the section, by name.
+        folder: Folder of these files.
         frame: Frame of the section's coordinates, relative to the inertial frame; None for that
             frame.
 
@@ -124,7 +124,7 @@ def path_of(
     curve: Curve
     sampled: OrientationLaw | None = None
     if section.samples is not None:
-        curve, sampled = parse_samples(samples or "", folder / section.samples)
+        curve, sampled = parse_samples(samples[section.samples], folder / section.samples)
     else:
         curve = section.to_curve()
     if frame is not None:
@@ -163,8 +163,8 @@ def _law(section: AttitudeSection, curve: Curve, frame: Pose) -> OrientationLaw:
         return DirectedOrientation.follow(curve, follow.axis, R @ np.array(follow.normal))
 
 
-def section_of(path: EndEffectorPath) -> tuple[dict[str, Any], str | None]:
-    """Content of the ``path`` section that describes a path, and the text of its CSV file.
+def section_of(path: EndEffectorPath) -> tuple[dict[str, Any], dict[str, str]]:
+    """Content of the ``path`` section that describes a path, and texts of CSV files by name.
 
     Raises:
         InputError: If scenario files cannot describe the path: its curve or orientation is of a
@@ -176,8 +176,8 @@ def section_of(path: EndEffectorPath) -> tuple[dict[str, Any], str | None]:
         chords = np.array_equal(curve.knots, SplineCurve(curve.points).knots)
         if sampled or not chords:
             attitude = {} if sampled else _attitude_section(law)
-            return {"samples": SAMPLES, **attitude}, _csv_text(curve, law)
-    return curve_content(curve) | _attitude_section(law), None
+            return {"samples": SAMPLES, **attitude}, {SAMPLES: _csv_text(curve, law)}
+    return curve_content(curve) | _attitude_section(law), {}
 
 
 def sections_of_arms(path: TimedPath) -> dict[str, dict[str, Any]]:

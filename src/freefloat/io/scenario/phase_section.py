@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal, cast
 
@@ -28,7 +28,6 @@ from freefloat.io.scenario.path_section import path_of
 from freefloat.io.scenario.timing_section import TimingSection
 from freefloat.motion.problem import Problem
 from freefloat.paths.relative_path import RelativePath
-from freefloat.paths.samples import samples_text
 from freefloat.paths.timing import TimedPath
 from freefloat.planning.goals.goal import Goal, require_inside
 from freefloat.planning.phases.expected_state import keys_within
@@ -103,12 +102,15 @@ class PhaseSection(Section):
             raise ValueError("duration together with to or joints")
         return self
 
-    def to_phase(self, problem: Problem, folder: Path, seed: int) -> Phase:
+    def to_phase(
+        self, problem: Problem, folder: Path, samples: Mapping[str, str], seed: int
+    ) -> Phase:
         """The phase.
 
         Args:
             problem: Problem of the scenario.
             folder: Folder of the files that it names.
+            samples: Texts of the CSV files among them, by name.
             seed: Seed of the search for a motion to a goal.
 
         Raises:
@@ -135,17 +137,17 @@ class PhaseSection(Section):
             pose = Pose(np.array(self.to.position), rotation)
             straight = Goal(pose, frame=self.to.frame, duration=self.duration)
             return PathPhase(straight, name, self.margin)
-        return PathPhase(self._path(problem.task, problem.scene, folder), name, self.margin)
+        path = self._path(problem.task, problem.scene, folder, samples)
+        return PathPhase(path, name, self.margin)
 
-    def _path(self, task: Task, scene: Scene, folder: Path) -> TimedPath | RelativePath:
+    def _path(
+        self, task: Task, scene: Scene, folder: Path, samples: Mapping[str, str]
+    ) -> TimedPath | RelativePath:
         section, timing = cast(PathSection, self.path), cast(TimingSection, self.timing)
         kind = section.frame
         known = [PathFrame.INERTIAL, *scene.names]
         if kind not in known:
             raise InputError("path.frame", f"{kind!s} was given", ", ".join(known))
-        samples = None
-        if section.samples is not None:
-            samples = samples_text(folder / section.samples)
         with keys_within("path"):
             path = path_of(section, task, samples, folder, None)
         if kind is PathFrame.INERTIAL:
@@ -154,7 +156,11 @@ class PhaseSection(Section):
 
 
 def phases_of(
-    sections: Sequence[PhaseSection], problem: Problem, folder: Path, seed: int
+    sections: Sequence[PhaseSection],
+    problem: Problem,
+    folder: Path,
+    samples: Mapping[str, str],
+    seed: int,
 ) -> tuple[Phase, ...]:
     """The phases of a file, checked against the problem of its path.
 
@@ -162,6 +168,7 @@ def phases_of(
         sections: Sections of the phases.
         problem: Problem of the first path.
         folder: Folder of the files that they name.
+        samples: Texts of the CSV files among them, by name.
         seed: Seed of the searches for motions to goals.
 
     Raises:
@@ -172,5 +179,5 @@ def phases_of(
     for number, section in enumerate(sections):
         keys.append(f"phases.{number}.capture" if section.capture else f"phases.{number}")
         with keys_within(keys[-1]):
-            phases.append(section.to_phase(problem, folder, seed))
+            phases.append(section.to_phase(problem, folder, samples, seed))
     return checked_phases(problem, phases, keys)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -22,6 +23,7 @@ from freefloat.io.scenario.limits_section import limits_of
 from freefloat.io.scenario.path_section import frame_of, path_of, timed_path
 from freefloat.io.scenario.phase_section import phases_of
 from freefloat.io.scenario.robot_section import RobotFile
+from freefloat.io.scenario.sampled_paths import sample_texts
 from freefloat.io.scenario.scene_section import FileShapes
 from freefloat.io.scenario.schema import OF_PATHS, ScenarioFile, WeightsSection
 from freefloat.io.scenario.yaml import error_context, file_keys, parse_yaml, read_text, validated
@@ -29,7 +31,6 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
 from freefloat.paths.path_stack import PathStack
-from freefloat.paths.samples import samples_text
 from freefloat.paths.timing import TimedPath, Timing
 from freefloat.planning.balance_settings import BalanceSettings
 from freefloat.planning.goals.goal import Goal
@@ -53,7 +54,7 @@ class Scenario:
         source: The file.
         text: Its text.
         content: Its data.
-        samples: Text of the CSV file of its path, if it has one.
+        samples: Texts of the CSV files of its paths, by the names that it gives them.
         robot: The robot, if it does not come from the files that the scenario names.
         shapes: Shapes of bodies of the scene, by name, likewise.
     """
@@ -61,7 +62,7 @@ class Scenario:
     source: Path
     text: str = field(repr=False)
     content: ScenarioFile = field(repr=False)
-    samples: str | None = field(default=None, repr=False)
+    samples: Mapping[str, str] = field(default_factory=dict, repr=False)
     robot: FreeFloatingModel | None = field(default=None, repr=False)
     shapes: FileShapes = field(default_factory=dict, repr=False)
 
@@ -154,7 +155,7 @@ class Scenario:
                 frame = frame_of(section.frame, model, self.search(), scene, now, joint)
             with self.error_context(f"{key}."):
                 known = frame if isinstance(frame, Pose) else None
-                path = path_of(section, self.content.task, None, self.source.parent, known)
+                path = path_of(section, self.content.task, {}, self.source.parent, known)
             with self.error_context(), file_keys(path=key):
                 paths[name] = timed_path(path, timing, drift, frame)
         return paths
@@ -227,7 +228,7 @@ class Scenario:
         with self.error_context():
             resting = problem.with_arms_resting(problem.path.duration)
             folder, seed = self.source.parent, self.content.search.seed
-            return phases_of(self.content.phases, resting, folder, seed)
+            return phases_of(self.content.phases, resting, folder, self.samples, seed)
 
     @property
     def has_phases(self) -> bool:
@@ -298,7 +299,7 @@ def load_robot(name: str | Path) -> FreeFloatingModel:
 def parse_scenario(
     text: str,
     source: Path,
-    samples: str | None = None,
+    samples: Mapping[str, str] | None = None,
     robot: FreeFloatingModel | None = None,
     shapes: FileShapes | None = None,
 ) -> Scenario:
@@ -307,7 +308,7 @@ def parse_scenario(
     Args:
         text: Content of the file.
         source: The file: named in errors, and the folder of the files that the text names.
-        samples: Text of the CSV file of its path; default: read from the file.
+        samples: Texts of the CSV files of its paths, by name; default: read from the files.
         robot: The robot; default: that of the files that the scenario names.
         shapes: Shapes of bodies of the scene, likewise.
 
@@ -322,6 +323,6 @@ def parse_scenario(
             if key in OF_PATHS:
                 with error_context(source):
                     raise InputError(key, "the scenario has a goal", "no goal, or no such key")
-    if content.path.samples is not None and samples is None:
-        samples = samples_text(source.parent / content.path.samples)
+    if samples is None:
+        samples = sample_texts(content, source.parent)
     return Scenario(source, text, content, samples, robot, shapes or {})

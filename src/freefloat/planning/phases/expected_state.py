@@ -100,8 +100,10 @@ class ExpectedState:
 
 @contextmanager
 def keys_within(key: str) -> Iterator[None]:
-    """Context in which the keys of errors are those below another key."""
+    """Context in which the keys of errors are those below another key, unless they name a file."""
     try:
         yield
     except InputError as error:
+        if error.source is not None:
+            raise
         raise error.with_key(f"{key}.{error.key}") from None
