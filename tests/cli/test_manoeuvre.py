@@ -23,6 +23,7 @@ margin: {measure: system, fraction: 0.1}
 search: {objective: nearest, from_attitude: [0, 0, 0, 1], joints: [0.5, 0.8], reorient: true}
 limits:
   joint_rate: 0.5
+  base_turn_deg: 170
   pointing: [{body: link_1, axis: [0, 0, 1], target: {point: [1, -2, 0.5]}, angle_deg: 95}]
 drift: [0.002, -0.003, 0]
 scene:

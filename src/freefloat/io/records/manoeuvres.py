@@ -34,7 +34,10 @@ def decode_manoeuvre(tree: Tree, scenario: Scenario) -> Manoeuvre:
     if plan.motion is not None:
         state = SystemState.at_start(plan.motion)
         phases = [
-            *(_before(entry, state.problem, state.limits(limits)) for entry in trees[:first]),
+            *(
+                _before(entry, state.problem, state.limits(limits).without_turn)
+                for entry in trees[:first]
+            ),
             path,
             *_following(trees[first + 1 :], scenario, limits, state.after(plan.motion)),
         ]
@@ -47,10 +50,12 @@ def _following(
 ) -> Iterator[PhaseResult]:
     """The phases after the first path, each from the state at which the one before ends."""
     for tree, phase in zip(trees, scenario.phases(), strict=False):
-        problem = phase.problem_at(state)
-        if phase.kind == GoalMotion.kind and "motion" in tree["result"]:
-            problem = _timed(problem, _duration(tree))
-        planned = _decoded(tree, problem, state.limits(limits))
+        problem, own = phase.problem_at(state), state.limits(limits)
+        if phase.kind == GoalMotion.kind:
+            own = own.without_turn
+            if "motion" in tree["result"]:
+                problem = _timed(problem, _duration(tree))
+        planned = _decoded(tree, problem, own)
         yield planned
         if planned.feasible:
             state = phase.end(state, planned.result)
