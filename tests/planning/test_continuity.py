@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
@@ -17,6 +18,7 @@ from freefloat.io.scenario.scenario import Scenario
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
 from freefloat.so3 import Array, Pose, angle_between
+from tests.errors import error_key
 from tests.robots import random_robot
 
 ARMS = {
@@ -66,6 +68,11 @@ def joins(manoeuvre: Manoeuvre) -> int:
 def checked(found: Manoeuvre, scenario: Scenario, folder: Path) -> Manoeuvre:
     """A manoeuvre as it is after saving and loading; where it is feasible, ``check`` passes."""
     ff.save(found, folder / "manoeuvre.h5", scenario)
+    content = yaml.safe_load(scenario.text)
+    late = {**content["phases"][-1], "duration": 99.0}
+    for other in ({"momentum": [0.0] * 3}, {"phases": [*content["phases"][:-1], late]}):
+        changed = ff.load_scenario(content | other)
+        assert error_key(ff.save, found, folder / "other.h5", changed) == "scenario"
     (folder / SAMPLES).unlink()  # the file holds them
     loaded = ff.load(folder / "manoeuvre.h5")
     if found.feasible:
@@ -117,7 +124,7 @@ def random_scenario(seed: int, folder: Path) -> Scenario:
     present = attitude * Rotation.from_rotvec(rng.uniform(-0.01, 0.01, 3))
     return ff.load_scenario({
         "robot": {"urdf": str(folder / "robot.urdf"), "end_effector": robot.end_effector},
-        "task": task, "path": paths[0], "timing": {"duration": 15.0},
+        "task": task, "path": paths[0], "timing": {"duration": 15.0, "law": "optimal"},
         "margin": {"measure": "gjm", "value": 0.0},
         "momentum": rng.uniform(-0.1, 0.1, 3).tolist(),
         "wheels": {"momentum": rng.uniform(-0.1, 0.1, 3).tolist()},
@@ -135,7 +142,7 @@ def random_scenario(seed: int, folder: Path) -> Scenario:
 
 def first_reached(problem: ff.Problem, search: ff.Search, limits: ff.Limits, **_: Any) -> Plan:
     """In place of a search: the motion from an attitude near the present one."""
-    problem = search.applied_to(problem)
+    problem = search.applied_to(problem).stretched(0.99)  # a timing that is found
     rng = np.random.default_rng(0)
     for _ in range(32):
         turn = Rotation.from_rotvec(rng.uniform(-0.01, 0.01, 3))

@@ -20,10 +20,10 @@ from freefloat.errors import InputError
 from freefloat.io.hdf5 import AlteredFileError, read_hdf5, write_hdf5
 from freefloat.io.records.differences import differences
 from freefloat.io.records.kinds import CODEC, KINDS, Result
-from freefloat.io.records.manoeuvres import decode_manoeuvre
+from freefloat.io.records.manoeuvres import decode_manoeuvre, scenario_of_manoeuvre
 from freefloat.io.scenario.arms_section import paths_of_arms
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
-from freefloat.io.scenario.scene_section import file_shapes, parse_shapes, shapes_text
+from freefloat.io.scenario.scene_section import parse_shapes, shapes_text
 from freefloat.io.scenario.writing import scenario_of
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
@@ -54,8 +54,8 @@ def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> 
             manoeuvre is always written with it.
 
     Raises:
-        InputError: If the file cannot be written, or scenario files cannot describe the path of
-            the problem.
+        InputError: If the file cannot be written, the scenario of a manoeuvre is another one, or
+            scenario files cannot describe the path of the problem.
 
     Example:
         >>> problem = ff.load_scenario("planar_2dof/line").problem()
@@ -86,10 +86,8 @@ def _require_result(result: object) -> None:
 def _describe(result: Any, scenario: Scenario | None) -> Scenario:
     """The given scenario if it poses the problem of a result, else a description of the problem."""
     problem = result.problem
-    if result.kind == Manoeuvre.kind:
-        if scenario is None:
-            raise InputError("scenario", "it is missing, for a manoeuvre", "that of its phases")
-        return replace(scenario, shapes=file_shapes(problem.scene))
+    if isinstance(result, Manoeuvre):
+        return scenario_of_manoeuvre(result, scenario)
     search = getattr(result, "search", None)
     limits = getattr(result, "limits", None)
     described = scenario_of(problem, search, limits)

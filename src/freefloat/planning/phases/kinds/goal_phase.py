@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -59,6 +59,11 @@ class GoalPhase(Phase):
         path = state.problem.path
         timing = Timing(self.goal.duration or path.duration, TimeLaw.UNIFORM)
         return state.problem_for(TimedPath(path.path, timing, path.drift))
+
+    def may_give(self, state: SystemState, result: Any) -> bool:
+        """Whether a result is one for the goal."""
+        goal = self.goal.seen_from(state.centre)
+        return bool(goal.to_dict() == result.goal.to_dict())
 
     def run(self, state: SystemState, limits: Limits) -> GoalMotion:
         """The motion to the goal from a state."""
