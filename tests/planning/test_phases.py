@@ -24,7 +24,7 @@ HERE, THERE, BEYOND = (GRAPPLE + k * np.array([0.2, -0.1, 0.0]) for k in range(3
 TUMBLING = ff.Tumbling([0.1, 0.1, 0.2], [0.0, 0.0, 0.02], com=[0.05, 0.0, 0.0])
 BODIES = (
     ff.SceneBody("client", ff.Sphere(0.1), GRAPPLE, motion=TUMBLING),
-    ff.SceneBody("box", ff.Sphere(0.1), [3.0, 3.0, 0.0]),
+    ff.SceneBody("payload", ff.Sphere(0.1), [3.0, 3.0, 0.0]),
     ff.SceneBody("tool", ff.Sphere(0.1), motion="target"),
 )
 SPINNER = ff.SceneBody(
@@ -94,11 +94,12 @@ ANY = "uniform"
     ([rest(1.0, 1e6)], "phases.0.goal.joints"),
     ([rest(1.0, 2.0, duration=1e9)], "phases.0.scene.bodies.tumbling.rate"),
     ([ff.CapturePhase("nobody", 3.0)], "phases.0.body"),
-    ([ff.CapturePhase("box", 3.0)], "phases.0.inertia"),
+    ([ff.CapturePhase("payload", 3.0)], "phases.0.inertia"),
     ([replace(CAPTURE, com=[0.050002, 0.0, 0.0])], "phases.0.com"),  # a jump of its momentum
     ([replace(CAPTURE, inertia=[0.200006, 0.2, 0.4])], "phases.0.inertia"),
     ([replace(CAPTURE, com=[0.0500009, 0.0, 0.0], inertia=[0.2000001, 0.2, 0.4])], ""),
     ([CAPTURE, beside(BODIES[0], HERE, 0.0)], "phases.1.path.frame"),
+    ([CAPTURE, to(HERE, ff.GoalPhase, "client")], "phases.1.goal.pose.frame"),
     ([timed(HERE, [0.9, 1.0, 0.5])], "phases.0.path"),
     ([to([1.0, 0.5, 0.5])], "phases.0.path"),
     ([beside(BODIES[0], HERE, 0.0)], "phases.0.path"),  # the client tumbles, the arm rests
@@ -144,7 +145,7 @@ def test_the_inertia_of_a_tumbling_is_known_up_to_a_factor(state: SystemState) -
 
 
 def test_a_fixed_body_is_captured_about_the_origin_of_its_frame(state: SystemState) -> None:
-    fixed = ff.CapturePhase("box", 3.0, inertia=[0.1, 0.1, 0.1])
+    fixed = ff.CapturePhase("payload", 3.0, inertia=[0.1, 0.1, 0.1])
     result = fixed.run(state, ff.Limits())
     box = BODIES[1].position * 3.0 / result.model.total_mass  # from the robot's centre of mass
     np.testing.assert_allclose(result.centre_of_mass, box, atol=1e-12)
@@ -225,7 +226,7 @@ def test_joint_rates_of_a_redundant_arm_do_not_jump() -> None:
 
 
 def test_a_corridor_remains_after_a_capture_unless_it_is_that_of_the_captured_body(problem) -> None:
-    for body, remains in ((None, True), ("box", True), ("client", False)):
+    for body, remains in ((None, True), ("payload", True), ("client", False)):
         corridor = ff.Corridor([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], radius=9.0, body=body)
         scene = ff.Scene(BODIES, corridor)
         motion = ff.simulate(replace(problem, scene=scene), heading=0.45).chosen.motion

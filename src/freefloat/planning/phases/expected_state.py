@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -57,11 +57,16 @@ class ExpectedState:
         """The free bodies at this time, in the frame of the manoeuvre."""
         return tuple(body.later(self.time, _STILL) for body in self.bodies)
 
-    def body(self, name: str, key: str) -> SceneBody:
+    def body(self, name: str, key: str, others: Sequence[str] = ()) -> SceneBody:
         """The free body with a name, at time zero.
 
+        Args:
+            name: Its name.
+            key: Key of the name, for errors.
+            others: What else the key accepts.
+
         Raises:
-            InputError: Naming ``key``, if it is not in the scene or moves with the end-effector.
+            InputError: If it is not in the scene, or moves with the end-effector.
         """
         free = {body.name: body for body in self.bodies if body.motion != "target"}
         if name in free:
@@ -69,7 +74,8 @@ class ExpectedState:
         problem = f"there is no {name!r}"
         if name in self.problem.scene.names:
             problem = f"{name} moves with the end-effector already"
-        raise InputError(key, problem, ", ".join(free) or "none, the scene has no free bodies")
+        accepted = ", ".join([*others, *free]) or "none, the scene has no free bodies"
+        raise InputError(key, problem, accepted)
 
     def resting(self, duration: float) -> TimedPath:
         """A path with a duration [s], in place of one that is not known yet."""

@@ -12,7 +12,7 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import TimedPath, Timing
-from freefloat.planning.goals.goal import Goal
+from freefloat.planning.goals.goal import FRAMES, Goal
 from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.planning.phases.expected_state import ExpectedState
 from freefloat.planning.phases.phase import Phase
@@ -48,6 +48,8 @@ class GoalPhase(Phase):
         """See :class:`~freefloat.planning.phases.phase.Phase`."""
         goal = self.goal
         goal.require_applicable(state.problem)
+        if goal.frame not in FRAMES:
+            state.body(goal.frame, "goal.pose.frame", FRAMES)
         if goal.duration is None:
             return replace(state, pose=None, twist=None)
         known = goal.frame == "inertial"
