@@ -27,7 +27,7 @@ from freefloat.verification.report import PINOCCHIO, CheckReport
 _SAME = 1e-8
 """Errors of states handed on [rad, m]."""
 _MOMENTUM = 1e-9
-"""Error of the momentum after a capture, as a fraction of that of the locked system."""
+"""Error of the momentum after a capture, as a fraction of its parts, which may cancel."""
 
 
 _REPORTS: dict[type, Callable[..., CheckReport]] = {
@@ -127,5 +127,8 @@ def _capture_checks(phase: PhaseResult, result: Capture, state: _State) -> Itera
     base = np.linalg.solve(A[:3, :3], linear - A[:3, 3:] @ rates)
     momentum = A[3:] @ np.concatenate([base, rates])
     error = float(np.abs(momentum - result.system.body_momentum(state.attitude)).max())
-    scale = float(np.linalg.norm(result.momentum)) + _MOMENTUM
+    before = np.concatenate([state.base_rate, state.joint_rates])
+    parts = np.abs(A[3:, 3:]) @ (np.abs(before) + np.abs(rates))
+    vectors = (result.momentum, result.wheel_momentum, parts)
+    scale = sum(float(np.linalg.norm(vector)) for vector in vectors) + _MOMENTUM
     yield error_check(f"{phase.name}: momentum", error, _MOMENTUM * scale, "N m s", phase.start)
