@@ -34,6 +34,7 @@ class Client:
         angular_velocity: Before contact, axes of its frame [rad/s], shape (3,).
         velocity: Velocity of its centre of mass before contact, inertial axes [m/s], shape (3,).
         com: Centre of mass in its frame [m], shape (3,).
+        name: Name of its link as a payload, with a number where the robot has one of this name.
 
     Example:
         >>> grapple = ff.robot.parts.Mount([0.5, 0.0, 0.0])
@@ -47,13 +48,14 @@ class Client:
     angular_velocity: Array = field(default_factory=zeros)
     velocity: Array = field(default_factory=zeros)
     com: Array = field(default_factory=zeros)
+    name: str = "payload"
 
     def __post_init__(self) -> None:
         require_type("client.grapple", self.grapple, Mount, "Mount(xyz, rpy)")
         for name in ("angular_velocity", "velocity", "com"):
             values = frozen(finite_vector(f"client.{name}", getattr(self, name), 3))
             object.__setattr__(self, name, values)
-        body = Payload(self.mass, self.inertia, self.com)  # which checks them
+        body = Payload(self.mass, self.inertia, self.com, name=self.name)  # which checks them
         object.__setattr__(self, "inertia", body.inertia)
 
     @property
@@ -61,7 +63,8 @@ class Client:
         """The client as a payload of the end-effector."""
         grapple = self.grapple.pose
         R = grapple.rotation
-        return Payload(self.mass, R.T @ self.inertia @ R, R.T @ (self.com - grapple.position))
+        inertia, com = R.T @ self.inertia @ R, R.T @ (self.com - grapple.position)
+        return Payload(self.mass, inertia, com, name=self.name)
 
 
 @dataclass(frozen=True, eq=False)

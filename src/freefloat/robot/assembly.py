@@ -38,7 +38,7 @@ def assemble(
 
     A root link with mass, such as ``base_link``, is fixed to its carrier. An empty root link, such
     as ``world``, is removed: its joints become joints of the carrier. New links are called
-    ``spacecraft`` and ``payload``, or ``spacecraft_2`` and so on where the name is taken.
+    ``spacecraft`` and as the payload, or ``spacecraft_2`` and so on where the name is taken.
 
     Args:
         urdf: The arm: a file, XML text or a source.
@@ -80,7 +80,7 @@ def assemble(
             raise error.with_key(f"attached.{index}.{error.key}") from None
     if payload is not None:
         holder = end_effector_link(decode(robot, arm.source), end_effector)
-        link = _add_body(robot, "payload", payload, payload.com)
+        link = _add_body(robot, payload.name, payload, payload.com)
         _fix(robot, holder, link, _free_name(robot, "payload_grasp"), Mount())
     return replace(decode(robot, arm.source), diagnostics=arm.diagnostics)
 

@@ -95,6 +95,7 @@ class Payload:
         com: Centre of mass in the end-effector's frame [m], shape (3,).
         size: Edges of a box centred on its centre of mass [m], shape (3,).
         mesh: A mesh file in metres, in the end-effector's frame.
+        name: Name of its link, with a number where the robot has one of this name.
 
     Raises:
         InputError: If no rigid body has these values, or the mesh file does not exist.
@@ -111,8 +112,10 @@ class Payload:
     com: Array = field(default_factory=zeros)
     size: Array | None = None
     mesh: Path | None = None
+    name: str = "payload"
 
     def __post_init__(self) -> None:
+        require_type("payload.name", self.name, str, "a name")
         _check_body("payload", self)
 
 

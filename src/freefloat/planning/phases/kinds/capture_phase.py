@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import chain, count
 from typing import Any, ClassVar
 
 import numpy as np
@@ -23,6 +24,8 @@ from freefloat.scene.scene_body import SceneBody
 from freefloat.scene.tumbling import Tumbling
 from freefloat.so3 import Array, Pose, frozen, rotation_matrix
 
+_PAYLOAD = "payload"
+"""Name of the link that a captured body becomes, but for a number."""
 _SAME = 1e-6
 """Relative difference of inertias, and difference of centres of mass [m], that are the same."""
 
@@ -120,8 +123,12 @@ class CapturePhase(Phase):
 
     def run(self, state: SystemState, limits: Limits) -> PlannedCapture:
         """The capture; its limits are those of the phases before and after it."""
-        client, now = self.client(*self._grasp(state)), (state.attitude, state.joints)
-        result = capture(state.problem.system, client, *now, state.joint_rates)
+        problem, now = state.problem, (state.attitude, state.joints)
+        taken = {*problem.model.description.links_by_name, *problem.scene.names}
+        names = chain([_PAYLOAD], (f"{_PAYLOAD}_{number}" for number in count(2)))
+        name = next(name for name in names if name not in taken)
+        client = replace(self.client(*self._grasp(state)), name=name)
+        result = capture(problem.system, client, *now, state.joint_rates)
         return PlannedCapture(**vars(result))
 
     def may_give(self, state: SystemState, result: Any) -> bool:
