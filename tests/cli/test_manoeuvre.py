@@ -28,10 +28,8 @@ limits:
 drift: [0.002, -0.003, 0]
 scene:
   bodies:
-    - name: client
-      sphere: 0.1
-      position: [0.5, 1.2, 0]
-      tumbling: {inertia: [0.1, 0.1, 0.1], rate: [0, 0, 0.02]}
+    - {name: client, sphere: 0.1, position: [0.5, 1.2, 0], orientation: {rpy: [1.5707963267948966, 0, 1]},
+       tumbling: {inertia: [0.1, 0.1, 0.1], rate: [0, 0.02, 0]}}
     - {name: wall, urdf: wall.urdf, position: [0, 0, 9]}
 phases:
   - capture: {body: client, mass: 3}

@@ -95,6 +95,8 @@ ANY = "uniform"
     ([rest(1.0, 2.0, duration=1e9)], "phases.0.scene.bodies.tumbling.rate"),
     ([ff.CapturePhase("nobody", 3.0)], "phases.0.body"),
     ([ff.CapturePhase("payload", 3.0)], "phases.0.inertia"),
+    ([ff.CapturePhase("payload", 3.0, [0.1, 0.1, 0.1], [0.0, 0.0, 1e-3])], "phases.0.body"),
+    ([ff.CapturePhase("payload", 3.0, [0.1, 0.0, 1e-3, 0.1, 0.0, 0.1])], "phases.0.body"),
     ([replace(CAPTURE, com=[0.050002, 0.0, 0.0])], "phases.0.com"),  # a jump of its momentum
     ([replace(CAPTURE, inertia=[0.200006, 0.2, 0.4])], "phases.0.inertia"),
     ([replace(CAPTURE, com=[0.0500009, 0.0, 0.0], inertia=[0.2000001, 0.2, 0.4])], ""),

@@ -18,6 +18,7 @@ from freefloat.motion.problem import Problem
 from freefloat.planning.phases.expected_state import ExpectedState
 from freefloat.planning.phases.phase import Phase
 from freefloat.planning.phases.state import SystemState
+from freefloat.robot.description import IDENTITY
 from freefloat.robot.parts import Mount, inertia_matrix
 from freefloat.scene.scene import Scene
 from freefloat.scene.scene_body import SceneBody
@@ -26,6 +27,9 @@ from freefloat.so3 import Array, Pose, frozen, rotation_matrix
 
 _PAYLOAD = "payload"
 """Name of the link that a captured body becomes, but for a number."""
+_LEVEL = 1e-9
+"""Height [m], rate [rad/s] and relative product of inertia that are zero in a plane."""
+_IN_PLANE = "a body with its centre of mass at z = 0 that turns about its principal axis z"
 _SAME = 1e-6
 """Relative difference of inertias, and difference of centres of mass [m], that are the same."""
 
@@ -85,7 +89,22 @@ class CapturePhase(Phase):
             raise InputError(
                 "inertia", "it is missing", "an inertia, or one in the body's tumbling"
             )
+        if state.problem.task.planar:
+            self._require_level(body)
         return state.without(body)
+
+    def _require_level(self, body: SceneBody) -> None:
+        """Raise an InputError where a body would take a planar robot out of its plane."""
+        client, R = self.client(body, IDENTITY), body.orientation
+        height = (body.position + R @ client.com)[2]
+        rate, inertia = R @ client.angular_velocity, R @ client.inertia @ R.T
+        for value, problem in (
+            (height, f"its centre of mass is at z = {height:.4g} m"),
+            (np.abs(rate[:2]).max(), "it turns about another axis than z"),
+            (np.abs(inertia[:2, 2]).max() / np.trace(inertia), "z is no principal axis of it"),
+        ):
+            if abs(value) > _LEVEL:
+                raise InputError("body", f"{problem}, in a planar task", _IN_PLANE)
 
     def _require_consistent(self, tumbling: Tumbling) -> None:
         """Raise an InputError unless inertia and centre of mass are those of the body's rotation.
@@ -129,6 +148,9 @@ class CapturePhase(Phase):
         name = next(name for name in names if name not in taken)
         client = replace(self.client(*self._grasp(state)), name=name)
         result = capture(problem.system, client, *now, state.joint_rates)
+        if problem.task.planar:  # where rounding alone leads out of the plane
+            momentum, velocity = result.momentum * [0, 0, 1], result.velocity * [1, 1, 0]
+            result = replace(result, momentum=frozen(momentum), velocity=frozen(velocity))
         return PlannedCapture(**vars(result))
 
     def may_give(self, state: SystemState, result: Any) -> bool:
