@@ -91,6 +91,11 @@ class Timing:
         if self.speeds:
             require_speeds(self.speeds, self.duration)
 
+    @property
+    def is_sought(self) -> bool:
+        """Whether the fastest timing is to be found: ``optimal`` without speeds."""
+        return self.law is TimeLaw.OPTIMAL and not self.speeds
+
     def stretched(self, factor: float) -> Timing:
         """The same law with all times multiplied by a factor."""
         factor = finite_number("factor", factor, "a positive number")

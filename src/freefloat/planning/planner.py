@@ -9,7 +9,6 @@ from freefloat.concurrency import Progress
 from freefloat.errors import require_type
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem, require_problem
-from freefloat.paths.time_laws import TimeLaw
 from freefloat.planning.path_planner import plan_path
 from freefloat.planning.plan import Plan
 from freefloat.planning.settings import Search
@@ -62,7 +61,7 @@ def plan(
         require_type("limits", limits, Limits, accepted)
     problem = search.applied_to(problem)
     timing = problem.path.timing
-    to_retime = timing.law is TimeLaw.OPTIMAL and not timing.speeds
+    to_retime = timing.is_sought
     if to_retime:
         problem.model.require_one_arm("fastest timings")
         require_considered(limits or Limits())

@@ -50,8 +50,7 @@ def scenario_of_manoeuvre(manoeuvre: Manoeuvre, scenario: Scenario | None) -> Sc
     plan = manoeuvre.path
     described = scenario_of(plan.problem, plan.search, plan.limits)
     scenario = replace(scenario, shapes=described.shapes)
-    timing = scenario.content.timing
-    if timing.law is TimeLaw.OPTIMAL and not timing.speeds:
+    if scenario.content.timing.to_timing().is_sought:
         scenario = _with_timing(scenario, described)
     posed = scenario_of(scenario.problem(), scenario.search(), scenario.limits())
     sections = {name: getattr(posed.content, name) for name in ScenarioFile.model_fields}

@@ -75,6 +75,9 @@ class PathPhase(Phase):
         require_type("path", self.path, TimedPath | RelativePath | Goal, accepted)
         if isinstance(self.path, Goal):
             _require_pose_alone(self.path)
+        elif self.path.timing.is_sought:
+            accepted = "another law, or optimal with speeds: the first path alone is made faster"
+            raise InputError("timing.law", "optimal was given, without speeds", accepted)
         require_type("name", self.name, str, "a name")
         finite_number("margin", self.margin, "a magnitude of at least zero", 0.0)
         accepted = "Redundancy, such as Redundancy(metric='energy')"
