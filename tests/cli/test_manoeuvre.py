@@ -28,7 +28,8 @@ limits:
 drift: [0.002, -0.003, 0]
 scene:
   bodies:
-    - {name: client, sphere: 0.1, position: [0.5, 1.2, 0], orientation: {rpy: [1.5707963267948966, 0, 1]},
+    - {name: client, sphere: 0.1, position: [0.5, 1.2, 0],
+       orientation: {rpy: [1.5707963267948966, 0, 1]},
        tumbling: {inertia: [0.1, 0.1, 0.1], rate: [0, 0.02, 0]}}
     - {name: wall, urdf: wall.urdf, position: [0, 0, 9]}
 phases:
@@ -127,6 +128,7 @@ def test_a_phase_that_fails_ends_with_exit_code_1(file: Path, tmp_path: Path) ->
 @pytest.mark.slow
 @pytest.mark.parametrize(("old", "new", "key"), [
     ("mass: 3", "mass: 0", "phases.0.capture.mass"),
+    ("mass: 3}", "mass: 3}\n    margin: 1", "phases.0"),
     ("duration: 20", "timing: {duration: 20}", "phases.2"),
     ("q2: 1.2", "q3: 1.2", "phases.1.joints"),
     ("frame: end_effector}", "frame: tool}", "phases.2.to.frame"),

@@ -104,6 +104,7 @@ ANY = "uniform"
     ([CAPTURE, to(HERE, ff.GoalPhase, "client")], "phases.1.goal.pose.frame"),
     ([timed(HERE, [0.9, 1.0, 0.5])], "phases.0.path"),
     ([to([1.0, 0.5, 0.5])], "phases.0.path"),
+    ([to([1.0, 0.5, 0.5], ff.GoalPhase, "spacecraft")], "phases.0.goal.pose.position"),
     ([beside(BODIES[0], HERE, 0.0)], "phases.0.path"),  # the client tumbles, the arm rests
     ([replace(to(THERE), redundancy=ff.Redundancy())], "phases.0.redundancy"),
     ([replace(REST, name="a"), to(THERE), replace(REST, name="a")], "phases.2.name"),
@@ -158,6 +159,7 @@ def test_durations_are_seconds_that_can_be_integrated(duration: Any) -> None:
     assert error_key(to, HERE, duration=duration) == "goal.duration"
     for key, kind, *arguments in (
         ("name", ff.GoalPhase, REST.goal, 3), ("name", ff.PathPhase, to(HERE).path, 3),
+        ("timing.law", timed, HERE, THERE, "optimal"),
         ("path", ff.PathPhase, REST), ("margin", ff.PathPhase, to(HERE).path, "", -1.0),
         ("redundancy", ff.PathPhase, to(HERE).path, "", 0.0, 3), ("body", ff.CapturePhase, 3, 3.0),
     ):  # fmt: skip

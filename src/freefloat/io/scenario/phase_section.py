@@ -100,6 +100,8 @@ class PhaseSection(Section):
             raise ValueError("duration together with to")
         if self.to is None and self.joints is None and self.duration is not None:
             raise ValueError("duration together with to or joints")
+        if "margin" in self.model_fields_set and self.path is None and self.to is None:
+            raise ValueError("margin together with path or to")
         return self
 
     def to_phase(

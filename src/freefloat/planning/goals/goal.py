@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -19,6 +19,8 @@ from freefloat.scene.scene import FRAMES
 from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, Pose, frozen, unit_quaternion
 
+_LEVEL, _UPRIGHT = 1e-6, 1.0 - 1e-9
+"""Height [m], and cosine of the tilt, of poses in a plane."""
 _FARTHEST = 1e3
 """Largest value of a joint at the end [rad or m]."""
 
@@ -87,6 +89,22 @@ class Goal:
         known = [*FRAMES, *bodies]
         if self.frame not in known:
             raise InputError("goal.pose.frame", f"{self.frame!r} was given", ", ".join(known))
+        if self.pose is not None and problem.task.planar:
+            self._require_level(self.pose, problem)
+
+    def _require_level(self, pose: Pose, problem: Problem) -> None:
+        """Raise an InputError unless a pose is in the plane of a planar robot's end-effector."""
+        model, body, upright = problem.model, self.body(problem), np.array([0.0, 0.0, 0.0, 1.0])
+        straight = model.end_effector_pose(upright, np.zeros(model.dof))
+        seen = body.pose @ pose if body else self.pose_in(model, upright, np.zeros(model.dof))
+        there = cast(Pose, seen)
+        height, level = there.position[2], straight.position[2]
+        if abs(height - level) > _LEVEL:
+            accepted = f"the plane of the end-effector, z = {level:g} m"
+            raise InputError("goal.pose.position", f"it is at z = {height:g} m", accepted)
+        if (there.rotation @ straight.rotation.T)[2, 2] < _UPRIGHT:
+            given = "the end-effector would leave its plane"
+            raise InputError("goal.pose.orientation", given, "a rotation about z")
 
     def body(self, problem: Problem) -> SceneBody | None:
         """The body of the scene that the pose is relative to; None without one."""

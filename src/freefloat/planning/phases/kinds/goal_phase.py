@@ -12,11 +12,12 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import TimedPath, Timing
-from freefloat.planning.goals.goal import FRAMES, Goal
+from freefloat.planning.goals.goal import Goal
 from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.planning.phases.expected_state import ExpectedState
 from freefloat.planning.phases.phase import Phase
 from freefloat.planning.phases.state import SystemState
+from freefloat.scene.scene import FRAMES
 
 
 @dataclass(frozen=True, eq=False)
