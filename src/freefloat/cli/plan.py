@@ -105,7 +105,7 @@ def _require_stretchable(loaded: Scenario) -> None:
     if loaded.goal() is not None:
         raise InputError("stretch", "a motion to a goal is not stretched", "goal.duration")
     if loaded.has_phases:
-        raise InputError("stretch", "phases have given durations", accepted)
+        raise InputError("stretch", "phases are not stretched", accepted)
     if loaded.balance() is not None:
         raise InputError("stretch", "an arm balances", accepted)
 

@@ -47,8 +47,9 @@ class ToSection(Section):
     orientation: Orientation | None = None
     """Default: along the axes of the frame."""
     frame: Literal["inertial", "spacecraft", "base", "end_effector"] = "inertial"
-    """Frame of both: that of the scenario's path; or, where the phase begins, that of the root
-    link, of the link that carries the first joint, or of the end-effector."""
+    """Frame of both: ``inertial``, from the centre of mass at time zero; or, where the phase
+    begins, that of the root link, of the link that carries the first joint, or of the
+    end-effector."""
 
 
 class CaptureSection(Section):
@@ -83,7 +84,7 @@ class PhaseSection(Section):
     """What shall hold at its end; the motion of the joints to it is found."""
     capture: CaptureSection | None = None
     timing: TimingSection | None = None
-    """Time law of a path."""
+    """Time law of a path; ``optimal`` with speeds only."""
     duration: Positive | None = None
     """Duration of the motion to a pose or to joints [s]; of joints by default the shortest one
     found that limits of rates and torques permit."""
