@@ -29,7 +29,6 @@ class SystemState:
         attitude: Attitude of the spacecraft, unit quaternion x, y, z, w.
         joints: Joint values [rad or m], shape (n,).
         joint_rates: Joint rates [rad/s or m/s], shape (n,).
-        base_rate: Angular velocity of the spacecraft, its axes [rad/s], shape (3,).
         centre: Centre of mass in the frame of the manoeuvre [m], shape (3,).
     """
 
@@ -38,11 +37,10 @@ class SystemState:
     attitude: Array
     joints: Array
     joint_rates: Array
-    base_rate: Array
     centre: Array
 
     def __post_init__(self) -> None:
-        for name in ("attitude", "joints", "joint_rates", "base_rate", "centre"):
+        for name in ("attitude", "joints", "joint_rates", "centre"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
     @classmethod
@@ -52,7 +50,7 @@ class SystemState:
         rates, arm = motion.law.rates(0.0, start.attitude, start.joints), problem.arm_joints
         return cls(
             _resting(problem, 0.0), 0.0, start.attitude, start.joints[arm], rates.joints[arm],
-            rates.base, np.zeros(3),
+            np.zeros(3),
         )  # fmt: skip
 
     @property
@@ -76,7 +74,7 @@ class SystemState:
         problem = _resting(motion.problem, duration) if motion.problem.arms else self.problem
         return replace(
             self, problem=problem, time=self.time + duration, attitude=final.attitude,
-            joints=final.joints[arm], joint_rates=rates.joints[arm], base_rate=rates.base,
+            joints=final.joints[arm], joint_rates=rates.joints[arm],
             centre=self.centre + duration * self.problem.path.drift,
         )  # fmt: skip
 

@@ -23,7 +23,7 @@ from freefloat.robot.parts import Mount, inertia_matrix
 from freefloat.scene.scene import Scene
 from freefloat.scene.scene_body import SceneBody
 from freefloat.scene.tumbling import Tumbling
-from freefloat.so3 import Array, Pose, frozen, rotation_matrix
+from freefloat.so3 import Array, Pose, frozen
 
 _PAYLOAD = "payload"
 """Name of the link that a captured body becomes, but for a number."""
@@ -179,6 +179,5 @@ class CapturePhase(Phase):
         )
         return replace(
             state, problem=following, joint_rates=result.joint_rates,
-            base_rate=rotation_matrix(state.attitude).T @ result.base_rate,
             centre=state.centre + result.centre_of_mass,
         )  # fmt: skip
