@@ -24,6 +24,13 @@ class PoseSection(Section):
     ``base`` or ``end_effector``, where the motion begins; or a body of the scene at the end, whose
     twist the end-effector has then."""
 
+    def to_pose(self, key: str) -> Pose:
+        """The pose; raises an InputError that names keys below a key if the orientation is none."""
+        rotation = np.eye(3)
+        if self.orientation is not None:
+            rotation = rotation_of(self.orientation, f"{key}.orientation")
+        return Pose(np.array(self.position), rotation)
+
 
 class GoalSection(Section):
     """What shall hold at the end of a motion of the joints: pose or joints, attitude, or both."""
@@ -47,10 +54,7 @@ class GoalSection(Section):
         """The goal; raises an InputError if a value is invalid, naming keys below ``goal``."""
         pose, frame = None, "inertial"
         if self.pose is not None:
-            rotation, frame = np.eye(3), self.pose.frame
-            if self.pose.orientation is not None:
-                rotation = rotation_of(self.pose.orientation, "goal.pose.orientation")
-            pose = Pose(np.array(self.pose.position), rotation)
+            pose, frame = self.pose.to_pose("goal.pose"), self.pose.frame
         joints = None if self.joints is None else model.joint_vector(self.joints, "goal.joints")
         attitude = None if self.attitude is None else np.array(self.attitude)
         return Goal(pose, attitude, joints, frame, self.duration)

@@ -21,8 +21,7 @@ from freefloat.io.scenario.field_types import (
     Vector,
     exactly_one_of,
 )
-from freefloat.io.scenario.goal_section import GoalSection
-from freefloat.io.scenario.orientation_section import Orientation, rotation_of
+from freefloat.io.scenario.goal_section import GoalSection, PoseSection
 from freefloat.io.scenario.path_schema import PathFrame, PathSection
 from freefloat.io.scenario.path_section import path_of
 from freefloat.io.scenario.timing_section import TimingSection
@@ -36,16 +35,11 @@ from freefloat.planning.phases.kinds.goal_phase import GoalPhase
 from freefloat.planning.phases.kinds.path_phase import PathPhase
 from freefloat.planning.phases.phase import Phase, checked_phases
 from freefloat.scene.scene import Scene
-from freefloat.so3 import Pose
 
 
-class ToSection(Section):
+class ToSection(PoseSection):
     """A pose to which the end-effector moves from where it is, on the shortest way."""
 
-    position: Vector
-    """Position [m]."""
-    orientation: Orientation | None = None
-    """Default: along the axes of the frame."""
     frame: Literal["inertial", "spacecraft", "base", "end_effector"] = "inertial"
     """Frame of both: ``inertial``, from the centre of mass at time zero; or, where the phase
     begins, that of the root link, of the link that carries the first joint, or of the
@@ -134,10 +128,7 @@ class PhaseSection(Section):
             require_inside(problem.model, joints, "joints")
             return GoalPhase(Goal(joints=joints, duration=self.duration), name, seed)
         if self.to is not None:
-            rotation = np.eye(3)
-            if self.to.orientation is not None:
-                rotation = rotation_of(self.to.orientation, "to.orientation")
-            pose = Pose(np.array(self.to.position), rotation)
+            pose = self.to.to_pose("to")
             straight = Goal(pose, frame=self.to.frame, duration=self.duration)
             return PathPhase(straight, name, self.margin)
         path = self._path(problem.task, problem.scene, folder, samples)
