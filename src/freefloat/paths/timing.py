@@ -208,6 +208,10 @@ class TimedPath:
         """The same path at another speed, its duration multiplied by a factor."""
         return replace(self, timing=self.timing.stretched(factor))
 
+    def lasting(self, duration: float) -> TimedPath:
+        """The path with a duration [s], law ``uniform``, for motions that do not follow it."""
+        return TimedPath(self.path, Timing(duration, TimeLaw.UNIFORM), self.drift)
+
     def with_drift(self, drift: Array) -> TimedPath:
         """The same path, relative to a centre of mass with another velocity (3,) [m/s]."""
         return replace(self, drift=drift)

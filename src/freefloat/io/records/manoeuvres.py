@@ -19,8 +19,6 @@ from freefloat.io.scenario.writing import scenario_of
 from freefloat.io.scenario.yaml import parse_yaml
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
-from freefloat.paths.time_laws import TimeLaw
-from freefloat.paths.timing import Timing
 from freefloat.planning.answer import PhaseResult
 from freefloat.planning.goals.goal_motion import GoalMotion, earlier
 from freefloat.planning.phases.expected_state import keys_within
@@ -128,10 +126,10 @@ def _following(
     """The phases after the first path, each from the state at which the one before ends."""
     for tree, phase in zip(trees, scenario.phases(), strict=False):
         problem, own = phase.problem_at(state), state.limits(limits)
-        if phase.kind == GoalMotion.kind:
+        if tree["result"]["class"] == GoalMotion.__name__:
             own = own.without_turn
             if "motion" in tree["result"]:
-                problem = _timed(problem, _duration(tree))
+                problem = replace(problem, path=problem.path.lasting(_duration(tree)))
         planned = _decoded(tree, problem, own)
         yield planned
         if planned.feasible:
@@ -143,17 +141,12 @@ def _before(tree: Tree, problem: Problem, limits: Limits) -> PhaseResult:
     if "motion" in tree["result"]:
         duration = _duration(tree)
         limits = limits.seen_from(-duration * problem.path.drift)
-        problem = _timed(earlier(problem, duration), duration)
+        problem = replace(earlier(problem, duration), path=problem.path.lasting(duration))
     return _decoded(tree, problem, limits)
 
 
 def _duration(tree: Tree) -> float:
     return float(tree["result"]["motion"]["times"].values[-1])
-
-
-def _timed(problem: Problem, duration: float) -> Problem:
-    timing = Timing(duration, TimeLaw.UNIFORM)
-    return replace(problem, path=replace(problem.path, timing=timing))
 
 
 def _decoded(

@@ -11,8 +11,7 @@ import numpy as np
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
-from freefloat.paths.time_laws import TimeLaw
-from freefloat.paths.timing import TimedPath, Timing
+from freefloat.paths.timing import TimedPath
 from freefloat.scene.scene import Scene
 from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, Pose
@@ -76,11 +75,6 @@ class ExpectedState:
             problem = f"{name} moves with the end-effector already"
         accepted = ", ".join([*others, *free]) or "none, the scene has no free bodies"
         raise InputError(key, problem, accepted)
-
-    def resting(self, duration: float) -> TimedPath:
-        """A path with a duration [s], in place of one that is not known yet."""
-        path = self.problem.path
-        return TimedPath(path.path, Timing(duration, TimeLaw.UNIFORM), path.drift)
 
     def after(
         self, path: TimedPath, redundancy: Redundancy | None = None,

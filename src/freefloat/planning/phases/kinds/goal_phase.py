@@ -10,8 +10,6 @@ import numpy as np
 from freefloat.errors import require_type, seed_number
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
-from freefloat.paths.time_laws import TimeLaw
-from freefloat.paths.timing import TimedPath, Timing
 from freefloat.planning.goals.goal import Goal
 from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.planning.phases.expected_state import ExpectedState
@@ -55,13 +53,13 @@ class GoalPhase(Phase):
             return replace(state, pose=None, twist=None)
         known = goal.frame == "inertial"
         twist = np.zeros(6) if goal.pose is not None and known else None
-        return state.after(state.resting(goal.duration), None, goal.pose if known else None, twist)
+        placeholder = state.problem.path.lasting(goal.duration)
+        return state.after(placeholder, None, goal.pose if known else None, twist)
 
     def problem_at(self, state: SystemState) -> Problem:
         """See :class:`~freefloat.planning.phases.phase.Phase`; its path is not followed."""
         path = state.problem.path
-        timing = Timing(self.goal.duration or path.duration, TimeLaw.UNIFORM)
-        return state.problem_for(TimedPath(path.path, timing, path.drift))
+        return state.problem_for(path.lasting(self.goal.duration or path.duration))
 
     def may_give(self, state: SystemState, result: Any) -> bool:
         """Whether a result is one for the goal."""

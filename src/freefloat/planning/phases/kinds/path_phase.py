@@ -94,7 +94,7 @@ class PathPhase(Phase):
         if isinstance(given, Goal):
             duration = cast(float, given.duration)
             end = given.pose if given.frame == "inertial" else None
-            path = state.resting(duration)
+            path = state.problem.path.lasting(duration)  # of one that may not be known yet
             if end is not None and state.pose is not None and state.twist is not None:
                 path = transfer(state.pose, state.twist, end, duration, drift)
             return state.after(path, self.redundancy, end, np.zeros(6))
