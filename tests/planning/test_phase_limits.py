@@ -49,9 +49,6 @@ def test_every_phase_reports_what_the_checker_finds(manoeuvre: Manoeuvre) -> Non
         result = phase.result
         assert {entry.limit for entry in result.limit_results} == EXPECTED[phase.kind]
         assert result.limit_results == ff.check_limits(phase.motion, result.limits)
-    last = manoeuvre.phases[-1]
-    elapsed = last.start + last.duration - manoeuvre.phases[0].start
-    assert manoeuvre.duration == pytest.approx(elapsed)
 
 
 @pytest.mark.slow

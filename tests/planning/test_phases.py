@@ -135,10 +135,13 @@ def test_phases_follow_one_another_as_far_as_is_known_before_planning(problem, p
 
 
 @pytest.mark.usefixtures("no_planning")
-def test_a_reorientation_begins_in_the_ranges_of_the_joints() -> None:
-    problem = ff.load_scenario("panda_servicer/line").problem()
-    search = ff.Search("nearest", [0.0, 0.0, 0.0, 1.0], joints=[0.0, 3.0, 0.0, -1.0, 0.0, 1.0, 0.0])
-    assert error_key(ff.plan_manoeuvre, problem, (), search, reorient=True) == "search.joints"
+def test_a_reorientation_begins_at_present_joints_in_their_ranges() -> None:
+    problem, level = ff.load_scenario("panda_servicer/line").problem(), [0.0, 0.0, 0.0, 1.0]
+    beyond = ff.Search("nearest", level, joints=[0.0, 3.0, 0.0, -1.0, 0.0, 1.0, 0.0])
+    for search, key in ((beyond, "joints"), (ff.Search("nearest", level), "joints"),
+                        (ff.Search("margin"), "from_attitude")):  # fmt: skip
+        refused = error_key(ff.plan_manoeuvre, problem, (), search, reorient=True)
+        assert refused == f"search.{key}"
 
 
 def test_the_inertia_of_a_tumbling_is_known_up_to_a_factor(state: SystemState) -> None:
@@ -160,18 +163,13 @@ def test_durations_are_seconds_that_can_be_integrated(duration: Any) -> None:
     for key, kind, *arguments in (
         ("name", ff.GoalPhase, REST.goal, 3), ("name", ff.PathPhase, to(HERE).path, 3),
         ("timing.law", timed, HERE, THERE, "optimal"),
+        ("path.duration", ff.PathPhase, replace(to(HERE).path, duration=None)),
+        ("path.frame", ff.PathPhase, replace(to(HERE).path, frame="client")),
+        ("path.pose", ff.PathPhase, replace(to(HERE).path, attitude=[0.0, 0.0, 0.0, 1.0])),
         ("path", ff.PathPhase, REST), ("margin", ff.PathPhase, to(HERE).path, "", -1.0),
         ("redundancy", ff.PathPhase, to(HERE).path, "", 0.0, 3), ("body", ff.CapturePhase, 3, 3.0),
     ):  # fmt: skip
         assert error_key(kind, *arguments) == key
-
-
-@pytest.mark.parametrize(("changes", "key"), [
-    ({"duration": None}, "path.duration"), ({"frame": "client"}, "path.frame"),
-    ({"attitude": [0.0, 0.0, 0.0, 1.0]}, "path.pose"),
-])  # fmt: skip
-def test_a_straight_way_leads_to_a_pose_in_a_given_time(changes, key) -> None:
-    assert error_key(ff.PathPhase, replace(to(HERE).path, **changes)) == key
 
 
 def test_unnamed_phases_have_distinct_names() -> None:
