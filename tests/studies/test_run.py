@@ -105,10 +105,8 @@ def test_goals_and_manoeuvres_have_the_results_of_plan(tmp_path: Path) -> None:
     robot = {"robot": {"urdf": "planar_2dof", "end_effector": "end_effector"}}
     state = {"from_attitude": [0, 0, 0, 1], "joints": [0.3, 0.7]}
     goal = robot | {"search": state, "goal": {"joints": [0.6, 0.2]}, "limits": {"joint_rate": 0.1}}
-    path = {
-        "task": "planar-position",
-        "path": {"line": {"from": [1.6, 0.4, 0], "to": [1.5, 0.5, 0]}},
-    }
+    line = {"line": {"from": [1.6, 0.4, 0], "to": [1.5, 0.5, 0]}}
+    path = {"task": "planar-position", "path": line}
     berth = {"timing": {"duration": 20}, "phases": [{"joints": [0.6, 0.6], "duration": 30}]}
     for base, key, values in (
         (goal, "goal.joints.0", [0.6, 0.5]),

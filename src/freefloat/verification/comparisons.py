@@ -12,7 +12,7 @@ from freefloat.certificate.certificate import Certificate, CertifiedMinimum
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import generalized_jacobian, inertia_matrices
 from freefloat.dynamics.redundancy import singular_speed
-from freefloat.errors import FreeFloatError
+from freefloat.errors import FreeFloatError, InputError
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Ending, Motion
 from freefloat.so3 import angle_between
@@ -236,8 +236,10 @@ def _fast_end(motion: Motion) -> Check:
 def completed(
     name: str, checks: Callable[..., Iterable[Check]], *arguments: Any
 ) -> Iterator[Check]:
-    """Some checks; one that cannot be completed counts as failed."""
+    """Some checks; one that cannot be completed counts as failed, unless the engine cannot run."""
     try:
         yield from checks(*arguments)
     except (FreeFloatError, np.linalg.LinAlgError) as error:
+        if isinstance(error, InputError) and error.key == "engine":
+            raise
         yield Check(name, False, f"it cannot be checked ({error})")

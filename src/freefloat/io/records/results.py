@@ -47,7 +47,7 @@ def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> 
     """Write a result to a file: whole, or not at all.
 
     Args:
-        result: A plan, a simulation or a map.
+        result: A plan, a simulation, a motion to a goal, a manoeuvre or a map.
         path: The file; replaced if it exists.
         scenario: The scenario that the result was computed from. If it poses the problem of the
             result, its text is written, with comments; else the problem is described. A

@@ -17,8 +17,6 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.joint_integration import integrate_spline
 from freefloat.motion.joint_spline import JointSpline
 from freefloat.motion.problem import Problem
-from freefloat.paths.time_laws import TimeLaw
-from freefloat.paths.timing import Timing
 from freefloat.planning.goals.goal import Goal
 from freefloat.planning.goals.goal_motion import GoalMotion, earlier
 from freefloat.planning.goals.mover import move_from
@@ -71,8 +69,7 @@ def _forward(
 ) -> GoalMotion:
     """The outcome with the motion whose joints are those of a motion backward in time."""
     problem, spline = outcome.problem, JointSpline(back.control_points[::-1])
-    path = replace(problem.path, timing=Timing(duration, TimeLaw.UNIFORM))
-    there = replace(earlier(problem, duration), path=path)
+    there = replace(earlier(problem, duration), path=problem.path.lasting(duration))
     limits = outcome.limits.seen_from(-duration * problem.path.drift)
     motion = integrate_spline(there, spline, attitude)
     results = LimitChecker(there, limits).results(motion)

@@ -13,8 +13,6 @@ from freefloat.limits.result import LimitResult
 from freefloat.motion.joint_integration import integrate_spline
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.paths.time_laws import TimeLaw
-from freefloat.paths.timing import Timing
 from freefloat.planning.goals.goal_motion import last_state
 from freefloat.planning.goals.relaxation import Relaxation, Weights
 from freefloat.so3 import Array
@@ -154,6 +152,6 @@ class Certification:
     def along(self, relaxation: Relaxation, unknowns: Array) -> Motion:
         """The motion along a path, whatever it violates and wherever it ends exactly."""
         relaxation.effort.take(_WORK * relaxation.paths.all_spans)
-        timing = Timing(float(unknowns[-1]), TimeLaw.UNIFORM)
-        problem = replace(self.problem, path=replace(self.problem.path, timing=timing))
+        path = self.problem.path.lasting(float(unknowns[-1]))
+        problem = replace(self.problem, path=path)
         return integrate_spline(problem, relaxation.paths.spline(unknowns), self.attitude)

@@ -12,8 +12,6 @@ from freefloat.limits.result import LimitResult
 from freefloat.motion.joint_integration import integrate_spline
 from freefloat.motion.joint_spline import DEGREE, JointSpline
 from freefloat.motion.problem import Problem
-from freefloat.paths.time_laws import TimeLaw
-from freefloat.paths.timing import Timing
 from freefloat.so3 import Array
 
 _INSTANT = 1e-3
@@ -34,9 +32,10 @@ def violation_at_rest(
         joints: Joint values, shape (n,).
         rests: Whether the joints rest in this state.
     """
-    path = replace(problem.path, timing=Timing(_INSTANT, TimeLaw.UNIFORM))
     still = JointSpline(np.tile(joints, (DEGREE + 1, 1)))
-    motion = integrate_spline(replace(problem, path=path), still, attitude)
+    motion = integrate_spline(
+        replace(problem, path=problem.path.lasting(_INSTANT)), still, attitude
+    )
     for result in checker.violations(motion, timed=rests):
         if not result.timed or result.limit == BaseRateLimit.name:
             return result
