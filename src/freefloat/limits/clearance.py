@@ -168,8 +168,7 @@ def _frame_path_lengths(motion: Motion, scene: Scene, edges: Array) -> Array:
     robot = [problem.model.body_poses(attitude, joints) for _, attitude, joints in nodes]
     frames = [lengths(poses) for poses in zip(*robot, strict=True)]
     elapsed = np.abs(motion.evaluate(edges)[0] - motion.times[0])
-    moving = any(body.motion == "target" for body in scene.bodies)
-    placed = [scene_poses(motion, *node) for node in nodes if moving]
+    placed = [scene_poses(motion, *node) for node in nodes if scene.follows]
     for number, body in enumerate(scene.bodies):
         if body.motion == "target":
             frames.append(lengths([poses[number] for poses in placed]))

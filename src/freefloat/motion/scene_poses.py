@@ -16,13 +16,15 @@ def scene_poses(motion: Motion, t: float, attitude: Array, joints: Array) -> tup
         joints: Joint values, shape (n,).
     """
     scene, path = motion.problem.scene, motion.problem.path
-    return scene.poses(t, path, *_ends(motion, t, attitude, joints)) if scene.bodies else ()
+    ends = _ends(motion, t, attitude, joints) if scene.follows else ()
+    return scene.poses(t, path, *ends)
 
 
 def corridor_pose(motion: Motion, t: float, attitude: Array, joints: Array) -> Pose:
     """The frame of the corridor; arguments are those of :func:`scene_poses`."""
     scene, path = motion.problem.scene, motion.problem.path
-    return scene.corridor_pose(t, path, *_ends(motion, t, attitude, joints))
+    ends = _ends(motion, t, attitude, joints) if scene.follows else ()
+    return scene.corridor_pose(t, path, *ends)
 
 
 def _ends(motion: Motion, t: float, attitude: Array, joints: Array) -> tuple[Pose, Pose]:

@@ -169,6 +169,11 @@ class Scene:
             corridor = replace(corridor, point=corridor.point + offset)
         return Scene(bodies, corridor)
 
+    @cached_property
+    def follows(self) -> bool:
+        """Whether a body moves with the end-effector, or with what is prescribed for it."""
+        return any(body.motion == "target" for body in self.bodies)
+
     @property
     def holds(self) -> bool:
         """Whether the robot holds a body."""

@@ -47,7 +47,6 @@ def scenario_of_manoeuvre(manoeuvre: Manoeuvre, scenario: Scenario | None) -> Sc
         raise InputError("scenario", "it is missing, for a manoeuvre", "that of its phases")
     plan = manoeuvre.path
     described = scenario_of(plan.problem, plan.search, plan.limits)
-    scenario = replace(scenario, shapes=described.shapes)
     if scenario.content.timing.to_timing().is_sought:
         scenario = _with_timing(scenario, described)
     posed = scenario_of(scenario.problem(), scenario.search(), scenario.limits())
@@ -61,7 +60,7 @@ def scenario_of_manoeuvre(manoeuvre: Manoeuvre, scenario: Scenario | None) -> Sc
         problem = f"its section {other[0]} is not that of the manoeuvre"
         raise InputError("scenario", problem, _ACCEPTED)
     _require_phases(manoeuvre, scenario)
-    return scenario
+    return replace(scenario, shapes=described.shapes)
 
 
 def _with_timing(scenario: Scenario, described: Scenario) -> Scenario:
