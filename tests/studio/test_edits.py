@@ -132,6 +132,7 @@ def test_a_path_on_a_tumbling_body_has_no_handles() -> None:
     assert error_key(moved, content, 0, np.zeros(3)) == "handle"
 
 
+@pytest.mark.slow
 def test_each_path_of_two_arms_has_handles() -> None:
     content = scenario("servicing/two_arms_both")
     names = [handle["name"] for handle in outline_of(content)["handles"]]
