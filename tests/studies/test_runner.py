@@ -268,6 +268,7 @@ def test_a_scheduler_that_does_not_answer_is_an_error(
     assert error_key(run_study, a_study(folder), folder / "out", scheduler=address) == "scheduler"
 
 
+@pytest.mark.slow
 def test_an_estimate_times_a_run_and_writes_nothing(folder: Path) -> None:
     write_study(folder, RANDOM | {"timing.duration": {"list": [5, 6]}}, base=SHORT, cases=30)
     before = sorted(folder.iterdir())
