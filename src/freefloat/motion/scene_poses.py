@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from freefloat.motion.motion import Motion
+from freefloat.scene.scene_body import Hand
 from freefloat.so3 import Array, Pose
 
 
@@ -16,18 +17,16 @@ def scene_poses(motion: Motion, t: float, attitude: Array, joints: Array) -> tup
         joints: Joint values, shape (n,).
     """
     scene, path = motion.problem.scene, motion.problem.path
-    ends = _ends(motion, t, attitude, joints) if scene.follows else ()
-    return scene.poses(t, path, *ends)
+    return scene.poses(t, path, _hand(motion, t, attitude, joints) if scene.follows else None)
 
 
 def corridor_pose(motion: Motion, t: float, attitude: Array, joints: Array) -> Pose:
     """The frame of the corridor; arguments are those of :func:`scene_poses`."""
     scene, path = motion.problem.scene, motion.problem.path
-    ends = _ends(motion, t, attitude, joints) if scene.follows else ()
-    return scene.corridor_pose(t, path, *ends)
+    hand = _hand(motion, t, attitude, joints) if scene.follows else None
+    return scene.corridor_pose(t, path, hand)
 
 
-def _ends(motion: Motion, t: float, attitude: Array, joints: Array) -> tuple[Pose, Pose]:
-    """The pose of the end-effector that is prescribed, and the one that it has."""
-    target = motion.law.target(t, attitude, joints)
-    return target, motion.problem.model.end_effector_pose(attitude, joints)
+def _hand(motion: Motion, t: float, attitude: Array, joints: Array) -> Hand:
+    actual = motion.problem.model.end_effector_pose(attitude, joints)
+    return Hand(motion.law.target(t, attitude, joints), actual)

@@ -12,7 +12,7 @@ import numpy as np
 
 from freefloat.errors import InputError, finite_number, finite_vector, require_type
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.scene.scene_body import PathFrame, SceneBody
+from freefloat.scene.scene_body import Hand, PathFrame, SceneBody
 from freefloat.scene.tumbling import MOST_REVOLUTIONS, Tumbling
 from freefloat.so3 import Array, Pose, frozen, unit_vector
 
@@ -179,25 +179,13 @@ class Scene:
         """Whether the robot holds a body."""
         return any(body.payload is not None for body in self.bodies)
 
-    def poses(
-        self,
-        t: float,
-        path: PathFrame,
-        target: Pose | None = None,
-        end_effector: Pose | None = None,
-    ) -> tuple[Pose, ...]:
+    def poses(self, t: float, path: PathFrame, hand: Hand | None = None) -> tuple[Pose, ...]:
         """The frames of all bodies, see :meth:`freefloat.scene.scene_body.SceneBody.pose_at`."""
-        return tuple(body.pose_at(t, path, target, end_effector) for body in self.bodies)
+        return tuple(body.pose_at(t, path, hand) for body in self.bodies)
 
-    def corridor_pose(
-        self,
-        t: float,
-        path: PathFrame,
-        target: Pose | None = None,
-        end_effector: Pose | None = None,
-    ) -> Pose:
+    def corridor_pose(self, t: float, path: PathFrame, hand: Hand | None = None) -> Pose:
         """The frame of the corridor; arguments are those of :meth:`poses`."""
         if self.corridor is None or self.corridor.body is None:
             return Pose(path.origin(t), np.eye(3))
         body = self.bodies[self.names.index(self.corridor.body)]
-        return body.pose_at(t, path, target, end_effector)
+        return body.pose_at(t, path, hand)

@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -35,6 +35,23 @@ class PathFrame(Protocol):
 
     def pose(self, t: float) -> Pose:
         """Pose of the end-effector at time t [s] relative to the centre of mass."""
+
+
+class Hand(NamedTuple):
+    """Poses of the end-effector relative to the centre of mass, inertial axes.
+
+    Attributes:
+        prescribed: What is prescribed, of which tasks may leave a part free.
+        actual: The pose that it has, with which a body moves that is held.
+    """
+
+    prescribed: Pose
+    actual: Pose
+
+    @classmethod
+    def on(cls, pose: Pose) -> Hand:
+        """Those of an end-effector that has the pose that is prescribed."""
+        return cls(pose, pose)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,25 +115,17 @@ class SceneBody:
         """Its frame at time zero, see ``position``."""
         return Pose(self.position, self.orientation)
 
-    def pose_at(
-        self,
-        t: float,
-        path: PathFrame,
-        target: Pose | None = None,
-        end_effector: Pose | None = None,
-    ) -> Pose:
+    def pose_at(self, t: float, path: PathFrame, hand: Hand | None = None) -> Pose:
         """Its frame at time t [s] relative to the centre of mass, inertial axes.
 
         Args:
             t: Time [s].
             path: Its frame, and the pose that it prescribes for the end-effector.
-            target: The pose that is prescribed, in place of the path's.
-            end_effector: The pose that the end-effector has, with which a body moves that is held;
-                tasks may leave a part of it free.
+            hand: Poses of the end-effector in place of the path's.
         """
         if self.motion == "target":
-            held = None if self.payload is None else end_effector
-            return (held or target or path.pose(t)) @ self.pose
+            hand = hand or Hand.on(path.pose(t))
+            return (hand.prescribed if self.payload is None else hand.actual) @ self.pose
         pose = self._turned(t)
         return Pose(pose.position + path.origin(t), pose.rotation)
 

@@ -18,6 +18,7 @@ from freefloat.limits.result import LimitResult
 from freefloat.motion.pointing import Keep, angle_of
 from freefloat.motion.problem import Problem
 from freefloat.planning.goals.joint_paths import Course, JointPaths
+from freefloat.scene.scene_body import Hand
 from freefloat.so3 import Array, IntArray, angle_between
 
 _STEP = 1e-6
@@ -109,7 +110,7 @@ class StateLimits:
 
         def beyond_corridor(t: float, attitude: Array, joints: Array) -> float:
             pose = model.end_effector_pose(attitude, joints)
-            frame = problem.scene.corridor_pose(t, problem.path, pose)
+            frame = problem.scene.corridor_pose(t, problem.path, Hand.on(pose))
             corridor = problem.scene.corridor
             offset = frame.rotation.T @ (pose.position - frame.position)
             return -np.inf if corridor is None else corridor.deviation(offset) - corridor.allowed

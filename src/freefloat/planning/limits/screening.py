@@ -24,6 +24,7 @@ from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.objectives.objective import Comparison
+from freefloat.scene.scene_body import Hand
 from freefloat.so3 import Array, IntArray
 
 _FIRST_BATCH, _BATCH = 16, 256
@@ -130,7 +131,7 @@ def clearance_deficits(
             every_joint = problem.all_joints(q, t)
             if pairs.scene.holds:
                 end = problem.model.end_effector_pose(attitude, every_joint)
-                poses = pairs.scene.poses(t, path, None, end)
+                poses = pairs.scene.poses(t, path, Hand(path.pose(t), end))
             distances.append(pairs.distances(every_joint, every, attitude, poses).min())
         return [max(0.0, clearance - float(distance) - _SLACK) for distance in distances]
 
