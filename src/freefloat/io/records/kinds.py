@@ -8,6 +8,7 @@ from freefloat.planning.answer import Finding
 from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.planning.phases.kinds.capture_phase import PlannedCapture
 from freefloat.planning.phases.manoeuvre import Manoeuvre
+from freefloat.planning.phases.phase import Phase
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.settings import Search
@@ -26,7 +27,7 @@ KINDS: dict[str, type[Result]] = {
 }  # fmt: skip
 """Classes of results by the kind of their files."""
 CODEC = Codec(
-    context=(Problem, Search, Limits, FreeFloatingModel),
+    context=(Problem, Search, Limits, FreeFloatingModel, tuple[Phase, ...]),
     members={Finding: (Plan, GoalMotion, PlannedCapture)},
 )
 """Codec of results: scenario and robot are stored as texts."""

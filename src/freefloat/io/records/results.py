@@ -20,7 +20,7 @@ from freefloat.errors import InputError
 from freefloat.io.hdf5 import AlteredFileError, read_hdf5, write_hdf5
 from freefloat.io.records.differences import differences
 from freefloat.io.records.kinds import CODEC, KINDS, Result
-from freefloat.io.records.manoeuvres import decode_manoeuvre, scenario_of_manoeuvre
+from freefloat.io.records.manoeuvres import decode_manoeuvre
 from freefloat.io.scenario.arms_section import paths_of_arms
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.io.scenario.scene_section import parse_shapes, shapes_text
@@ -50,12 +50,11 @@ def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> 
         result: A plan, a simulation, a motion to a goal, a manoeuvre or a map.
         path: The file; replaced if it exists.
         scenario: The scenario that the result was computed from. If it poses the problem of the
-            result, its text is written, with comments; else the problem is described. A
-            manoeuvre is always written with it.
+            result, its text is written, with comments; else the problem is described.
 
     Raises:
-        InputError: If the file cannot be written, the scenario of a manoeuvre is another one, or
-            scenario files cannot describe the path of the problem.
+        InputError: If the file cannot be written, or scenario files cannot describe the path of
+            the problem, or a phase of a manoeuvre.
 
     Example:
         >>> problem = ff.load_scenario("planar_2dof/line").problem()
@@ -85,12 +84,12 @@ def _require_result(result: object) -> None:
 
 def _describe(result: Any, scenario: Scenario | None) -> Scenario:
     """The given scenario if it poses the problem of a result, else a description of the problem."""
-    problem = result.problem
-    if isinstance(result, Manoeuvre):
-        return scenario_of_manoeuvre(result, scenario)
-    search = getattr(result, "search", None)
-    limits = getattr(result, "limits", None)
-    described = scenario_of(problem, search, limits)
+    problem, phases = result.problem, getattr(result, "following", ())
+    reorient = getattr(result, "reorient", False)
+    planned = getattr(result, "path", result)
+    search = getattr(planned, "search", None)
+    limits = getattr(planned, "limits", None)
+    described = scenario_of(problem, search, limits, phases, reorient=reorient)
     if scenario is None or scenario.content.goal is not None:
         return described
     if scenario.model() is not problem.model or not scenario.content.robot.has_own_curves:
@@ -99,6 +98,8 @@ def _describe(result: Any, scenario: Scenario | None) -> Scenario:
         scenario.problem(),
         None if search is None else scenario.search(),
         None if limits is None else scenario.limits(),
+        scenario.phases() if phases else (),
+        reorient=reorient and scenario.content.search.reorient,
     )
     if posed.text != described.text:
         return described

@@ -44,7 +44,7 @@ from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, Pose
 
 SAMPLES = "samples.csv"
-"""Name of the CSV file in a scenario that was made from a path of samples."""
+"""Name of the CSV file in a scenario that was made from a path of samples, unless it is another."""
 _SAME = 1e-12
 """Rounding of the knots of a spline."""
 _INERTIAL = Pose(np.zeros(3), np.eye(3))
@@ -163,8 +163,14 @@ def _law(section: AttitudeSection, curve: Curve, frame: Pose) -> OrientationLaw:
         return DirectedOrientation.follow(curve, follow.axis, R @ np.array(follow.normal))
 
 
-def section_of(path: EndEffectorPath) -> tuple[dict[str, Any], dict[str, str]]:
+def section_of(
+    path: EndEffectorPath, samples: str = SAMPLES
+) -> tuple[dict[str, Any], dict[str, str]]:
     """Content of the ``path`` section that describes a path, and texts of CSV files by name.
+
+    Args:
+        path: The path.
+        samples: Name of the CSV file of a path of samples.
 
     Raises:
         InputError: If scenario files cannot describe the path: its curve or orientation is of a
@@ -176,7 +182,7 @@ def section_of(path: EndEffectorPath) -> tuple[dict[str, Any], dict[str, str]]:
         chords = np.array_equal(curve.knots, SplineCurve(curve.points).knots)
         if sampled or not chords:
             attitude = {} if sampled else _attitude_section(law)
-            return {"samples": SAMPLES, **attitude}, {SAMPLES: _csv_text(curve, law)}
+            return {"samples": samples, **attitude}, {samples: _csv_text(curve, law)}
     return curve_content(curve) | _attitude_section(law), {}
 
 

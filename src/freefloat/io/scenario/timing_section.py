@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from pydantic import Field
 
 from freefloat.io.scenario.field_types import Number, Section
@@ -35,3 +37,13 @@ class TimingSection(Section):
         """The time law; raises an InputError if it is invalid."""
         stops = tuple(Stop(stop.s, stop.t) for stop in self.stops)
         return Timing(self.duration, self.law, stops, tuple(self.speeds))
+
+
+def timing_content(timing: Timing) -> dict[str, Any]:
+    """Content of the ``timing`` section that describes a time law."""
+    return {
+        "duration": float(timing.duration),
+        "law": str(timing.law),
+        "stops": [{"s": float(stop.s), "t": float(stop.t)} for stop in timing.stops],
+        "speeds": [list(pair) for pair in timing.speeds],
+    }

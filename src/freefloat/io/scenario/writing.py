@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,22 +12,37 @@ from freefloat.dynamics.redundancy import Toward
 from freefloat.io.scenario.arms_section import arms_content
 from freefloat.io.scenario.limits_section import limits_content
 from freefloat.io.scenario.path_section import section_of, sections_of_arms
+from freefloat.io.scenario.phase_section import phases_content
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.io.scenario.scene_section import file_shapes, scene_content
+from freefloat.io.scenario.timing_section import timing_content
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
+from freefloat.planning.phases.phase import Phase
 from freefloat.planning.settings import Search
 
 
 def scenario_of(
-    problem: Problem, search: Search | None = None, limits: Limits | None = None
+    problem: Problem,
+    search: Search | None = None,
+    limits: Limits | None = None,
+    phases: Sequence[Phase] = (),
+    *,
+    reorient: bool = False,
 ) -> Scenario:
     """Scenario that poses a problem: the inverse of :meth:`Scenario.problem`.
 
     Its robot is that of the problem; the text names the URDF that it came from.
 
+    Args:
+        problem: The problem of the path.
+        search: The search for a plan.
+        limits: Limits to keep.
+        phases: What follows the path.
+        reorient: Whether a reorientation leads to the start of the path.
+
     Raises:
-        InputError: If scenario files cannot describe the path of the problem.
+        InputError: If scenario files cannot describe the path of the problem, or a phase.
     """
     model = problem.model
     stated, timing = problem.path.stated
@@ -45,14 +61,9 @@ def scenario_of(
             "arms": arms_content(model, problem.arms, sections_of_arms(problem.path)) or None,
         },
         "path": path,
-        "timing": {
-            "duration": float(timing.duration),
-            "law": str(timing.law),
-            "stops": [{"s": float(stop.s), "t": float(stop.t)} for stop in timing.stops],
-            "speeds": [list(pair) for pair in timing.speeds],
-        },
+        "timing": timing_content(timing),
         "margin": {"measure": margin.measure.name, "value": float(margin.threshold)},
-        "search": search.to_dict(),
+        "search": search.to_dict() | ({"reorient": True} if reorient else {}),
         "limits": limits_content(limits, model.joint_names),
         "scene": scene_content(problem.scene),
     }
@@ -67,5 +78,8 @@ def scenario_of(
         content["drift"] = problem.path.drift.tolist()
     for name, section in sections.items():
         content[name] = {key: value for key, value in section.items() if value is not None}
+    if phases:
+        content["phases"], further = phases_content(phases)
+        samples |= further
     text = yaml.safe_dump(content, sort_keys=False)
     return parse_scenario(text, Path("scenario.yaml"), samples, model, shapes)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 from freefloat.limits.contact import Contact
 from freefloat.motion.problem import Problem
 from freefloat.planning.answer import Answer, PhaseResult
+from freefloat.planning.phases.phase import REORIENTATION, Phase
 from freefloat.planning.plan import Plan
 
 
@@ -19,38 +19,44 @@ class Manoeuvre(Answer):
 
     Attributes:
         path: The plan of the first path.
-        phases: Phases in order, up to the first that fails.
-        reason: Why it succeeds, or which phase fails and why.
-        not_reached: Names of the phases that are not planned, because one before them fails.
+        phases: Results of the phases in order, up to the first that fails.
+        following: Phases after the first path, those that are not planned, too.
+        reorient: Whether a reorientation leads to the start of the path.
     """
 
     kind: ClassVar[str] = "manoeuvre"
 
     path: Plan
     phases: tuple[PhaseResult, ...]
-    reason: str
-    not_reached: tuple[str, ...] = ()
-
-    @classmethod
-    def of(cls, path: Plan, phases: Sequence[PhaseResult], names: Sequence[str]) -> Self:
-        """The manoeuvre of phases, one of which is the first path.
-
-        Args:
-            path: The plan of the first path.
-            phases: Phases in order, up to the first that fails.
-            names: Names of all phases.
-        """
-        failed = next((phase for phase in phases if not phase.feasible), None)
-        if failed is None:
-            return cls(path, tuple(phases), f"all {len(phases)} phases succeed")
-        planned = {phase.name for phase in phases}
-        not_reached = tuple(name for name in names if name not in planned)
-        return cls(path, tuple(phases), f"{failed.name}: {failed.reason}", not_reached)
+    following: tuple[Phase, ...] = field(default=(), repr=False)
+    reorient: bool = False
 
     @property
     def feasible(self) -> bool:
         """Whether all phases succeed."""
-        return all(phase.feasible for phase in self.phases)
+        return self._failed is None
+
+    @property
+    def _failed(self) -> PhaseResult | None:
+        return next((phase for phase in self.phases if not phase.feasible), None)
+
+    @property
+    def reason(self) -> str:
+        """Why it succeeds, or which phase fails and why."""
+        if self._failed is None:
+            return f"all {len(self.phases)} phases succeed"
+        return f"{self._failed.name}: {self._failed.reason}"
+
+    @property
+    def not_reached(self) -> tuple[str, ...]:
+        """Names of the phases that are not planned, because one before them fails."""
+        if self.feasible:
+            return ()
+        planned = {phase.name for phase in self.phases}
+        names = [phase.name for phase in self.following]
+        if self.reorient and not self.path.feasible:
+            names.insert(0, REORIENTATION)
+        return tuple(name for name in names if name not in planned)
 
     @property
     def problem(self) -> Problem:

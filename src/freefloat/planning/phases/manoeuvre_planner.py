@@ -13,15 +13,14 @@ from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.answer import PhaseResult
 from freefloat.planning.goals.goal import require_inside
 from freefloat.planning.phases.expected_state import keys_within
+from freefloat.planning.phases.kinds.path_phase import PathPhase
 from freefloat.planning.phases.manoeuvre import Manoeuvre
-from freefloat.planning.phases.phase import Phase, checked_phases
+from freefloat.planning.phases.phase import PATH, REORIENTATION, Phase, checked_phases
 from freefloat.planning.phases.state import SystemState
 from freefloat.planning.planner import plan
 from freefloat.planning.settings import Search
 from freefloat.so3 import Array, angle_between
 
-_REORIENTATION = "reorientation"
-"""Name of the phase that leads to the start of the path."""
 _SAME = 1e-9
 """Angle between attitudes, and difference of joints, that are the same [rad, m]."""
 
@@ -81,10 +80,9 @@ def plan_manoeuvre(
     share = 0.5 if reorient else 0.9
     step = step_of(progress, 0.0, share)
     first = plan(problem, search, limits, threads=threads, progress=step)
-    path = PhaseResult("path", "path", first)
-    names = [path.name, *(phase.name for phase in following)]
+    path = PhaseResult(PATH, PathPhase.kind, first)
     if first.chosen is None or not first.feasible:
-        return Manoeuvre.of(first, [path], [_REORIENTATION, *names] if reorient else names)
+        return Manoeuvre(first, (path,), following, reorient)
     state = SystemState.at_start(first.chosen.motion)
     done: list[PhaseResult] = []
     if present is not None:
@@ -93,7 +91,7 @@ def plan_manoeuvre(
     done.append(path)
     if all(phase.feasible for phase in done):
         done += _following(state.after(first.chosen.motion), following, limits)
-    return Manoeuvre.of(first, done, names)
+    return Manoeuvre(first, tuple(done), following, reorient)
 
 
 def _present_joints(problem: Problem, search: Search) -> Array:
@@ -125,7 +123,7 @@ def _to_start(
         seed=search.seed, progress=progress,
     )  # fmt: skip
     begin = -(found.duration or 0.0)
-    return [PhaseResult(_REORIENTATION, found.kind, found, begin, begin * problem.path.drift)]
+    return [PhaseResult(REORIENTATION, found.kind, found, begin, begin * problem.path.drift)]
 
 
 def _following(

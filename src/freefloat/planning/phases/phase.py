@@ -8,20 +8,15 @@ from dataclasses import replace
 from itertools import chain, count
 from typing import Any, ClassVar
 
-import numpy as np
-
 from freefloat.errors import InputError, require_type
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.answer import Finding
 from freefloat.planning.phases.expected_state import ExpectedState, keys_within
 from freefloat.planning.phases.state import SystemState
-from freefloat.so3 import angle_between
 
-FIRST_NAMES = ("reorientation", "path")
-"""Names of the phases up to the first path."""
-_SAME = 1e-8
-"""Distance of places, and angle between orientations, that are the same [m, rad]."""
+REORIENTATION, PATH = "reorientation", "path"
+"""Names of the phase that leads to the start of the first path, and of this path."""
 
 
 class Phase(ABC):
@@ -71,22 +66,6 @@ class Phase(ABC):
             InputError: If the phase cannot begin there.
         """
 
-    def may_give(self, state: SystemState, result: Any) -> bool:
-        """Whether a result can be that of the phase from a state: it has the path of its problem.
-
-        Raises:
-            InputError: If the phase cannot begin there.
-        """
-        path, planned = self.problem_at(state).path, result.problem.path
-        if path.duration != planned.duration:
-            return False
-        pairs = ((path.pose(t), planned.pose(t)) for t in np.linspace(0.0, path.duration, 9))
-        return all(
-            np.allclose(one.position, other.position, atol=_SAME)
-            and angle_between(one.quaternion, other.quaternion) < _SAME
-            for one, other in pairs
-        )
-
     def end(self, state: SystemState, result: Any) -> SystemState:
         """The state at which the phase ends that begins with a state and has a result."""
         return state.after(result.motion)
@@ -108,7 +87,7 @@ def checked_phases(
     require_type("phases", phases, Iterable, "a list of phases")
     given = tuple(phases)
     keys = [f"phases.{k}" for k in range(len(given))] if keys is None else keys
-    state, taken = ExpectedState.after_first(problem), {*FIRST_NAMES}
+    state, taken = ExpectedState.after_first(problem), {REORIENTATION, PATH}
     for number, (phase, key) in enumerate(zip(given, keys, strict=True)):
         accepted = "a phase, such as a PathPhase, a GoalPhase or a CapturePhase"
         require_type(key, phase, Phase, accepted)

@@ -9,7 +9,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from freefloat.dynamics.capture import Capture, Client, capture
-from freefloat.dynamics.momentum import mass_matrix
 from freefloat.dynamics.summary import roll_pitch_yaw
 from freefloat.errors import InputError, finite_number, finite_vector, require_type
 from freefloat.limits.limits import Limits
@@ -152,12 +151,6 @@ class CapturePhase(Phase):
             momentum, velocity = result.momentum * [0, 0, 1], result.velocity * [1, 1, 0]
             result = replace(result, momentum=frozen(momentum), velocity=frozen(velocity))
         return PlannedCapture(**vars(result))
-
-    def may_give(self, state: SystemState, result: Any) -> bool:
-        """Whether a result is that of the capture from a state."""
-        expected = self.run(state, Limits())
-        M, planned = (mass_matrix(entry.model, state.joints) for entry in (expected, result))
-        return np.allclose(planned, M) and np.allclose(result.momentum, expected.momentum)
 
     def end(self, state: SystemState, result: Any) -> SystemState:
         """The state just after the capture: the body is held."""

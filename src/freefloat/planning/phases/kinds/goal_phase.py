@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -60,11 +60,6 @@ class GoalPhase(Phase):
         """See :class:`~freefloat.planning.phases.phase.Phase`; its path is not followed."""
         path = state.problem.path
         return state.problem_for(path.lasting(self.goal.duration or path.duration))
-
-    def may_give(self, state: SystemState, result: Any) -> bool:
-        """Whether a result is one for the goal."""
-        goal = self.goal.seen_from(state.centre)
-        return bool(goal.to_dict() == result.goal.to_dict())
 
     def run(self, state: SystemState, limits: Limits) -> GoalMotion:
         """The motion to the goal from a state."""
