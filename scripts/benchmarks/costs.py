@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -19,6 +20,13 @@ NOW = [0.1, -0.5, 0.2, 0.8367]
 SIMULATE = ("simulate", "spatial_6dof/line", "--attitude", "0.46", "0.0935", "0.7352", "-0.489")
 SIMULATE_PLANAR = ("simulate", "planar_3dof/parabola", "--heading", "120")
 PLAN, PLAN_PLANAR = ("plan", "spatial_6dof/line"), ("plan", "planar_3dof/parabola")
+MISSIONS = ("servicing/inspect_client", "servicing/capture_client")
+OBJECTIVES = ("nearest", "robust", "still", {"margin": 1, "turn": 0.5})
+VARIANTS = (
+    *((PLAN[1], {"search": {"objective": each, "from_attitude": NOW}}) for each in OBJECTIVES),
+    ("servicing/inspect_client", {"timing": {"law": "optimal", "duration": 45}}),
+)
+"""Scenarios, and the sections in place of theirs."""
 
 _MAP = """
 import resource, time
@@ -83,20 +91,23 @@ def start_up(quick: bool) -> list[Result]:
 
 def commands(quick: bool) -> list[Result]:
     """From process start to exit, kernels compiled."""
-    document = yaml.safe_load((MODELS / "spatial_6dof" / "line.yaml").read_text("utf-8"))
-    document["robot"]["urdf"] = "spatial_6dof"
+    cases = [("plan spatial_6dof/line", PLAN, 2.5), ("plan planar_3dof/parabola", PLAN_PLANAR, 2.0),
+             ("map spatial_6dof/line", ("map", PLAN[1], "--samples", "4096"), 4.0),
+             *((f"plan {name}", ("plan", name), None) for name in MISSIONS)]  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
-        cases = [(PLAN, 2.5), (PLAN_PLANAR, 2.0),
-                 (("map", "spatial_6dof/line", "--samples", "4096"), 4.0)]  # fmt: skip
-        for objective in ("nearest", "robust"):
-            file = Path(folder) / f"{objective}.yaml"
-            search = {"objective": objective, "from_attitude": NOW}
-            file.write_text(yaml.safe_dump({**document, "search": search}), "utf-8")
-            cases.append((("plan", str(file)), 4.0))
-        seconds = race(*(run(PROGRAM, *command) for command, _ in cases), rounds=1 if quick else 3)
+        for name, change in VARIANTS:
+            file = Path(folder) / f"{len(cases)}.yaml"
+            document = yaml.safe_load((MODELS / f"{name}.yaml").read_text("utf-8"))
+            limit = None
+            if name == PLAN[1]:
+                limit, document["robot"]["urdf"] = 4.0, "spatial_6dof"
+            file.write_text(yaml.safe_dump(document | change), "utf-8")
+            cases.append((f"plan {name}`, `{json.dumps(change)}", ("plan", str(file)), limit))
+        calls = [run(PROGRAM, *command) for _, command, _ in cases]
+        seconds = race(*calls, rounds=1 if quick else 3)
     return [
-        Result(f"`freefloat {command[0]} {Path(command[1]).name}`", taken, limit=limit)
-        for (command, limit), taken in zip(cases, seconds, strict=True)
+        Result(f"`freefloat {what}`", taken, limit=limit)
+        for (what, _, limit), taken in zip(cases, seconds, strict=True)
     ]
 
 
