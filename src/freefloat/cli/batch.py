@@ -104,6 +104,8 @@ def batch(
     make_folder("output", output)
     if not (quiet or as_json) and (reason := why_run_by_run(loaded)) is not None:
         say(f"{loaded.source}: run by run, because {reason}")
+    if not (quiet or as_json) and loaded.content.command != "plan" and loaded.base.get("phases"):
+        say(f"{loaded.source}: the first path alone, without the phases after it")
     try:
         with console.progress(f"{loaded.count:,} runs") as progress:
             result = run_study(

@@ -80,6 +80,7 @@ def _tables(report: CheckReport, file: Path) -> Iterator[RenderableType]:
     Values of the certificate that are as stated have one row; JSON has them all.
     """
     checks = table("check", "found", "allowed", "at [s]", "result", "")
+    checks.columns[0].no_wrap = True
     same = [c for c in report.checks if "certificate " in c.name and c.passed]
     for entry in report.checks:
         if entry in same:
@@ -89,7 +90,7 @@ def _tables(report: CheckReport, file: Path) -> Iterator[RenderableType]:
             _with_unit(entry),
             "" if entry.allowed is None else f"{entry.relation} {_number(entry.allowed)}",
             "" if entry.time is None else f"{entry.time:.4f}",
-            Text("passed", "green") if entry.passed else Text("failed", "red"),
+            _outcome(entry),
             Text(entry.detail if entry.passed else ""),
         )
     if same:
@@ -105,6 +106,8 @@ def _tables(report: CheckReport, file: Path) -> Iterator[RenderableType]:
         yield from _gravity_lines(report.gravity)
     if report.passed:
         yield Text(f"{file}: verified.", "green")
+        if violated := sum(entry.exceeds for entry in report.checks):
+            yield Text(f"  Limits violated, as the file states: {violated}.", "yellow")
         return
     yield Text(f"{file}: not verified.", "red")
     yield from (Text(f"  {entry.reason}", "red") for entry in report.discrepancies)
@@ -121,6 +124,12 @@ def _gravity_lines(run: GravityRun) -> Iterator[str]:
         f"Kept on the path: the momentum changes by {run.momentum:.3g} N m s, the smallest margin "
         f"is {run.margin:.6g}."
     )
+
+
+def _outcome(entry: Check) -> Text:
+    if not entry.passed:
+        return Text("failed", "red")
+    return Text("violated, as stated", "yellow") if entry.exceeds else Text("passed", "green")
 
 
 def _with_unit(entry: Check) -> str:

@@ -94,7 +94,8 @@ class Console:
 
             def update(fraction: float) -> None:
                 notice.cancel()
-                bar.update(task, total=1.0, completed=fraction, description=description)
+                done = max(fraction, bar.tasks[0].completed)  # stages may begin again
+                bar.update(task, total=1.0, completed=done, description=description)
 
             notice.start()
             try:
@@ -106,17 +107,17 @@ class Console:
 @contextmanager
 def _reports(description: str) -> Iterator[Callable[[float], None]]:
     """Lines on stderr about work that takes long; yields what is called with the fraction done."""
-    done, ended = " ...", Event()
+    done, ended = 0.0, Event()
 
     def update(fraction: float) -> None:
         nonlocal done
-        done = f": {100.0 * fraction:.0f} %"
+        done = max(done, fraction)  # stages may begin again
 
     def report() -> None:
         pause = _PATIENCE
         while not ended.wait(pause):
             with suppress(OSError, ValueError):
-                say(f"{description}{done}")
+                say(f"{description}: {100.0 * done:.0f} %" if done else f"{description} ...")
             pause = REPORTS
 
     Thread(target=report, daemon=True).start()

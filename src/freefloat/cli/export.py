@@ -38,7 +38,7 @@ _Times = Annotated[
 ]
 _Epoch = Annotated[
     datetime | None,
-    typer.Option(formats=["%Y-%m-%dT%H:%M:%S"], metavar="DATE",
+    typer.Option(formats=["%Y-%m-%dT%H:%M:%S", "%Y-%m-%d"], metavar="DATE",
                  help="Date of t = 0 in aem and mcap, UTC, as 2026-05-01T12:00:00; by default "
                       "2000-01-01T12:00:00."),
 ]  # fmt: skip

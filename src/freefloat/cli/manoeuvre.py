@@ -31,12 +31,12 @@ def manoeuvre_tables(
         verbose: Whether states and limits of each phase follow instead.
     """
     yield Text(f"{name}: {manoeuvre.reason}", "green" if manoeuvre.feasible else "red")
-    rows = table("phase", "kind", "from [s]", "to [s]", "turn [deg]", "minimum margin", "verdict")
+    rows = table(
+        "phase", "kind", "from [s]", "to [s]", "net turn [deg]", "minimum margin", "verdict"
+    )
     for phase in manoeuvre.phases:
-        end = phase.start + phase.duration
         verdict = Text("feasible", "green") if phase.feasible else Text("not feasible", "red")
-        rows.add_row(phase.name, phase.kind, f"{phase.start:.4f}", f"{end:.4f}", _turn(phase),
-                     _margin(phase), verdict)  # fmt: skip
+        rows.add_row(phase.name, phase.kind, *_times(phase), _turn(phase), _margin(phase), verdict)
     for phase_name in manoeuvre.not_reached:
         rows.add_row(phase_name, "", "", "", "", "", Text("not reached", "yellow"))
     yield rows
@@ -45,9 +45,15 @@ def manoeuvre_tables(
 
 
 def _summary(manoeuvre: Manoeuvre) -> Iterator[RenderableType]:
-    """Captures, and the worst of each limit."""
+    """The state at which each path begins, captures, and the worst of each limit."""
     worst: dict[str, LimitResult] = {}
     for phase in manoeuvre.phases:
+        if phase.kind == "path" and phase.motion is not None:
+            first = phase.motion.initial
+            yield (
+                f"{phase.name}: from the attitude x y z w {decimals(first.attitude, 5)}, joints "
+                f"{decimals(first.joints)}"
+            )
         if phase.kind == "capture":
             yield f"{phase.name}: {_found(phase)}"
         for result in phase.limit_results:
@@ -83,6 +89,13 @@ def goal_tables(name: str, result: GoalMotion) -> Iterator[RenderableType]:
     yield from contact_lines(result)
 
 
+def _times(phase: PhaseResult) -> tuple[str, str]:
+    """First and last time; empty without a motion, but for a capture."""
+    if phase.motion is None and not phase.feasible:
+        return "", ""
+    return f"{phase.start:.4f}", f"{phase.start + phase.duration:.4f}"
+
+
 def _turn(phase: PhaseResult) -> str:
     """The angle by which the spacecraft turns from the first to the last attitude."""
     from freefloat.so3 import angle_between
@@ -108,5 +121,5 @@ def _capture(capture: Capture) -> str:
     locked = math.degrees(math.hypot(*capture.locked_rate))
     return (
         f"impulse {impulse:.3g} N s, momentum {momentum} N m s; with locked joints the system "
-        f"turns at {locked:.4f} deg/s, about other axes at {low:.4f} to {high:.4f} deg/s"
+        f"turns at {locked:.4f} deg/s now, in other attitudes at {low:.4f} to {high:.4f} deg/s"
     )

@@ -197,7 +197,8 @@ def _chosen_lines(plan: Plan) -> Iterator[str]:
         wanted = f", less than search.spare_deg {math.degrees(spare):g}" if less else ""
         yield f"Attitude tolerance{scope}: {math.degrees(plan.robust_radius):.4f} deg{wanted}."
         if plan.radius_effort is not None:
-            yield f"  {plan.radius_effort}"
+            start = ", with starts near the joints below" if plan.problem.redundant else ""
+            yield f"  {plan.radius_effort}{start}"
     tolerance = plan.tolerance
     if tolerance is not None:
         more = " or more" if tolerance.momentum >= tolerance.momentum_limit else ""

@@ -52,7 +52,7 @@ def retime(
     loaded: Any = load(plan)
     if loaded.kind != Plan.kind:
         problem = f"{plan} is the result of a {loaded.kind}"
-        accepted = "a plan of a path; the search for a motion to a goal shortens it itself"
+        accepted = "a plan of a path alone; motions to goals are as short as their search finds"
         raise InputError("plan", problem, accepted)
     with console.progress("planning again") as progress:
         result = find_timing(loaded, threads=threads, progress=progress)

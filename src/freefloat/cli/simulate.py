@@ -102,6 +102,8 @@ def simulate(
             stop_at_margin=stop_at_margin,
         )  # fmt: skip
     delivery.deliver(simulation, _tables(scenario, simulation, mark), scenario, loaded)
+    if loaded.content.phases:
+        console.tables(["The first path alone is simulated; plan finds the phases after it, too."])
     kept = not violated(simulation.limit_results)
     raise typer.Exit(DONE if kept and simulation.chosen.motion.completed else NEGATIVE)
 
@@ -131,7 +133,8 @@ def _verdict(simulation: Simulation, entry: SimulatedBranch) -> Text:
     """The verdict on an arm branch: by margin and limits, or by the margin alone."""
     verdict = simulation.verdicts.get(entry.branch.index)
     if verdict is None and entry.feasible:
-        return Text("keeps the margin", "green")
+        unchecked = "" if simulation.limits is None else ", limits not checked"
+        return Text(f"keeps the margin{unchecked}", "green")
     verdict = verdict or entry.verdict()
     style = {"kept": "green", "singular": "red"}.get(verdict.cause, "yellow")
     return Text(verdict.brief, style)

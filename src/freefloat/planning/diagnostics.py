@@ -103,7 +103,7 @@ def infeasible_distance_message(problem: Problem) -> str | None:
 
     S of the planar problem depends on two joint angles.
     """
-    point = "last joint" if problem.task is Task.PLANAR_POSE else "end-effector"
+    point = "virtual last joint" if problem.task is Task.PLANAR_POSE else "end-effector"
     inner, outer = PlanarArm.of(problem.model).reach
     for s in np.linspace(0.0, 1.0, 401).tolist():
         place = point_3_of_pose(problem, problem.path.pose_at(s))

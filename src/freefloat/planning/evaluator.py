@@ -11,6 +11,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.settings import Search
+from freefloat.so3 import Array
 
 
 def evaluator_for(
@@ -27,3 +28,17 @@ def evaluator_for(
     if search is not None and search.objective.measures_turn and limits.base_turn is None:
         limits = replace(limits, base_turn=np.pi)
     return FeasibilityEvaluator(problem, threads, tolerance=step_tolerance(problem), limits=limits)
+
+
+def evaluator_near(evaluator: FeasibilityEvaluator, joints: Array) -> FeasibilityEvaluator:
+    """The evaluator of motions like one that begins with joints (n,), to which tolerances belong.
+
+    A redundant arm begins in the configuration nearest to them; other arms in that of their branch.
+    """
+    problem = evaluator.problem
+    if not problem.redundant or problem.start_joints is not None:
+        return evaluator
+    return FeasibilityEvaluator(
+        replace(problem, start_joints=joints), evaluator.threads,
+        tolerance=step_tolerance(problem), limits=evaluator.limits,
+    )  # fmt: skip

@@ -10,7 +10,7 @@ from freefloat.limits.contact import deepest_contact
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import ScreenedCandidate
-from freefloat.planning.evaluator import evaluator_for
+from freefloat.planning.evaluator import evaluator_for, evaluator_near
 from freefloat.planning.limits.keeping import keep_limits
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_planner import plan_in_plane
@@ -51,8 +51,9 @@ def plan_path(
     if result.map is None or not result.feasible:
         return result
     attitude, branch = chosen.motion.initial.attitude, chosen.branch
-    if radius is None:
+    near = evaluator_near(evaluator, branch.joints)
+    if radius is None or near is not evaluator:
         index = None if problem.redundant else branch.index
-        radius = robust_radius(evaluator, attitude, index, result.map.spacing)
+        radius = robust_radius(near, attitude, index, result.map.spacing)
     tolerances = tolerance(evaluator.integrator, attitude, branch.joints)
     return replace(result, robust_radius=radius, radius_effort=EFFORT, tolerance=tolerances)

@@ -45,8 +45,8 @@ class Plan(Answer):
         chosen: The motion from the chosen attitude. Of an infeasible plan the one that keeps the
             margin and comes nearest to keeping the limits; None where none keeps the margin.
         robust_radius: How far the attitude may deviate in any direction before the chosen arm
-            branch (of a redundant arm, every starting configuration tried) violates the margin or
-            nears another singularity [rad].
+            branch violates the margin or nears another singularity [rad]; a redundant arm begins
+            in the configuration nearest to the chosen joints.
         radius_effort: Spatial tasks: what the robust radius was confirmed against.
         map: Spatial tasks: the map of sampled attitudes that the search began with.
         tolerance: Spatial tasks: tolerated deviations of momentum and duration.

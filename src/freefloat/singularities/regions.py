@@ -37,7 +37,9 @@ class Workspace:
     """Reach and areas: distances of one point from the centre of mass [m].
 
     Attributes:
-        point: ``"end-effector"``, ``"last joint"`` or ``"wrist centre"``.
+        point: ``"end-effector"``, or of the virtual manipulator ``"virtual last joint"`` or
+            ``"virtual wrist centre"``; the robot's own are elsewhere where the links beyond are
+            heavy.
         offset: Position of that point in the end-effector's frame [m], shape (3,).
         measure: Name of the measure S: ``system``, ``arm`` or ``gjm``.
         reach: Smallest and largest distance.
@@ -120,7 +122,7 @@ def exact_workspace(problem: Problem) -> Workspace | None:
         arm = PlanarArm.of(problem.model)
         point = "end-effector"
         if problem.task is Task.PLANAR_POSE:
-            point = "last joint"
+            point = "virtual last joint"
             offset = -virtual.last_link
     elif problem.task is Task.POSE:
         try:
@@ -128,7 +130,7 @@ def exact_workspace(problem: Problem) -> Workspace | None:
         except InputError:
             return None
         name = "arm"
-        point = "wrist centre"
+        point = "virtual wrist centre"
         offset = wrist_in_tool(virtual)
     else:
         return None

@@ -53,7 +53,8 @@ def manoeuvre_report(
 def _checks(manoeuvre: Manoeuvre, engine: str) -> Iterator[Check]:
     for phase in manoeuvre.phases:
         for check in completed(phase.name, _phase_checks, phase, engine):
-            yield replace(check, name=f"{phase.name}: {check.name}")
+            time = None if check.time is None else phase.start + check.time
+            yield replace(check, name=f"{phase.name}: {check.name}", time=time)
     yield from _handover_checks(manoeuvre)
     if not manoeuvre.feasible:
         yield Check("feasible", False, manoeuvre.reason, False)

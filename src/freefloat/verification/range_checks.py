@@ -16,7 +16,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import Candidate
-from freefloat.planning.evaluator import evaluator_for
+from freefloat.planning.evaluator import evaluator_for, evaluator_near
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_planner import heading_depth
 from freefloat.planning.plane.arcs import BranchRanges
@@ -157,6 +157,7 @@ def _ball_check(evaluator: FeasibilityEvaluator, plan: Plan, chosen: SimulatedBr
     """No adversarial search finds an attitude outside within the robust radius."""
     radius, redundant = plan.robust_radius or 0.0, plan.problem.redundant
     branch = None if redundant else chosen.branch.index
+    evaluator = evaluator_near(evaluator, chosen.branch.joints)
     around = Surroundings.of(evaluator, [Candidate(chosen.motion.initial.attitude, branch)])
     outside = violations(around.regularity, min(radius, np.pi), _EFFORT, _SEED)
     attitudes, _ = around.rotated(outside, np.zeros(len(outside), np.int64))

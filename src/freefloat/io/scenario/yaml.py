@@ -37,6 +37,9 @@ def read_text(path: Path) -> str:
     try:
         with path.open("rb") as stream:
             content = stream.read(_MAX_SIZE + 1)
+        if content.startswith(b"\x89HDF"):
+            accepted = "a scenario; `freefloat view`, `check` and `export` read results"
+            raise InputError("file", "it is a result", accepted, str(path))
         if len(content) > _MAX_SIZE:
             raise InputError("file", "it is too large", accepted, str(path))
         return content.decode("utf-8")

@@ -45,7 +45,9 @@ class Manoeuvre(Answer):
         """Why it succeeds, or which phase fails and why."""
         if self._failed is None:
             return f"all {len(self.phases)} phases succeed"
-        return f"{self._failed.name}: {self._failed.reason}"
+        name, reason = self._failed.name, self._failed.reason
+        since = f"; t counts from the beginning of {name}" if "t = " in reason else ""
+        return f"{name}: {reason}{since}"
 
     @property
     def not_reached(self) -> tuple[str, ...]:
