@@ -28,6 +28,11 @@ _KINDS = {
     "singular": "boxes with a singular configuration",
     "undecided": "undecided boxes",
 }
+_REDUNDANT = {
+    "positive": "free of singularities, det(S* S*ᵀ) > 0",
+    "undecided": "undecided boxes, where it may vanish",
+}
+"""The same of redundant arms: the determinant is never negative, so that no sign proves a zero."""
 _Resolution = Annotated[
     float | None,
     typer.Option(
@@ -38,7 +43,11 @@ _Resolution = Annotated[
 ]
 _Fix = Annotated[
     list[str] | None,
-    typer.Option(metavar="JOINT=Q", help="Fix a joint, rad or m; may be repeated."),
+    typer.Option(
+        metavar="JOINT=Q",
+        help="Map the slice with this value of a joint, rad or m, which still moves; may be "
+        "repeated. robot.held of a scenario locks a joint.",
+    ),
 ]
 _Page = Annotated[
     Path | None,
@@ -128,14 +137,18 @@ def _tables(
     seconds: float,
 ) -> Iterator[RenderableType]:
     names = [found.model.joint_names[joint] for joint in found.joints]
+    redundant = found.model.dof > len(found.task.rows)
+    determinant = "det(S* S*ᵀ)" if redundant else "det A"
     polynomial = found.polynomial
     yield (
-        f"{name}, task {found.task}: det A depends on {', '.join(names) or 'no joint'}; "
+        f"{name}, task {found.task}: {determinant} depends on {', '.join(names) or 'no joint'}; "
         f"{polynomial.coefficients.size:,} coefficients, residual {polynomial.residual:.1g}"
     )
     volumes = table("joint space", "[%]")
     for kind, volume in found.volumes.items():
-        volumes.add_row(_KINDS[kind.name.lower()], f"{100.0 * volume:.3f}")
+        rows = _REDUNDANT if redundant else _KINDS
+        if kind.name.lower() in rows:
+            volumes.add_row(rows[kind.name.lower()], f"{100.0 * volume:.3f}")
     yield volumes
     yield f"{found.boxes:,} boxes, down to {math.degrees(found.resolution):.4g} deg"
     listed = table("component", "det A", "[%]", "arm branches of random poses")

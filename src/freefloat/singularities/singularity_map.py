@@ -208,8 +208,9 @@ def singularity_map(
     model.require_one_arm("maps of the joint space")
     values = dict(fixed or {})
     if model.dof > len(task.rows) and model.dof - len(values) > _MOST_JOINTS:
-        problem = f"its arm is redundant and {model.dof - len(values)} joints are not fixed"
-        raise InputError("robot", problem, f"all but {_MOST_JOINTS} joints fixed")
+        problem = f"its arm is redundant and {model.dof - len(values)} joints have no fixed value"
+        accepted = f"values of all but {_MOST_JOINTS} joints, or joints that robot.held locks"
+        raise InputError("robot", problem, accepted)
     polynomial = SingularityPolynomial.of(model, task, values)
     count = len(polynomial.moving)
     if resolution is None:

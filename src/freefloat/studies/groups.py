@@ -198,7 +198,7 @@ def _group(study: Study, number: int) -> Group:
             branch, joints = choice.get("branch"), choice.get("joints")
     elif content.branch is None and unvaried is None:
         raise _UnfitError(
-            "limits choose the arm branch at each attitude; branch or search.joints would"
+            "limits choose the arm branch at each attitude, unless branch or search.joints does"
         )
     group = Group(
         study, problem, scenario.content.margin.fraction is not None, attitude, branch, joints,

@@ -110,7 +110,8 @@ def _check_start(study: Study) -> None:
     expected = "heading_deg" if planar else "attitude"
     if len(starts) != 1:
         keys = " and ".join(starts) or "none"
-        raise InputError(expected, f"{keys} was given", f"one {expected}, or it in vary")
+        given = f"{keys} {'are both' if starts else 'was'} given"
+        raise InputError(expected, given, f"one of {expected} and vary.{expected}")
     if starts[0].endswith("heading_deg") and not planar and "task" not in content.vary:
         raise InputError("heading_deg", f"the task {task} is not planar", "attitude")
 

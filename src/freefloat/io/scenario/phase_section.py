@@ -90,11 +90,11 @@ class PhaseSection(Section):
     @model_validator(mode="after")
     def _has_its_time(self) -> PhaseSection:
         if (self.path is not None) != (self.timing is not None):
-            raise ValueError("timing together with path")
+            raise ValueError("path together with its timing, such as timing: {duration: 40}")
         if self.to is not None and self.duration is None:
             raise ValueError("duration together with to")
         if self.to is None and self.joints is None and self.duration is not None:
-            raise ValueError("duration together with to or joints")
+            raise ValueError("duration together with to or joints; paths have timing.duration")
         if "margin" in self.model_fields_set and self.path is None and self.to is None:
             raise ValueError("margin together with path or to")
         return self

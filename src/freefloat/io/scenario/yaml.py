@@ -232,6 +232,8 @@ def _first_error(
     elif kind == "tuple_type" and description:
         accepted = f"a list: {description}"
     shown = "nothing" if value is None else repr(value)
+    if isinstance(value, dict) and value:
+        shown = f"a section with {', '.join(map(str, value))}"
     shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
     hint = did_you_mean(str(value), re.findall("'([^']*)'", accepted))
     return keys, f"{shown} was given{hint}", accepted
