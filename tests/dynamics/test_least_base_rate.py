@@ -9,6 +9,7 @@ import freefloat as ff
 from freefloat.dynamics import resolved_rates
 from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
 from freefloat.dynamics.redundancy import DAMPED_BELOW, Metric, Toward
+from freefloat.motion.panels import NODES, with_slopes
 from tests.redundant import ARMS, redundant
 
 BASE = ff.Redundancy(Metric.BASE)
@@ -76,3 +77,16 @@ def test_the_spacecraft_stands_still(structure, task, toward):
     if toward is not Toward.NONE:
         _, plain = rates_of(replace(start.problem, redundancy=BASE), start, start.joints)
         assert np.linalg.norm(rates - plain) > 1e-3 * np.linalg.norm(plain)
+
+
+def test_the_polynomials_inside_steps_have_the_rates_of_the_equation():
+    """Also in steps in which the damping sets in: `check` differentiates the stored motion."""
+    start = redundant("PRFRPRR", ff.Task.POSITION, BASE)
+    motion = ff.integrate_motion(start.problem, start.attitude, start.joints)
+    panel = np.repeat(np.arange(motion.panels), len(NODES))
+    x = np.tile(NODES, motion.panels)
+    moving, states, slopes = with_slopes(motion.coefficients, panel, x)
+    states[:, 1:5] /= np.linalg.norm(states[:, 1:5], axis=1)[:, None]
+    segments = [motion.timing_segment(k) for k in panel[moving]]
+    exact = motion.law.many_rates(states[:, 0], states[:, 1:5], states[:, 5:], segments)[:, 3:]
+    assert np.abs(slopes[:, 5:] - exact).max() < 2e-6 * np.abs(exact).max()
