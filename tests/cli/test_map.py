@@ -79,10 +79,13 @@ def test_a_map_without_a_feasible_attitude_exits_with_1(name: str) -> None:
         (("easy.yaml", "--threads", "0"), "--threads"),
         (("easy.yaml", "--nearest", "0", "0", "0", "0"), "nearest"),
         (("easy.yaml", "--samples", "1000000000000"), "samples"),
+        (("planar_3dof/parabola", "--seed", "3"), "seed"),
+        (("planar_3dof/parabola", "--touch", "3"), "touch"),
     ],
 )
-def test_bad_options_are_errors(words: tuple[str, ...], key: str) -> None:
-    assert error("map", *words)["key"] == key
+def test_bad_options_are_errors_that_name_no_file(words: tuple[str, ...], key: str) -> None:
+    refusal = error("map", *words)
+    assert (refusal["key"], refusal["file"]) == (key, None)
 
 
 @pytest.mark.slow

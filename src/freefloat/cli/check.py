@@ -13,6 +13,7 @@ from rich.text import Text
 
 from freefloat.cli.console import DONE, NEGATIVE, Console, table
 from freefloat.cli.options import Json, MotionFile, Quiet
+from freefloat.errors import finite_number
 
 if TYPE_CHECKING:
     from freefloat.verification.comparisons import Check
@@ -61,10 +62,10 @@ def check(
     from freefloat.verification.report import PINOCCHIO, CheckReport
 
     require_engine(engine or PINOCCHIO)
+    radius = None if gravity is None else _metres(gravity)
     console = Console(as_json, quiet)
     with console.progress("integrating the motion again"):
         try:
-            radius = None if gravity is None else 1000.0 * gravity
             result: Any = load(file)
             report = verify(result, engine or PINOCCHIO, gravity=radius)
         except AlteredFileError as error:
@@ -72,6 +73,15 @@ def check(
     console.json({"file": str(file), **report.to_dict()})
     console.tables(_tables(report, file))
     raise typer.Exit(DONE if report.passed else NEGATIVE)
+
+
+def _metres(gravity: float) -> float:
+    """The radius of an orbit [m] given in km."""
+    from freefloat.verification.gravity import HIGHEST, LOWEST
+
+    low, high = LOWEST / 1000.0, HIGHEST / 1000.0
+    accepted = f"the radius of an orbit, {low:g} to {high:g} km"
+    return 1000.0 * finite_number("gravity", gravity, accepted, low, high)
 
 
 def _tables(report: CheckReport, file: Path) -> Iterator[RenderableType]:

@@ -130,13 +130,12 @@ def _format_and_file(
 ) -> tuple[Format, Path | None]:
     """The format, and the file; None for stdout."""
     from freefloat.errors import member
-    from freefloat.io.formats.export import TEXTS, Format
+    from freefloat.io.formats.export import SUFFIXES, TEXTS, Format
 
     file = None if output in (None, _STDOUT) else Path(str(output))
     kind = Format.of(file) if name is None else member("format", Format, name)
     if kind is None and file is not None and file.suffix:
-        suffixes = ", ".join(entry.suffix for entry in Format)
-        raise InputError("output", f"{file} was given", f"a name in {suffixes}; or --format")
+        raise InputError("output", f"{file} was given", f"a name in {SUFFIXES}; or --format")
     kind = kind or Format.CSV
     if output != _STDOUT:
         what = "goal" if kind is Format.ROS2_GOAL else "trajectory"

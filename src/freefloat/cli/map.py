@@ -22,6 +22,7 @@ from freefloat.cli.console import (
 )
 from freefloat.cli.delivery import Delivery
 from freefloat.cli.options import Json, Plots, Quaternion, Quiet, ResultFile, ScenarioName, Threads
+from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.planning.candidates import Candidate
@@ -79,8 +80,8 @@ def map_(
 ) -> None:
     """Compute the minimum margin of every initial attitude and arm branch.
 
-    For planar tasks the attitudes are headings, and only --samples, --plots and -o apply. Exit
-    code 1: no feasible attitude was found.
+    For planar tasks the attitudes are headings; --seed, --nearest, --boundary and --touch do not
+    apply. Exit code 1: no feasible attitude was found.
 
     Example: freefloat map planar_3dof/parabola --samples 720
 
@@ -96,8 +97,12 @@ def map_(
     search = loaded.search()
     delivery = Delivery(console, output, plots=plots, threads=threads)
     delivery.prepare(loaded.source)
+    given = {"samples": samples, "nearest": nearest, "boundary": boundary, "touch": touch}
+    options = [name for name, value in given.items() if value is not None]
+    if seed is not None and problem.task.planar:
+        raise InputError("seed", "the task is planar", "a spatial task, whose grid it rotates")
     with (
-        loaded.error_context(),
+        loaded.error_context(options=options),
         file_keys(tangency="touch"),
         console.progress("integrating motions") as progress,
     ):

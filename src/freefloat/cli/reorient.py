@@ -31,7 +31,7 @@ _Joints = Annotated[
     str | None,
     typer.Option(
         metavar="Q1,Q2,...",
-        help="Where the arm begins and ends, rad; default search.joints, without these an arm "
+        help="Where the arm begins and ends, rad or m; default search.joints, without these an arm "
         "branch at the start of the path that keeps the limits, else the middles of joint ranges.",
     ),
 ]

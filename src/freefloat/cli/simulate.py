@@ -43,7 +43,7 @@ _Heading = Annotated[
 ]
 _Joints = Annotated[
     str | None,
-    typer.Option(metavar="Q1,Q2,...", help="Choose the arm branch near these joints, rad."),
+    typer.Option(metavar="Q1,Q2,...", help="Choose the arm branch near these joints, rad or m."),
 ]
 _Branch = Annotated[
     int | None, typer.Option(metavar="K", help="Choose the arm branch with this number.")
@@ -96,7 +96,8 @@ def simulate(
         with loaded.error_context():
             near = loaded.search().applied_to(problem).closest_start(start)
         mark = mark if near is None else " (*, closest to search.joints)"
-    with loaded.error_context(only="path"), console.progress("integrating motions"):
+    options = ("attitude", "branch", "joints")
+    with loaded.error_context(options=options), console.progress("integrating motions"):
         simulation = simulate_branches(
             problem, start, branch=branch, joints=near, others=True, limits=limits,
             stop_at_margin=stop_at_margin,

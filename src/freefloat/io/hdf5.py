@@ -79,7 +79,8 @@ def read_hdf5(path: Path, accepted: str) -> Tree:
     """
     try:
         if not path.is_file():
-            raise InputError("file", "no such file", accepted, str(path))
+            problem = "it is a folder" if path.is_dir() else "no such file"
+            raise InputError("file", problem, accepted, str(path))
         with path.open("rb") as stream:
             block = stream.read(_BLOCK)
             if not block.startswith(_MARK):

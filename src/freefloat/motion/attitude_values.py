@@ -19,9 +19,9 @@ def checked_attitude(
         accepted += " or a heading [rad]"
     if heading is not None:
         if values is not None or not task.planar:
-            also = "" if values is None else " and attitude"
-            raise InputError("heading", f"{heading}{also} was given, task {task}", accepted)
-        return frozen(heading_quaternion(finite_number("heading", heading, "an angle [rad]")))
+            beside = f"for the task {task}" if values is None else "together with an attitude"
+            raise InputError("heading", f"it was given {beside}", accepted)
+        return frozen(heading_quaternion(finite_number("heading", heading, "a finite angle")))
     if values is None:
         raise InputError(key, "it is missing", accepted)
     attitude = unit_quaternion(key, values)

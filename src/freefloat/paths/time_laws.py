@@ -10,10 +10,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from freefloat.errors import InputError, finite_number, number_array
+from freefloat.errors import LARGEST_NUMBER, InputError, finite_number, number_array
 
-_SHORTEST, _LONGEST = 1e-6, 1e12
-"""Accepted durations [s]: rates and their squares neither overflow nor underflow."""
+_SHORTEST = 1e-6
+"""Shortest accepted duration [s]."""
 _LENGTH = 1e-9
 """Deviation of the last s from 1."""
 _BLEND = 0.25
@@ -55,8 +55,8 @@ class TimeLaw(StrEnum):
 
 def positive_duration(key: str, value: float) -> float:
     """A duration [s]; an InputError that names ``key`` for one that is too short or too long."""
-    accepted = f"a positive number, {_SHORTEST:g} to {_LONGEST:g} s"
-    return finite_number(key, value, accepted, _SHORTEST, _LONGEST)
+    accepted = f"a positive number, {_SHORTEST:g} to {LARGEST_NUMBER:g} s"
+    return finite_number(key, value, accepted, _SHORTEST, LARGEST_NUMBER)
 
 
 @dataclass(frozen=True)

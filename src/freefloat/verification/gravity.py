@@ -17,7 +17,7 @@ from freefloat.so3 import Array, angle_between, rotation_matrix
 
 _EARTH = 3.986004418e14
 """Gravitational parameter of the Earth (WGS 84) [m³/s²]."""
-_LOWEST, _HIGHEST = 6.4e6, 1e9
+LOWEST, HIGHEST = 6.4e6, 1e9
 """Accepted radii of orbits [m]."""
 _TOLERANCE = 1e-9
 """Tolerance of the integrator, relative and absolute."""
@@ -36,8 +36,8 @@ class CircularOrbit:
     radius: float
 
     def __post_init__(self) -> None:
-        accepted = f"the radius of an orbit, {_LOWEST:g} to {_HIGHEST:g} m"
-        finite_number("gravity", self.radius, accepted, _LOWEST, _HIGHEST)
+        accepted = f"the radius of an orbit, {LOWEST:g} to {HIGHEST:g} m"
+        finite_number("gravity", self.radius, accepted, LOWEST, HIGHEST)
 
     @property
     def rate(self) -> float:

@@ -71,6 +71,8 @@ _SUFFIXES = {
     Format.ROS2: ".yaml", Format.ROS2_GOAL: ".yaml", Format.MJCF: ".xml", Format.BASILISK: ".py",
 }  # fmt: skip
 """Suffixes that are not the name of the format."""
+SUFFIXES = ", ".join(dict.fromkeys(kind.suffix for kind in Format))
+"""Suffixes of file names, for messages."""
 
 
 class _Group(NamedTuple):
@@ -283,9 +285,7 @@ def export(
     path = Path(file)
     kind = Format.of(path)
     if kind is None:
-        raise InputError(
-            "file", f"{file} was given", f"a name in {', '.join(k.suffix for k in Format)}"
-        )
+        raise InputError("file", f"{file} was given", f"a name in {SUFFIXES}")
     kind.require()
     header = Header(epoch, frame, object_name, object_id)
     for name, trajectory in trajectories(result, times, rate, header).items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -245,10 +245,10 @@ class Scenario:
             return limits_of(self.content.limits, self.model())
 
     def error_context(
-        self, prefix: str = "", only: str | None = None
+        self, prefix: str = "", options: Sequence[str] = ()
     ) -> AbstractContextManager[None]:
         """Context in which errors name this file, see :func:`.yaml.error_context`."""
-        return error_context(self.source, prefix, only)
+        return error_context(self.source, prefix, options)
 
 
 def _objective(section: str | WeightsSection) -> Objective:

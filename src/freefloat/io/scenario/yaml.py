@@ -153,18 +153,18 @@ def validated(schema: type[_File], data: Any, source: Path, text: str | None = N
 
 
 @contextmanager
-def error_context(source: Path, prefix: str = "", only: str | None = None) -> Iterator[None]:
+def error_context(source: Path, prefix: str = "", options: Sequence[str] = ()) -> Iterator[None]:
     """Context in which errors name a file and the key in it, unless they name a file already.
 
     Args:
         source: The file.
         prefix: Put before the key of the error, such as ``"path."``.
-        only: Key of the errors that this applies to; default: all.
+        options: Keys of errors that it leaves as they are: the file does not have them.
     """
     try:
         yield
     except InputError as error:
-        if error.source is not None or only not in (None, error.key):
+        if error.source is not None or error.key in options:
             raise
         raise error.found_in(str(source), prefix) from None
 
