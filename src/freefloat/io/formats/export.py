@@ -19,6 +19,7 @@ from freefloat.io.formats.attitude_ephemeris import attitude_ephemeris_text
 from freefloat.io.formats.basilisk_script import basilisk_text
 from freefloat.io.formats.mcap_file import write_mcap
 from freefloat.io.formats.mjcf_file import mjcf_text
+from freefloat.io.formats.resting_arms import with_resting_arms
 from freefloat.io.formats.ros2 import ros2_goal_text, ros2_text
 from freefloat.io.formats.trajectory import HEADER, J2000, Header, Trajectory
 from freefloat.motion.motion import Motion
@@ -233,10 +234,11 @@ def trajectories(
     if all(phase.motion is None for phase in phases):
         raise InputError("result", f"it has no motion: {result.reason}", _ACCEPTED)
     sampled: dict[str, Trajectory] = {}
-    for number, phase in enumerate(phases, 1):
-        if phase.motion is not None:
+    motions = with_resting_arms([phase.motion for phase in phases])
+    for number, (phase, motion) in enumerate(zip(phases, motions, strict=True), 1):
+        if motion is not None:
             name = "" if len(phases) == 1 else _suffix(number, phase)
-            trajectory = Trajectory.sampled(phase.motion, times, rate, header)
+            trajectory = Trajectory.sampled(motion, times, rate, header)
             sampled[name] = trajectory.later(phase.start, phase.centre)
     return sampled
 
