@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -105,7 +106,9 @@ def test_a_plan_that_violates_limits_alone_has_a_motion_and_a_page(folder: Path)
     assert plan.violation in (folder / "page.html").read_text("utf-8")
     assert run("view", "plan.h5", "--html", "view.html").exit_code == 0
     assert plan.violation in (folder / "view.html").read_text("utf-8")
-    assert plan.violation in run("export", "plan.h5", "-o", "plan.csv").stdout
+    assert plan.violation in run("export", "plan.h5", "-o", "plan.json").stdout
+    exported = json.loads((folder / "plan.json").read_text("utf-8"))
+    assert (exported["feasible"], exported["reason"]) == (False, plan.reason)
     failed = [entry for entry in document("check", "plan.h5", code=1)["checks"]
               if not entry["passed"]]  # fmt: skip
     assert [entry["name"] for entry in failed] == ["feasible"]

@@ -15,8 +15,9 @@ import yaml
 from scipy.io import loadmat
 
 import freefloat as ff
-from freefloat.io.formats.export import csv_text, json_text, ros2_text, write_mat
+from freefloat.io.formats.ros2 import ros2_text
 from freefloat.io.formats.trajectory import Trajectory, even_times
+from freefloat.io.formats.trajectory_tables import csv_text, json_text, write_mat
 from freefloat.planning.simulation import SimulatedBranch, Simulation
 from freefloat.so3 import heading_quaternion
 from tests.commands import error, run

@@ -174,7 +174,7 @@ def test_basilisk_arrives_at_the_same_attitude(name: str, tmp_path) -> None:
 
 
 @pytest.mark.slow
-def test_what_a_format_cannot_hold_is_refused(motion) -> None:
+def test_what_a_format_cannot_hold_is_refused(motion, tmp_path) -> None:
     wheels = motion.problem.replace(wheel_momentum=np.array([0.1, 0.0, 0.0]))
     start = motion.initial
     turning = ff.integrate_motion(wheels, start.attitude, start.joints)
@@ -182,6 +182,8 @@ def test_what_a_format_cannot_hold_is_refused(motion) -> None:
     unphysical = Trajectory.sampled(first_motion(bundled("spatial_6dof/line")), 3)
     assert error_key(lambda: mjcf_text(unphysical)) == "format"
     assert error_key(lambda: basilisk_text(Trajectory.sampled(motion, 20))) == "times"
+    for key, value in {"times": 5.5, "rate": "10", "frame": "Ümlaut"}.items():
+        assert error_key(ff.export, motion, tmp_path / "motion.aem", **{key: value}) == key
 
 
 @pytest.mark.slow
@@ -194,7 +196,7 @@ def test_the_command_writes_each_format(tmp_path, monkeypatch) -> None:
         what = "goal" if name == "ros2-goal" else "trajectory"
         assert document("export", "plan.h5", *words)["file"] == f"plan_{what}{suffix}"
     assert "2026-05-01T12:00:30" in Path("plan_trajectory.aem").read_text("utf-8")
-    assert error("export", "plan.h5", "--format", "aem", "--object", " ")["key"] == "object_name"
+    assert error("export", "plan.h5", "--format", "aem", "--object", " ")["key"] == "object"
     assert error("export", "plan.h5", "-o", "-", "--format", "mcap")["key"] == "output"
     assert run("export", "plan.h5", "--epoch", "today").exit_code == 2
     assert re.match("CCSDS_AEM_VERS", run("export", "plan.h5", "-o", "-", "--format", "aem").stdout)

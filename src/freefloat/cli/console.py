@@ -212,7 +212,7 @@ def motion_lines(chosen: SimulatedBranch, mark: str = "") -> Iterator[str]:
     problem, initial, final = motion.problem, motion.initial, motion.final
     start = f"from joints {decimals(initial.joints, 3)}"
     name = start if problem.redundant else f"of branch {chosen.branch.index}"
-    yield f"Motion {name}{mark}: {motion.ending.value}"
+    yield f"Motion {name}{mark}: {motion.outcome}"
     verdict = "keeps" if chosen.feasible else "violates"
     yield (
         f"  minimum margin |{closest.measure}| {chosen.minimum_margin:.6g} "

@@ -82,6 +82,7 @@ def export(
     """
     from freefloat.io.formats.export import TEXTS, save_trajectory, trajectories
     from freefloat.io.formats.trajectory import J2000, Header
+    from freefloat.io.scenario.yaml import file_keys
 
     if output == _STDOUT and as_json:
         raise InputError("output", "both -o - and --json were given", "one of the two")
@@ -90,7 +91,8 @@ def export(
     if target is not None:
         prepare_outputs(file, results=False, output=target)
     result = load_answer(file)
-    header = Header(epoch or J2000, frame, object_, object_id)
+    with file_keys(object_name="object"):
+        header = Header(epoch or J2000, frame, object_, object_id)
     sampled = trajectories(result, times, rate, header)
     if target is None:
         if len(sampled) > 1:

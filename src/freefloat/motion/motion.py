@@ -140,8 +140,15 @@ class Motion:
 
     @property
     def completed(self) -> bool:
-        """Whether the whole path was followed."""
+        """Whether the whole path was followed, or the whole joint curve."""
         return self.ending is Ending.COMPLETED
+
+    @property
+    def outcome(self) -> str:
+        """How it ended, in a sentence."""
+        if self.completed and self.curve is not None:
+            return "The whole joint curve was followed."
+        return self.ending.value
 
     @derived
     def base_positions(self) -> Annotated[Array, "m"]:

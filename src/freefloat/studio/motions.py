@@ -84,7 +84,7 @@ def motion_answer(
         **playback.parts(),
         **place(motion.problem, motion.initial.attitude),
         "title": title,
-        "outcome": outcome or motion.ending.value,
+        "outcome": outcome or motion.outcome,
     }
 
 

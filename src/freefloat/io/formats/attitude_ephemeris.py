@@ -14,11 +14,18 @@ def attitude_ephemeris_text(trajectory: Trajectory) -> str:
     Frame A are the inertial axes, under the name of the header; frame B are the axes of the
     spacecraft. The quaternion of the transformation from A to B has its scalar part last, as ours,
     and describes the rotation that takes the axes of A to those of B: it is our attitude.
+
+    Raises:
+        InputError: If the name of the robot is not in ASCII and no other one is given, or a date is
+            beyond the year 9999.
     """
     times = [_date(trajectory, t) for t in trajectory.times.tolist()]
     header = trajectory.header
     robot = trajectory.motion.problem.model.description.name
     name = header.object_name or robot or "SPACECRAFT"
+    if not name.isascii():
+        accepted = "a name in ASCII characters, which the format asks for"
+        raise InputError("object_name", f"the robot's is {name!r}", accepted)
     rows = [
         f"{time} {x:.15f} {y:.15f} {z:.15f} {w:.15f}"
         for time, (x, y, z, w) in zip(times, trajectory.attitudes.tolist(), strict=True)

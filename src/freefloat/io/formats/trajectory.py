@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime
@@ -10,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from freefloat.errors import InputError, require_type
+from freefloat.errors import InputError, finite_number, require_type, whole_number
 from freefloat.motion.motion import Ending, Motion
 from freefloat.so3 import Array, Pose, frozen, without_jumps
 
@@ -33,7 +34,7 @@ class Header:
         object_id: Its identifier, such as ``2026-001A``; None for the name.
 
     Raises:
-        InputError: If a name is empty, or has more than a line.
+        InputError: If a name is empty, or has other characters than those of a line of ASCII.
     """
 
     epoch: datetime = J2000
@@ -48,8 +49,10 @@ class Header:
         for key in ("frame", "object_name", "object_id"):
             value = getattr(self, key)
             require_type(key, value, str | None, "a text")
-            if value is not None and not (value.strip() and value.isprintable()):
-                raise InputError(key, f"{value!r} was given", "a line of text")
+            if value is not None and not (
+                value.strip() and value.isprintable() and value.isascii()
+            ):
+                raise InputError(key, f"{value!r} was given", "a line of ASCII characters")
 
 
 HEADER = Header()
@@ -107,6 +110,8 @@ class Trajectory:
             shape (K, 3).
         measure: Signed singularity measure of the margin, shape (K,).
         header: What files with dates and names state.
+        feasible: Whether the answer that has the motion is feasible; None for a motion alone.
+        reason: Why, in the words of the answer.
     """
 
     motion: Motion = field(repr=False)
@@ -123,6 +128,8 @@ class Trajectory:
     centre_of_mass_positions: Array
     measure: Array
     header: Header = field(default=HEADER, repr=False)
+    feasible: bool | None = None
+    reason: str = ""
 
     def __post_init__(self) -> None:
         for entry in fields(self):
@@ -241,8 +248,7 @@ def even_times(motion: Motion, count: int) -> Array:
     Raises:
         InputError: If there are fewer than two or too many.
     """
-    if not 2 <= count <= MAX_SAMPLES:
-        raise InputError("times", f"{count} was given", f"2 to {MAX_SAMPLES:,}")
+    count = whole_number("times", count, 2, MAX_SAMPLES)
     first, last = _span(motion)
     steps = count - 1 if last > first else 0
     times = first + np.arange(steps + 1) * (last - first) / max(1, steps)  # 99.8, not 99.80...01
@@ -256,9 +262,10 @@ def times_at_rate(motion: Motion, rate: float) -> Array:
         InputError: If there would be too many, or the rate is not positive.
     """
     first, last = _span(motion)
+    accepted = f"above 0 Hz, and {MAX_SAMPLES:,} times at most in {last - first:g} s"
+    rate = finite_number("rate", rate, accepted, sys.float_info.min)
     whole = rate * (last - first)
-    if not (rate > 0.0 and whole <= MAX_SAMPLES - 2):
-        accepted = f"above 0 Hz, and {MAX_SAMPLES:,} times at most in {last - first:g} s"
+    if whole > MAX_SAMPLES - 2:
         raise InputError("rate", f"{rate:g} Hz was given", accepted)
     steps = np.ceil(whole * (1.0 - _ROUNDING))
     return np.append(first + np.arange(steps) / rate, last)

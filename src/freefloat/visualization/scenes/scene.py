@@ -208,7 +208,7 @@ def _draw(
 def _verdict(motion: Motion) -> str:
     """Return how a motion ended, with the kind of a singularity."""
     event = singular_event(motion)
-    return motion.ending.value if event is None else f"{motion.ending.value} Kind: {event.kind}."
+    return motion.outcome if event is None else f"{motion.outcome} Kind: {event.kind}."
 
 
 def _view(samples: Sequence[SampledMotion], places: Sequence[Place], planar: bool) -> View:
