@@ -56,6 +56,7 @@ def check(
     """
     from freefloat.io.hdf5 import AlteredFileError
     from freefloat.io.records.results import load
+    from freefloat.io.scenario.yaml import error_context
     from freefloat.verification.check import check as verify
     from freefloat.verification.comparisons import Check
     from freefloat.verification.engine_runs import require_engine
@@ -67,7 +68,8 @@ def check(
     with console.progress("integrating the motion again"):
         try:
             result: Any = load(file)
-            report = verify(result, engine or PINOCCHIO, gravity=radius)
+            with error_context(file, options=("engine", "gravity")):
+                report = verify(result, engine or PINOCCHIO, gravity=radius)
         except AlteredFileError as error:
             report = CheckReport("file", (Check(error.key, False, error.problem),))
     console.json({"file": str(file), **report.to_dict()})
