@@ -76,7 +76,6 @@ def test_a_map_without_a_feasible_attitude_exits_with_1(name: str) -> None:
 @pytest.mark.parametrize(
     ("words", "key"),
     [
-        (("easy.yaml", "--threads", "0"), "--threads"),
         (("easy.yaml", "--nearest", "0", "0", "0", "0"), "nearest"),
         (("easy.yaml", "--samples", "1000000000000"), "samples"),
         (("planar_3dof/parabola", "--seed", "3"), "seed"),

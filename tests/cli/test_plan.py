@@ -104,11 +104,8 @@ def test_a_plan_that_violates_limits_alone_has_a_motion_and_a_page(folder: Path)
     assert plan.chosen.feasible
     assert plan.violation in result.stdout
     assert plan.violation in (folder / "page.html").read_text("utf-8")
-    assert run("view", "plan.h5", "--html", "view.html").exit_code == 0
-    assert plan.violation in (folder / "view.html").read_text("utf-8")
     assert plan.violation in run("export", "plan.h5", "-o", "plan.json").stdout
-    exported = json.loads((folder / "plan.json").read_text("utf-8"))
-    assert (exported["feasible"], exported["reason"]) == (False, plan.reason)
+    assert json.loads((folder / "plan.json").read_text("utf-8"))["reason"] == plan.reason
     failed = [entry for entry in document("check", "plan.h5", code=1)["checks"]
               if not entry["passed"]]  # fmt: skip
     assert [entry["name"] for entry in failed] == ["feasible"]

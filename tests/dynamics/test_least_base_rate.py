@@ -83,10 +83,9 @@ def test_the_polynomials_inside_steps_have_the_rates_of_the_equation():
     """Also in steps in which the damping sets in: `check` differentiates the stored motion."""
     start = redundant("PRFRPRR", ff.Task.POSITION, BASE)
     motion = ff.integrate_motion(start.problem, start.attitude, start.joints)
-    panel = np.repeat(np.arange(motion.panels), len(NODES))
-    x = np.tile(NODES, motion.panels)
+    panel, x = np.repeat(np.arange(motion.panels), len(NODES)), np.tile(NODES, motion.panels)
     moving, states, slopes = with_slopes(motion.coefficients, panel, x)
     states[:, 1:5] /= np.linalg.norm(states[:, 1:5], axis=1)[:, None]
-    segments = [motion.timing_segment(k) for k in panel[moving]]
-    exact = motion.law.many_rates(states[:, 0], states[:, 1:5], states[:, 5:], segments)[:, 3:]
+    where = states[:, 0], states[:, 1:5], states[:, 5:], map(motion.timing_segment, panel[moving])
+    exact = motion.law.many_rates(*where)[:, 3:]
     assert np.abs(slopes[:, 5:] - exact).max() < 2e-6 * np.abs(exact).max()

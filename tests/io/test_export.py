@@ -82,14 +82,8 @@ FIELDS = {
 
 def test_csv_holds_every_number_under_a_name_with_its_unit(motions, trajectory):
     rows = list(csv.reader(io.StringIO(csv_text(trajectory))))
-    assert rows[0][:8] == [
-        "time [s]", "attitude x [1]", "attitude y [1]", "attitude z [1]", "attitude w [1]",
-        "base position x [m]", "base position y [m]", "base position z [m]",
-    ]  # fmt: skip
-    for name in ("base velocity z [m/s]", "base angular velocity x [rad/s]", "q1 position [rad]",
-                 "q2 velocity [rad/s]", "q3 acceleration [rad/s^2]", "q1 torque [N m]",
-                 "end-effector position y [m]", "end-effector attitude w [1]"):  # fmt: skip
-        assert name in rows[0]
+    assert {"time [s]", "attitude w [1]", "base velocity z [m/s]", "q1 position [rad]",
+            "q3 acceleration [rad/s^2]", "end-effector position y [m]"} <= {*rows[0]}  # fmt: skip
     assert rows[0][-1] == f"system [{motions[0].problem.margin.measure.unit}]"
     numbers = np.array(rows[1:], dtype=float)
     wanted = [attrgetter(field)(trajectory).reshape(51, -1) for field in FIELDS.values()]

@@ -2,6 +2,7 @@
 
 from dataclasses import fields
 from functools import partial
+from itertools import product
 
 import numpy as np
 import pytest
@@ -41,17 +42,11 @@ def differences(motion, t, h, name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("rate", "name"),
-    [
-        ("joint_rates", "joints"),
-        ("joint_accelerations", "joint_rates"),
-        ("base_velocities", "base_positions"),
-    ],
-)
-def test_rates_are_derivatives(motion, rate, name):
+def test_rates_are_derivatives(motion):
     T = motion.problem.path.duration
-    for t in np.array([0.11, 0.42, 0.83]) * T:
+    pairs = {"joint_rates": "joints", "joint_accelerations": "joint_rates",
+             "base_velocities": "base_positions"}  # fmt: skip
+    for t, (rate, name) in product(np.array([0.11, 0.42, 0.83]) * T, pairs.items()):
         values = getattr(Trajectory.of(motion, t), rate)[0]
         wanted = differences(motion, t, 1e-3 * T, name)
         assert_close(values, wanted, atol=2e-5 * np.abs(wanted).max())
@@ -70,7 +65,7 @@ def test_angular_velocity_is_the_derivative_of_the_attitude(motion):
 
 def test_states_are_those_of_the_motion(motion):
     times = np.linspace(0.0, motion.problem.path.duration, 7)
-    trajectory, model = Trajectory.of(motion, times), motion.problem.model
+    trajectory = Trajectory.of(motion, times)
     for k, state in enumerate(motion.sample(times)):
         assert_close(trajectory.joints[k], state.joints, atol=1e-15)
         assert_close(abs(trajectory.attitudes[k] @ state.attitude), 1.0, atol=1e-15)
@@ -81,9 +76,6 @@ def test_states_are_those_of_the_motion(motion):
             rotation = Rotation.from_quat(trajectory.end_effector.orientations[k]).as_matrix()
             assert_close(rotation, pose.rotation, atol=1e-8)
         assert trajectory.measure[k] == pytest.approx(motion.problem.margin.measure(state.joints))
-    assert_close(trajectory.attitudes[0], motion.attitudes[0], atol=1e-12)
-    assert np.array_equal(trajectory.times, times)
-    assert model.dof == trajectory.joint_torques.shape[1]
     arrays = (getattr(trajectory, entry.name) for entry in fields(trajectory))
     assert not any(array.flags.writeable for array in arrays if isinstance(array, np.ndarray))
 
@@ -98,9 +90,7 @@ def test_a_rate_gives_steps_of_its_length_and_the_end(singular, rate, count, bef
     assert times[-1] == 100.0
     assert_close(times[:-1], np.arange(count - 1) / rate, atol=1e-12)
     assert_close(times[-2], before_last, atol=1e-9)
-    cut = times_at_rate(singular, rate)
-    assert cut[-1] == singular.final.time
-    assert (np.diff(cut) > 0.0).all()
+    assert times_at_rate(singular, rate)[-1] == singular.final.time
 
 
 def test_a_motion_that_ends_where_it_begins_has_one_time(singular):

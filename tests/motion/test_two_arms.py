@@ -186,14 +186,10 @@ def test_an_arm_on_a_joint_curve_rests_in_later_phases(tmp_path):
     path, rest = trajectories(loaded, 3).values()  # exports have the joints of both arms
     assert rest.motion.problem.model.joint_names == path.motion.problem.model.joint_names
     np.testing.assert_allclose(rest.joints[:, 2:], [WAYPOINTS[-1]] * 3, rtol=0, atol=1e-14)
-    motion = loaded.phases[1].motion
-    own = Trajectory.of(motion, [0.0, 5.0, 10.0])
-    np.testing.assert_allclose(rest.joint_torques[:, :2], own.joint_torques, rtol=0, atol=1e-12)
-    for state in motion.sample([0.0, 4.0, 10.0]):  # as the robot with both arms
-        base, rates = motion.law.rates(state.time, state.attitude, state.joints)
-        both = [*state.joints, *WAYPOINTS[-1]]
-        twist = problem.system.base_twist(state.attitude, both, [*rates, 0.0, 0.0])
-        np.testing.assert_allclose(twist[3:], base, rtol=0, atol=1e-12)
+    own = Trajectory.of(loaded.phases[1].motion, [0.0, 5.0, 10.0])  # of the robot with one arm
+    for name in ("angular_velocities", "joint_rates", "joint_torques"):
+        both = getattr(rest, name)[:, : getattr(own, name).shape[1]]
+        np.testing.assert_allclose(both, getattr(own, name), rtol=0, atol=1e-12)
 
 
 def _written(folder, scenario):
