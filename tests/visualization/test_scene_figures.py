@@ -58,7 +58,7 @@ def test_areas_are_rings_around_the_centre_of_mass() -> None:
 
 def test_the_path_runs_from_its_start_to_its_end() -> None:
     (axes,) = workspace_figure(PLANAR, AREAS).axes
-    path, point = line(axes, "path"), line(axes, "last joint")
+    path, point = line(axes, "path"), line(axes, "virtual last joint")
     assert np.allclose(path[[0, -1]], [[2.0, 0.0], [-1.0, 2.0]])
     assert np.allclose(path[:, 1], path[:, 0] ** 2 / 6 - 5 * path[:, 0] / 6 + 1)  # (30a)
     assert np.allclose(line(axes, "start"), path[:1])

@@ -205,7 +205,7 @@ def _chosen_lines(plan: Plan) -> Iterator[str]:
         yield (f"Momentum tolerance{scope}: {tolerance.momentum:.4g} N m s{more} in any direction.")
         yield f"  {tolerance.momentum_effort}"
         yield (f"Feasible durations{scope}: {tolerance.shortest:.5g} to {tolerance.longest:.5g} s.")
-        yield "  Each tolerance holds with everything else as planned."
+        yield "Each tolerance holds with everything else as planned."
     if plan.excluded and plan.feasible:
         counts = ", ".join(f"{limit} {count}" for limit, count in plan.excluded.items())
         yield f"Better candidates that violate a limit: {counts}."

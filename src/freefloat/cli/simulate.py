@@ -134,7 +134,7 @@ def _verdict(simulation: Simulation, entry: SimulatedBranch) -> Text:
     """The verdict on an arm branch: by margin and limits, or by the margin alone."""
     verdict = simulation.verdicts.get(entry.branch.index)
     if verdict is None and entry.feasible:
-        unchecked = "" if simulation.limits is None else ", limits not checked"
+        unchecked = ", limits not checked" if simulation.limit_results else ""
         return Text(f"keeps the margin{unchecked}", "green")
     verdict = verdict or entry.verdict()
     style = {"kept": "green", "singular": "red"}.get(verdict.cause, "yellow")

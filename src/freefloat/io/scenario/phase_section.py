@@ -22,7 +22,7 @@ from freefloat.io.scenario.field_types import (
     exactly_one_of,
 )
 from freefloat.io.scenario.goal_section import GoalSection, PoseSection
-from freefloat.io.scenario.path_schema import PathFrame, PathSection, inexpressible
+from freefloat.io.scenario.path_schema import PathFrame, PathSection
 from freefloat.io.scenario.path_section import path_of, section_of
 from freefloat.io.scenario.timing_section import TimingSection, timing_content
 from freefloat.motion.problem import Problem
@@ -187,37 +187,12 @@ def phases_content(phases: Sequence[Phase]) -> tuple[list[dict[str, Any]], dict[
     samples: dict[str, str] = {}
     for number, phase in enumerate(phases):
         with keys_within(f"phases.{number}"):
-            if isinstance(phase, CapturePhase):
-                content: dict[str, Any] = {"capture": _capture_content(phase)}
-            elif isinstance(phase, GoalPhase):
-                content = {"goal": _goal_content(phase.goal)}
-            else:
-                content, texts = _path_content(cast(PathPhase, phase), f"phase_{number}.csv")
+            content = {"name": phase.name, **phase.to_dict()}
+            if isinstance(phase, PathPhase) and not isinstance(phase.path, Goal):
+                path, texts = section_of(phase.path.path, f"phase_{number}.csv")
+                if isinstance(phase.path, RelativePath):
+                    path["frame"] = phase.path.body.name
+                content |= {"path": path, "timing": timing_content(phase.path.timing)}
                 samples |= texts
-        contents.append({"name": phase.name, **content})
+        contents.append(content)
     return contents, samples
-
-
-def _capture_content(phase: CapturePhase) -> dict[str, Any]:
-    values = {"inertia": phase.inertia, "com": phase.com}
-    given = {key: value.tolist() for key, value in values.items() if value is not None}
-    return {"body": phase.body, "mass": float(phase.mass), **given}
-
-
-def _goal_content(goal: Goal) -> dict[str, Any]:
-    if goal.joint_rates is not None:
-        raise InputError("joint_rates", "scenario files cannot describe them", "a goal at rest")
-    return goal.to_dict()
-
-
-def _path_content(phase: PathPhase, samples: str) -> tuple[dict[str, Any], dict[str, str]]:
-    """Content of the section of a path, and texts of CSV files by name."""
-    if phase.redundancy is not None:
-        raise inexpressible("redundancy", phase.redundancy)
-    given, margin = phase.path, {"margin": float(phase.margin)}
-    if isinstance(given, Goal):
-        return {"to": given.to_dict()["pose"], "duration": given.duration, **margin}, {}
-    path, texts = section_of(given.path, samples)
-    if isinstance(given, RelativePath):
-        path["frame"] = given.body.name
-    return {"path": path, "timing": timing_content(given.timing), **margin}, texts

@@ -66,6 +66,14 @@ class Phase(ABC):
             InputError: If the phase cannot begin there.
         """
 
+    @abstractmethod
+    def to_dict(self) -> dict[str, Any]:
+        """The keys of a scenario's phase that state it, but for its name and path.
+
+        Raises:
+            InputError: If scenario files cannot describe it.
+        """
+
     def end(self, state: SystemState, result: Any) -> SystemState:
         """The state at which the phase ends that begins with a state and has a result."""
         return state.after(result.motion)

@@ -152,6 +152,12 @@ class CapturePhase(Phase):
             result = replace(result, momentum=frozen(momentum), velocity=frozen(velocity))
         return PlannedCapture(**vars(result))
 
+    def to_dict(self) -> dict[str, Any]:
+        """See :class:`~freefloat.planning.phases.phase.Phase`."""
+        values = {"inertia": self.inertia, "com": self.com}
+        given = {key: value.tolist() for key, value in values.items() if value is not None}
+        return {"capture": {"body": self.body, "mass": float(self.mass), **given}}
+
     def end(self, state: SystemState, result: Any) -> SystemState:
         """The state just after the capture: the body is held."""
         problem = state.problem

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from freefloat.errors import require_type, seed_number
+from freefloat.errors import InputError, require_type, seed_number
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.goals.goal import Goal
@@ -60,6 +60,13 @@ class GoalPhase(Phase):
         """See :class:`~freefloat.planning.phases.phase.Phase`; its path is not followed."""
         path = state.problem.path
         return state.problem_for(path.lasting(self.goal.duration or path.duration))
+
+    def to_dict(self) -> dict[str, Any]:
+        """See :class:`~freefloat.planning.phases.phase.Phase`."""
+        if self.goal.joint_rates is not None:
+            problem = "scenario files cannot describe them"
+            raise InputError("goal.joint_rates", problem, "a goal at rest")
+        return {"goal": self.goal.to_dict()}
 
     def run(self, state: SystemState, limits: Limits) -> GoalMotion:
         """The motion to the goal from a state."""

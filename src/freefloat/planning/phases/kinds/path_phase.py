@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar, cast
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
@@ -125,6 +125,16 @@ class PathPhase(Phase):
         path = prescribed_path(self.path, state.scene.bodies, state.centre, drift)
         require_continuous(path, state.pose, state.twist, task)
         return moved_to_begin_at(path, state.pose, task)
+
+    def to_dict(self) -> dict[str, Any]:
+        """See :class:`~freefloat.planning.phases.phase.Phase`."""
+        if self.redundancy is not None:
+            problem = "scenario files cannot describe that of a phase"
+            raise InputError("redundancy", problem, "no redundancy: the smallest joint rates")
+        content: dict[str, Any] = {"margin": float(self.margin)}
+        if isinstance(self.path, Goal):
+            content |= {"to": self.path.to_dict()["pose"], "duration": self.path.duration}
+        return content
 
     def run(self, state: SystemState, limits: Limits) -> Plan:
         """The motion along the path from a state, exactly as it is."""
