@@ -56,7 +56,7 @@ def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
         result: Map with the measure and its range.
         slices: Three slices per mark.
     """
-    rows = len(slices) // 3
+    rows, redundant = len(slices) // 3, result.problem.redundant
     threshold = result.problem.margin.threshold
     figure = new_figure(PAGE, 0.75 + 2.2 * rows)
     panels = figure.subplots(rows, 3, squeeze=False).ravel()
@@ -66,9 +66,9 @@ def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
         shown = _draw_slice(axes, plane, norm)
     if highest > threshold:
         bar = figure.colorbar(shown, ax=panels.tolist(), shrink=0.9, aspect=30.0, pad=0.02)
-        bar.set_label(_label(result, " of the best arm branch"))
+        bar.set_label(_label(result, f" of the best {'start' if redundant else 'arm branch'}"))
         bar.ax.spines["outline"].set_linewidth(0.6)
-    below = f"all branches below the margin {digits(threshold)}"
+    below = f"all {'starts' if redundant else 'branches'} below the margin {digits(threshold)}"
     entries: list[Any] = [
         Patch(facecolor=PALE, edgecolor=GREY, linewidth=0.5, label=below),
         Patch(facecolor="white", edgecolor=GREY, linewidth=0.5, hatch="////",
