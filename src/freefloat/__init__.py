@@ -26,6 +26,7 @@ is accepted. Results are frozen records with read-only arrays. The names are lis
 
 import re
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 __version__ = "0.3.0"
@@ -36,10 +37,10 @@ __all__ = sorted(_MODULES)
 
 
 def __getattr__(name: str) -> object:
-    """A public name, imported when it is first used (PEP 562)."""
-    if name not in _MODULES:
+    """A public name or a module, imported when it is first used (PEP 562)."""
+    if name not in _MODULES and not find_spec(f"{__name__}.{name}"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module = _MODULES[name]
+    module = _MODULES.get(name, ".")
     package = module == "."
     value = import_module("." + name if package else module, __name__)
     globals()[name] = value if package else getattr(value, name)

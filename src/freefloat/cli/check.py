@@ -119,7 +119,7 @@ def _tables(report: CheckReport, file: Path) -> Iterator[RenderableType]:
     if report.passed:
         yield Text(f"{file}: verified.", "green")
         if violated := sum(entry.exceeds for entry in report.checks):
-            yield Text(f"  Limits violated, as the file states: {violated}.", "yellow")
+            yield Text(f"  Limits violated, which the file does not deny: {violated}.", "yellow")
         return
     yield Text(f"{file}: not verified.", "red")
     yield from (Text(f"  {entry.reason}", "red") for entry in report.discrepancies)
@@ -141,7 +141,7 @@ def _gravity_lines(run: GravityRun) -> Iterator[str]:
 def _outcome(entry: Check) -> Text:
     if not entry.passed:
         return Text("failed", "red")
-    return Text("violated, as stated", "yellow") if entry.exceeds else Text("passed", "green")
+    return Text("violated", "yellow") if entry.exceeds else Text("passed", "green")
 
 
 def _with_unit(entry: Check) -> str:

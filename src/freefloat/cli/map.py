@@ -123,7 +123,8 @@ def _heading_tables(name: str, result: HeadingMap) -> Iterator[RenderableType]:
     names = {k: f"{k} {short_label(label)}" for k, label in result.branch_labels().items()}
     regions = table("branch", "size [deg]", "centre [deg]")
     for region in result.regions:
-        regions.add_row(names[region.branch], f"{region.size:.3f}", f"{region.centre:.3f}")
+        size, centre = math.degrees(region.size), math.degrees(region.centre)
+        regions.add_row(names[region.branch], f"{size:.3f}", f"{centre:.3f}")
     yield regions
     yield (
         f"{result.feasible_fraction:.2%} of the headings are feasible for some arm branch, "

@@ -77,7 +77,7 @@ class Capture:
         impulse: Impulse on the end-effector, at the origin of its frame, with joints that move
             freely [N s; N m s], shape (6,); zero where the velocities match.
         joint_rates: Just after contact, joints moving freely [rad/s or m/s], shape (n,).
-        base_rate: The spacecraft's angular velocity then [rad/s], shape (3,).
+        base_rate: The spacecraft's angular velocity then, inertial axes [rad/s], shape (3,).
         momentum: Angular momentum about the common centre of mass, with that of wheels [N m s],
             shape (3,).
         velocity: Velocity of the common centre of mass [m/s], shape (3,).

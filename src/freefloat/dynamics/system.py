@@ -71,7 +71,7 @@ class System:
         return np.asarray(self.momentum - rotation_matrix(attitude) @ self.wheels)
 
     def base_rate(self, attitude: Array, joints: Array, rates: Array) -> Array:
-        """Angular velocity of the spacecraft for prescribed joint rates, (3) of the paper.
+        """Angular velocity of the spacecraft, in its axes, for prescribed joint rates, (3).
 
         It is D^-1 (R0^T h - h_w - Dq q').
 

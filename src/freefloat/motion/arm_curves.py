@@ -110,6 +110,7 @@ class ArmCurves:
         require_type("arms", self.curves, Mapping, accepted)
         for name, curve in self.curves.items():
             require_type(f"arms.{name}", curve, ArmCurve, "an ArmCurve")
+        object.__setattr__(self, "curves", dict(self.curves))
 
     def __bool__(self) -> bool:
         return bool(self.curves)

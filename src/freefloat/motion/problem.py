@@ -92,7 +92,7 @@ class Problem:
     start_joints: Array | None = None
     scene: Scene = field(default=Scene(), repr=False)
     wheel_momentum: Array = field(default_factory=zeros, repr=False)
-    arms: ArmCurves = field(default=ArmCurves(), repr=False)
+    arms: ArmCurves = field(default_factory=ArmCurves, repr=False)
 
     def __post_init__(self) -> None:
         require_type("path", self.path, TimedPath, "TimedPath(EndEffectorPath(...), Timing(...))")

@@ -55,7 +55,7 @@ class Verdict:
         time: The instant [s].
         value: Value at that instant.
         allowed: Bound of a measure.
-        sentence: How a limit is violated.
+        sentence: How a limit is violated, or what is kept.
     """
 
     cause: Cause = Cause.KEPT
@@ -87,7 +87,7 @@ class Verdict:
 
 
 _SENTENCES = {
-    Cause.KEPT: "margin and limits are kept",
+    Cause.KEPT: "{verdict.sentence}",
     Cause.SINGULAR: "the arm becomes singular at t = {verdict.time:.4g} s",
     Cause.MARGIN: "{verdict.name} falls to {verdict.value:.4g} at t = {verdict.time:.4g} s, "
     "{verdict.allowed:.4g} is required",
@@ -123,7 +123,8 @@ def verdict_on(
         return Verdict(
             Cause.MARGIN, approach.measure, "", approach.time, approach.value, margin.threshold
         )
-    first = next(iter(violated(results)), None)
+    compared = tuple(results)
+    first = next(iter(violated(compared)), None)
     if first is not None:
         return Verdict(
             Cause.LIMIT,
@@ -133,7 +134,7 @@ def verdict_on(
             first.worst,
             sentence=first.violation(f"at t = {first.time:.4g} s"),
         )
-    return Verdict()
+    return Verdict(sentence="margin and limits are kept" if compared else "the margin is kept")
 
 
 def reach_message(problem: Problem) -> str | None:

@@ -10,7 +10,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.errors import InputError, finite_number, seed_number, whole_number
+from freefloat.errors import (
+    InputError,
+    finite_number,
+    number_array,
+    seed_number,
+    whole_number,
+)
 from freefloat.motion.problem import Problem
 from freefloat.planning.domain import SearchDomain, require_radians
 from freefloat.planning.objectives.objective import Objective
@@ -68,6 +74,15 @@ class Search:
         finite_number("search.spare", self.spare, "an angle from 0 to pi / 2", 0.0, np.pi / 2.0)
         approaches = self.objective.approaches or self.objective.departs
         reason = f"objective {self.objective.name}" if approaches else None
+        if self.from_attitude is not None:
+            attitude = unit_quaternion("search.from_attitude", self.from_attitude)
+            object.__setattr__(self, "from_attitude", frozen(attitude))
+        if isinstance(self.joints, Mapping):
+            object.__setattr__(self, "joints", dict(self.joints))
+        elif self.joints is not None:
+            accepted = "present joints, in chain order or by name"
+            joints = frozen(number_array("search.joints", self.joints, accepted))
+            object.__setattr__(self, "joints", joints)
         if self.within is not None:
             accepted = "an angle above 0, up to pi"
             finite_number("search.within", self.within, accepted, np.finfo(float).tiny, np.pi)
@@ -82,7 +97,7 @@ class Search:
         """The attitudes that are searched."""
         if self.from_attitude is None or self.within is None:
             return SearchDomain()
-        return SearchDomain(frozen(self.from_attitude), self.within)
+        return SearchDomain(self.from_attitude, self.within)
 
     @property
     def required_radius(self) -> float:

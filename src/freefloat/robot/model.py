@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
+from threading import local
 from typing import Any
 
 import numpy as np
@@ -42,7 +43,8 @@ class FreeFloatingModel:
     The joints between the spacecraft and the end-effector move, except those that are fixed by
     name, and those of further arms that are named; all other joints of the robot are fixed. Joint
     vectors list the moving joints from the spacecraft to the end-effector, then those of the
-    further arms, arms that follow paths first, see :attr:`joint_names`.
+    further arms, arms that follow paths first, see :attr:`joint_names`. Methods do not check
+    attitudes, which are unit quaternions, and joints: they are called thousands of times.
 
     Attributes:
         description: The valid URDF.
@@ -245,10 +247,17 @@ class FreeFloatingModel:
         """
         return self._built[1]
 
-    @cached_property
+    @property
     def scratch(self) -> Any:
-        """Pinocchio's data of the model; values read from it must be copied."""
-        return self.pin_model.createData()
+        """This thread's Pinocchio data of the model; values read from it must be copied."""
+        own = self._scratch
+        if not hasattr(own, "data"):
+            own.data = self.pin_model.createData()
+        return own.data
+
+    @cached_property
+    def _scratch(self) -> local:
+        return local()
 
     @cached_property
     def end_effector_links(self) -> tuple[str, ...]:

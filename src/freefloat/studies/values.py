@@ -140,7 +140,7 @@ def _heading_map_values(result: HeadingMap) -> dict[str, Any]:
     """Return the values of a map of headings."""
     values = _map_values(result)
     if result.robust is not None:
-        values["robust_radius_deg"] = result.robust.radius
+        values["robust_radius_deg"] = degrees(result.robust.radius)
     if result.best is not None:
         values["heading_deg"] = degrees(result.best.heading)
         values |= _attitude(heading_quaternion(result.best.heading).tolist())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -11,7 +12,7 @@ from freefloat.errors import InputError
 from freefloat.planning.margin_map import MarginMap
 from freefloat.planning.reasons import reach_message
 from freefloat.records import Angles
-from freefloat.so3 import heading_quaternion
+from freefloat.so3 import degrees, heading_quaternion
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,8 @@ class HeadingRegion:
 
     Attributes:
         branch: Number of the arm branch.
-        size: Width [deg].
-        centre: Middle [deg], in [0, 360).
+        size: Width [rad].
+        centre: Middle [rad], in [0, 2 pi).
     """
 
     branch: int
@@ -54,12 +55,16 @@ class HeadingRegion:
 
     @property
     def radius(self) -> float:
-        """Distance of the middle from the ends [deg]."""
+        """Distance of the middle from the ends [rad]."""
         return self.size / 2.0
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document."""
-        return {"branch": self.branch, "size_deg": self.size, "centre_deg": self.centre}
+        return {
+            "branch": self.branch,
+            "size_deg": degrees(self.size),
+            "centre_deg": degrees(self.centre),
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,17 +104,17 @@ class HeadingMap(MarginMap):
     @property
     def regions(self) -> tuple[HeadingRegion, ...]:
         """Runs of feasible headings, where all were searched round the circle, by arm branch."""
-        step, whole = float(np.degrees(self.step)), self.search.domain.whole
+        step, whole = self.step, self.search.domain.whole
         regions = []
         for branch, row in zip(self.branches, self.feasible.T, strict=True):
             if row.all() and whole:
-                regions.append(HeadingRegion(branch, 360.0, 0.0))
+                regions.append(HeadingRegion(branch, math.tau, 0.0))
                 continue
             first = int(np.argmin(row)) if whole else 0
             edges = np.flatnonzero(np.diff([0, *np.roll(row, -first).astype(int), 0])).tolist()
             for start, stop in zip(edges[::2], edges[1::2], strict=True):
                 middle = (first + (start + stop - 1) / 2.0) % len(row)
-                centre = float(np.degrees(self.headings[0]) + step * middle) % 360.0
+                centre = float(self.headings[0] + step * middle) % math.tau
                 regions.append(HeadingRegion(branch, (stop - start) * step, centre))
         return tuple(regions)
 
@@ -137,7 +142,8 @@ class HeadingMap(MarginMap):
             "feasible_fraction": self.feasible_fraction,
             "motion_fraction": self.motion_fraction,
             "best": self.best and self.best.to_dict(),
-            "robust": self.robust and {**self.robust.to_dict(), "radius_deg": self.robust.radius},
+            "robust": self.robust
+            and {**self.robust.to_dict(), "radius_deg": degrees(self.robust.radius)},
             "regions": regions,
             "branches": [
                 {"branch": index, "least": [None if np.isnan(v) else v for v in row.tolist()]}

@@ -182,7 +182,7 @@ def _sampled_spans(result: HeadingMap, branch: int) -> list[list[float]]:
     spans = []
     for region in result.regions:
         if region.branch == branch:
-            low = (region.centre - region.size / 2.0) % 360.0
-            high = low + region.size
+            low = np.degrees(region.centre - region.radius) % 360.0
+            high = low + np.degrees(region.size)
             spans += [[low, high]] if high <= 360.0 else [[0.0, high - 360.0], [low, 360.0]]
     return spans
