@@ -28,7 +28,7 @@ _HEADINGS = {
     "error": "error",
 }  # fmt: skip
 """Columns of the report after the parameters, unless they are empty, and their headings."""
-_FIRST_LISTED = ("verdict", "margin")
+_FIRST_LISTED = ("verdict", "reason", "error", "margin")
 """Columns of the report before the parameters."""
 _SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _MAX_LISTED = 1000
@@ -99,7 +99,7 @@ def _page(
 def _listed(
     result: StudyResult, parameters: Mapping[str, str], unit: str
 ) -> tuple[list[str], list[tuple[str | None, list[Any]]]]:
-    """Headings and runs, each with its file: errors, then those with the smallest margins.
+    """Headings and runs, each with its file: errors, infeasible ones, the smallest margins.
 
     Columns that are empty in all of them are left out.
     """
@@ -107,8 +107,8 @@ def _listed(
     headings = {"file": "", NUMBER: "run", **first, **parameters, **_HEADINGS}
     headings["margin"] += unit
     columns = list(headings)
-    order = "ORDER BY margin IS NOT NULL, margin, number" if result.done > _MAX_LISTED else ""
-    query = f"{result.rows.selection(columns)} {order or 'ORDER BY number'} LIMIT {_MAX_LISTED}"
+    order = "verdict = 'feasible', verdict = 'infeasible', margin, number"
+    query = f"{result.rows.selection(columns)} ORDER BY {order} LIMIT {_MAX_LISTED}"
     rows = list(result.rows.query(query))
     filled = [place for place, values in enumerate(zip(*rows, strict=True))
               if place and any(value not in (None, "") for value in values)]  # fmt: skip
