@@ -95,7 +95,8 @@ def test_a_moved_handle_is_where_it_was_moved_to(kind: str) -> None:
 
 def test_the_end_turns_and_the_start_does_not() -> None:
     assert outline_of(turned_end(example("goal")))["rpy"] == END
-    for kind in ("line", "target", "frame"):
+    assert error_key(turned_end, example("target")) == "orientation"  # which its target states
+    for kind in ("line", "frame"):
         content = example(kind)
         before = ff.load_scenario(content).problem().path.path
         changed = turned_end(content)

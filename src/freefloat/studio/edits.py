@@ -32,8 +32,8 @@ def edited(content: Content, edit: Edit, outline: Mapping[str, Any] | None) -> d
     Args:
         content: Content of a scenario file.
         edit: The edit.
-        outline: What the worker answered about this scenario: handles, frame of the path, start
-            orientation. None while there is no answer.
+        outline: What the worker answered about this scenario: handles, frame of the path. None
+            while there is no answer.
 
     Raises:
         InputError: If the path has no such handle, or there is no outline yet.
@@ -71,7 +71,7 @@ def _path_changes(
         return {"timing": _with_duration(content["timing"], edit.value)}
     known = _known(outline)
     if isinstance(edit, TurnEnd):
-        return {"path": _with_end(content["path"], _angles(edit, known), known)}
+        return {"path": _with_end(content["path"], _angles(edit, known))}
     path, handle = _path_of(edit.handle, known)
     point = _local(edit, known)
     if not path["arm"]:
@@ -102,7 +102,7 @@ def _known(outline: Content | None) -> Content:
 def _angles(edit: TurnEnd, outline: Content) -> list[float]:
     """Roll, pitch and yaw at the end; an InputError where they cannot be set."""
     if outline["rpy"] is None:
-        accepted = "a path with `attitude`, or a goal with a pose"
+        accepted = "a path with a fixed attitude or slerp, or a goal with a pose"
         raise InputError("orientation", "it cannot be set", accepted)
     return [_rounded(angle) for angle in edit.value]
 
@@ -118,10 +118,10 @@ def _with_duration(timing: Content, duration: float) -> dict[str, Any]:
     return changed
 
 
-def _with_end(path: Content, rpy: list[float], outline: Content) -> dict[str, Any]:
+def _with_end(path: Content, rpy: list[float]) -> dict[str, Any]:
     """The path whose orientation at the start is as it was, and at the end another one."""
-    law = path.get("attitude", {})
-    start = law.get("fixed") or law.get("slerp", {}).get("from") or outline["start_quaternion"]
+    law = path["attitude"]
+    start = law["fixed"] if "fixed" in law else law["slerp"]["from"]
     return {**path, "attitude": {"slerp": {"from": start, "to": {"rpy": rpy}}}}
 
 

@@ -42,7 +42,7 @@ def _handle(
     """The handle of the goal's pose, in inertial axes, and its frame; none without a fixed pose."""
     target, body = goal.target(problem, attitude, joints), goal.body(problem)
     if goal.pose is None or (body and body.motion != "fixed"):
-        return {"paths": [], "handles": [], "rpy": None, "start_quaternion": None}
+        return {"paths": [], "handles": [], "rpy": None}
     pose = target.pose_at(0.0)
     rotation = pose.rotation @ goal.pose.rotation.T
     place = pose.position.round(6).tolist()
@@ -54,5 +54,4 @@ def _handle(
         "paths": [{"arm": "", "frame": frame, "handles": 1}],
         "handles": [{"name": "goal", "position": place, "shift": [0.0, 0.0, 0.0]}],
         "rpy": [*stated] if stated else rounded_rpy(goal.pose.rotation),
-        "start_quaternion": None,
     }

@@ -55,7 +55,7 @@ def outline(scenario: Scenario, problem: Problem, largest: float) -> dict[str, A
         ],
         "paths": paths,
         "handles": handles,
-        **_orientation(scenario, problem, frames[""]),
+        "rpy": _end_angles(scenario, problem, frames[""]),
         "momentum": problem.momentum.tolist(),
         "duration": problem.path.duration,
         "margin": {
@@ -132,20 +132,19 @@ def _handle(arm: str, name: str, place: Array, shift: Array) -> dict[str, Any]:
     }
 
 
-def _orientation(scenario: Scenario, problem: Problem, frame: Pose | SceneBody | None) -> Any:
-    """Roll, pitch, yaw [rad] at the end and the quaternion at the start, in the path's frame."""
+def _end_angles(
+    scenario: Scenario, problem: Problem, frame: Pose | SceneBody | None
+) -> list[float] | None:
+    """Roll, pitch, yaw [rad] at the end in the path's frame; None if they are not stated."""
     law = scenario.content.path.attitude
-    if isinstance(frame, SceneBody) or not problem.task.prescribes_orientation or law is None:
-        return {"rpy": None, "start_quaternion": None}
-    rotation = np.eye(3) if frame is None else frame.rotation
-    start, end = (
-        Rotation.from_matrix(rotation.T @ problem.path.path.orientation.rotation(s))
-        for s in (0.0, 1.0)
-    )
-    rpy = rounded_rpy(end.as_matrix())
+    if law is None or not (law.fixed or law.slerp):  # a target or the tangent states them
+        return None
+    if isinstance(frame, SceneBody) or not problem.task.prescribes_orientation:
+        return None
     if law.slerp is not None and law.slerp.end.rpy is not None:
-        rpy = list(law.slerp.end.rpy)  # as it was set: other angles may state the same
-    return {"rpy": rpy, "start_quaternion": start.as_quat().round(9).tolist()}
+        return list(law.slerp.end.rpy)  # as it was set: other angles may state the same
+    rotation = np.eye(3) if frame is None else frame.rotation
+    return rounded_rpy(rotation.T @ problem.path.path.orientation.rotation(1.0))
 
 
 def rounded_rpy(rotation: Array) -> list[float]:
