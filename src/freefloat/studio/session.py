@@ -149,7 +149,8 @@ class Session:
         """
         if read:
             self._gesture, self._dragging, self._outline = "", False, None
-            self.newest.pop("outline", None)
+            for kind in ("outline", "attitudes", "motion", "limits"):
+                self.newest.pop(kind, None)
             self._reading += 1
         document = self._document
         self._lost_before = False

@@ -94,6 +94,7 @@ class Studio {
   }
 
   showState(state) {
+    if (this.state && state.scenario !== this.state.scenario) this.clear();
     this.state = state;
     this.known = state.outlined; // whether the handles and sliders are those of this scenario
     this.played ??= state.choice; // before this page was opened
@@ -104,6 +105,17 @@ class Studio {
     select.value = state.scenario;
     element("undo").disabled = !state.undo;
     element("redo").disabled = !state.redo;
+  }
+
+  // Removes what belongs to another scenario.
+  clear() {
+    this.player = this.set = this.newest = this.ball.mark = this.dial.mark = null;
+    this.viewer.delete_path([ROOT]);
+    this.handles.show({ lines: [], handles: [] });
+    this.showLimits({ results: [] });
+    for (const id of ["states", "outcome", "fraction", "reason"]) element(id).textContent = "";
+    for (const id of ["ball", "dial", "sliders"]) element(id).toggleAttribute("hidden", true);
+    document.body.classList.add("still");
   }
 
   showOutline(outline) {
@@ -121,6 +133,7 @@ class Studio {
 
   showControls() {
     element("initial").hidden = this.outline.is_goal;
+    element("sliders").hidden = false;
     element("edited").textContent = this.outline.is_goal ? "Goal" : "Path and margin";
     this.handles.show(this.outline);
     this.sliders.show(this.outline, this.state.ends);
@@ -183,6 +196,10 @@ class Studio {
     about = motion.about || null;
     if (about) {
       const player = await loadScene(this.viewer, motion.scene, motion.tracks);
+      if (!this.newest) { // another scenario was opened
+        this.viewer.delete_path([ROOT]);
+        return;
+      }
       const same = before && this.scenario === this.state.scenario;
       if (same) Object.assign(player, { time: before.time, speed: before.speed, hidden: before.hidden });
       this.start(player, motion.choice, same && before.playing);

@@ -78,11 +78,8 @@ class _Worker:
         state, analysis = self._state, self._analysis
         if state is None:
             return self._done(self._tasks.popleft()) if self._tasks else None
-        if analysis is None or not analysis.poses(state):
+        if analysis is None or state.reading != self._outlined or not analysis.poses(state):
             self._analysis = analysis = analysis_of(state, self._robots)
-            self._outlined = state.reading
-            return analysis.outline()
-        if state.reading != self._outlined:
             self._outlined = state.reading
             return analysis.outline()
         answer = analysis.urgent(state, self._progress)
