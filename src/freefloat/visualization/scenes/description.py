@@ -29,6 +29,7 @@ class Label:
         item: Item that the label is shown and hidden with.
         since: Time from which on it is shown [s].
         node: Path of a node that it moves with, below that of the scene; empty for the scene.
+        colour: Of the text, in CSS; that of the page if it is empty.
     """
 
     text: str
@@ -36,6 +37,7 @@ class Label:
     item: str
     since: float = 0.0
     node: str = ""
+    colour: str = ""
 
 
 @dataclass(frozen=True)

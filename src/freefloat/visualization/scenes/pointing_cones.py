@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.colors import to_hex
 from scipy.spatial.transform import Rotation
 
 from freefloat.motion.pointing import Keep, PointingLimit
@@ -17,9 +18,12 @@ from freefloat.visualization.scenes.visuals import RobotVisuals, largest_box
 
 POINTING = "Pointing limits"
 """Node of the scene tree that can be hidden, and its name on the page."""
-_COLOURS = {Keep.INSIDE: (0.55, 0.90, 0.30), Keep.OUTSIDE: (0.95, 0.35, 0.30)}
+_COLOURS = {
+    Keep.INSIDE: ((0.55, 0.90, 0.30), (0.25, 0.80, 0.95), (0.85, 0.85, 0.35)),
+    Keep.OUTSIDE: ((0.95, 0.35, 0.30), (1.00, 0.50, 0.80), (1.00, 0.60, 0.25)),
+}
+"""Colours of the first, second, ... limit: its cone, axis and label."""
 _OPACITY = 0.16
-_ARROW = (0.95, 0.96, 0.98, 1.0)
 _SHORTEST = 50.0
 """Smallest length of cones and arrows over the thickness of lines."""
 _BEYOND = 2.0
@@ -104,7 +108,8 @@ class PointingCone:
     def draw(self, builder: SceneBuilder, root: str, radius: float) -> Label:
         """Draw it below a node, with lines of a radius [m]; return the label of the arrow."""
         path = f"{POINTING}/pointing.{self.number}"
-        colour, angle = _COLOURS[self.limit.keep], self.limit.angle
+        colours, angle = _COLOURS[self.limit.keep], self.limit.angle
+        colour = colours[self.number % len(colours)]
         rim = self.length * np.array([np.sin(angle), np.cos(angle)])
         cone = surface_of_revolution(np.array([0.0, rim[1]]), np.array([0.0, rim[0]]))
         around = np.linspace(0.0, 2.0 * np.pi, _RIM + 1)
@@ -113,12 +118,13 @@ class PointingCone:
         builder.mesh(f"{root}/{path}/cone/rim", tube(np.transpose(circle), 0.5 * radius),
                      (*colour, 1.0), shaded=False)  # fmt: skip
         end = self.length * self.limit.axis
-        builder.mesh(f"{root}/{path}/axis", arrow(end, 0.8 * radius), _ARROW)
+        builder.mesh(f"{root}/{path}/axis", arrow(end, 0.8 * radius), (*colour, 1.0))
         frames = np.array([_frame_along(target) for target in self.targets])
         for name, rotations in (("cone", frames), ("axis", self.axes)):
             quaternions = Rotation.from_matrix(rotations).as_quat()
             builder.move(f"{root}/{path}/{name}", self.times, self.origins, quaternions)
-        return Label(self.title, end.tolist(), POINTING, node=f"{path}/axis")
+        node = f"{path}/axis"
+        return Label(self.title, end.tolist(), POINTING, node=node, colour=to_hex(colour))
 
 
 def _frame_along(direction: Array) -> Array:
