@@ -230,8 +230,8 @@ class Studio {
     if (player) player.tick(now);
     if (!viewer.needs_render) return;
     viewer.render();
-    if (player) this.panels.update();
     this.handles.place();
+    if (player) this.panels.update(); // labels stand beside handles
     this.strip.draw(player ? player.time : 0);
   }
 }

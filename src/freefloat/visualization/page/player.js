@@ -8,6 +8,7 @@ const ALL_PHASES = "all phases";
 const INK = "#e8ecf2";
 const FIELD_OF_VIEW = 40; // degrees
 const FRAME = 0.88; // fraction of the picture that the scene fills
+const GAP = 12; // between a label and its point [pixels]
 const REACH = 8; // from the pointer to a sample that it shows [pixels]
 const element = id => document.getElementById(id);
 
@@ -187,7 +188,7 @@ class Player {
         const point = new MeshCat.THREE.Vector3(...label.position);
         object.localToWorld(point).project(camera); // the viewer's world has y up
         if (Math.abs(point.z) > 1) continue;
-        placed.push({ text: label.text, x: (1 + point.x) * width / 2, y: (1 - point.y) * height / 2 });
+        placed.push({ text: label.text, colour: label.colour, x: (1 + point.x) * width / 2, y: (1 - point.y) * height / 2 });
       }
     }
     return placed;
@@ -468,7 +469,8 @@ class Panels {
     if (document.activeElement !== element("time") || player.playing) element("time").value = player.time;
     element("clock").textContent = `${player.time.toFixed(2)} / ${about.duration.toFixed(2)} s`;
     element("speed").value = player.speed;
-    element("motion").value = player.shown.length > 1 ? SIDE_BY_SIDE : (player.shown[0] || {}).title;
+    const one = player.follows ? ALL_PHASES : (player.shown[0] || {}).title;
+    element("motion").value = player.shown.length > 1 ? SIDE_BY_SIDE : one;
     for (const box of element("items").querySelectorAll("input")) {
       box.checked = !player.hidden.has(box.name);
       box.parentElement.hidden = !player.has(box.name);
@@ -492,22 +494,39 @@ class Panels {
     return section;
   }
 
+  // Puts each label beside its point where it covers nothing, or leaves it out.
   placeLabels() {
-    const pane = element("meshcat-pane");
-    const placed = this.player.labels(pane.clientWidth, pane.clientHeight);
-    element("labels").replaceChildren(...placed.map(({ text, x, y }) => {
+    const pane = element("meshcat-pane").getBoundingClientRect(), { width, height } = pane;
+    const points = this.player.labels(width, height);
+    const labels = points.map(({ text, colour }) => {
       const label = document.createElement("div");
       label.className = "label";
       label.textContent = text;
-      label.style.left = `${x}px`;
-      label.style.top = `${y}px`;
+      label.style.color = colour;
       return label;
-    }));
-    for (const label of element("labels").children) { // those at the right edge stand on the left of their points
-      if (label.offsetLeft + label.offsetWidth + 8 > pane.clientWidth) label.style.transform = "translate(calc(-100% - 8px), -50%)";
-    }
+    });
+    element("labels").replaceChildren(...labels);
+    const sizes = labels.map(label => [label.offsetWidth, label.offsetHeight]);
+    const taken = [...document.querySelectorAll("#pane .panel, .handle")].map(part => {
+      const { left, top, right, bottom } = part.getBoundingClientRect();
+      return box(left - pane.left, top - pane.top, right - left, bottom - top);
+    });
+    points.forEach(({ x, y }, number) => {
+      const [across, down] = sizes[number], rows = [0, 1, -1, 2, -2].map(row => y + (row - 0.5) * down);
+      const beside = rows.flatMap(top => [x + GAP, x - GAP - across].map(left => box(left, top, across, down)));
+      const place = beside.find(one => one.left >= 0 && one.top >= 0 && one.right <= width && one.bottom <= height
+        && !taken.some(other => overlap(one, other)));
+      labels[number].hidden = !place;
+      if (!place) return;
+      taken.push(place);
+      Object.assign(labels[number].style, { left: `${place.left}px`, top: `${place.top}px` });
+    });
   }
 }
+
+function box(left, top, across, down) { return { left, top, right: left + across, bottom: top + down }; }
+
+function overlap(a, b) { return a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom; }
 
 // The 3D view as a PNG.
 function picture(player) {
