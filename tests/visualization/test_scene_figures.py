@@ -78,7 +78,7 @@ def test_the_robot_is_drawn_at_several_instants_the_last_the_darkest(good: Motio
     assert greys == sorted(greys, reverse=True)
     assert greys[-1] == 0.0
     outline = [item for item in axes.patches if isinstance(item, Polygon)][-1].get_xy()
-    corners = wanted[-1].spacecraft[:, :2]
+    corners = wanted[-1].spacecraft[0, :, :2]
     assert np.allclose(np.ptp(outline, axis=0), np.ptp(corners, axis=0))
     edges = np.linalg.norm(np.diff(outline, axis=0), axis=1)
     assert np.allclose(edges, 1.0)  # a square of 1 m, not a bow tie

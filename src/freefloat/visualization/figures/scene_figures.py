@@ -38,10 +38,13 @@ from freefloat.visualization.figure_style import (
 from freefloat.visualization.figures.scene_outlines import (
     draw_in_plane,
     draw_in_space,
+    from_above,
     outline_points,
 )
 from freefloat.visualization.scenes.visuals import (
+    RobotVisuals,
     body_poses,
+    bounding_box,
     largest_box,
     robot_visuals,
     view_direction,
@@ -58,15 +61,17 @@ _FLATTEST, _ZOOM = 0.4, 0.87
 _DEPENDENT, _INDEPENDENT = "#D0D0D0", "#E9F5EF"
 _FACES = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
 """Corners of the faces of a box."""
-_FROM_ABOVE = [0, 2, 6, 4]
+_LARGE = 0.25
+"""Least size of the shapes of the spacecraft that are drawn, over that of the largest box."""
 
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """Box of the spacecraft and line of the arm in the inertial frame.
+    """Boxes of the spacecraft and line of the arm in the inertial frame.
 
     Attributes:
-        spacecraft: Corners of the box [m], z changing fastest, then y, shape (8, 3).
+        spacecraft: Corners of the boxes [m], the largest first, z changing fastest, then y, shape
+            (B, 8, 3).
         arm: Mount on the box, joints, end-effector [m], shape (n + 2, 3).
         others: Joints of each further arm that moves, and its end-effector [m], shape (n + 1, 3).
     """
@@ -83,7 +88,8 @@ def outlines(motion: Motion, times: npt.ArrayLike) -> list[Outline]:
         InputError: If a time lies outside the motion.
     """
     model = motion.problem.model
-    box = largest_box(robot_visuals(model), 0)
+    boxes = _spacecraft_boxes(robot_visuals(model))
+    box = boxes[0]
     edges = box[[4, 2, 1]] - box[0]
     fractions = edges @ (model.bodies[1].placement.position - box[0]) / (edges**2).sum(axis=1)
     mount = box[0] + np.clip(fractions, 0.0, 1.0) @ edges  # point nearest to the first joint
@@ -94,11 +100,20 @@ def outlines(motion: Motion, times: npt.ArrayLike) -> list[Outline]:
     others = [[*range(*ends), bodies + tip] for tip, ends in enumerate(pairwise([*starts, bodies]))]
     return [
         Outline(
-            points[0] + box @ R.T, np.vstack([points[0] + R @ mount, points[arm]]),
+            points[0] + boxes @ R.T, np.vstack([points[0] + R @ mount, points[arm]]),
             tuple(points[other] for other in others),
         )
         for points, R in zip(positions, rotations[:, 0], strict=True)
     ]  # fmt: skip
+
+
+def _spacecraft_boxes(visuals: RobotVisuals) -> Array:
+    """Corners of the boxes around the large shapes of the spacecraft [m], shape (B, 8, 3)."""
+    largest = largest_box(visuals, 0)
+    boxes = [bounding_box(visual) for visual in visuals.shapes if visual.body == 0]
+    least = _LARGE * np.linalg.norm(largest[7] - largest[0])
+    large = [box for box in boxes if np.linalg.norm(box[7] - box[0]) >= least]
+    return np.array([largest, *(box for box in large if not np.array_equal(box, largest))])
 
 
 @styled
@@ -172,9 +187,9 @@ def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figu
         draw_in_space(axes, motion, float(time))
         axes.set_title(f"{digits(time)} s", y=1.0)
     _mark_singular(views[-1], motion, 3)
-    bodies = np.array([[robot.spacecraft.mean(axis=0), *robot.arm[1:]] for robot in robots])
+    bodies = np.array([[robot.spacecraft[0].mean(axis=0), *robot.arm[1:]] for robot in robots])
     points = np.vstack([
-        points for robot in robots for points in (robot.spacecraft, robot.arm, *robot.others)
+        points for robot in robots for points in (*robot.spacecraft, robot.arm, *robot.others)
     ])  # fmt: skip
     others = [p for time in times for _, p in outline_points(motion, float(time))]
     points = np.vstack([points, *others])
@@ -199,8 +214,8 @@ def draw_snapshots(axes: Any, motion: Motion, workspace: Workspace | None) -> No
     draw_in_plane(axes, motion, times)
     shades = [f"{shade:.3f}" for shade in np.linspace(_LIGHTEST, 0.0, _INSTANTS)]
     for k in (0, -1):
-        corners = robots[k].spacecraft[_FROM_ABOVE, :2]
-        axes.add_patch(Polygon(corners, closed=True, fill=False, edgecolor=shades[k]))
+        for box in robots[k].spacecraft[::-1]:
+            axes.add_patch(Polygon(from_above(box), fill=False, edgecolor=shades[k]))
     for robot, shade in zip(robots, shades, strict=True):
         for points in (robot.arm, *robot.others):
             _draw_arm(axes, points[:, :2], shade)
@@ -260,7 +275,7 @@ def _draw_lines(axes: Any, problem: Problem, dimensions: int) -> None:
 
 def _draw_in_space(axes: Any, problem: Problem, robot: Outline) -> None:
     _draw_lines(axes, problem, 3)
-    faces = robot.spacecraft[_FACES]
+    faces = robot.spacecraft[:, _FACES].reshape(-1, 4, 3)
     style = {"facecolors": _DEPENDENT, "edgecolors": GREY, "linewidths": 0.6, "alpha": 0.45}
     axes.add_collection3d(Poly3DCollection(faces, **style))
     for points in (robot.arm, *robot.others):

@@ -26,6 +26,7 @@ _ROUND = 48
 """Points on a circle."""
 _SPHERE = 400
 """Points on a sphere."""
+_DECIMALS = 9
 _JOGGLE = "QJ"
 """Option of Qhull for flat shapes."""
 
@@ -37,7 +38,7 @@ def draw_in_plane(axes: Any, motion: Motion, times: Array) -> None:
     for number, time in enumerate(times.tolist()):
         for body, points in outline_points(motion, time):
             if number == 0 or drifts or body.motion != "fixed":
-                outline = points[ConvexHull(points[:, :2], qhull_options=_JOGGLE).vertices, :2]
+                outline = from_above(points)
                 style: Any = {
                     "facecolor": ORANGE,
                     "edgecolor": ORANGE,
@@ -46,6 +47,12 @@ def draw_in_plane(axes: Any, motion: Motion, times: Array) -> None:
                 }
                 axes.add_patch(Polygon(outline, label=label, zorder=1, **style))
                 label = None
+
+
+def from_above(points: Array) -> Array:
+    """Corners of the convex outline of points (K, 3) in the x-y plane [m], shape (C, 2)."""
+    places = np.unique(points[:, :2].round(_DECIMALS), axis=0)
+    return np.asarray(places[ConvexHull(places, qhull_options=_JOGGLE).vertices])
 
 
 def draw_in_space(axes: Any, motion: Motion, time: float) -> None:
