@@ -47,7 +47,7 @@ def joint_space_figure(problem: Problem, motions: Sequence[Motion]) -> Figure:
         problem: Planar problem whose S depends on two joint angles.
         motions: Motions, the chosen motion first.
     """
-    figure = new_figure(COLUMN, 3.9)
+    figure = new_figure(COLUMN, 3.3)
     axes = figure.subplots()
     arm = PlanarArm.of(problem.model)
     margin = problem.margin
