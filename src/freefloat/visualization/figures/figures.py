@@ -101,7 +101,14 @@ def figures(
 def _titled(name: str, draw: Callable[[], Figure]) -> Figure:
     figure = draw()
     figure.set_figheight(figure.get_figheight() + _TITLE_HEIGHT)
-    figure.suptitle(_TITLES[name])
+    figure.suptitle(_TITLES[name] + figure.get_suptitle())
+    return figure
+
+
+@styled
+def _of_phase(phase: str, draw: Callable[[], Figure]) -> Figure:
+    figure = draw()
+    figure.suptitle(f", phase {phase}")
     return figure
 
 
@@ -147,7 +154,9 @@ def _manoeuvre_figures(
 ) -> Figures:
     moves = any(phase.motion is not None for phase in manoeuvre.phases)
     drawn = Figures({"manoeuvre": partial(manoeuvre_figure, manoeuvre)} if moves else {})
-    return drawn | _plan_figures(manoeuvre.path, threads, progress)
+    name = next((phase.name for phase in manoeuvre.phases if phase.kind == "path"), "path")
+    first = _plan_figures(manoeuvre.path, threads, progress).drawings
+    return drawn | Figures({key: partial(_of_phase, name, draw) for key, draw in first.items()})
 
 
 def _attitude_map_figures(

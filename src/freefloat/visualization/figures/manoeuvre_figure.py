@@ -9,22 +9,24 @@ from freefloat.motion.motion import Motion
 from freefloat.planning.answer import PhaseResult
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.so3 import Array, angle_between
-from freefloat.visualization.figure_style import strokes, styled
+from freefloat.visualization.figure_style import MARGIN_LINE, strokes, styled
 
 _SAMPLES = 201
 
 
 @styled
 def manoeuvre_figure(manoeuvre: Manoeuvre) -> Figure:
-    """Return the turn of the spacecraft, the joints and the measure by time; phases are bands."""
+    """Return turn, joints and measure by time; each phase turns from its beginning, as limited."""
     figure = Figure(figsize=(7.0, 6.0), layout="constrained")
     turn, joints, measure = figure.subplots(3, sharex=True)
     moving = [(phase, phase.motion) for phase in manoeuvre.phases if phase.motion is not None]
-    first = moving[0][1].initial.attitude
     for phase, motion in moving:
         times, attitudes, values = _sampled(motion)
         at = phase.start + times
-        turn.plot(at, np.degrees(angle_between(attitudes, first)), color="C0", linestyle="-")
+        turns = angle_between(attitudes, motion.initial.attitude)
+        turn.plot(at, np.degrees(turns), color="C0", linestyle="-")
+        if phase.limits is not None and phase.limits.base_turn is not None:
+            turn.hlines(np.degrees(phase.limits.base_turn), at[0], at[-1], **MARGIN_LINE)
         joints.set_prop_cycle(strokes(values.shape[1]))
         joints.plot(at, np.degrees(values))
         of = motion.problem.margin.measure
@@ -32,9 +34,9 @@ def manoeuvre_figure(manoeuvre: Manoeuvre) -> Figure:
         if phase.kind == "path":
             threshold = motion.problem.margin.threshold
             if threshold:
-                measure.hlines(threshold, at[0], at[-1], color="C3", linestyle="--")
+                measure.hlines(threshold, at[0], at[-1], **MARGIN_LINE)
     problem = manoeuvre.problem
-    turn.set_ylabel("turn of the\nspacecraft [°]")
+    turn.set_ylabel("turn within\nthe phase [°]")
     joints.set_ylabel("joints [°]")
     joints.legend(problem.model.joint_names, ncols=1, loc="center left", bbox_to_anchor=(1.0, 0.5))
     measure.set_ylabel(f"|{problem.margin.measure.name}|")
