@@ -118,6 +118,8 @@ def _reports(description: str) -> Iterator[Callable[[float], None]]:
         while not ended.wait(pause):
             with suppress(OSError, ValueError):
                 say(f"{description}: {100.0 * done:.0f} %" if done else f"{description} ...")
+            if done == 1.0:
+                return
             pause = REPORTS
 
     Thread(target=report, daemon=True).start()

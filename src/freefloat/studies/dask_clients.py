@@ -34,6 +34,7 @@ _CONFIG: dict[str, Any] = {
 @contextmanager
 def local_client(workers: int) -> Iterator[Client]:
     """Start workers on this machine."""
+    _silence()
     with dask.config.set(_CONFIG), ExitStack() as stack:
         with interrupts_deferred():
             cluster = LocalCluster(
@@ -53,7 +54,7 @@ def remote_client(scheduler: str) -> Iterator[Client]:
         InputError: If it does not answer, is lost, or lacks workers with this version.
     """
     accepted = "the address of a running Dask scheduler with workers, such as tcp://host:8786"
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    _silence()
     expected = version("freefloat")
     try:
         with ThreadPoolExecutor(1) as thread:  # a notebook's thread has a running event loop
@@ -71,6 +72,15 @@ def remote_client(scheduler: str) -> Iterator[Client]:
     except (OSError, ValueError, TypeError, CancelledError) as error:
         problem = f"{scheduler}: {str(error) or type(error).__name__}"
         raise InputError("scheduler", problem, accepted) from None
+
+
+def _silence() -> None:
+    """Silence Dask in this process: an interruption ends its connections in any order.
+
+    A cluster that closes restores its ``silence_logs`` before its last connections end.
+    """
+    for name in ("distributed", "distributed.client", "tornado.application", "asyncio"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 async def _await_answer(scheduler: str) -> None:
