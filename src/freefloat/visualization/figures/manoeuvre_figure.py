@@ -1,24 +1,30 @@
-"""The figure of a manoeuvre: attitude, joints and measure over all phases."""
+"""The figure of a manoeuvre: turn, limited angles, joints and measure over all phases."""
 
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from freefloat.motion.motion import Motion
 from freefloat.planning.answer import PhaseResult
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.so3 import Array, angle_between
-from freefloat.visualization.figure_style import MARGIN_LINE, strokes, styled
+from freefloat.visualization.figure_style import MARGIN_LINE, digits, strokes, styled
+from freefloat.visualization.figures.motion_figures import limited_angles, shown_times
 
 _SAMPLES = 201
+_ANGLE = 1.5
+"""Height of the axes of an angle [inch]."""
 
 
 @styled
 def manoeuvre_figure(manoeuvre: Manoeuvre) -> Figure:
-    """Return turn, joints and measure by time; each phase turns from its beginning, as limited."""
-    figure = Figure(figsize=(7.0, 6.0), layout="constrained")
-    turn, joints, measure = figure.subplots(3, sharex=True)
+    """Return turn, limited angles, joints and measure by time; a turn begins with its phase."""
+    problem, limits = manoeuvre.problem, manoeuvre.path.limits
+    count = 0 if limits is None else len(limits.pointing)
+    figure = Figure(figsize=(7.0, 6.0 + _ANGLE * count), layout="constrained")
+    turn, *angles, joints, measure = figure.subplots(3 + count, sharex=True)
     moving = [(phase, phase.motion) for phase in manoeuvre.phases if phase.motion is not None]
     for phase, motion in moving:
         times, attitudes, values = _sampled(motion)
@@ -27,15 +33,14 @@ def manoeuvre_figure(manoeuvre: Manoeuvre) -> Figure:
         turn.plot(at, np.degrees(turns), color="C0", linestyle="-")
         if phase.limits is not None and phase.limits.base_turn is not None:
             turn.hlines(np.degrees(phase.limits.base_turn), at[0], at[-1], **MARGIN_LINE)
+        _draw_pointing(angles, phase, motion)
         joints.set_prop_cycle(strokes(values.shape[1]))
         joints.plot(at, np.degrees(values))
         of = motion.problem.margin.measure
         measure.semilogy(at, [max(abs(of(q)), 1e-12) for q in values], color="C2", linestyle="-")
-        if phase.kind == "path":
-            threshold = motion.problem.margin.threshold
-            if threshold:
-                measure.hlines(threshold, at[0], at[-1], **MARGIN_LINE)
-    problem = manoeuvre.problem
+        threshold = motion.problem.margin.threshold
+        if phase.kind == "path" and threshold:
+            measure.plot(at[[0, -1]], [threshold, threshold], **MARGIN_LINE)
     turn.set_ylabel("turn within\nthe phase [°]")
     joints.set_ylabel("joints [°]")
     joints.legend(problem.model.joint_names, ncols=1, loc="center left", bbox_to_anchor=(1.0, 0.5))
@@ -43,6 +48,18 @@ def manoeuvre_figure(manoeuvre: Manoeuvre) -> Figure:
     measure.set_xlabel("time from the beginning of the first path [s]")
     _mark(figure, manoeuvre.phases)
     return figure
+
+
+def _draw_pointing(panels: list[Axes], phase: PhaseResult, motion: Motion) -> None:
+    """Draw the angles of the limits of pointing of a phase, an axes each."""
+    if phase.limits is None:
+        return
+    times = phase.start + shown_times(motion)
+    curves = limited_angles(motion, phase.limits)
+    for axes, (name, side, allowed, values) in zip(panels, curves, strict=False):
+        axes.plot(times, np.degrees(values), color="C0", linestyle="-")
+        axes.hlines(np.degrees(allowed), times[0], times[-1], **MARGIN_LINE)
+        axes.set_ylabel(f"{name}\n{side} {digits(np.degrees(allowed))}°")
 
 
 def _sampled(motion: Motion) -> tuple[Array, Array, Array]:

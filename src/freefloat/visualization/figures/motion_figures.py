@@ -235,7 +235,9 @@ def angles_figure(motion: Motion, limits: AttitudeLimits) -> Figure:
     figure = new_figure(COLUMN, _AXIS + _STRIP * limits.number)
     panels = figure.subplots(limits.number, 1, sharex=True, squeeze=False)[:, 0]
     times = shown_times(motion)
-    for axes, (name, side, allowed, angles) in zip(panels, _curves(motion, limits), strict=True):
+    for axes, (name, side, allowed, angles) in zip(
+        panels, limited_angles(motion, limits), strict=True
+    ):
         axes.plot(times, np.degrees(angles), color=BLUE, label=name)
         bound = np.degrees(allowed)
         axes.axhline(bound, label=f"{side} {digits(bound)}°", **MARGIN_LINE)
@@ -251,7 +253,9 @@ def angles_figure(motion: Motion, limits: AttitudeLimits) -> Figure:
     return figure
 
 
-def _curves(motion: Motion, limits: AttitudeLimits) -> Iterator[tuple[str, str, float, Array]]:
+def limited_angles(
+    motion: Motion, limits: AttitudeLimits
+) -> Iterator[tuple[str, str, float, Array]]:
     """Yield name, allowed side, allowed angle and angles at the shown times [rad] of each limit."""
     problem = motion.problem
     states = motion.evaluate(motion.coordinates_at(shown_times(motion)))
