@@ -22,14 +22,13 @@ Show = Callable[[str], Page]
 DRAGS = 5
 OPEN = """async scenario => {
   const pause = () => new Promise(resume => setTimeout(resume, 5));
-  const { state } = studio;
+  const { state, newest } = studio;
   studio.connection.send({ type: "open", scenario });
   while (studio.state === state) await pause();
-  const { newest } = studio, status = document.getElementById("status");
-  const ready = () => status.textContent === "ready";
-  while (!studio.known || !studio.player || (studio.newest === newest && !ready())) await pause();
+  if (studio.player && scenario !== state.scenario) throw new Error("the old scene is shown");
+  while (!studio.known || !studio.player || studio.newest === newest) await pause();
 }"""
-"""Opens a scenario and waits for its first motion; there is no new one if it was shown before."""
+"""Opens a scenario and waits for its first motion."""
 NEXT_SET = """() => {
   const place = () => String(studio.handles.buttons[1].position);
   const before = place(), start = performance.now();
