@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -106,6 +107,7 @@ def batch(
         say(f"{loaded.source}: run by run, because {reason}")
     if not (quiet or as_json) and loaded.content.command != "plan" and loaded.base.get("phases"):
         say(f"{loaded.source}: the first path alone, without the phases after it")
+    logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # of connections that Ctrl-C ends
     try:
         with console.progress(f"{loaded.count:,} runs") as progress:
             result = run_study(

@@ -79,7 +79,7 @@ def _silence() -> None:
 
     A cluster that closes restores its ``silence_logs`` before its last connections end.
     """
-    for name in ("distributed", "distributed.client", "tornado.application", "asyncio"):
+    for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
