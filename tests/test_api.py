@@ -81,9 +81,6 @@ def test_help_begins_with_ten_lines_that_run(
     assert capsys.readouterr().out.startswith("the largest margin, gjm 0.09")
 
 
-# --- errors -------------------------------------------------------------------------------------
-
-
 def test_a_notebook_shows_the_users_own_lines_and_what_is_accepted(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -41,9 +41,6 @@ def simulation() -> Simulation:
     return ff.simulate(problem, [0.0, 0.0, 0.0, 1.0], branch=1, others=True)
 
 
-# --- problems -----------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("function", "others"),
     [
@@ -58,9 +55,6 @@ def simulation() -> Simulation:
 def test_functions_of_problems_refuse_other_types(function, others) -> None:
     for value in (ff.load_scenario("planar_3dof/parabola"), "spatial_6dof/line"):
         assert error_key(function, value, *others) == "problem"
-
-
-# --- values -------------------------------------------------------------------------------------
 
 
 def test_unknown_names_are_refused(model: ff.FreeFloatingModel) -> None:
@@ -93,9 +87,6 @@ def test_counts_are_whole_numbers(problem: ff.Problem, count: object) -> None:
     assert error_key(lambda: ff.plan(problem, threads=count)) == "threads"
 
 
-# --- robots -------------------------------------------------------------------------------------
-
-
 def test_robots_are_accepted_by_name(
     model: ff.FreeFloatingModel, tmp_path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -107,18 +98,12 @@ def test_robots_are_accepted_by_name(
     assert error_key(ff.FreeFloatingModel.from_urdf, "spatial_6dfo") == "urdf"
 
 
-# --- paths --------------------------------------------------------------------------------------
-
-
 def test_position_tasks_need_no_orientation(problem: ff.Problem) -> None:
     start = problem.branches([0.0, 0.0, 0.0, 1.0])[0].joints
     motion = ff.integrate_motion(problem, [0.0, 0.0, 0.0, 1.0], start)
     assert motion.completed
     assert motion.residuals().end_effector_position < 1e-8
     assert error_key(lambda: replace(problem, task=ff.Task.PLANAR_POSE)) == "path.attitude"
-
-
-# --- other types -----------------------------------------------------------------------------
 
 
 def test_arguments_of_other_types_are_refused(problem: ff.Problem, simulation: Simulation) -> None:

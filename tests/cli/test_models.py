@@ -27,9 +27,6 @@ from tests.commands import document, run
 ENTRIES = {entry.name: entry for group in catalogue().values() for entry in group}
 
 
-# --- models -------------------------------------------------------------------------------------
-
-
 def test_models_lists_everything_bundled_with_a_description() -> None:
     groups = document("models")
     text = run("models").stdout
@@ -46,9 +43,6 @@ def test_models_lists_everything_bundled_with_a_description() -> None:
     assert all(entry["source"] for entry in groups["robots"])
     assert ENTRIES["ur5_servicer/arc"].details["robot"] == "example-robot-data:ur5"
     assert {entry["base"] for entry in groups["studies"]} <= set(bundled_scenarios())
-
-
-# --- info ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -125,9 +119,6 @@ def test_info_prints_all_diagnostics_of_a_broken_urdf(
     assert [entry["line"] for entry in printed["findings"]] == [32, 70, 63]
     assert printed["error"]["line"] == 32
     assert "2 errors, 1 warning" in run("info", "arm.urdf").stderr
-
-
-# --- schema -------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

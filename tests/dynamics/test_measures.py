@@ -19,9 +19,6 @@ TANGENCY = np.array([0.1, 2.0, 3.3076, -2.6104, 2.2981, 1.4288])
 """Joints at the tangency point printed in the paper's Example 2."""
 
 
-# -------------------------------------------------------------------------------- definitions
-
-
 @pytest.mark.slow
 @given(data=st.data(), robot=robots(st.text("RCP", min_size=6, max_size=6)))
 def test_gjm_and_system_are_the_determinants_of_6_and_5(data: st.DataObject, robot: object) -> None:
@@ -104,9 +101,6 @@ def test_measures_scale_by_their_units(structure: str, name: str, rng: np.random
     )
 
 
-# ---------------------------------------------------------------------------------- the arm factor
-
-
 def factors(model: ff.FreeFloatingModel, q: np.ndarray) -> tuple[float, float, float]:
     """In-plane and other block of (39), and the other's inertia, at constant orientation.
 
@@ -175,6 +169,3 @@ def test_arms_with_coupled_plane_raise(
     model = ff.FreeFloatingModel.from_urdf(text.replace(old, new))
     with pytest.raises(ff.InputError):
         ff.singularity_measure(model, ff.Task.POSE, "arm")
-
-
-# ---------------------------------------------------------------------------------------- extremes

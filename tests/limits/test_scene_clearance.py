@@ -40,8 +40,6 @@ def nearest_of(motion):
     return nearest.distance, pairs.name(nearest.pair), nearest.time, pairs.count
 
 
-# --- closed forms ---------------------------------------------------------------------------------
-
 ABOVE = START + 0.6 * LENGTH
 
 
@@ -114,9 +112,6 @@ def test_a_ball_in_the_notch_of_a_mesh_is_no_contact(tmp_path):
     contact = deepest_contact(raised)
     assert contact.bodies == ("hand", "angle")
     assert 0.01 + RADIUS - 0.05 - 1e-6 <= contact.depth < 0.12
-
-
-# --- arms -----------------------------------------------------------------------------------------
 
 
 def motion_of(name, attitude, branch, scene):

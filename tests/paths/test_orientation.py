@@ -176,9 +176,6 @@ def test_a_sampled_orientation_has_continuous_acceleration():
         assert_close(both[0], both[1], atol=1e-4 * np.abs(both[0]).max() + 1e-4)
 
 
-# --- what stands for an attitude ----------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     "values",
     [START + 1e-5, -START, np.full((3, 3), np.nan), [0.0, 0.0, 0.0, 2.0], np.eye(4), "upright"],

@@ -23,9 +23,6 @@ def near(angle: float, **options: object) -> ff.Search:
     return ff.Search(from_attitude=PRESENT, within=np.radians(angle), **options)
 
 
-# --- attitudes ------------------------------------------------------------------------------------
-
-
 def test_attitudes_of_a_ball_represent_equal_parts_of_it() -> None:
     domain = near(60.0).domain
     every = attitude_grid(20_000)
@@ -40,9 +37,6 @@ def test_attitudes_of_a_ball_represent_equal_parts_of_it() -> None:
     assert ff.Search(within=np.pi, from_attitude=PRESENT).domain.spacing(9) == pytest.approx(
         ff.Search().domain.spacing(9)
     )
-
-
-# --- headings -------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -70,9 +64,6 @@ def test_ranges_of_headings_are_intersected() -> None:
         np.testing.assert_allclose(ends, [(p.low, p.high) for p in exact.ranges], atol=1e-5)
 
 
-# --- joints ---------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("name", ["spatial_6dof/line", "planar_3dof/parabola", "ur5_servicer/arc"])
 def test_the_closest_branch_is_that_of_brute_force(name: str) -> None:
     """Of all branches, shifted by all full rotations that the joint ranges allow."""
@@ -96,9 +87,6 @@ def test_the_closest_branch_is_that_of_brute_force(name: str) -> None:
         for branch in chosen:
             assert best[branch.index] == pytest.approx(min(best.values()))
             assert np.abs(branch.joints - joints).max() == pytest.approx(min(best.values()))
-
-
-# --- records --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

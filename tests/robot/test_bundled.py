@@ -60,9 +60,6 @@ def test_a_robot_is_found_by_its_file_before_its_name(name: str, tmp_path: Path)
     assert find_robot(str(file), Path("/")) == file
 
 
-# --- the robots of example-robot-data ------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("name", "file"),
     [

@@ -31,9 +31,6 @@ def model(name: str) -> ff.FreeFloatingModel:
     return ff.FreeFloatingModel.from_urdf(urdf(name))
 
 
-# ----------------------------------------------------------------------------------- every model
-
-
 @pytest.mark.parametrize("name", NEW)
 def test_a_model_has_no_warnings(name: str) -> None:
     assert model(name).warnings == ()
@@ -78,8 +75,6 @@ def test_the_two_real_arms_have_the_published_masses_and_lengths() -> None:
     foot = ssrms.body_poses(IDENTITY, np.zeros(7))[0].position[2] + 2.2
     assert np.isclose(upright[2] - foot, 2 * (1.3589 + 7.11), rtol=1e-12)
 
-
-# ------------------------------------------------------------------------------------- scenarios
 
 PLANNED = ("planar_2dof/line", "ur5_servicer/inspect", "panda_servicer/line", "ssrms/transfer")
 """One scenario with limits of each robot; scripts/verify_plans.py plans all of them, and

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import copy
 import pickle
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
 import numpy as np
@@ -195,3 +197,20 @@ def test_every_link_is_where_pinocchio_puts_it(
         seen = poses[0].rotation @ frame.translation + poses[0].position
         np.testing.assert_allclose(inside.position, seen, atol=1e-12)
         np.testing.assert_allclose(inside.rotation, poses[0].rotation @ frame.rotation, atol=1e-12)
+
+
+def test_threads_use_a_model_at_the_same_time() -> None:
+    model = ff.FreeFloatingModel.from_urdf("spatial_6dof")
+    everywhere = np.random.default_rng(0).uniform(-2.0, 2.0, (640, model.dof))
+
+    def heights(_: int) -> list[float]:
+        poses = (model.end_effector_pose([0.0, 0.0, 0.0, 1.0], joints) for joints in everywhere)
+        return [pose.position[2] for pose in poses]
+
+    alone, interval = heights(0), sys.getswitchinterval()
+    try:
+        sys.setswitchinterval(1e-6)
+        with ThreadPoolExecutor(4) as pool:
+            assert all(found == alone for found in pool.map(heights, range(8)))
+    finally:
+        sys.setswitchinterval(interval)

@@ -97,9 +97,6 @@ def test_a_root_link_without_mass_is_valid_where_something_massive_is_fixed_to_i
     assert diagnosed(bare, mounted=True) == []
 
 
-# --------------------------------------------------------------------------- inertias
-
-
 @pytest.mark.parametrize(("factor", "count"), [(0.98, 0), (1.02, 1)])
 def test_gyration_radii_up_to_three_times_the_extent_are_accepted(
     factor: float, count: int
@@ -127,9 +124,6 @@ def test_the_triangle_inequality_holds_up_to_flat_plates() -> None:
     for axes in (np.eye(3), R):
         assert elements(one_joint(axes @ np.diag([1.0, 2, 3.1]) @ axes.T)) == ["link arm"]
         assert elements(one_joint(axes @ np.diag([1.0, 2, 3.0]) @ axes.T)) == []
-
-
-# --------------------------------------------------------------------------- any URDF
 
 
 @st.composite

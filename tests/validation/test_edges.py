@@ -63,9 +63,6 @@ def assert_compiled_agrees(motion, tolerance):
     assert_close(compiled.joints[0], motion.final.joints, atol=tolerance)
 
 
-# --- start exactly singular -----------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("name", "joints", "step"),
     [
@@ -95,9 +92,6 @@ def test_a_singular_start_is_the_end_of_the_motion(name, joints, step):
     assert not compiled.keeps(1e-6 * abs(problem.margin.measure(np.array(joints) + 0.3)))[0]
 
 
-# --- paths that graze S0 --------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("above", [-1e-9, 1e-9])
 def test_a_margin_grazed_to_a_billionth_is_reported(planar, above):
     """Expected: a threshold 1e-9 below the smallest |S| is kept, 1e-9 above it is not.
@@ -119,18 +113,12 @@ def test_a_margin_grazed_to_a_billionth_is_reported(planar, above):
     assert fine.minimum[0] == pytest.approx(lowest.value, abs=1e-7)
 
 
-# --- very long -----------------------------------------------------------------------------------
-
-
 def test_many_rotations_raise_an_error(spatial, monkeypatch):
     """Expected: rotations that need more steps than allowed end in an error with the time."""
     monkeypatch.setattr(integration, "_MAX_STEPS", 100)
     with pytest.raises(IntegrationError) as caught:
         simulated(lasting(spatial, 5e4), GOOD, 2)
     assert 0.0 < caught.value.time < 5e4
-
-
-# --- tumbling -------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -152,9 +140,6 @@ def test_a_spacecraft_that_tumbles_is_confirmed_by_both_engines(planar):
     inverse = inverse_run(motion, engine)
     assert inverse.wrench < 1e-5 * inverse.torque
     assert forward_run(motion, engine).attitude < 1e-3
-
-
-# --- links of a millimetre ------------------------------------------------------------------------
 
 
 def small(name, metres, kilograms=1.0):

@@ -25,9 +25,6 @@ RADIUS = 0.1
 """Of a ball on the end-effector [m]."""
 
 
-# --- tumbling -------------------------------------------------------------------------------------
-
-
 def to_z(direction):
     """The shortest rotation of a unit vector onto z, shape (3, 3)."""
     x, y, z = direction
@@ -91,9 +88,6 @@ def test_ten_revolutions_are_those_of_jacobi(moments, p, r):
         expected = sign @ exact.rotation(t) @ sign
         deviation = np.abs(tumbling.rotation(t) - expected).max()
         assert_agrees("test_ten_revolutions_are_those_of_jacobi", deviation)
-
-
-# --- distances ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("seed", range(5))
