@@ -130,7 +130,10 @@ def attacks(plan: ff.Plan, rng: np.random.Generator) -> Iterator[Claim]:
         for part in entry.ranges:
             yield attack_range(motions, part, branch, rng)
     if plan.map is not None and plan.robust_radius:
-        yield attack_radius(motions, plan, rng)
+        near = plan.problem
+        if near.redundant and near.start_joints is None:  # it begins near the chosen joints
+            near = near.replace(start_joints=plan.chosen.branch.joints)
+        yield attack_radius(Motions(near), plan, rng)
     if plan.tolerance is not None:
         if plan.tolerance.momentum:
             yield attack_momentum(motions, plan, rng)

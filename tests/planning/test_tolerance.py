@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.attitude_grids import attitude_grid
@@ -143,3 +144,16 @@ def test_scaling_duration_and_momentum_is_equivalent(drifting: Case) -> None:
     slow = drifting.precisely(duration=150.0)
     much = drifting.precisely(momentum=1.5 * h)
     assert slow == pytest.approx(much, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_the_attitude_tolerance_of_a_redundant_arm_is_that_of_its_chosen_motion() -> None:
+    problem = bundled("panda_servicer/line")
+    plan = ff.plan(problem, ff.Search("robust", samples=64))
+    start = plan.chosen.motion.initial
+    axes = attitude_grid(1024)[:, :3]
+    for fraction, all_keep in ((0.98, True), (1.3, False)):
+        turns = plan.robust_radius * fraction * axes / np.linalg.norm(axes, axis=1)[:, None]
+        around = Rotation.from_quat(start.attitude) * Rotation.from_rotvec(turns)
+        near = ff.simulate_many(problem, around.as_quat(), joints=start.joints)
+        assert bool(near.feasible.all()) is all_keep

@@ -83,7 +83,7 @@ class Nearest(Objective):
         """See :class:`Objective`."""
         match candidate:
             case Ball(radius=radius):
-                return _too_narrow(spare, radius) if radius < spare else _deepest(radius)
+                return _too_narrow(spare, radius) if radius < spare else _deepest(candidate)
             case NearAttitude(deviation=deviation):
                 return _nearest(deviation, spare)
         return super().reason(candidate, spare, margin)
@@ -125,7 +125,7 @@ class Robust(Objective):
     def reason(self, candidate: Candidate, spare: float, margin: str) -> str:
         """See :class:`Objective`."""
         if isinstance(candidate, Ball):
-            return _deepest(candidate.radius)
+            return _deepest(candidate)
         return super().reason(candidate, spare, margin)
 
 
@@ -243,6 +243,7 @@ def _too_narrow(spare: float, radius: float) -> str:
     )
 
 
-def _deepest(radius: float) -> str:
-    degrees = np.degrees(radius)
-    return f"the deepest inside: the margin is kept up to {degrees:.4g} degrees around it"
+def _deepest(ball: Ball) -> str:
+    degrees = np.degrees(ball.radius)
+    kept = "is kept" if ball.branch is not None else "can be kept, from some configuration,"
+    return f"the deepest inside: the margin {kept} up to {degrees:.4g} degrees around it"
