@@ -137,8 +137,11 @@ def _balance_lines(balanced: Balance | None) -> Iterator[str]:
     )
     tried = " ".join(f"{ratio:.3f}" for ratio in balanced.tried)
     yield (
-        f"  {balanced.at_rate:.0%} of the time at a rate limit, {balanced.at_range:.0%} at the end "
-        f"of a range; ratios of all starts: {tried}"
+        f"  {balanced.at_rate:.0%} of the time a joint is as fast as balancing permits, 90 % of its "
+        f"limit; {balanced.at_range:.0%} it is slowed before the end of its range."
+    )
+    yield (
+        f"  Ratios of all starts: {tried}; the least one whose motion keeps the limits is chosen."
     )
     first = " ".join(f"{value:.4f}" for value in balanced.curve.waypoints[0].tolist())
     yield f"  The arm begins at {first}."

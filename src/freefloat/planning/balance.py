@@ -51,8 +51,9 @@ class Balance:
         turn: Largest turn of the spacecraft along the motion [rad], of two balanced axes the tilt
             of the third.
         held_turn: The same with the arm held where its joint curve began.
-        at_rate: Fraction of the time at which a joint of the arm is at its rate limit.
-        at_range: The same at the end of its range.
+        at_rate: Fraction of the time at which a joint of the arm is as fast as balancing permits,
+            90 % of its limit.
+        at_range: The same slowed before the end of its range.
         tried: Turns over ``held_turn`` of all starts, as far as the steps tell; infinite where the
             arm on the path cannot follow it.
         kept: Whether the motion keeps the margin and the limits.
@@ -141,7 +142,8 @@ def plan_balanced(
     turn = _turn(found.chosen.motion, settings.axes)
     if found.feasible:
         where = f"as near as the limits permit to that of the plan with {settings.arm} at rest"
-        found = replace(found, reason=f"{where}: {first.reason}")
+        stated = replace(search, joints=again.joints)  # attitudes are compared with the present one
+        found = replace(found, search=stated, reason=f"{where}: {first.reason}")
     return found, replace(balanced, turn=turn, kept=found.feasible)
 
 
