@@ -137,8 +137,8 @@ def _balance_lines(balanced: Balance | None) -> Iterator[str]:
     )
     tried = " ".join(f"{ratio:.3f}" for ratio in balanced.tried)
     yield (
-        f"  {balanced.at_rate:.0%} of the time a joint is as fast as balancing permits, 90 % of its "
-        f"limit; {balanced.at_range:.0%} it is slowed before the end of its range."
+        f"  {balanced.at_rate:.0%} of the time a joint is as fast as balancing permits, 90 % of "
+        f"its limit; {balanced.at_range:.0%} it is slowed before the end of its range."
     )
     yield (
         f"  Ratios of all starts: {tried}; the least one whose motion keeps the limits is chosen."

@@ -90,7 +90,8 @@ def moving_joints(
         fixed = {name for root in robot.roots for name in robot.rigid_groups[root].links}
         moved = [name for name in robot.links_by_name if name not in fixed]
         problem = f"{link!r} is fixed to the spacecraft, no joint moves it"
-        raise ModelError(key, problem, f"one of {', '.join(moved)}")
+        accepted = f"one of {', '.join(moved)}" if moved else "a robot with joints that move"
+        raise ModelError(key, problem, accepted)
     moving = tuple(joint for joint in chain if joint.moving and joint.name not in fixed_joints)
     if not moving:
         problem = f"all joints that move {link!r} are fixed"

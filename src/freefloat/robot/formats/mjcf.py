@@ -69,7 +69,7 @@ def _warnings(model: Any, start: int, *, named: bool) -> Iterator[tuple[str, str
         problem = f"its root is {_name(model, start)}; left out of the world: {left_out}"
         yield problem, "--root BODY (robot.root in a scenario) for another root"
     if model.neq:
-        problem = f"{model.neq} equality constraints are ignored: what they couple moves freely"
+        problem = f"equality constraints are ignored: {model.neq}; their joints are held or free"
         yield problem, "a model without closed chains and coupled joints"
 
 
