@@ -319,10 +319,10 @@ def parse_scenario(
     content = validated(ScenarioFile, data, source, text)
     if content.goal is not None:
         given = [*data, *(f"search.{key}" for key in data.get("search") or ())]
-        for key in given:
-            if key in OF_PATHS:
-                with error_context(source):
-                    raise InputError(key, "the scenario has a goal", "no goal, or no such key")
+        if unused := [key for key in given if key in OF_PATHS]:
+            accepted = f"a scenario with a goal, without {', '.join(unused)}"
+            with error_context(source):
+                raise InputError(unused[0], "motions to a goal do not use it", accepted)
     if samples is None:
         samples = sample_texts(content, source.parent)
     return Scenario(source, text, content, samples, robot, shapes or {})
