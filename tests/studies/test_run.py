@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import json
 import pickle
+import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 
+import freefloat as ff
 from freefloat.io.records.results import load
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.planning.simulation import simulate
+from freefloat.robot.mjcf_writer import robot_mjcf
 from freefloat.so3 import heading_quaternion
-from freefloat.studies.loading import load_study
 from freefloat.studies.portable import PortableStudy, study_files
 from freefloat.studies.run import RunResult, execute
-from tests.example_studies import BASE, HEADINGS, a_study, write_study
+from tests.example_studies import BASE, HEADINGS, a_study
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
@@ -195,36 +198,56 @@ def test_an_error_of_a_solver_becomes_a_row(
     assert rows(tmp_path)[0]["error"] == "LinAlgError: Singular matrix"
 
 
-def test_files_sent_along_are_enough_on_another_machine(tmp_path: Path) -> None:
-    """Robot and path samples are gone when the runs are executed."""
-    urdf = (Path(__file__).parents[2] / "models/planar_3dof/planar_3dof.urdf").read_text()
+XACRO = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:property name="parameters" value="${load_yaml('parameters.yaml')}"/>
+  <xacro:include filename="$(find arm_package)/${parameters['file']}"/></robot>"""
+MJCF = """<mujoco><compiler meshdir="meshes"/><asset><mesh file="a&amp;b.stl"/></asset>
+  <worldbody><include file="include/arm.xml"/></worldbody></mujoco>"""
+MESHES = """<!-- <visual><geometry><mesh filename="it's.stl"/></geometry></visual> -->
+  <visual><geometry><mesh filename="meshes/a&amp;b.stl"/></geometry></visual>
+  <visual><geometry><mesh filename="missing.stl"/></geometry></visual>"""
+ROBOTS = {
+    "arm.urdf": {"meshes/a&b.stl"},
+    "arm.xacro": {"include/links.urdf", "parameters.yaml"},
+    "arm.xml": {"include/arm.xml", "meshes/a&b.stl"},
+}
+"""Robots and the further files that they need."""
+
+
+def write_robots(folder: Path) -> None:
+    """Write the same robot as URDF, xacro and MJCF, with meshes and files that they include."""
+    model = ff.FreeFloatingModel.from_urdf("planar_3dof")
+    world, text = robot_mjcf(model, shapes=False).find("worldbody"), model.description.text
+    ET.SubElement(world.findall(".//body")[-1], "body", name="end_effector", pos="0.4 0 0")
+    texts = {
+        "arm.urdf": text.replace("</link>", f"{MESHES}</link>", 1), "include/links.urdf": text,
+        "arm.xacro": XACRO, "parameters.yaml": "file: include/links.urdf", "it's.stl": "solid",
+        "package.xml": "<package><name>arm_package</name></package>",
+        "arm.xml": MJCF, "include/arm.xml": ET.tostring(world, "unicode"),
+    }  # fmt: skip
+    (folder / "include").mkdir(parents=True)
+    (folder / "meshes").mkdir()
+    for name, content in texts.items():
+        (folder / name).write_text(content)
+    trimesh.creation.box().export(folder / "meshes" / "a&b.stl")
+
+
+@pytest.mark.slow
+def test_files_sent_along_are_enough_elsewhere(tmp_path: Path, monkeypatch) -> None:
+    """Robots are gone, and the working folder is another, when the runs are executed."""
     home = tmp_path / "home"
-    (home / "robots").mkdir(parents=True)
-    (home / "robots" / "arm.urdf").write_text(urdf)
-    study = a_study(
-        home,
-        {"robot.urdf": {"list": ["robots/arm.urdf", "robots/none.urdf"]}},
-        base=BASE | {"robot": {"urdf": "robots/arm.urdf", "end_effector": "end_effector"}},
-    )
-    files = study_files(study)
-    assert [path for path, _ in files] == [str(home / "robots" / "arm.urdf")]
-    here = execute(PortableStudy(study), 0).values
+    write_robots(home / "robots")
+    monkeypatch.chdir(home)
+    studies = [a_study(Path(), {"robot.urdf": {"list": [f"robots/{name}", "robots/none.urdf"]}},
+                       base=BASE | {"robot": BASE["robot"] | {"urdf": f"robots/{name}"}})
+               for name in ROBOTS]  # fmt: skip
+    here = [execute(PortableStudy(study), 0).values for study in studies]
+    pickled = pickle.dumps([PortableStudy(study, study_files(study)) for study in studies])
+    monkeypatch.chdir(tmp_path)
     home.rename(tmp_path / "away")
-    sent = pickle.loads(pickle.dumps(PortableStudy(study, files)))
-    there, error = (execute(sent, number).values for number in range(2))
-    assert there["margin"] == here["margin"]
-    assert str(error["error"]).startswith(f"{home}/study.yaml: vary.robot.urdf: ")
-
-
-def test_meshes_are_files_of_a_study(tmp_path: Path) -> None:
-    file = write_study(tmp_path, {"momentum.2": {"list": [0.5]}})
-    names = ["it's.stl", "a&amp;b.stl", "missing.stl"]
-    geometries = [f'<geometry><mesh filename="{name}"/></geometry>' for name in names]
-    visuals = "".join(f"<visual>{geometry}</visual>" for geometry in geometries)
-    comment = '<!-- <visual><geometry><mesh filename="old.stl"/></geometry></visual> -->'
-    robot = f'<robot name="arm"><link name="base">{comment}{visuals}</link></robot>'
-    (tmp_path / "planar_3dof.urdf").write_text(robot)
-    for name in ("it's.stl", "a&b.stl", "old.stl"):
-        (tmp_path / name).write_bytes(b"solid")
-    found = [Path(path).name for path, _ in study_files(load_study(file))]
-    assert found == ["a&b.stl", "it's.stl", "planar_3dof.urdf"]
+    for study, row, (name, more) in zip(pickle.loads(pickled), here, ROBOTS.items(), strict=True):
+        names = {str(Path(path).relative_to(home / "robots")) for path, _ in study.files}
+        assert names == {name, "package.xml", *more}
+        there, error = (execute(study, number).values for number in range(2))
+        assert there["margin"] == row["margin"]
+        assert str(error["error"]).startswith("study.yaml: vary.robot.urdf: ")

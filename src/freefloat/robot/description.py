@@ -183,6 +183,7 @@ class RobotDescription:
         text: The URDF as XML.
         source: The file that it came from, or ``"URDF text"``; mesh files are relative to it.
         diagnostics: Errors, then warnings by line.
+        files: Further files that a xacro or MJCF file reads.
     """
 
     name: str
@@ -191,6 +192,7 @@ class RobotDescription:
     text: str = field(repr=False)
     source: str
     diagnostics: tuple[UrdfDiagnostic, ...] = field(default=(), repr=False)
+    files: tuple[str, ...] = field(default=(), repr=False)
     tag = "robot"
 
     @property

@@ -60,7 +60,8 @@ def parse_urdf(urdf: str | Path | RobotSource) -> RobotDescription:
     element = f"robot {description.name}".strip()
     warnings = (UrdfDiagnostic(Severity.WARNING, source, 1, element, problem, remedy)
                 for problem, remedy in read.warnings)  # fmt: skip
-    return replace(description, diagnostics=(*description.diagnostics, *warnings))
+    diagnostics = (*description.diagnostics, *warnings)
+    return replace(description, diagnostics=diagnostics, files=read.files)
 
 
 def rename_meshes(robot: Element, rename: Callable[[str], str]) -> None:

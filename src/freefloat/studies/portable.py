@@ -13,10 +13,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from freefloat.errors import InputError, ModelError
+from freefloat.errors import InputError
 from freefloat.robot.bundled import is_file
 from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.shapes import MeshFile
+from freefloat.robot.source import RobotSource
 from freefloat.robot.urdf import parse_urdf
 from freefloat.studies.study import Study
 
@@ -38,7 +39,8 @@ class PortableStudy:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is sent: not the place where the files are."""
-        return {"study": self.study, "files": self.files}
+        source = self.study.base_source.absolute()  # workers have other working folders
+        return {"study": replace(self.study, base_source=source), "files": self.files}
 
     @cached_property
     def _folder(self) -> str:
@@ -56,8 +58,9 @@ class PortableStudy:
         """The study on this machine."""
         if not self.files:
             return self.study
-        source = _below(self._folder, self.study.base_source.absolute())
-        source.parent.mkdir(parents=True, exist_ok=True)  # for names that begin with ..
+        source = _below(self._folder, self.study.base_source)
+        for place in (source.parent, *_packages(self.study, source.parent).values()):
+            place.mkdir(parents=True, exist_ok=True)  # for names that begin with ..
         return replace(self.study, base_source=source)
 
     def original(self, message: str) -> str:
@@ -70,10 +73,11 @@ def _below(folder: str, path: Path) -> Path:
 
 
 def study_files(study: Study) -> Files:
-    """Read the files that the scenarios of a study name by relative paths, and their meshes.
+    """Read the files that the scenarios of a study name by relative paths.
 
-    Results depend on them, and workers on other machines need them. Bundled robots and those of
-    example-robot-data are on every machine; absolute names must lead to a file there.
+    Of robots also the files that they include, and their meshes. Results depend on them, and
+    workers on other machines need them. Bundled robots and those of example-robot-data are on
+    every machine; absolute names must lead to a file there.
 
     Raises:
         InputError: If a file cannot be read.
@@ -82,23 +86,39 @@ def study_files(study: Study) -> Files:
     names = set(_file_names(study.base))
     for key, section in study.content.vary.items():
         names |= set(_file_names(section.values, key.rpartition(".")[2]))
+    packages, root = _packages(study, folder), _robot_section(study).get("root")
     files = set[Path]()
     for key, name in names:
         path = Path(os.path.normpath(folder / name))
         if is_file(path) and not os.path.isabs(name):
-            files |= {path, *(_mesh_files(path) if key == "urdf" else ())}
+            files.add(path)
+            if key == "urdf":
+                with suppress(InputError):  # which is an error of the runs
+                    files |= set(_robot_files(RobotSource(path, root, packages)))
     return tuple(sorted((str(file), _read(file)) for file in files))
 
 
-def _mesh_files(urdf: Path) -> Iterator[Path]:
-    """Yield the mesh files of a URDF; what is wrong with it is an error of its runs."""
-    with suppress(ModelError):
-        for link in parse_urdf(urdf).links:
-            for shape in link.shapes:
-                if isinstance(shape.geometry, MeshFile):
-                    with suppress(MeshFileError):
-                        mesh = find_mesh(shape.geometry.filename, str(urdf))
-                        yield Path(os.path.abspath(mesh))
+def _robot_section(study: Study) -> dict[str, Any]:
+    section = study.base.get("robot")  # runs may have another one
+    return section if isinstance(section, dict) else {}
+
+
+def _packages(study: Study, folder: Path) -> dict[str, Path]:
+    """Folders of the packages that the base scenario names."""
+    packages = _robot_section(study).get("packages", {})
+    return {name: Path(os.path.normpath(folder / place)) for name, place in packages.items()}
+
+
+def _robot_files(source: RobotSource) -> Iterator[Path]:
+    """Yield the declarations of packages above a robot, its included files and its meshes."""
+    declarations = (folder / "package.xml" for folder in Path(source.name).parents)
+    yield from filter(is_file, declarations)
+    robot = parse_urdf(source)
+    yield from map(Path, robot.files)
+    for shape in (shape for link in robot.links for shape in link.shapes):
+        if isinstance(shape.geometry, MeshFile):
+            with suppress(MeshFileError):
+                yield Path(os.path.abspath(find_mesh(shape.geometry.filename, robot.source)))
 
 
 def _file_names(node: Any, key: str = "") -> Iterator[tuple[str, str]]:

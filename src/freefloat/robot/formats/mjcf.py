@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.errors import ModelError, did_you_mean, one_line
+from freefloat.robot.bundled import is_file
 from freefloat.robot.formats.reader_process import MEMORY, UrdfText
 
 _WORLD = 0
@@ -58,7 +61,29 @@ def read(file: str, root: str | None = None) -> UrdfText:
             _add_joint(robot, model, body, joints[body], at)
     ET.indent(robot)
     text = ET.tostring(robot, encoding="unicode")
-    return UrdfText(text, tuple(_warnings(model, start, named=root is not None)))
+    warnings = tuple(_warnings(model, start, named=root is not None))
+    return UrdfText(text, warnings, tuple(sorted(map(str, _files(Path(file))))))
+
+
+def _files(model: Path) -> set[Path]:
+    """Files that a model names, and those that they name: MuJoCo does not say what it read."""
+    folders, names, files = {model.parent}, set[str](), set[Path]()
+    waiting = [model]
+    while waiting:
+        document = waiting.pop()
+        with suppress(ET.ParseError):  # MuJoCo accepts more than XML
+            for element in ET.parse(document).iter():
+                for key, value in element.attrib.items():
+                    if key in ("meshdir", "texturedir", "assetdir"):
+                        folders |= {model.parent / value, document.parent / value}
+                    elif key.startswith("file"):
+                        names.add(value)
+            folders.add(document.parent)
+        paths = (Path(os.path.abspath(folder / name)) for folder in folders for name in names)
+        found = {path for path in paths if is_file(path)} - files
+        waiting += [path for path in found if path.suffix == ".xml"]
+        files |= found
+    return files
 
 
 def _warnings(model: Any, start: int, *, named: bool) -> Iterator[tuple[str, str]]:

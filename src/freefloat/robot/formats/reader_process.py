@@ -39,10 +39,12 @@ class UrdfText:
     Attributes:
         text: The URDF.
         warnings: Problems with their remedies.
+        files: Further files that were read: included ones, meshes, parameters.
     """
 
     text: str
     warnings: tuple[tuple[str, str], ...] = ()
+    files: tuple[str, ...] = ()
 
 
 def run_reader(module: str, file: Path, **arguments: Any) -> UrdfText:
@@ -80,7 +82,8 @@ def run_reader(module: str, file: Path, **arguments: Any) -> UrdfText:
         key, problem, accepted, source, line = answer["error"]
         own = source is None or source == path
         raise ModelError(key, problem, accepted, str(file) if own else source, line)
-    return UrdfText(answer["text"], tuple((first, second) for first, second in answer["warnings"]))
+    warnings = tuple((first, second) for first, second in answer["warnings"])
+    return UrdfText(answer["text"], warnings, tuple(answer["files"]))
 
 
 def main() -> None:
@@ -114,4 +117,4 @@ def _answer(module: str, arguments: dict[str, Any]) -> dict[str, Any]:
     except MemoryError:
         problem = f"it takes more than {MEMORY / 1e9:g} GB of memory to read"
         return {"error": ["urdf", problem, accepted, None, None]}
-    return {"text": urdf.text, "warnings": urdf.warnings}
+    return {"text": urdf.text, "warnings": urdf.warnings, "files": urdf.files}

@@ -10,6 +10,7 @@ that can be called are xacro's.
 from __future__ import annotations
 
 import ast
+import os
 import re
 import xml.dom.minidom
 from collections.abc import Iterator, Mapping
@@ -110,9 +111,11 @@ def read(file: str, packages: Mapping[str, str]) -> UrdfText:
     """
     import xacro
 
-    _confine(xacro, Path(file), packages)
+    files: list[str] = []
+    _confine(xacro, Path(file), packages, files)
     try:
-        return UrdfText(xacro.process_file(file, mappings={}, verbosity=0).toxml())
+        text = xacro.process_file(file, mappings={}, verbosity=0).toxml()
+        return UrdfText(text, files=tuple(files))
     except MemoryError:
         raise
     except Exception as error:  # of any kind: macros evaluate expressions
@@ -134,8 +137,11 @@ def _causes(error: object) -> Iterator[object]:
         error = getattr(error, "exc", None)
 
 
-def _confine(xacro: Any, file: Path, packages: Mapping[str, str]) -> None:
-    """Replace what evaluates expressions, reads files or looks around on this machine."""
+def _confine(xacro: Any, file: Path, packages: Mapping[str, str], files: list[str]) -> None:
+    """Replace what evaluates expressions, reads files or looks around on this machine.
+
+    Files that are read are appended to the list.
+    """
     from xacro import substitution_args
 
     def parse(_: None, name: str) -> xml.dom.minidom.Document:
@@ -144,6 +150,7 @@ def _confine(xacro: Any, file: Path, packages: Mapping[str, str]) -> None:
             xacro.filestack.pop()
             problem = f"there is no file {name}"
             raise xacro.XacroException(exc=FileNotFoundError(problem))
+        files.append(os.path.abspath(path))
         return _document(path)
 
     def find(package: str) -> str:
@@ -156,7 +163,9 @@ def _confine(xacro: Any, file: Path, packages: Mapping[str, str]) -> None:
     def load_yaml(name: str) -> Any:
         if not name.endswith((".yaml", ".yml")):
             raise xacro.XacroException(f"{name} is no .yaml file")
-        read_text(Path(xacro.abs_filename_spec(name)))  # refuses devices and large files
+        path = xacro.abs_filename_spec(name)
+        read_text(Path(path))  # refuses devices and large files
+        files.append(os.path.abspath(path))
         return xacro.load_yaml(name)
 
     def refused(substitution: str) -> ModelError:
