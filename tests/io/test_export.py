@@ -172,6 +172,7 @@ def test_stdout_gets_the_text_alone(files):
         (("bad.h5", "--format", "ros2"), "format"),
         (("good.h5", "--format", "xml"), "format"),
         (("good.h5", "--times", 5, "--rate", 5), "rate"),
+        (("good.h5", "--times", 5, "--format", "mjcf"), "times"),
         (("good.h5", "-o", "link.h5"), "output"),
         (("good.h5", "-o", "-", "--format", "mat"), "output"),
     ],

@@ -93,7 +93,7 @@ def export(
     result = load_answer(file)
     with file_keys(object_name="object"):
         header = Header(epoch or J2000, frame, object_, object_id)
-    sampled = trajectories(result, times, rate, header)
+    sampled = trajectories(result, kind, times, rate, header)
     if target is None:
         if len(sampled) > 1:
             raise InputError("output", "- was given for several phases", "a file")
@@ -105,7 +105,7 @@ def export(
         prepare_outputs(file, results=False, output=path)
         save_trajectory(path, trajectory, kind)
         written.append(_described(path, kind, trajectory))
-        console.tables([_line(written[-1])])
+        console.tables([_line(kind, written[-1])])
     console.json(written[0] if len(written) == 1 else {"phases": written})
     if result.violation:
         console.tables([f"The {result.kind} is {result.violation}."])
@@ -121,10 +121,13 @@ def _described(path: Path, kind: Format, trajectory: Trajectory) -> dict[str, An
     }  # fmt: skip
 
 
-def _line(written: dict[str, Any]) -> str:
-    span = f"from {written['from']:g} to {written['to']:g} s"
+def _line(kind: Format, written: dict[str, Any]) -> str:
+    first, last = f"{written['from']:g}", f"{written['to']:g} s"
+    content = f"{written['times']:,} samples from {first} to {last}"
+    if not kind.has_samples:
+        content = f"key frames at {first} and {last}"
     early = "" if written["completed"] else "; the motion ends before the path does"
-    return f"{written['times']:,} samples {span}: {written['file']} ({written['format']}){early}"
+    return f"{content}: {written['file']} ({kind}){early}"
 
 
 def _format_and_file(

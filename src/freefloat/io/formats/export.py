@@ -52,6 +52,11 @@ class Format(StrEnum):
         if self is Format.MCAP:
             require_extra("mcap", "mcap_ros2")
 
+    @property
+    def has_samples(self) -> bool:
+        """Whether it has samples of a motion; MJCF has its ends."""
+        return self is not Format.MJCF
+
 
 _SUFFIXES = {
     Format.ROS2: ".yaml", Format.ROS2_GOAL: ".yaml", Format.MJCF: ".xml", Format.BASILISK: ".py",
@@ -79,13 +84,24 @@ _ACCEPTED = "a motion, or a plan, simulation, goal or manoeuvre that has one"
 
 
 def trajectories(
-    result: Any, times: int | None = None, rate: float | None = None, header: Header = HEADER
+    result: Any,
+    kind: Format,
+    times: int | None = None,
+    rate: float | None = None,
+    header: Header = HEADER,
 ) -> dict[str, Trajectory]:
     """The trajectory of a result, or of each phase of a manoeuvre, by what its file name has added.
 
     Raises:
-        InputError: If there is no motion, or the times are invalid.
+        InputError: If there is no motion, or the times are invalid, or given for a format that has
+            the ends of the motion alone.
     """
+    if not kind.has_samples:
+        for key, given in (("rate", rate), ("times", times)):
+            if given is not None:
+                problem = f"{given} was given for {kind}, which has the ends of the motion alone"
+                raise InputError(key, problem, "a format with samples, such as csv")
+        times = 2
     phases = getattr(result, "phases", None)
     if phases is None:
         require_type("result", result, Motion, _ACCEPTED)
@@ -131,7 +147,7 @@ def export(
             manoeuvre.
         file: Its suffix is the format: ``.csv``, ``.mat``, ``.json``, ``.yaml`` (a ROS 2
             JointTrajectory), ``.mcap``, ``.aem``, ``.xml`` (MJCF), ``.py`` (Basilisk).
-        times: Number of evenly spaced times, of each phase; default is 501.
+        times: Number of evenly spaced times, of each phase; default is 501. MJCF has the ends.
         rate: Samples per second [Hz], given in place of times.
         epoch: Instant of t = 0 in formats with dates, AEM and MCAP; UTC.
         frame: Name of the inertial axes in AEM.
@@ -152,7 +168,7 @@ def export(
         raise InputError("file", f"{file} was given", f"a name in {SUFFIXES}")
     kind.require()
     header = Header(epoch, frame, object_name, object_id)
-    for name, trajectory in trajectories(result, times, rate, header).items():
+    for name, trajectory in trajectories(result, kind, times, rate, header).items():
         save_trajectory(path.with_stem(path.stem + name), trajectory, kind)
 
 
