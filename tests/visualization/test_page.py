@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -73,13 +74,18 @@ def test_a_page_plays_phases_one_after_another(browser: Browser, tmp_path: Path)
     ]
     manoeuvre = ff.plan_manoeuvre(problem, phases)
     assert manoeuvre.feasible, manoeuvre.reason
+    earlier = [replace(phase, start=phase.start - 7.0) for phase in manoeuvre.phases]
+    manoeuvre = replace(manoeuvre, phases=tuple(earlier))  # as after a reorientation
     file = ff.playback(manoeuvre, "phases").save(tmp_path / "page.html")
     with opened(browser, file) as page:
         assert page.ask("freefloat.about.duration") == pytest.approx(60.0)
         for title, phase in zip(("1 path", "2 rest", "3 berth"), manoeuvre.phases, strict=True):
             for t in (0.1, 9.9):
-                page.ask("t => freefloat.seek(t)", phase.start + t)
+                page.ask("t => freefloat.seek(t)", phase.start + 7.0 + t)
                 assert page.ask("freefloat.state().shown") == [title]
+                lines = page.page.locator("#states p").all_inner_texts()
+                assert lines[0] == f"t = {phase.start + t:.2f} s"
+                assert ("s = " in lines[1], "margin" in " ".join(lines)) == 2 * (title == "1 path",)
                 (state,) = phase.motion.sample([t])
                 poses = problem.model.body_poses(state.attitude, state.joints)
                 for name, pose in zip(problem.model.body_names, poses, strict=True):

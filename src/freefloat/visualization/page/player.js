@@ -170,9 +170,9 @@ class Player {
     const now = table => ended ? table.at(-1) : interpolated(times, table, this.time);
     const value = now(values) < 1e-9 * about.scale.largest ? 0 : now(values); // singular
     const lines = [
-      `t = ${Math.min(this.time, scene.end).toFixed(2)} s`,
-      `s = ${now(fractions).toFixed(3)}`,
-      `|${measure}| = ${shortened(value)}, margin ${shortened(scene.margin)}`,
+      `t = ${clock(Math.min(this.time, scene.end))} s`,
+      ...fractions ? [`s = ${now(fractions).toFixed(3)}`] : [],
+      `|${measure}| = ${shortened(value)}` + (scene.margin > 0 ? `, margin ${shortened(scene.margin)}` : ""),
       ...scene.lines.map(warning => ({ verdict: warning, feasible: false })),
     ];
     return ended ? [...lines, { verdict: scene.verdict, feasible: scene.ending === "completed" }] : lines;
@@ -194,6 +194,9 @@ class Player {
     return placed;
   }
 }
+
+// What the clock shows at a time of the page.
+function clock(time) { return (time + about.start).toFixed(2).replace(/^-0\.00$/, "0.00"); }
 
 function countUpTo(sorted, value) {
   let low = 0, high = sorted.length;
@@ -467,7 +470,7 @@ class Panels {
     const { player } = this;
     element("play").textContent = player.playing ? "Pause" : "Play";
     if (document.activeElement !== element("time") || player.playing) element("time").value = player.time;
-    element("clock").textContent = `${player.time.toFixed(2)} / ${about.duration.toFixed(2)} s`;
+    element("clock").textContent = `${clock(player.time)} / ${clock(about.duration)} s`;
     element("speed").value = player.speed;
     const one = player.follows ? ALL_PHASES : (player.shown[0] || {}).title;
     element("motion").value = player.shown.length > 1 ? SIDE_BY_SIDE : one;
@@ -537,7 +540,7 @@ function picture(player) {
 function savePicture(player) {
   const link = document.createElement("a");
   link.href = picture(player);
-  link.download = `${about.title.replaceAll(/[^\w.-]+/g, "_")}_${player.time.toFixed(2)}s.png`;
+  link.download = `${about.title.replaceAll(/[^\w.-]+/g, "_")}_${clock(player.time)}s.png`;
   link.click();
 }
 

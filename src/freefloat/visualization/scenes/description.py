@@ -47,13 +47,13 @@ class Trail:
     Attributes:
         times: Key times [s].
         values: Magnitudes of the margin's measure.
-        fractions: Path parameters s.
+        fractions: Path parameters s; None where the joints are prescribed.
         indices: Number of triangle indices of trails per segment.
     """
 
     times: list[float]
     values: list[float]
-    fractions: list[float]
+    fractions: list[float] | None
     indices: int
 
 
@@ -72,7 +72,7 @@ class TitledScene:
         trail: Values over time; None for maps.
         lines: Text of a map; warnings about a motion.
         origin: Place of its coordinates in the scene [m].
-        margin: Required magnitude of the measure.
+        margin: Required magnitude of the measure; zero for none.
     """
 
     title: str
@@ -196,6 +196,7 @@ class SceneDescription:
         remarks: Messages on visuals of the robot that cannot be drawn.
         samples: Samples of a map.
         sequence: Whether the motions follow one another.
+        start: What the clock of the page shows at its beginning [s]; all other times are from it.
     """
 
     title: str
@@ -206,6 +207,7 @@ class SceneDescription:
     remarks: tuple[str, ...] = ()
     samples: Samples | None = None
     sequence: bool = False
+    start: float = 0.0
 
     @property
     def duration(self) -> float:
@@ -216,6 +218,7 @@ class SceneDescription:
         """Return the description as the page's script reads it."""
         return {
             "title": self.title,
+            "start": self.start,
             "duration": self.duration,
             "scenes": [asdict(scene) for scene in self.scenes],
             "items": [{"name": name, "visible": shown} for name, shown in self.items.items()],

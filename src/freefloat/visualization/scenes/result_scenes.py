@@ -74,13 +74,12 @@ def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> Scene:
     """
     motions: dict[str, Motion] = {}
     places: list[Place] = []
-    begin = manoeuvre.phases[0].start
     for number, phase in enumerate(manoeuvre.phases, 1):
         motion = _drawn_motion(phase)
         if motion is not None:
             motions[f"{number} {phase.name}"] = motion
             x, y, z = phase.centre.tolist()
-            places.append(Place(phase.start - begin, (x, y, z)))
+            places.append(Place(phase.start, (x, y, z)))
     if not motions:
         raise InputError("manoeuvre", manoeuvre.reason, "a manoeuvre with a motion")
     result = manoeuvre.path

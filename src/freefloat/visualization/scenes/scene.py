@@ -58,7 +58,7 @@ class Place:
     """When and where the coordinates of a motion begin.
 
     Attributes:
-        start: Time of the page at which its time is zero [s].
+        start: Time of all motions together at which its time is zero [s].
         origin: Place of the centre of mass then [m].
     """
 
@@ -104,6 +104,8 @@ def motion_scene(
         for motion in map(with_drawn_path, motions.values())
     ]
     places = places or [Place()] * len(samples)
+    start = places[0].start
+    places = [replace(place, start=place.start - start) for place in places]
     problem = samples[0].motion.problem
     planar = problem.task.planar
     scale = MarginColours.over(problem.margin, [sampled.values for sampled in samples])
@@ -122,7 +124,7 @@ def motion_scene(
     )
     view = _view(samples, places, planar)
     about = SceneDescription(
-        title, scenes, items, scale, view, tuple(remarks), sequence=in_sequence
+        title, scenes, items, scale, view, tuple(remarks), sequence=in_sequence, start=start
     )
     return builder.scene(about)
 
@@ -186,7 +188,7 @@ def _draw(
     trail = Trail(
         (place.start + times).round(6).tolist(),
         [float(f"{value:.6g}") for value in sampled.values],
-        sampled.fractions.round(6).tolist(),
+        sampled.fractions.round(6).tolist() if motion.curve is None else None,
         6 * SIDES,
     )
     contact = deepest_contact(motion)
