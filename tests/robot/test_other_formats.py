@@ -179,4 +179,6 @@ def test_ranges_of_mujoco_begin_where_its_joints_are_zero(tmp_path: Path) -> Non
     model = ff.FreeFloatingModel.from_urdf(file, "b")
     expected = np.radians([[-90.0, -60.0], [90.0, 30.0]])
     np.testing.assert_allclose(model.joint_ranges, expected, atol=1e-12)
-    assert any("equality" in entry for entry in document("info", file)["warnings"])
+    findings = document("info", file)["findings"]
+    assert any("equality" in entry["problem"] for entry in findings)
+    assert {entry["line"] for entry in findings} == {None}

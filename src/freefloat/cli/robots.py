@@ -175,12 +175,12 @@ def diagnostic_lines(diagnostics: Sequence[UrdfDiagnostic]) -> Iterator[Renderab
         shown = entries[:_SHOWN] if severity == "warning" else entries
         plural = "s" if len(entries) > 1 else ""
         count = f"{len(entries)} {severity}s" if plural else severity
-        lines = ", ".join(str(entry.line) for entry in shown)
+        lines = ", ".join(str(entry.line) for entry in shown if entry.line is not None)
         names = ", ".join(entry.element.removeprefix(kind).strip() for entry in shown)
         more = len(entries) - len(shown)
         rest = f" and {more} more (--json)" if more else ""
         case = ", each" if len({entry.problem for entry in entries}) == 1 else ", the first"
         style = "yellow" if severity == "warning" else ""
-        where = f"line{plural} {lines}, {kind}{plural} {names}".rstrip()
+        where = f"line{plural} {lines}, " * bool(lines) + f"{kind}{plural} {names}".rstrip()
         yield Text(f"  {count}, {where}{rest}{case * bool(plural)}: {first.problem}", style)
         yield f"    {first.remedy}"

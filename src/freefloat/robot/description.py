@@ -38,7 +38,7 @@ class UrdfDiagnostic:
     Attributes:
         severity: Whether the model can be loaded.
         file: The file, or ``"URDF text"``.
-        line: Line on which the element begins, counted from 1.
+        line: Line on which the element begins, counted from 1; None where the file is no URDF.
         element: The link or joint concerned, as in ``"joint elbow"``.
         problem: What is wrong, with its numbers.
         remedy: What to write instead.
@@ -46,13 +46,14 @@ class UrdfDiagnostic:
 
     severity: Severity
     file: str
-    line: int
+    line: int | None
     element: str
     problem: str
     remedy: str
 
     def __str__(self) -> str:
-        return f"{self.file}:{self.line}: {self.element}: {self.problem}; {self.remedy}"
+        place = self.file if self.line is None else f"{self.file}:{self.line}"
+        return f"{place}: {self.element}: {self.problem}; {self.remedy}"
 
     def exception(self) -> ModelError:
         """The diagnostic as an exception."""
@@ -182,6 +183,8 @@ class RobotDescription:
         joints: Joints in the order of the URDF.
         text: The URDF as XML.
         source: The file that it came from, or ``"URDF text"``; mesh files are relative to it.
+        lines: Line of the ``robot``; zero, as of links, joints and shapes, where the file is no
+            URDF.
         diagnostics: Errors, then warnings by line.
         files: Further files that a xacro or MJCF file reads.
     """
@@ -191,6 +194,7 @@ class RobotDescription:
     joints: tuple[Joint, ...] = field(repr=False)
     text: str = field(repr=False)
     source: str
+    lines: Mapping[str, int] = field(repr=False)
     diagnostics: tuple[UrdfDiagnostic, ...] = field(default=(), repr=False)
     files: tuple[str, ...] = field(default=(), repr=False)
     tag = "robot"

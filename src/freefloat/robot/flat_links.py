@@ -56,7 +56,7 @@ def with_flat_links(robot: RobotDescription) -> RobotDescription:
             half = repr(float(inertia.get("izz")) / 2.0)
             inertia.set("ixx", half)
             inertia.set("iyy", half)
-    return replace(decode(root, robot.source), diagnostics=robot.diagnostics)
+    return replace(decode(root, robot.source), diagnostics=robot.diagnostics, files=robot.files)
 
 
 def _along_z(direction: np.ndarray) -> bool:

@@ -46,8 +46,8 @@ class Fault(NamedTuple):
     @property
     def line(self) -> int:
         """Line in the URDF; that of the link or joint where the element is missing."""
-        if isinstance(self.where, int) or isinstance(self.element, RobotDescription):
-            return int(self.where)
+        if isinstance(self.where, int):
+            return self.where
         lines = self.element.lines
         return lines.get(self.where, lines[self.element.tag])
 

@@ -25,6 +25,7 @@ from freefloat.robot.description import (
     UrdfDiagnostic,
     rpy_rotation,
 )
+from freefloat.robot.formats.reader_process import UrdfText
 from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
 from freefloat.robot.source import RobotSource
 from freefloat.so3 import Array, Pose
@@ -54,11 +55,11 @@ def parse_urdf(urdf: str | Path | RobotSource) -> RobotDescription:
         read = robot_source.read()
     except ValueError as error:
         raise ModelError("urdf", f"{source}: {error}", "a readable URDF file") from None
-    robot = _element(read.text, source)
+    robot = _element(read, source)
     rename_meshes(robot, robot_source.mesh_name)
     description = decode(robot, source)
     element = f"robot {description.name}".strip()
-    warnings = (UrdfDiagnostic(Severity.WARNING, source, 1, element, problem, remedy)
+    warnings = (UrdfDiagnostic(Severity.WARNING, source, None, element, problem, remedy)
                 for problem, remedy in read.warnings)  # fmt: skip
     diagnostics = (*description.diagnostics, *warnings)
     return replace(description, diagnostics=diagnostics, files=read.files)
@@ -70,8 +71,9 @@ def rename_meshes(robot: Element, rename: Callable[[str], str]) -> None:
         mesh.set("filename", rename(mesh.get("filename", "")))
 
 
-def _element(text: str, source: str) -> Element:
-    """The ``<robot>`` element of a text."""
+def _element(read: UrdfText, source: str) -> Element:
+    """The ``<robot>`` element of a text; without lines where it was converted."""
+    text = read.text
     declaration = text.find("<!DOCTYPE")
     if declaration >= 0:  # entities can expand without bound
         line = text.count("\n", 0, declaration) + 1
@@ -88,11 +90,13 @@ def _element(text: str, source: str) -> Element:
         problem = f"not well-formed XML ({error.msg})"
         raise ModelError("urdf", problem, "a URDF file", source, error.lineno) from None
     for element in robot.iter():
+        if read.converted:
+            element.sourceline = 0  # lxml has None then
         expressions = any("${" in value for value in element.attrib.values())
         if expressions or "xacro" in (etree.QName(element).namespace or ""):
             raise _xacro_error(source, element.sourceline)
     lines = text.split("\n")
-    for element in robot.iter():  # lxml has the line on which the start tag ends
+    for element in () if read.converted else robot.iter():  # lxml has the line of a start tag's end
         while element.sourceline > 1 and f"<{element.tag}" not in lines[element.sourceline - 1]:
             element.sourceline -= 1
     if robot.tag != "robot":
@@ -101,7 +105,7 @@ def _element(text: str, source: str) -> Element:
     return robot
 
 
-def _xacro_error(source: str, line: int) -> ModelError:
+def _xacro_error(source: str, line: int | None) -> ModelError:
     problem = "it is xacro, macros and expressions from which a URDF is made"
     remedy = "a file whose name ends in .xacro, or what `xacro FILE > robot.urdf` writes"
     return ModelError("urdf", problem, remedy, source, line)
@@ -123,6 +127,7 @@ def decode(robot: Element, source: str) -> RobotDescription:
         joints=tuple(decoder.joint(joint) for joint in joints),
         text=etree.tostring(robot, encoding="unicode"),
         source=source,
+        lines=_lines([], robot),
         diagnostics=tuple(decoder.diagnostics),
     )
 
@@ -191,7 +196,7 @@ class _Decoder:
         self.report(severity, element if limit is None else limit, problem, remedy)
         if limit is None:
             limit = etree.SubElement(element, "limit")
-            limit.sourceline = element.sourceline
+            limit.sourceline = element.sourceline or 0
         limit.attrib.update(dict.fromkeys(missing, f"{UNLIMITED:g}"))
         if endless and kind == "revolute":
             element.set("type", "continuous")
@@ -273,7 +278,7 @@ class _Decoder:
         while owner.getparent().tag != "robot":
             owner = owner.getparent()
         name = f"{owner.tag} {owner.get('name', '')}".strip()
-        line = element.sourceline or 0
+        line = element.sourceline
         self.diagnostics.append(UrdfDiagnostic(severity, self._source, line, name, problem, remedy))
 
 

@@ -75,11 +75,11 @@ def _diagnostics(
         for fault in (fault for rule in rules for fault in rule(robot)):
             element = f"{fault.element.tag} {fault.element.name}".strip()
             diagnostics.append(UrdfDiagnostic(
-                severity, robot.source, fault.line, element, fault.problem, fault.remedy
+                severity, robot.source, fault.line or None, element, fault.problem, fault.remedy
             ))  # fmt: skip
     first = [entry for entry in diagnostics if entry.severity is Severity.ERROR]
     last = [entry for entry in diagnostics if entry.severity is Severity.WARNING]
-    return (*first, *sorted(last, key=lambda entry: entry.line))
+    return (*first, *sorted(last, key=lambda entry: entry.line or 0))
 
 
 def _names(robot: RobotDescription) -> Faults:
@@ -89,7 +89,8 @@ def _names(robot: RobotDescription) -> Faults:
             if not entry.name:
                 yield Fault(entry, entry.tag, f"a <{entry.tag}> without a name", _TREE)
             elif entry.name in seen:
-                problem = f"the name is already used on line {seen[entry.name]}"
+                line = seen[entry.name]
+                problem = "the name is already used" + (f" on line {line}" if line else "")
                 yield Fault(entry, entry.tag, problem, _TREE)
             seen.setdefault(entry.name, entry.lines[entry.tag])
 
@@ -155,7 +156,7 @@ def _total_mass(robot: RobotDescription) -> Faults:
     """A robot without mass, unless the arm will be mounted on a spacecraft."""
     if not any(link.mass for link in robot.links):
         remedy = 'robot.spacecraft, or <inertial><mass value=".."/> <inertia ../></inertial>'
-        yield Fault(robot, 1, "the total mass is zero", remedy)
+        yield Fault(robot, "robot", "the total mass is zero", remedy)
 
 
 _ERRORS = (_names, _ends, _tree, _joints, _masses)

@@ -40,11 +40,13 @@ class UrdfText:
         text: The URDF.
         warnings: Problems with their remedies.
         files: Further files that were read: included ones, meshes, parameters.
+        converted: Whether it was made of another format, so that its lines are not the file's.
     """
 
     text: str
     warnings: tuple[tuple[str, str], ...] = ()
     files: tuple[str, ...] = ()
+    converted: bool = False
 
 
 def run_reader(module: str, file: Path, **arguments: Any) -> UrdfText:
@@ -83,7 +85,7 @@ def run_reader(module: str, file: Path, **arguments: Any) -> UrdfText:
         own = source is None or source == path
         raise ModelError(key, problem, accepted, str(file) if own else source, line)
     warnings = tuple((first, second) for first, second in answer["warnings"])
-    return UrdfText(answer["text"], warnings, tuple(answer["files"]))
+    return UrdfText(answer["text"], warnings, tuple(answer["files"]), converted=True)
 
 
 def main() -> None:
