@@ -36,6 +36,13 @@ _REGULAR = 1e-12
 """Smallest ratio of the moments of a regular inertia."""
 
 
+class _Scratch(local):
+    """Pinocchio's data, made anew in each thread."""
+
+    def __init__(self, pin_model: Any) -> None:
+        self.data = pin_model.createData()
+
+
 @dataclass(frozen=True, eq=False)
 class FreeFloatingModel:
     """A spacecraft with an arm: no external force, no actuation of the base.
@@ -250,14 +257,11 @@ class FreeFloatingModel:
     @property
     def scratch(self) -> Any:
         """This thread's Pinocchio data of the model; values read from it must be copied."""
-        own = self._scratch
-        if not hasattr(own, "data"):
-            own.data = self.pin_model.createData()
-        return own.data
+        return self._scratch.data
 
     @cached_property
-    def _scratch(self) -> local:
-        return local()
+    def _scratch(self) -> _Scratch:
+        return _Scratch(self.pin_model)
 
     @cached_property
     def end_effector_links(self) -> tuple[str, ...]:
