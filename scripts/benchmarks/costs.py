@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
@@ -23,10 +22,11 @@ PLAN, PLAN_PLANAR = ("plan", "spatial_6dof/line"), ("plan", "planar_3dof/parabol
 MISSIONS = ("servicing/inspect_client", "servicing/capture_client")
 OBJECTIVES = ("nearest", "robust", "still", {"margin": 1, "turn": 0.5})
 VARIANTS = (
-    *((PLAN[1], {"search": {"objective": each, "from_attitude": NOW}}) for each in OBJECTIVES),
-    ("servicing/inspect_client", {"timing": {"law": "optimal", "duration": 45}}),
-)
-"""Scenarios, and the sections in place of theirs."""
+    *((PLAN[1], f"objective {each}", {"search": {"objective": each, "from_attitude": NOW}})
+      for each in OBJECTIVES),
+    ("servicing/inspect_client", "law optimal", {"timing": {"law": "optimal", "duration": 45}}),
+)  # fmt: skip
+"""Scenarios, what differs, and the sections in place of theirs."""
 
 _MAP = """
 import resource, time
@@ -95,14 +95,14 @@ def commands(quick: bool) -> list[Result]:
              ("map spatial_6dof/line", ("map", PLAN[1], "--samples", "4096"), 4.0),
              *((f"plan {name}", ("plan", name), None) for name in MISSIONS)]  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
-        for name, change in VARIANTS:
+        for name, difference, change in VARIANTS:
             file = Path(folder) / f"{len(cases)}.yaml"
             document = yaml.safe_load((MODELS / f"{name}.yaml").read_text("utf-8"))
             limit = None
             if name == PLAN[1]:
                 limit, document["robot"]["urdf"] = 4.0, "spatial_6dof"
             file.write_text(yaml.safe_dump(document | change), "utf-8")
-            cases.append((f"plan {name}`, `{json.dumps(change)}", ("plan", str(file)), limit))
+            cases.append((f"plan {name}, {difference}", ("plan", str(file)), limit))
         calls = [run(PROGRAM, *command) for _, command, _ in cases]
         seconds = race(*calls, rounds=1 if quick else 3)
     return [
