@@ -12,7 +12,7 @@ import pytest
 import freefloat as ff
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ik.several_arms import newton_combination
-from freefloat.io.formats.export import trajectories
+from freefloat.io.formats.export import Format, trajectories
 from freefloat.io.formats.trajectory import Trajectory
 from freefloat.limits.limits import Limits
 from freefloat.motion.residuals import path_errors
@@ -183,7 +183,7 @@ def test_an_arm_on_a_joint_curve_rests_in_later_phases(tmp_path):
     ff.save(planned, tmp_path / "plan.h5", scenario)
     loaded = ff.load(tmp_path / "plan.h5")
     assert ff.check(loaded, "mujoco").passed
-    path, rest = trajectories(loaded, 3).values()  # exports have the joints of both arms
+    path, rest = trajectories(loaded, Format.CSV, 3).values()  # have both arms
     assert rest.motion.problem.model.joint_names == path.motion.problem.model.joint_names
     np.testing.assert_allclose(rest.joints[:, 2:], [WAYPOINTS[-1]] * 3, rtol=0, atol=1e-14)
     own = Trajectory.of(loaded.phases[1].motion, [0.0, 5.0, 10.0])  # of the robot with one arm
