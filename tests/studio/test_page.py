@@ -136,12 +136,12 @@ def test_an_attitude_is_chosen_played_and_saved(opened: Show, studio: Studio) ->
         page.mouse.move(x, y)
     page.touchscreen.tap(x, y)
     wait(page, "studio.player && studio.player.playing && studio.player.time > 0")
-    chosen = page.evaluate("studio.newest.attitude")
-    assert chosen != before
     page.keyboard.press("Space")
     assert not page.evaluate("studio.player.playing")
     page.locator("#save").click()
     page.get_by_text(re.compile("^Saved ")).wait_for()
+    chosen = page.evaluate("studio.newest.attitude")
+    assert chosen != before
     (file,) = studio.folder.glob("*.h5")
     plan = ff.load(file)
     assert isinstance(plan, Plan)
