@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from threading import local
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from freefloat.robot.description import Joint, RobotDescription, UrdfDiagnostic
 from freefloat.robot.parts import Attachment, Payload, Spacecraft
 from freefloat.robot.rigid_bodies import (
     Body,
+    ThreadData,
     body_of,
     build_model,
     joints_of_arms,
@@ -34,13 +34,6 @@ _CONFIGURATIONS = 8
 """Configurations in one of which the inertia must be regular."""
 _REGULAR = 1e-12
 """Smallest ratio of the moments of a regular inertia."""
-
-
-class _Scratch(local):
-    """Pinocchio's data, made anew in each thread."""
-
-    def __init__(self, pin_model: Any) -> None:
-        self.data = pin_model.createData()
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,8 +253,8 @@ class FreeFloatingModel:
         return self._scratch.data
 
     @cached_property
-    def _scratch(self) -> _Scratch:
-        return _Scratch(self.pin_model)
+    def _scratch(self) -> ThreadData:
+        return ThreadData(self.pin_model)
 
     @cached_property
     def end_effector_links(self) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from threading import local
 from typing import Any
 
 import numpy as np
@@ -56,6 +57,13 @@ class Body:
     mass: float
     centre: Array
     inertia: Array = field(repr=False)
+
+
+class ThreadData(local):
+    """Pinocchio's data of a model, made anew in each thread."""
+
+    def __init__(self, pin_model: Any) -> None:
+        self.data = pin_model.createData()
 
 
 def moving_joints(

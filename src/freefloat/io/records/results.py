@@ -86,9 +86,8 @@ def _describe(result: Any, scenario: Scenario | None) -> Scenario:
     """The given scenario if it poses the problem of a result, else a description of the problem."""
     problem, phases = result.problem, getattr(result, "following", ())
     reorient = getattr(result, "reorient", False)
-    planned = getattr(result, "path", result)
-    search = getattr(planned, "search", None)
-    limits = getattr(planned, "limits", None)
+    search = getattr(result, "search", None)
+    limits = getattr(result, "limits", None)
     described = scenario_of(problem, search, limits, phases, reorient=reorient)
     if scenario is None or scenario.content.goal is not None:
         return described

@@ -7,10 +7,12 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from freefloat.limits.contact import Contact
+from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.answer import Answer, PhaseResult
 from freefloat.planning.phases.phase import REORIENTATION, Phase
 from freefloat.planning.plan import Plan
+from freefloat.planning.settings import Search
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +66,16 @@ class Manoeuvre(Answer):
     def problem(self) -> Problem:
         """The problem of the first path."""
         return self.path.problem
+
+    @property
+    def search(self) -> Search:
+        """What was searched for on the first path."""
+        return self.path.search
+
+    @property
+    def limits(self) -> Limits | None:
+        """Limits that were to be kept; None where none were checked."""
+        return self.path.limits
 
     @property
     def duration(self) -> float:
