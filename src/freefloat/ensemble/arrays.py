@@ -55,7 +55,7 @@ from freefloat.paths.timing import TimedPath
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
-_CELLS, _TANGENT_ERROR = (1, 32, 256), 1e-11
+_CELLS, _TANGENT_ERROR = (1, 4, 32, 256), 1e-11
 """Numbers of cubics that approximate the path's tangent, and their relative error."""
 _SPARE = 1e-4
 """Error of the angles of compiled motions [rad]."""

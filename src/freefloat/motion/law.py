@@ -11,14 +11,13 @@ from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.base_rates import base_rates
 from freefloat.dynamics.inverse_dynamics import Effort, InverseDynamics
 from freefloat.dynamics.momentum import Task
 from freefloat.motion.joint_spline import JointSpline
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array, Pose
+from freefloat.so3 import Array, Pose, rotated_in_body
 
 _STEPS = np.array([1.0, 2.0])
 _WEIGHTS = np.array([8.0, -1.0]) / 12.0
@@ -166,11 +165,11 @@ class PathLaw:
             change: Its time derivative.
         """
         largest = max(float(np.abs(rates).max()), _EXCURSION / self._problem.path.duration)
-        step, now = _EXCURSION / largest, Rotation.from_quat(attitude)
+        step = _EXCURSION / largest
         total, end = np.zeros(len(joints)), 6 * len(self._problem.model.end_effector_links)
         for side in (1.0, -1.0):
             for ahead, weight in zip(side * step * _STEPS, side * _WEIGHTS, strict=True):
-                rotated = (now * Rotation.from_rotvec(ahead * rates[:3])).as_quat()
+                rotated = rotated_in_body(attitude, ahead * rates[:3])
                 later = prescribed + ahead * change
                 solved = self._solver.rates(
                     rotated, joints + ahead * rates[3:],

@@ -11,6 +11,7 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.evaluator import evaluator_for, evaluator_near
+from freefloat.planning.limits.holding import held_plan
 from freefloat.planning.limits.keeping import keep_limits
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_planner import plan_in_plane
@@ -31,18 +32,24 @@ def plan_path(
     known_first: bool = False,
     to_retime: bool = False,
 ) -> Plan:
-    """Plan with the timing as it is; ``known`` and ``known_first`` are as for :func:`keep_limits`.
+    """Plan with the timing as it is.
 
-    A plan ``to_retime`` need not keep limits of rates and torques where the motion does not depend
-    on the timing; where it does, it lacks certificate, contact and tolerances.
+    A ``known`` candidate is chosen where no other one keeps the limits, or, ``known_first``, where
+    it keeps them itself. A plan ``to_retime`` need not keep limits of rates and torques where the
+    motion does not depend on the timing; where it does, it lacks certificate, contact and
+    tolerances.
     """
     evaluator = evaluator_for(problem, threads, limits, search)
-    planner = plan_in_plane if problem.task.planar else plan_in_space
-    result = planner(evaluator, search, limits, progress)
-    if limits is not None:
-        moved = to_retime and not problem.depends_on_timing
-        kept = limits.without_timed if moved else limits
-        result = keep_limits(evaluator, result, kept, progress, known, known_first)
+    result = None
+    if known_first and known is not None and limits is not None:
+        result = held_plan(evaluator, search, limits, known, progress)
+    if result is None:
+        planner = plan_in_plane if problem.task.planar else plan_in_space
+        result = planner(evaluator, search, limits, progress)
+        if limits is not None:
+            moved = to_retime and not problem.depends_on_timing
+            kept = limits.without_timed if moved else limits
+            result = keep_limits(evaluator, result, kept, progress, known)
     chosen, radius = result.chosen, result.robust_radius
     if chosen is None or (to_retime and problem.depends_on_timing and result.feasible):
         return result

@@ -20,7 +20,7 @@ from freefloat.planning.limits.trials import PassedTrial, Trials
 from freefloat.planning.objectives.objective import Comparison
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_planner import heading_depth
-from freefloat.planning.reasons import HELD, margin_text, none_within_limits
+from freefloat.planning.reasons import margin_text, none_within_limits
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.so3 import Array, heading_quaternion, rotated, rotation_vector_to
 
@@ -44,27 +44,18 @@ def keep_limits(
     limits: Limits,
     progress: Progress | None = None,
     known: ScreenedCandidate | None = None,
-    known_first: bool = False,
 ) -> Plan:
     """The plan if its motion keeps the limits, else the best other candidate that does.
 
     Candidates are the samples that keep the margin (for planar tasks 720 headings), in the order of
     the search's objective; those next to one that violates a limit are skipped, and the slowest of
     them tried in the end. An objective that approaches ``from_attitude`` then has the attitude
-    moved toward it as far as everything is kept. The ``known`` candidate is tried in the end, or
-    ``known_first``.
+    moved toward it as far as everything is kept. The ``known`` candidate is tried in the end.
     """
     plan = replace(plan, limits=limits)
     if plan.chosen is None:
         return plan
     trials = Trials(evaluator, limits)
-    if known is not None and known_first and (passed := trials.check_candidate(known)) is not None:
-        held, results = passed
-        reason = f"{HELD}, {margin_text(held.closest_approach)}"
-        return replace(
-            plan, chosen=held, limit_results=results, reason=reason,
-            robust_radius=_heading_depth(plan, held),
-        )  # fmt: skip
     if (passed := trials.check(plan.chosen)) is not None:
         return replace(plan, limit_results=passed[1])
     if CorridorLimit.name in trials.violations:  # the path itself leaves it

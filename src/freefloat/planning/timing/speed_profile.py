@@ -33,11 +33,12 @@ _FRACTIONS = (0.0, 0.5, 1.0)
 """Places in each interval at which limits are looked at."""
 INTERVALS = 400
 """Number of intervals: constant u in each costs at most about 0.1 % of the duration."""
-_PASSES = 2
-"""Linear programs after the first, which maximizes the sum of x: these the time saved near it.
+_PASSES = (0.25, 0.5, 1.0)
+"""Fractions of the intervals in successive linear programs under limits of torques.
 
-None without limits of torques: with rates alone the first one is the solution, and knots closer to
-the ends would only make the accelerations there larger.
+The first one maximizes the sum of x, the others the time saved near the one before. With limits of
+rates alone the first one is the solution, and knots closer to the ends would only make the
+accelerations there larger.
 """
 _INSTANTS, _USED = 501, 0.99
 """Instants at which the use of limits is looked at, and the ratio above which one is used."""
@@ -85,9 +86,21 @@ def fastest_speeds(
         scale: Factor on the limits.
         intervals: Number of intervals of s with constant u.
     """
-    path_limits = _PathLimits(motion, limits, scale)
-    passes = 0 if limits.joint_torque is None else _PASSES
-    knots, x = _fastest_squares(np.linspace(0.0, 1.0, intervals + 1), path_limits.rows, passes)
+    rows = _PathLimits(motion, limits, scale).rows
+    timing = motion.problem.path.timing
+    if limits.joint_torque is None:
+        knots = np.linspace(0.0, 1.0, intervals + 1)
+        x = _largest_squares(knots, rows, np.ones(len(knots)))
+    elif len(timing.speeds) == intervals + 1:  # the fastest timing of a similar motion
+        times, speeds = np.array(timing.speeds).T
+        known = np.array([timing.s(t) for t in times.tolist()])
+        knots, x = _improved(known, speeds**2, rows, intervals)
+    else:
+        first, *others = (int(fraction * intervals) for fraction in _PASSES)
+        knots = np.linspace(0.0, 1.0, first + 1)
+        x = _largest_squares(knots, rows, np.ones(len(knots)))
+        for count in others:
+            knots, x = _improved(knots, x, rows, count)
     speeds = np.sqrt(x)
     times = np.append(0.0, np.cumsum(2.0 * np.diff(knots) / (speeds[1:] + speeds[:-1])))
     return tuple(zip(times.tolist(), speeds.tolist(), strict=True))
@@ -111,28 +124,25 @@ def limit_usage(motion: Motion, limits: Limits) -> dict[str, float]:
     return {name: float((ratio > _USED).mean()) for name, ratio in ratios.items()}
 
 
-def _fastest_squares(
-    knots: Array, rows: Callable[[Array], list[_Rows]], passes: int
+def _improved(
+    known: Array, x: Array, rows: Callable[[Array], list[_Rows]], intervals: int
 ) -> tuple[Array, Array]:
-    """Knots, closer where the solution bends, and the fastest squared speeds there, (N + 1,)."""
-    x = _largest_squares(knots, rows, np.ones(len(knots)))
-    for _ in range(passes):
-        knots, before = _refined(knots, x), knots
-        x = np.interp(knots, before, x)
-        weights = np.maximum(x / x.max(), 1e-4) ** -1.5
-        x = _largest_squares(knots, rows, weights / weights.max())
-    return knots, x
+    """Knots that suit squared speeds at known ones, and the fastest squared speeds near these."""
+    knots = _suited_knots(known, x, intervals)
+    x = np.interp(knots, known, x)
+    weights = np.maximum(x / x.max(), 1e-4) ** -1.5
+    return knots, _largest_squares(knots, rows, weights / weights.max())
 
 
-def _refined(knots: Array, x: Array) -> Array:
-    """As many knots, the durations of whose intervals have about equal errors, shape (N + 1,)."""
+def _suited_knots(knots: Array, x: Array, intervals: int) -> Array:
+    """Knots between which the errors of the durations are about equal, shape (intervals + 1,)."""
     middles = (knots[1:] + knots[:-1]) / 2.0
     bend = np.abs(np.diff(np.diff(x) / np.diff(knots)) / np.diff(middles))
     error = bend / np.maximum(x[1:-1], 1e-4 * x.max()) ** 1.5
     density = np.interp(middles, knots[1:-1], np.cbrt(error))
     density = density / np.average(density, weights=np.diff(knots)) + 1.0
     place = np.append(0.0, np.cumsum(density * np.diff(knots)))
-    return np.interp(np.linspace(0.0, place[-1], len(knots)), place, knots)
+    return np.interp(np.linspace(0.0, place[-1], intervals + 1), place, knots)
 
 
 def _largest_squares(knots: Array, rows: Callable[[Array], list[_Rows]], weights: Array) -> Array:
