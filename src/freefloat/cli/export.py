@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,7 +16,7 @@ from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.io.formats.export import Format
-    from freefloat.io.formats.trajectory import Trajectory
+    from freefloat.io.formats.trajectory import Header, Trajectory
 
 _STDOUT = "-"
 
@@ -37,12 +38,15 @@ _Times = Annotated[
     int | None, typer.Option(metavar="N", help="Number of samples, evenly spaced; 501.")
 ]
 _Epoch = Annotated[
-    datetime | None,
-    typer.Option(formats=["%Y-%m-%dT%H:%M:%S", "%Y-%m-%d"], metavar="DATE",
-                 help="Date of t = 0 in aem and mcap, UTC, as 2026-05-01T12:00:00; by default "
+    str | None,
+    typer.Option(metavar="DATE",
+                 help="Date of t = 0 in aem and mcap, UTC, as 2026-05-01T12:00:00.25; by default "
                       "2000-01-01T12:00:00."),
 ]  # fmt: skip
-_Frame = Annotated[str, typer.Option(metavar="NAME", help="Name of the inertial axes in aem.")]
+_Frame = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Name of the inertial axes in aem; default EME2000."),
+]
 _Object = Annotated[
     str | None,
     typer.Option("--object", metavar="NAME",
@@ -61,7 +65,7 @@ def export(
     rate: _Rate = None,
     times: _Times = None,
     epoch: _Epoch = None,
-    frame: _Frame = "EME2000",
+    frame: _Frame = None,
     object_: _Object = None,
     object_id: _ObjectId = None,
     as_json: Json = False,
@@ -81,18 +85,15 @@ def export(
     Example: freefloat export plan.h5 --format ros2 --rate 20 -o trajectory.yaml
     """
     from freefloat.io.formats.export import TEXTS, save_trajectory, trajectories
-    from freefloat.io.formats.trajectory import J2000, Header
-    from freefloat.io.scenario.yaml import file_keys
 
     if output == _STDOUT and as_json:
         raise InputError("output", "both -o - and --json were given", "one of the two")
     kind, target = _format_and_file(file, format_, output)
     kind.require()
+    header = _header(kind, epoch=epoch, frame=frame, object=object_, object_id=object_id)
     if target is not None:
         prepare_outputs(file, results=False, output=target)
     result = load_answer(file)
-    with file_keys(object_name="object"):
-        header = Header(epoch or J2000, frame, object_, object_id)
     sampled = trajectories(result, kind, times, rate, header)
     if target is None:
         if len(sampled) > 1:
@@ -109,6 +110,32 @@ def export(
     console.json(written[0] if len(written) == 1 else {"phases": written})
     if result.violation:
         console.tables([f"The {result.kind} is {result.violation}."])
+
+
+def _header(kind: Format, **given: str | None) -> Header:
+    """What files of a format say about the spacecraft and its axes."""
+    from freefloat.io.formats.trajectory import HEADER
+    from freefloat.io.scenario.yaml import file_keys
+
+    values: dict[str, Any] = {key: text for key, text in given.items() if text is not None}
+    for key, text in values.items():
+        if key not in kind.header_keys:
+            problem = f"{text} was given for {kind}, which does not state it"
+            raise InputError(key, problem, "aem, or for the epoch mcap")
+    if "epoch" in values:
+        values["epoch"] = _date(values["epoch"])
+    if "object" in values:
+        values["object_name"] = values.pop("object")
+    with file_keys(object_name="object"):
+        return replace(HEADER, **values)
+
+
+def _date(text: str) -> datetime:
+    try:
+        return datetime.fromisoformat(text)
+    except ValueError:
+        accepted = "a date such as 2026-05-01 or 2026-05-01T12:00:00.25"
+        raise InputError("epoch", f"{text!r} was given", accepted) from None
 
 
 def _described(path: Path, kind: Format, trajectory: Trajectory) -> dict[str, Any]:

@@ -58,8 +58,8 @@ def _summary(manoeuvre: Manoeuvre) -> Iterator[RenderableType]:
             yield f"{phase.name}: {_found(phase)}"
         for result in phase.limit_results:
             if result.limit not in worst or result.ratio > worst[result.limit].ratio:
-                where, time = f"{phase.name}: {result.where}", phase.start + result.time
-                worst[result.limit] = replace(result, where=where, time=time)
+                where = f"{phase.name}: {result.where}"
+                worst[result.limit] = replace(_timed(phase, result), where=where)
     yield from limit_tables(worst.values())
 
 
@@ -72,7 +72,12 @@ def _phases(manoeuvre: Manoeuvre) -> Iterator[RenderableType]:
             yield f"  first attitude x y z w  {decimals(phase.motion.initial.attitude, 5)}"
             yield f"  first joints            {decimals(phase.motion.initial.joints)}"
             yield f"  last joints             {decimals(phase.motion.final.joints)}"
-        yield from limit_tables(phase.limit_results)
+        yield from limit_tables(_timed(phase, result) for result in phase.limit_results)
+
+
+def _timed(phase: PhaseResult, result: LimitResult) -> LimitResult:
+    """The result of a phase at the time of the manoeuvre."""
+    return replace(result, time=phase.start + result.time)
 
 
 def goal_tables(name: str, result: GoalMotion) -> Iterator[RenderableType]:

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from freefloat.errors import InputError
-from freefloat.io.files import make_folder, require_writable
+from freefloat.io.files import make_folder, require_result_name, require_writable
 
 _YAML, _ROBOT = (".yaml", ".yml"), (".urdf", ".xacro", ".xml")
 
@@ -110,6 +110,8 @@ def prepare_outputs(
     for option, file in files.items():
         if file is None:
             continue
+        if option == "output" and results:
+            require_result_name(file)
         require_writable(option, file)
         if option == "html" or (option == "output" and results):
             _require_replaceable(option, file)

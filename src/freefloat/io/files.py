@@ -19,7 +19,17 @@ _KEPT = 40
 _ABANDONED = 3600.0
 """Age of a temporary file whose process was killed [s]; writing takes seconds."""
 _FILE = "a file in an existing, writable folder with enough space"
+_RESULTS = (".h5", ".hdf5")
+"""Suffixes of result files."""
 _FOLDER = "a writable folder, or the name of one in an existing, writable folder"
+
+
+def require_result_name(path: Path) -> None:
+    """Raise an InputError unless a name is that of an HDF5 file, not that of another format."""
+    if path.suffix.lower() not in _RESULTS:
+        raise InputError(
+            "output", f"{str(path)!r} was given", f"a name with {' or '.join(_RESULTS)}"
+        )
 
 
 @contextmanager

@@ -26,6 +26,7 @@ from freefloat.robot.rigid_bodies import (
     joints_of_arms,
     moving_joints,
     pose_of,
+    require_within_ranges,
 )
 from freefloat.robot.source import RobotSource
 from freefloat.so3 import Array, Pose, frozen, wrapped
@@ -115,7 +116,7 @@ class FreeFloatingModel:
             attached: Further URDFs, fixed to links.
 
         Raises:
-            InputError: If a part or a factor has another type.
+            InputError: If a part or a factor has another type, or a fixed joint is out of range.
             ModelError: If there is no such URDF, it has errors, it has no such end-effector, or no
                 joint moves that.
         """
@@ -134,6 +135,7 @@ class FreeFloatingModel:
             description = scaled(description, scale_mass)
         if end_effector is None:
             end_effector = end_effector_link(description, None)
+        require_within_ranges(description, fixed_joints or {})
         return cls(description, end_effector, dict(fixed_joints or {}), dict(arms or {}))
 
     def scaled(self, scale_mass: float | Mapping[str, float]) -> FreeFloatingModel:

@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from freefloat.errors import ModelError, did_you_mean
+from freefloat.errors import InputError, ModelError, did_you_mean
 from freefloat.robot.description import IDENTITY, Joint, RobotDescription
 from freefloat.robot.urdf import UNLIMITED
 from freefloat.so3 import Array, Pose, frozen
 
 _MOST_JOINTS = 128
 """Pinocchio's data grow with the cube of the number of joints: 80 MB, for 400 joints 2 GB."""
+_ROUNDED = 1e-9
+"""Distance from the range of a joint that is rounding error [rad, m]."""
 _ALIGNED = {
     False: (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ),
     True: (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ),
@@ -109,6 +111,16 @@ def moving_joints(
         accepted = f"at most {_MOST_JOINTS} that are not fixed by name (robot.held in a scenario)"
         raise ModelError("robot", problem, accepted, robot.source)
     return moving
+
+
+def require_within_ranges(robot: RobotDescription, fixed_joints: Mapping[str, float]) -> None:
+    """Raise an InputError if a joint is held where it cannot be."""
+    for joint in robot.joints:
+        value = fixed_joints.get(joint.name, 0.0)
+        outside = not joint.lower - _ROUNDED <= value <= joint.upper + _ROUNDED
+        if joint.name in fixed_joints and joint.lower < joint.upper and outside:
+            accepted = f"{joint.lower:g} to {joint.upper:g}, the range of the joint"
+            raise InputError(f"fixed_joints.{joint.name}", f"{value:g} was given", accepted)
 
 
 def joints_of_arms(

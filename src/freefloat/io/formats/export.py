@@ -47,6 +47,11 @@ class Format(StrEnum):
         suffix = "" if file is None else file.suffix.lower().replace(".yml", ".yaml")
         return next((kind for kind in cls if kind.suffix == suffix), None)
 
+    @property
+    def header_keys(self) -> tuple[str, ...]:
+        """What it states of a :class:`~freefloat.io.formats.trajectory.Header`."""
+        return _HEADER_KEYS.get(self, ())
+
     def require(self) -> None:
         """Raise a MissingExtraError unless what writes this format is installed."""
         if self is Format.MCAP:
@@ -62,6 +67,7 @@ _SUFFIXES = {
     Format.ROS2: ".yaml", Format.ROS2_GOAL: ".yaml", Format.MJCF: ".xml", Format.BASILISK: ".py",
 }  # fmt: skip
 """Suffixes that are not the name of the format."""
+_HEADER_KEYS = {Format.AEM: ("epoch", "frame", "object", "object_id"), Format.MCAP: ("epoch",)}
 SUFFIXES = ", ".join(dict.fromkeys(kind.suffix for kind in Format))
 """Suffixes of file names, for messages."""
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from freefloat.errors import InputError
+from freefloat.io.files import require_result_name
 from freefloat.io.hdf5 import AlteredFileError, read_hdf5, write_hdf5
 from freefloat.io.records.differences import differences
 from freefloat.io.records.kinds import CODEC, KINDS, Result
@@ -60,8 +61,8 @@ def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> 
         >>> problem = ff.load_scenario("planar_2dof/line").problem()
         >>> ff.save(ff.simulate(problem, [0.0, 0.0, 0.0, 1.0]), "motion.h5")
     """
-    if not str(path):
-        raise InputError("output", "an empty name was given", "the name of a file")
+    path = Path(path)
+    require_result_name(path)
     _require_result(result)
     problem = getattr(result, "problem", None)
     described = None if problem is None else _describe(result, scenario)
@@ -71,7 +72,7 @@ def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> 
     texts = {**_origin(model, described), "document": json.dumps(result.to_dict(), allow_nan=False)}
     tree: Tree = {"format": _PREFIX + result.kind, "version": FORMAT_VERSION, **_software()}
     tree |= {name: Quantity(np.array(text, dtype=object)) for name, text in texts.items()}
-    write_hdf5(Path(path), tree | {"result": CODEC.encode(result)})
+    write_hdf5(path, tree | {"result": CODEC.encode(result)})
 
 
 def _require_result(result: object) -> None:

@@ -31,7 +31,7 @@ class PointingLimits(Limit[tuple[PointingLimit, ...]]):
     def worst(self, motion: Motion) -> LimitResult:
         """The result of the axis that is nearest to the edge of its cone, or farthest beyond it."""
         results = (self._of_axis(axis, number, motion) for number, axis in enumerate(self.bound))
-        return max(results, key=lambda result: result.ratio)
+        return min(results, key=lambda result: result.spare)
 
     def _of_axis(self, limit: PointingLimit, number: int, motion: Motion) -> LimitResult:
         model, inside = motion.problem.model, limit.keep is Keep.INSIDE

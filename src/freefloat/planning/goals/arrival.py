@@ -54,6 +54,7 @@ def arrive(
     query = Query(
         _backward(problem), state._replace(joint_rates=-state.joint_rates),
         Goal(attitude=attitude, joints=joints, duration=duration), limits,
+        goal_words="the given beginning",
     )  # fmt: skip
     back = move_from(query, seed=seed, progress=progress)
     rates = state.joint_rates if state.joint_rates.any() else None

@@ -16,7 +16,11 @@ from freefloat.planning.goals.search import REACHED, GoalSearch
 
 
 def why_not(
-    outcome: GoalMotion, search: GoalSearch, seed: int, longer: GoalMotion | None
+    outcome: GoalMotion,
+    search: GoalSearch,
+    seed: int,
+    longer: GoalMotion | None,
+    goal_words: str,
 ) -> GoalMotion:
     """The outcome of a search that found no motion, with the reason.
 
@@ -25,6 +29,7 @@ def why_not(
         search: The search.
         seed: Seed of random paths.
         longer: What was found without the duration that was asked for.
+        goal_words: What the goal is called.
     """
     if longer is not None and longer.duration is not None and longer.feasible:
         least = longer.duration
@@ -32,30 +37,30 @@ def why_not(
         return replace(outcome, reason=reason, needed={"duration": least})
     nearest = search.nearest()
     if nearest is None:
-        return _at_the_goal(outcome, search, seed)
+        return _at_the_goal(outcome, search, seed, goal_words)
     results = search.certification.checker.results(nearest.motion)
     return outcome.with_motion(nearest.motion, results)
 
 
-def _at_the_goal(outcome: GoalMotion, search: GoalSearch, seed: int) -> GoalMotion:
+def _at_the_goal(outcome: GoalMotion, search: GoalSearch, seed: int, goal_words: str) -> GoalMotion:
     """Why no path was found that ends at the goal: what it violates there, or how far it gets."""
     target = search.families[0].target
     nearest, *others = search.nearest_ends(seed)
     if np.abs(nearest.error).max(initial=0.0) > REACHED:
-        reason = "no motion that ends at the goal was found within the joint ranges"
+        reason = f"no motion with {goal_words} was found within the joint ranges"
         away = target.distance_text(nearest.error)
-        return replace(outcome, reason=f"{reason}; the nearest one ends with {away} away")
+        return replace(outcome, reason=f"{reason}; the nearest one is {away} away")
     ends = [nearest, *(path for path in others if np.abs(path.error).max(initial=0.0) <= REACHED)]
     violations = [_violation(outcome, path.course) for path in ends]
     least = min(filter(None, violations), key=lambda found: abs(found.worst - found.allowed),
                 default=None)  # fmt: skip
     if least is not None and None not in violations:
-        reason = f"where the nearest motion reaches the goal, {least.violation()}"
+        reason = f"at {goal_words} of the nearest motion {least.violation()}"
         return replace(outcome, reason=reason)
     beyond = search.least_violations(ends)
-    reason = "the goal is reached by coarse paths, but exactly by no motion that was found"
+    reason = f"{goal_words} is reached by coarse paths, but exactly by no motion that was found"
     if beyond:
-        reason = f"the goal is reached, but along the best path {all_violations(beyond)}"
+        reason = f"{goal_words} is reached, but along the best path {all_violations(beyond)}"
     return replace(outcome, reason=reason)
 
 

@@ -143,7 +143,7 @@ def move_from(query: Query, *, seed: int = 0, progress: Progress | None = None) 
         if goal.duration is not None and query.limits.timed and not query.is_there:
             free = replace(query, goal=replace(goal, duration=None))
             longer = move_from(free, seed=seed, progress=step_of(progress, part, 1.0))
-        return why_not(outcome, search, seed, longer)
+        return why_not(outcome, search, seed, longer, query.goal_words)
 
 
 def _search(query: Query, progress: Progress | None) -> GoalSearch:

@@ -48,12 +48,14 @@ class Query:
         start: The state at the start, whose joints may move.
         goal: What is to be reached.
         limits: Limits in addition to the joint ranges.
+        goal_words: What the goal is called in reasons.
     """
 
     problem: Problem
     start: Start
     goal: Goal
     limits: Limits
+    goal_words: str = "the goal"
 
     @cached_property
     def target(self) -> Target:
