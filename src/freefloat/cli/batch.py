@@ -11,7 +11,7 @@ import typer
 from rich.console import RenderableType
 from rich.text import Text
 
-from freefloat.cli.console import DONE, NEGATIVE, Console, say, table
+from freefloat.cli.console import DONE, NEGATIVE, Console, say, table, time_text
 from freefloat.cli.options import Json, Quiet, study_names
 from freefloat.errors import InputError, MissingExtraError
 from freefloat.io.files import make_folder, require_writable, written_beside
@@ -181,8 +181,8 @@ def _estimate_tables(estimate: StudyEstimate) -> Iterator[RenderableType]:
     if estimate.run_seconds is not None and estimate.seconds is not None:
         workers = "one worker" if estimate.workers in (None, 1) else f"{estimate.workers} workers"
         yield (
-            f"{estimate.missing:,} to run, about {_duration(estimate.run_seconds)} each "
-            f"({estimate.basis}): {_duration(estimate.seconds)} on {workers}"
+            f"{estimate.missing:,} to run, about {time_text(estimate.run_seconds)} each "
+            f"({estimate.basis}): {time_text(estimate.seconds)} on {workers}"
         )
     elif estimate.missing:
         yield f"{estimate.missing:,} to run; no estimate: {estimate.basis}"
@@ -208,7 +208,7 @@ def _result_lines(result: StudyResult) -> Iterator[str]:
         yield f"  and {result.verdicts['error'] - len(errors):,} more errors"
     yield (
         f"{_runs(result.computed)} computed, {result.done - result.computed:,} reused, in "
-        f"{_duration(result.seconds)}"
+        f"{time_text(result.seconds)}"
     )
     names = (result.files.get(key) for key in ("csv", "parquet", "figure", "report"))
     yield f"written: {', '.join(str(name) for name in names if name)}"
@@ -240,13 +240,6 @@ def _combination_tables(combinations: list[Combination]) -> Iterator[RenderableT
     yield rows
     if len(combinations) > _MAX_ROWS:
         yield f"and {len(combinations) - _MAX_ROWS:,} more"
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 120.0:
-        return f"{seconds:.2g} s" if seconds < 10.0 else f"{seconds:.0f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes} min {rest} s" if minutes < 120 else f"{minutes // 60} h {minutes % 60} min"
 
 
 def _runs(count: int) -> str:

@@ -6,6 +6,7 @@ import json
 import math
 import re
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -108,16 +109,25 @@ class Console:
 def _reports(description: str) -> Iterator[Callable[[float], None]]:
     """Lines on stderr about work that takes long; yields what is called with the fraction done."""
     done, ended = 0.0, Event()
+    first: tuple[float, float] | None = None
 
     def update(fraction: float) -> None:
-        nonlocal done
+        nonlocal done, first
         done = max(done, fraction)  # stages may begin again
+        first = first or (done, time.monotonic())
+
+    def amount() -> str:
+        if not done or first is None:
+            return " ..."
+        gained, seconds = done - first[0], time.monotonic() - first[1]
+        left = f", about {time_text(seconds * (1.0 - done) / gained)} left" if gained else ""
+        return f": {100.0 * done:.0f} %{left if done < 1.0 else ''}"
 
     def report() -> None:
         pause = _PATIENCE
         while not ended.wait(pause):
             with suppress(OSError, ValueError):
-                say(f"{description}: {100.0 * done:.0f} %" if done else f"{description} ...")
+                say(description + amount())
             if done == 1.0:
                 return
             pause = REPORTS
@@ -127,6 +137,14 @@ def _reports(description: str) -> Iterator[Callable[[float], None]]:
         yield update
     finally:
         ended.set()
+
+
+def time_text(seconds: float) -> str:
+    """A time in words: ``8.5 s``, ``5 min 20 s``."""
+    if seconds < 120.0:
+        return f"{seconds:.2g} s" if seconds < 10.0 else f"{seconds:.0f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes < 120 else f"{minutes // 60} h {minutes % 60} min"
 
 
 class _Stdout(RichConsole):

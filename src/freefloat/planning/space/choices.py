@@ -27,6 +27,8 @@ from freefloat.so3 import Array, IntArray, angle_between
 
 _STARTS = 12
 """Samples from which attitudes of larger merit are searched for."""
+_FINISHED, _CONTINUED = 4, 2
+"""Number of searches that are continued with larger clouds, and how often: some end on ridges."""
 _FINE = 1e-4
 """Clouds smaller than this end a search [rad]."""
 
@@ -98,7 +100,22 @@ def best_by_merit(
     evaluator: FeasibilityEvaluator, samples: AttitudeMap, merit: Comparison
 ) -> list[ScoredAttitude]:
     """Attitudes of the largest merits, the best first, refined from samples of a map."""
-    starts = _starts(evaluator, samples, merit)
+    starts, spacing = _starts(evaluator, samples, merit), samples.spacing
+    scored = _climbed(evaluator, samples, merit, starts, spacing)
+    for _ in range(_CONTINUED):
+        best = _climbed(evaluator, samples, merit, scored[:_FINISHED], spacing / 2.0)
+        scored = best + scored[_FINISHED:]
+    return scored
+
+
+def _climbed(
+    evaluator: FeasibilityEvaluator,
+    samples: AttitudeMap,
+    merit: Comparison,
+    starts: list[ScoredAttitude],
+    size: float,
+) -> list[ScoredAttitude]:
+    """Attitudes moved to larger merits nearby, inside the searched domain, the best first."""
     if not starts:
         return []
     domain, branches = samples.search.domain, branch_numbers(starts)
@@ -113,7 +130,7 @@ def best_by_merit(
         np.array([start.merit for start in starts]),
         np.zeros(len(starts), np.int64) if branches is None else branches,
     )
-    last = pattern_search(Clouds(), merits, first, samples.spacing, _FINE)
+    last = pattern_search(Clouds(), merits, first, size, _FINE)
     found = zip(last.points, starts, last.merits.tolist(), strict=True)
     scored = [ScoredAttitude(attitude, start.branch, value) for attitude, start, value in found]
     return sorted(scored, key=lambda entry: -entry.merit)
