@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 from IPython.core.interactiveshell import InteractiveShell
 from IPython.utils.capture import capture_output
+from typer.main import get_command
 
+from freefloat.cli.app import app
 from tests.documents import PAGES, ROOT, Page, assert_shown, blocks_of
 
 CHECKOUT = ("src", "models", "scripts", "tests", "docs", "pyproject.toml", "README.md", "LICENSE")
@@ -36,6 +38,14 @@ def test_every_block_prints_what_is_shown(
             page.run(block)
     finally:
         page.close()
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_commands_in_sentences_have_their_options(page: str) -> None:
+    group = get_command(app)
+    for command, rest in re.findall(r"`freefloat ([a-z]+)( [^`]*)?`", PAGES[page]):
+        known = {option for entry in group.commands[command].params for option in entry.opts}
+        assert set(re.findall(r"--[a-z-]+", rest)) <= known | {"--help"}, command
 
 
 @pytest.mark.slow

@@ -28,12 +28,15 @@ import re
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from threading import RLock
 
 __version__ = "0.3.0"
 
 _LISTED = Path(__file__).with_suffix(".pyi").read_text("utf-8")
 _MODULES = {name: module for module, name in re.findall(r"^from (\S+) import (\w+)", _LISTED, re.M)}
 __all__ = sorted(_MODULES)
+_importing = RLock()
+"""Threads that import packages in different orders would see some of them half imported."""
 
 
 def __getattr__(name: str) -> object:
@@ -42,7 +45,8 @@ def __getattr__(name: str) -> object:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module = _MODULES.get(name, ".")
     package = module == "."
-    value = import_module("." + name if package else module, __name__)
+    with _importing:
+        value = import_module("." + name if package else module, __name__)
     globals()[name] = value if package else getattr(value, name)
     return globals()[name]
 

@@ -49,7 +49,7 @@ def check(
 
     The recorded motion is compared with the equations, the path and the robot, it is integrated
     again with another method, and every number in the file is computed again. `check` reports
-    every altered value and exits with 1; exit code 2: the file is another one,
+    every altered number and exits with 1; exit code 2: the file is another one,
     or the engine cannot repeat the motion.
 
     Example: freefloat check plan.h5 --engine mujoco --gravity 6778

@@ -18,6 +18,7 @@ from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.ensemble.starts import starts_at
 from freefloat.ensemble.systems import Systems
 from freefloat.errors import FreeFloatError
+from freefloat.io.scenario.path_schema import PathFrame
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
@@ -225,8 +226,8 @@ def _require_fit(
             raise _UnfitError(
                 "the robot varies, and margin.fraction with it; margin.value would not"
             )
-        if scenario.content.path.frame != "inertial":
-            frame = scenario.content.path.frame
+        frame = scenario.content.path.frame
+        if isinstance(frame, PathFrame) and frame is not PathFrame.INERTIAL:
             raise _UnfitError(f"the robot varies, and with it the path in the {frame} frame")
     if "heading_deg" in parameters and not problem.task.planar:
         raise _UnfitError("heading_deg varies, but the task is not planar")

@@ -215,7 +215,10 @@ def _read_robot(tree: Tree) -> FreeFloatingModel:
         {str(name): str(link) for name, link in json.loads(_text(tree, key)).items()}
         for key in ("arms", "path_arms")
     )
-    return FreeFloatingModel(description, _text(tree, "end_effector"), held, arms, path_arms)
+    model = FreeFloatingModel(description, _text(tree, "end_effector"), held, arms, path_arms)
+    if tree["joint_names"].values.tolist() != list(model.joint_names):
+        raise ValueError("its joint_names are not those of its robot")
+    return model
 
 
 def _read_scenario(tree: Tree, model: FreeFloatingModel) -> Scenario:

@@ -223,15 +223,22 @@ def _add_joint(robot: ET.Element, model: Any, body: int, joint: int | None, at: 
         turning = "revolute" if limited else "continuous"
         kind = {_SLIDE: "prismatic", _HINGE: turning}[int(model.jnt_type[joint])]
     element = ET.SubElement(robot, "joint", name=name, type=kind)
-    _add_origin(element, at, _matrix(model.body_quat[body]))
+    rotation = _matrix(model.body_quat[body])
+    if joint is not None:  # the joint's value in the model's pose need not be zero
+        value, axis = float(model.qpos0[model.jnt_qposadr[joint]]), model.jnt_axis[joint]
+        if kind == "prismatic":
+            at = at - value * rotation @ axis
+        else:
+            half = np.concatenate([[np.cos(value / 2.0)], -np.sin(value / 2.0) * axis])
+            rotation = rotation @ _matrix(half)
+    _add_origin(element, at, rotation)
     ET.SubElement(element, "parent", link=_name(model, int(model.body_parentid[body])))
     ET.SubElement(element, "child", link=_name(model, body))
     if joint is not None:
         ET.SubElement(element, "axis", xyz=_text(model.jnt_axis[joint]))
         limits = {"effort": _EFFORT, "velocity": _VELOCITY}
         if limited:
-            start = model.qpos0[model.jnt_qposadr[joint]]  # where the URDF's joint is zero
-            low, high = (model.jnt_range[joint] - start).tolist()
+            low, high = model.jnt_range[joint].tolist()
             limits |= {"lower": repr(low), "upper": repr(high)}
         elif kind == "prismatic":
             limits |= {"lower": "-1e9", "upper": "1e9"}
