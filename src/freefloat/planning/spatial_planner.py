@@ -50,7 +50,7 @@ def plan_in_space(
     else:
         reason = no_feasible_attitude_message(evaluator, samples)
         return Plan(problem, search, False, reason, map=samples, disagreements=(*disagreements,))
-    flat = isinstance(candidate, Peak) and not is_unique(evaluator, candidate)
+    flat = isinstance(candidate, Peak) and not is_unique(evaluator, candidate, search.domain)
     remark = NOT_UNIQUE if flat else ""
     margin = margin_text(chosen.closest_approach)
     if progress is not None:

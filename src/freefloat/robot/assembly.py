@@ -82,7 +82,7 @@ def assemble(
         holder = end_effector_link(decode(robot, arm.source), end_effector)
         link = _add_body(robot, payload.name, payload, payload.com)
         _fix(robot, holder, link, _free_name(robot, "payload_grasp"), Mount())
-    return replace(decode(robot, arm.source), diagnostics=arm.diagnostics)
+    return replace(decode(robot, arm.source), diagnostics=arm.diagnostics, altered=True)
 
 
 def scaled(robot: RobotDescription, scale_mass: float | Mapping[str, float]) -> RobotDescription:
@@ -111,7 +111,7 @@ def scaled(robot: RobotDescription, scale_mass: float | Mapping[str, float]) -> 
             name=name,
         ):
             moment.getparent().set(moment.attrname, repr(float(moment) * factor))
-    return replace(decode(root, robot.source), diagnostics=robot.diagnostics)
+    return replace(decode(root, robot.source), diagnostics=robot.diagnostics, altered=True)
 
 
 def end_effector_link(robot: RobotDescription, end_effector: str | None) -> str:

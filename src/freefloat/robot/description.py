@@ -187,6 +187,7 @@ class RobotDescription:
             URDF.
         diagnostics: Errors, then warnings by line.
         files: Further files that a xacro or MJCF file reads.
+        altered: Whether it has parts or masses that the file has not.
     """
 
     name: str
@@ -197,6 +198,7 @@ class RobotDescription:
     lines: Mapping[str, int] = field(repr=False)
     diagnostics: tuple[UrdfDiagnostic, ...] = field(default=(), repr=False)
     files: tuple[str, ...] = field(default=(), repr=False)
+    altered: bool = field(default=False, repr=False)
     tag = "robot"
 
     @property

@@ -56,7 +56,10 @@ def with_flat_links(robot: RobotDescription) -> RobotDescription:
             half = repr(float(inertia.get("izz")) / 2.0)
             inertia.set("ixx", half)
             inertia.set("iyy", half)
-    return replace(decode(root, robot.source), diagnostics=robot.diagnostics, files=robot.files)
+    return replace(
+        decode(root, robot.source), diagnostics=robot.diagnostics, files=robot.files,
+        altered=robot.altered,
+    )  # fmt: skip
 
 
 def _along_z(direction: np.ndarray) -> bool:

@@ -12,13 +12,14 @@ import numpy as np
 from freefloat.concurrency import available_cores
 from freefloat.ensemble.endings import DECIDERS
 from freefloat.ensemble.many_motions import ManyMotions
+from freefloat.limits.kinds.joint_range import JointRangeLimit
 from freefloat.motion.motion import Ending
-from freefloat.robot.joint_ranges import largest_range_ratio
 from freefloat.so3 import Array, IntArray
 from freefloat.studies.columns import FEASIBLE, INFEASIBLE, NUMBER, Column, Columns
 from freefloat.studies.groups import Group, group_of
 from freefloat.studies.portable import PortableStudy
-from freefloat.studies.values import MARGIN_REASON
+from freefloat.studies.unvaried import range_ratios
+from freefloat.studies.values import LIMITS_REASON, MARGIN_REASON
 
 _CHUNK = 4096
 """Runs that are integrated and stored together."""
@@ -77,10 +78,14 @@ def integrated(study: PortableStudy, chunk: Chunk, threads: int | None = None) -
 
 def _columns(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str, Column]:
     """Results of decided motions by column."""
-    feasible, completed, singular = (
+    margin_kept, completed, singular = (
         values[decided] for values in (motions.feasible, motions.completed, motions.singular)
     )
-    reasons = np.where(completed, MARGIN_REASON, Ending.SINGULAR.value)
+    feasible, reasons = margin_kept, np.where(completed, MARGIN_REASON, Ending.SINGULAR.value)
+    if group.ranges:
+        ratios = range_ratios(group.problem, motions)[decided]
+        feasible = margin_kept & (ratios <= 1.0)
+        reasons = np.where(margin_kept, LIMITS_REASON.format(JointRangeLimit.name), reasons)
     attitudes, joints = motions.attitudes[decided], motions.joints[decided]
     columns: dict[str, Column] = {
         "verdict": np.where(feasible, FEASIBLE, INFEASIBLE),
@@ -99,9 +104,8 @@ def _columns(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str,
     if group.problem.task.planar:
         columns["heading_deg"] = _headings(attitudes)
     if group.ranges:
-        ranges, low, high = group.problem.model.joint_ranges, motions.lower, motions.upper
-        ratios = largest_range_ratio(ranges, low[decided], high[decided])
-        columns["limits_kept"] = [True if kept else None for kept in feasible.tolist()]
+        pairs = zip(margin_kept.tolist(), feasible.tolist(), strict=True)
+        columns["limits_kept"] = [kept if by_margin else None for by_margin, kept in pairs]
         columns["limits.joint_range"] = np.where(feasible, ratios, np.nan)
     return columns
 

@@ -33,7 +33,7 @@ from freefloat.studies.robot_values import (
 )
 from freefloat.studies.run_values import arrays_of, fits_ensembles
 from freefloat.studies.study import START_KEYS, Study
-from freefloat.studies.unvaried import Unvaried, has_ranges_and_limits, keeps_ranges
+from freefloat.studies.unvaried import Unvaried, has_ranges_and_limits, keeps_ranges, leaves_ranges
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +115,11 @@ class Group:
         if self.limited:
             return np.asarray(decided & ~motions.feasible)
         if self.ranges:
-            decided &= keeps_ranges(self.problem, motions) | ~motions.feasible
+            decided &= (
+                keeps_ranges(self.problem, motions)
+                | leaves_ranges(self.problem, motions)
+                | ~motions.feasible
+            )
         return np.asarray(decided)
 
 

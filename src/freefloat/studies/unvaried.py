@@ -22,6 +22,9 @@ from freefloat.so3 import Array, BoolArray
 from freefloat.studies.document import scenario_from
 from freefloat.studies.study import Study
 
+_OUTSIDE = 1.001
+"""Fraction of a joint range beyond which values at the steps show that it is left."""
+
 
 @dataclass(frozen=True, eq=False)
 class Unvaried:
@@ -70,8 +73,17 @@ class Unvaried:
 def keeps_ranges(problem: Problem, motions: ManyMotions) -> BoolArray:
     """Whether motions keep their joint ranges by more than an ensemble's errors, shape (K,)."""
     safe = np.where(motions.deciders == NORMAL, SAFE_RANGE, STRICT_SAFE_RANGE)
-    ratios = largest_range_ratio(problem.model.joint_ranges, motions.lower, motions.upper)
-    return np.asarray(ratios <= safe)
+    return np.asarray(range_ratios(problem, motions) <= safe)
+
+
+def leaves_ranges(problem: Problem, motions: ManyMotions) -> BoolArray:
+    """Whether motions leave their joint ranges, by more than an ensemble's errors, shape (K,)."""
+    return np.asarray(range_ratios(problem, motions) > _OUTSIDE)
+
+
+def range_ratios(problem: Problem, motions: ManyMotions) -> Array:
+    """Ratios of joint ranges that motions use, at the integrator's steps, shape (K,)."""
+    return largest_range_ratio(problem.model.joint_ranges, motions.lower, motions.upper)
 
 
 def has_ranges_and_limits(scenario: Scenario) -> tuple[bool, bool]:

@@ -21,7 +21,7 @@ from freefloat.so3 import degrees, heading_of, heading_quaternion
 from freefloat.studies.columns import FEASIBLE, INFEASIBLE
 from freefloat.verification.tracking import Tracking, track_many
 
-MARGIN_REASON = "The margin is not kept."
+MARGIN_REASON, LIMITS_REASON = "The margin is not kept.", "Limits are not kept: {}."
 """Why a motion that completes is infeasible."""
 
 
@@ -79,7 +79,7 @@ def _simulation_values(simulation: Simulation) -> dict[str, Any]:
     elif not chosen.feasible:
         reason = MARGIN_REASON
     elif names:
-        reason = f"Limits are not kept: {names}."
+        reason = LIMITS_REASON.format(names)
     verdict = INFEASIBLE if reason else FEASIBLE
     values = {"verdict": verdict, "reason": reason, "decided_by": DECIDERS[MOTION]}
     return {**values, **_motion_values(chosen), **_limit_values(limits)}

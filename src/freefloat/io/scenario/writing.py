@@ -32,7 +32,9 @@ def scenario_of(
 ) -> Scenario:
     """Scenario that poses a problem: the inverse of :meth:`Scenario.problem`.
 
-    Its robot is that of the problem; the text names the URDF that it came from.
+    Its robot is that of the problem. The text names the URDF that this came from, or, where parts
+    or masses are not those of the URDF, the file ``robot.urdf``, into which
+    ``problem.model.description.text`` is to be written.
 
     Args:
         problem: The problem of the path.
@@ -55,7 +57,7 @@ def scenario_of(
         path["frame"] = problem.path.frame
     sections: dict[str, dict[str, Any]] = {
         "robot": {
-            "urdf": model.description.source,
+            "urdf": "robot.urdf" if model.description.altered else model.description.source,
             "end_effector": model.end_effector,
             "held": {name: float(value) for name, value in model.fixed_joints.items()},
             "arms": arms_content(model, problem.arms, sections_of_arms(problem.path)) or None,

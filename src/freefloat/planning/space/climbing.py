@@ -10,6 +10,7 @@ from freefloat.attitude_grids import attitudes_within
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.margin import keeps_threshold
 from freefloat.planning.candidates import Candidate, NearAttitude, Peak
+from freefloat.planning.domain import SearchDomain
 from freefloat.planning.searches.nearest_neighbours import nearest_among
 from freefloat.planning.searches.pattern_search import (
     ROUNDS,
@@ -115,10 +116,12 @@ def most_robust_first(samples: AttitudeMap, peaks: list[Peak]) -> list[Peak]:
     return sorted(peaks, key=depth, reverse=True)
 
 
-def is_unique(evaluator: FeasibilityEvaluator, best: Peak) -> bool:
-    """Whether no attitude between half a degree and one degree from the best has its margin."""
+def is_unique(evaluator: FeasibilityEvaluator, best: Peak, domain: SearchDomain) -> bool:
+    """Whether no attitude of the domain half a degree to one degree away has the best margin."""
     cloud = attitudes_within(best.attitude, 2.0 * _APART, _AROUND // evaluator.sample_reduction)
-    others = cloud[angle_between(cloud, best.attitude) > _APART]
+    others = cloud[(angle_between(cloud, best.attitude) > _APART) & domain.contains(cloud)]
+    if not len(others):
+        return True
     margins = evaluator.margins(others, best.branch)
     return bool(margins.max(initial=0.0) < best.minimum_margin * (1.0 - _EQUAL))
 
