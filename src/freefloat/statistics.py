@@ -28,6 +28,14 @@ def confidence_interval(count: int, total: int) -> tuple[float, float]:
 def percentage(count: int, total: int, random: bool = True) -> str:
     """Format a fraction, that of random samples with its confidence interval."""
     if not random:
-        return f"{count / total:.2%}"
+        return _percent(count / total)
     low, high = confidence_interval(count, total)
-    return f"{count / total:.2%} ({_CONFIDENCE:.0%} confidence: {low:.2%} to {high:.2%})"
+    interval = f"{_CONFIDENCE:.0%} confidence: {_percent(low)} to {_percent(high)}"
+    return f"{_percent(count / total)} ({interval})"
+
+
+def _percent(fraction: float) -> str:
+    """A fraction with two decimals, or as many as tell it from none and all."""
+    texts = [f"{fraction:.{places}%}" for places in range(2, 8)]
+    telling = (text for text in texts if float(text[:-1]) not in (0.0, 100.0))
+    return texts[0] if fraction in (0.0, 1.0) else next(telling, texts[-1])

@@ -124,8 +124,10 @@ def _hold_tables(held: HeldAttitude) -> Iterator[RenderableType]:
         rows.add_row(title, *(f"{value:.4g}" for value in values))
     yield rows
     turn = document["drift_turn_deg"]
-    motion = "becomes singular" if turn is None else f"turns by up to {turn:.4g} deg"
-    yield f"drifting from there along the path, the spacecraft {motion}"
+    motion = "the arm becomes singular"
+    if turn is not None:
+        motion = f"the spacecraft turns by up to {turn:.4g} deg"
+    yield f"drifting from there along the path, {motion}"
 
 
 def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableType]:

@@ -163,12 +163,12 @@ def draw_point(axes: Any, position: Array, marker: str, size: float, **style: An
     axes.plot(*position[:, None], linestyle="none", marker=marker, markersize=size, **style)
 
 
-def legend_above(axes: Any, columns: int | None = None) -> None:
-    """Put the legend above the axes: in lines of at most eight names, or centred in columns."""
+def legend_above(axes: Any, columns: int | None = None, longest: int = _LONGEST_LINE) -> None:
+    """Put the legend above the axes: in lines of at most some names, or centred in columns."""
     count = len(axes.get_legend_handles_labels()[0])
-    lines = max(1, -(-count // _LONGEST_LINE))
+    lines = max(1, -(-count // longest))
     columns_needed = columns or max(1, -(-count // lines))
-    crowded = columns is None and count > _CROWDED
+    crowded = columns is None and count > min(_CROWDED, longest)
     axes.legend(
         loc="lower left" if columns is None else "lower center",
         bbox_to_anchor=(0.0 if columns is None else 0.5, 1.0), ncols=columns_needed,

@@ -31,6 +31,8 @@ from freefloat.visualization.figures.motion_figures import (
 
 _MOST = 4
 """Columns that are readable on a page."""
+_NAMES = 10
+"""Names of curves that fit into the width of a page."""
 
 
 @styled
@@ -55,14 +57,17 @@ def comparison_figure(motions: Mapping[str, Motion]) -> Figure:
         3, len(motions), sharex="col", sharey="row" if len(kinds) == 1 else "none"
     )
     for column, (title, motion) in zip(panels.T, motions.items(), strict=True):
-        _draw(column, motion)
+        _draw(column, motion, _NAMES // len(motions))
         column[0].set_title(f"{title}: {motion.ending.name.lower()}", loc="left")
+    if len(kinds) == 1:
+        for panel in panels.ravel():
+            panel.label_outer(remove_inner_ticks=True)
     figure.align_ylabels()
     return figure
 
 
-def _draw(panels: Any, motion: Motion) -> None:
-    """Draw the panels of one motion."""
+def _draw(panels: Any, motion: Motion, longest: int) -> None:
+    """Draw the panels of one motion, with at most so many names in a line of a legend."""
     problem = motion.problem
     trajectory = Trajectory.of(motion, shown_times(motion))
     measure, threshold = problem.margin.measure, problem.margin.threshold
@@ -81,5 +86,5 @@ def _draw(panels: Any, motion: Motion) -> None:
         panel.set_ylabel(axis_label(quantity, quantity_unit))
         mark_times(panel, motion)
         if len(names) > 1:
-            legend_above(panel)
+            legend_above(panel, longest=longest)
     panels[-1].set_xlabel(axis_label("time", "s"))

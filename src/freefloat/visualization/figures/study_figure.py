@@ -32,6 +32,8 @@ _HEIGHT = 2.1
 _MARKS = {"feasible": ("o", BLUE), "infeasible": ("x", ORANGE), "error": ("|", VERMILION)}
 _MAX_POINTS = 5000
 """Runs above which their density is drawn."""
+_PARTS = 20
+"""Parts into which runs are divided, by the value of a parameter, to see its effect."""
 _CELLS = 60, 40
 """Numbers of cells of a density, across and up."""
 _ESTIMATES = 200
@@ -48,7 +50,8 @@ def study_figure(
 ) -> Figure:
     """Return the figure of margins over parameters; runs without a margin are drawn at zero.
 
-    Above 5,000 runs panels show how many runs there are. The last panel is the running estimate of
+    Of more than eleven parameters those with the largest effect are drawn. Above 5,000 runs panels
+    show how many runs there are. The last panel is the running estimate of
     the feasible fraction, by number of runs without error, with its 95 % confidence interval.
 
     Args:
@@ -56,13 +59,15 @@ def study_figure(
         parameters: Labels of the horizontal axes by column.
         unit: Unit of the margins.
     """
-    varied = [key for key in parameters if len(set(table[key].tolist())) > 1][:_MAX_PANELS]
+    margins = np.nan_to_num(table["margin"])
+    every = [key for key in parameters if len(set(table[key].tolist())) > 1]
+    strongest = sorted(every, key=lambda key: -_effect(table[key], margins))[:_MAX_PANELS]
+    varied = [key for key in every if key in strongest]
     across = min(_COLUMNS, len(varied) + 1)
     down = math.ceil((len(varied) + 1) / across)
     figure = new_figure(COLUMN if across == 1 else PAGE, 0.4 + _HEIGHT * down)
     panels = list(figure.subplots(down, across, squeeze=False).flat)
     verdicts = table["verdict"]
-    margins = np.nan_to_num(table["margin"])
     required = np.unique(table["margin_required"][~np.isnan(table["margin_required"])])
     measure = next(filter(None, table["measure"]), None)
     quantity = "minimum margin" if measure is None else f"minimum |{measure}|"
@@ -88,7 +93,18 @@ def study_figure(
     _draw_estimate(panels[len(varied)], verdicts)
     for axes in panels[len(varied) + 1 :]:
         axes.remove()
+    if left_out := len(every) - len(varied):
+        figure.supxlabel(
+            f"not shown: the {left_out} parameters with the least effect", fontsize=8.0
+        )
     return figure
+
+
+def _effect(values: Column, margins: Array) -> float:
+    """Variance of the mean margins of equally many runs with values nearby."""
+    order = np.argsort(_places(values)[0], kind="stable")
+    parts = np.array_split(margins[order], _PARTS)
+    return float(np.var([part.mean() for part in parts if len(part)]))
 
 
 def _panel(axes: Any, values: Column, margins: Array, verdicts: Column) -> Any:
@@ -139,6 +155,8 @@ def _places(values: Column) -> tuple[Array, list[str] | None]:
 
 def _short(text: str) -> str:
     """Shorten a long text to its end and escape its dollar signs."""
+    if len(text) > _LABEL_LENGTH:
+        text = text.removeprefix("robot.")
     if len(text) > _LABEL_LENGTH:
         text = "\N{HORIZONTAL ELLIPSIS}" + text[1 - _LABEL_LENGTH :]
     return text.replace("$", r"\$")

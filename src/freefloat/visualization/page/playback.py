@@ -15,7 +15,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import meshcat
 import numpy as np
 
 from freefloat.errors import InputError
@@ -25,6 +24,7 @@ from freefloat.planning.answer import Answer
 from freefloat.planning.margin_map import MarginMap
 from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.visualization.page.server import open_browser
+from freefloat.visualization.scenes import meshcat
 from freefloat.visualization.scenes.description import Samples
 from freefloat.visualization.scenes.result_scenes import result_scene
 from freefloat.visualization.scenes.scene_builder import ROOT, Scene
