@@ -11,10 +11,13 @@ import numpy as np
 from freefloat.errors import InputError, require_type
 from freefloat.paths.curves import Curve
 from freefloat.paths.orientation import FreeOrientation, OrientationLaw
-from freefloat.so3 import Array, Pose, frozen
+from freefloat.so3 import Array, Pose, frozen, rotation_vector_between
 
 _SAMPLES = np.linspace(0.0, 1.0, 101)
 """Values of s at which a path is checked."""
+_CHECKED, _DEVIATION, _SMALL = (0.217, 0.533, 0.871), 0.01, 1e-6
+"""Values of s at which derivatives are compared with differences, the largest relative deviation,
+and the derivative up to which rounding errors are larger."""
 _STEP = 1e-4
 """Step of differences by s: their error and rounding are both far below 1e-9."""
 
@@ -26,6 +29,10 @@ class EndEffectorPath:
     Attributes:
         curve: Position.
         orientation: Orientation; may be left out for position tasks.
+
+    Raises:
+        InputError: If a part has another type, a coordinate is not finite, or derivatives are not
+            those of the values.
 
     Example:
         >>> line = ff.paths.PolynomialCurve.line([1.6, 0.4, 0.0], [1.2, 0.9, 0.0])
@@ -46,6 +53,22 @@ class EndEffectorPath:
         require_type("orientation", self.orientation, OrientationLaw, accepted)
         if not np.isfinite(self._positions).all():
             raise InputError("curve", "a coordinate is not finite", "finite coordinates")
+        self._require_derivatives()
+
+    def _require_derivatives(self) -> None:
+        """Raise an InputError where curve or orientation contradict their derivatives."""
+        for s in _CHECKED:
+            before, after = self.pose(s - _STEP), self.pose(s + _STEP)
+            turn = rotation_vector_between(before.rotation, after.rotation)
+            moved = np.concatenate([after.position - before.position, turn]) / (2.0 * _STEP)
+            for key, part in (("curve", slice(3)), ("orientation", slice(3, 6))):
+                found, stated = moved[part], self.tangent(s)[part]
+                sizes = np.linalg.norm([found, stated, found - stated], axis=1)
+                if sizes[2] > _DEVIATION * max(sizes[0], sizes[1], _SMALL):
+                    values = ", ".join(f"{value:.4g}" for value in stated)
+                    problem = f"its derivative at s = {s} is stated as {values}"
+                    accepted = ", ".join(f"{value:.4g}" for value in found)
+                    raise InputError(key, problem, f"{accepted}, the difference of its values")
 
     @cached_property
     def _positions(self) -> Array:
