@@ -151,13 +151,15 @@ def _tables(
             volumes.add_row(rows[kind.name.lower()], f"{100.0 * volume:.3f}")
     yield volumes
     yield f"{found.boxes:,} boxes, down to {math.degrees(found.resolution):.4g} deg"
-    listed = table("component", "det A", "[%]", "arm branches of random poses")
+    columns = ["component", "det A", "[%]"]
+    if any(part.branches for part in components.components):
+        columns.append("arm branches of random poses")
+    listed = table(*columns)
     for number, part in enumerate(components.components):
         branches = sorted(part.branches.items(), key=lambda item: -item[1])
         words = ", ".join(f"{short_label(label) or label} {count}" for label, count in branches)
-        listed.add_row(
-            str(number), "+" if part.sign > 0 else "-", f"{100.0 * part.volume:.3f}", words
-        )
+        entries = str(number), "+" if part.sign > 0 else "-", f"{100.0 * part.volume:.3f}", words
+        listed.add_row(*entries[: len(columns)])
     if components.components:
         yield listed
     for measure, maximum in largest.items():

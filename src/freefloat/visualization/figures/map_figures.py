@@ -139,7 +139,9 @@ def histogram_figure(result: AttitudeMap) -> Figure:
     figure = new_figure(COLUMN, 0.5 + 0.85 * rows)
     panels = figure.subplots(rows, 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     highest = max((float(values.max()) for _, values in groups), default=0.0)
-    edges = np.linspace(0.0, highest if highest > 0.0 else 1.0, _BINS + 1)
+    highest = highest if highest > 0.0 else 1.0
+    beside = margin.threshold + highest / _BINS * np.arange(-_BINS, _BINS + 1)
+    edges = np.unique(np.clip(beside, 0.0, highest))  # no bar is partly below the margin
     for axes, (branch, values) in zip(panels, groups, strict=False):
         _draw_bars(axes, values, edges, margin.threshold)
         name = f"{names[branch][:-1]}±" if flipped else branch_name(names[branch])

@@ -76,8 +76,11 @@ class Section:
 
     def constants(self) -> str:
         """The joints that do not vary but matter, with their values; empty if there are none."""
-        others = set(self.found.joints) - set(self.joints)
-        return ", ".join(joint_value(self.found, joint, self.at[joint]) for joint in sorted(others))
+        found, names = self.found, self.found.model.joint_names
+        fixed = {names.index(name): value for name, value in found.fixed.items()}
+        values = {joint: float(self.at[joint]) for joint in found.joints} | fixed
+        others = sorted(set(values) - set(self.joints))
+        return ", ".join(joint_value(found, joint, values[joint]) for joint in others)
 
 
 def section(
