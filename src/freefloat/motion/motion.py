@@ -229,7 +229,9 @@ class Motion:
         return values[:, 0], attitudes, values[:, 5:]
 
     def time_at(self, u: float) -> float:
-        """The time at a panel coordinate, within the motion [s]."""
+        """The time at a panel coordinate, within the motion [s]; exact at the ends of panels."""
+        if float(u).is_integer():
+            return float(self.times[DEGREE * int(u)])
         return float(np.clip(self.evaluate(u)[0][0], self.times.min(), self.times.max()))
 
     def coordinates_at(self, times: npt.ArrayLike) -> Array:

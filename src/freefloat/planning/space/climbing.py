@@ -36,8 +36,9 @@ _CERTAIN = 5e-4
 """A compiled motion is certain to keep a margin that it exceeds by this fraction."""
 _EQUAL = 1e-6
 """Relative difference of equal margins."""
-_APART, _AROUND = np.radians(0.5), 256
-"""Distance of attitudes that are not the same optimum [rad], and how many around it are tried."""
+_APART, _AROUND, _MANY = np.radians(0.5), 256, 0.05
+"""Distance of attitudes that are not the same optimum [rad], how many around it are tried, and the
+fraction of them with which it is not unique."""
 _PARTS = 8
 EXACT = 6
 """Rounds of bisection to 4e-6 of the distance."""
@@ -117,13 +118,13 @@ def most_robust_first(samples: AttitudeMap, peaks: list[Peak]) -> list[Peak]:
 
 
 def is_unique(evaluator: FeasibilityEvaluator, best: Peak, domain: SearchDomain) -> bool:
-    """Whether no attitude of the domain half a degree to one degree away has the best margin."""
+    """Whether few attitudes of the domain half a degree to one degree away have the best margin."""
     cloud = attitudes_within(best.attitude, 2.0 * _APART, _AROUND // evaluator.sample_reduction)
     others = cloud[(angle_between(cloud, best.attitude) > _APART) & domain.contains(cloud)]
     if not len(others):
         return True
-    margins = evaluator.margins(others, best.branch)
-    return bool(margins.max(initial=0.0) < best.minimum_margin * (1.0 - _EQUAL))
+    differences = np.abs(evaluator.margins(others, best.branch) - best.minimum_margin)
+    return bool((differences < _EQUAL * best.minimum_margin).mean() < _MANY)
 
 
 def best_branch(evaluator: FeasibilityEvaluator, attitude: Array) -> tuple[int, Array]:
