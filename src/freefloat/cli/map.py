@@ -161,9 +161,10 @@ def _attitude_tables(name: str, result: AttitudeMap) -> Iterator[RenderableType]
     if len(result.regions) > _MAX_REGIONS:
         yield f"and {len(result.regions) - _MAX_REGIONS} smaller regions"
     margin = result.problem.margin
+    limits = " and the limits of pointing and turn" if result.limited else ""
     yield (
         f"{result.feasible_percentage} of the attitudes keep {margin.measure.name} "
-        f"{margin.threshold:g} with some arm branch, {result.motion_fraction:.2%} of the "
+        f"{margin.threshold:g}{limits} with some arm branch, {result.motion_fraction:.2%} of the "
         f"{result.motions:,} motions do"
     )
     yield from _start_lines(result)

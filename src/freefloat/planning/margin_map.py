@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.ensemble.endings import LIMITED
 from freefloat.ensemble.result import BranchResults
 from freefloat.errors import InputError
+from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.settings import Search
 from freefloat.so3 import Array
@@ -22,6 +24,7 @@ class MarginMap:
         problem: The problem.
         results: Results of the motions, in a row for each attitude and a column for each branch.
         search: Objective and domain of the search; the attitudes are in the domain.
+        limits: Limits of which those of pointing and of the spacecraft's turn were considered.
         seconds: Computing time [s].
 
     Raises:
@@ -31,6 +34,7 @@ class MarginMap:
     problem: Problem = field(repr=False)
     results: BranchResults = field(repr=False)
     search: Search = field(default_factory=Search, repr=False, kw_only=True)
+    limits: Limits | None = field(default=None, repr=False, kw_only=True)
     seconds: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -62,6 +66,11 @@ class MarginMap:
     def feasible(self) -> npt.NDArray[np.bool_]:
         """Where the margin is kept, shape (N, B)."""
         return self.problem.margin.keeps(self.margins)
+
+    @property
+    def limited(self) -> bool:
+        """Whether some motions violate limits of pointing or of the spacecraft's turn."""
+        return bool((self.results.motions.endings == LIMITED).any())
 
     @property
     def feasible_fraction(self) -> float:

@@ -94,7 +94,7 @@ def dial(
 
 
 def _scale(result: AttitudeMap | HeadingMap) -> MarginColours:
-    return MarginColours.over(result.problem.margin, [result.margins.ravel()])
+    return MarginColours.over(result.problem.margin, [result.margins.ravel()], result.limited)
 
 
 def _colours(

@@ -108,7 +108,7 @@ def attitude_map(
         _require_none(nearest=nearest is not None, boundary=boundary, tangency=tangency)
         count = HEADINGS if samples is None else samples
         headings = sample_headings(evaluator_for(problem, threads, limits), count, search, progress)
-        return replace(headings, seconds=time.perf_counter() - start)
+        return replace(headings, limits=limits, seconds=time.perf_counter() - start)
     target = None if nearest is None else problem.attitude(nearest, key="nearest")
     if tangency:
         require_tangency_points(problem)
@@ -122,6 +122,7 @@ def attitude_map(
     near = () if target is None else nearest_feasible(evaluator, sampled, target)
     result = replace(
         sampled,
+        limits=limits,
         nearest_to=target,
         nearest=next(iter(near), None),
         boundary=boundary_points(evaluator, sampled, boundary) if boundary else None,

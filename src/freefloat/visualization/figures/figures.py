@@ -162,7 +162,7 @@ def _manoeuvre_figures(
 def _attitude_map_figures(
     result: AttitudeMap, threads: int | None, progress: Progress | None
 ) -> Figures:
-    return _map_figures(result, map_marks(result), threads, progress)
+    return _map_figures(result, result.limits, map_marks(result), threads, progress)
 
 
 def _heading_map_figures(
@@ -178,10 +178,14 @@ def _singularity_map_figures(
 
 
 def _map_figures(
-    result: AttitudeMap, marks: Sequence[Mark], threads: int | None, progress: Progress | None
+    result: AttitudeMap,
+    limits: Limits | None,
+    marks: Sequence[Mark],
+    threads: int | None,
+    progress: Progress | None,
 ) -> Figures:
     def sliced() -> Figure:
-        found = map_slices(evaluator_for(result.problem, threads), marks, progress)
+        found = map_slices(evaluator_for(result.problem, threads, limits), marks, progress)
         return slices_figure(result, found)
 
     drawings: dict[str, Callable[[], Figure]] = {"map_slices": sliced}
@@ -208,7 +212,7 @@ def _plan_figures(plan: Plan, threads: int | None, progress: Progress | None) ->
         drawn |= motion_figures(chosen.motion, chosen.closest_approach)
         drawn |= _angles(chosen.motion, plan.limits)
     if plan.map is not None:
-        drawn |= _map_figures(plan.map, marks, threads, progress)
+        drawn |= _map_figures(plan.map, plan.limits, marks, threads, progress)
     return drawn
 
 
@@ -217,7 +221,8 @@ def _planar_figures(plan: Plan, threads: int | None, progress: Progress | None) 
     drawings: dict[str, Callable[[], Figure]] = {}
     if has_two_angle_form(problem.model, problem.task):
         drawings["joint_space"] = lambda: joint_space_figure(problem, _compared_motions(plan))
-    headings = sample_headings(evaluator_for(problem, threads), _HEADINGS, progress=progress)
+    evaluator = evaluator_for(problem, threads, plan.limits)
+    headings = sample_headings(evaluator, _HEADINGS, progress=progress)
     if headings.branches:
         heading = None
         if chosen is not None:

@@ -69,6 +69,7 @@ def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
         bar.set_label(_label(result, f" of the best {'start' if redundant else 'arm branch'}"))
         bar.ax.spines["outline"].set_linewidth(0.6)
     below = f"all {'starts' if redundant else 'branches'} below the margin {digits(threshold)}"
+    below += " or beyond a limit" if result.limited else ""
     entries: list[Any] = [
         Patch(facecolor=PALE, edgecolor=GREY, linewidth=0.5, label=below),
         Patch(facecolor="white", edgecolor=GREY, linewidth=0.5, hatch="////",

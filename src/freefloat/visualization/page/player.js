@@ -440,7 +440,7 @@ class Panels {
       ends.append(end);
     }
     legend.append(`|${about.scale.measure}|` + (unit() && ` [${unit()}]`), ...stops.length ? [bar, ends] : []);
-    if (margin > 0) legend.append(this.colourKey(`below the margin ${shortened(margin)} ${unit()}`, below));
+    if (margin > 0) legend.append(this.colourKey(`below the margin ${shortened(margin)} ${unit()}${about.scale.limited ? " or beyond a limit" : ""}`, below));
   }
 
   colourKey(text, colour) {

@@ -135,18 +135,20 @@ class MarginColours:
         margin: Measure and threshold.
         largest: Value of the brightest colour.
         used: Whether any value keeps the margin.
+        limited: Whether values are zero where a limit is violated.
     """
 
     margin: Margin
     largest: float
     used: bool = True
+    limited: bool = False
 
     @classmethod
-    def over(cls, margin: Margin, values: Iterable[Array]) -> MarginColours:
+    def over(cls, margin: Margin, values: Iterable[Array], limited: bool = False) -> MarginColours:
         """Return the scale that covers arrays of values of the measure."""
         highest = [float(np.max(array)) for array in values if len(array)]
         largest = max([1.2 * margin.threshold, 1e-12, *highest])
-        return cls(margin, largest, any(map(margin.keeps, highest)))
+        return cls(margin, largest, any(map(margin.keeps, highest)), limited)
 
     def __call__(self, values: Array) -> Array:
         """Return RGB colours, shape (K, 3), of values of the measure, shape (K,)."""
@@ -164,6 +166,7 @@ class MarginColours:
             "margin": self.margin.threshold,
             "largest": self.largest,
             "below": to_hex(_BELOW),
+            "limited": self.limited,
             "stops": [to_hex(colour) for colour in self(stops)] if self.used else [],
         }
 

@@ -41,7 +41,7 @@ def heading_scene(result: HeadingMap, title: str = "freefloat") -> Scene:
     ticks = {0: 1.02, 90: 1.06, 180: 1.25, 270: 1.06}  # labels extend to the right
     places = {tick: _points(radius, np.radians(tick)) for tick, radius in ticks.items()}
     labels = [Label(f"{tick}°", place.tolist(), CIRCLE) for tick, place in places.items()]
-    colours = MarginColours.over(result.problem.margin, result.margins)
+    colours = MarginColours.over(result.problem.margin, result.margins, result.limited)
     edges = np.linspace(1.0, _INNERMOST, len(result.branches) + 1)
     items, best = [CIRCLE, BEST], result.best
     names = [branch_name(label) for label in result.branch_labels().values()]
@@ -84,7 +84,8 @@ def _lines(result: HeadingMap) -> Iterator[str]:
     """Text of the scene: the percentage of feasible headings, and the best one."""
     measure, best = f"|{result.problem.margin.measure.name}|", result.best
     yield "initial heading from the x axis"
-    yield f"{result.feasible_fraction:.2%} of {len(result.headings):,} headings keep {measure}"
+    kept = f"{measure} and limits" if result.limited else measure
+    yield f"{result.feasible_fraction:.2%} of {len(result.headings):,} headings keep {kept}"
     if best is not None:
         degrees = f"{np.degrees(best.heading):.4g}°"
         name = branch_name(result.branch_labels()[best.branch])

@@ -77,7 +77,7 @@ def map_scene(result: AttitudeMap, title: str = "freefloat") -> Scene:
     chosen = np.arange(result.samples)
     if result.samples > _MAX_SAMPLES:
         chosen = np.random.default_rng(0).choice(result.samples, _MAX_SAMPLES, replace=False)
-    colours = MarginColours.over(margin, [np.array([result.largest_margin])])
+    colours = MarginColours.over(margin, [np.array([result.largest_margin])], result.limited)
     edges = [*(result.boundary or ()), *(result.tangency or ())]
     builder = SceneBuilder()
     scenes = []
@@ -172,7 +172,8 @@ def _lines(result: AttitudeMap, group: _Group) -> Iterator[str]:
     measure = f"|{margin.measure.name}|"
     percentage = 100.0 * margin.keeps(group.margins).mean()
     yield "rotation vectors of the initial attitude"
-    yield f"{percentage:.2f} % of {result.samples:,} attitudes keep {measure}"
+    kept = f"{measure} and limits" if result.limited else measure
+    yield f"{percentage:.2f} % of {result.samples:,} attitudes keep {kept}"
     best, robust, nearest = result.best, result.robust, result.nearest
     if best is not None and group.has(best.branch):
         yield f"best: {measure} {best.minimum_margin:.6g}"
