@@ -49,9 +49,8 @@ class InverseDynamics:
         """Prepare a robot with its wheels."""
         self._model, self._wheels = system.model, system.wheels
         self._turning = bool(system.wheels.any())
-        self._weightless = system.model.pin_model.copy()
-        self._weightless.gravity = pin.Motion.Zero()
-        self._scratch = self._weightless.createData()
+        self._robot = system.model.pin_model
+        self._scratch = self._robot.createData()
 
     def of_joints(
         self, attitude: Array, joints: Array, rates: Array, accelerations: Array
@@ -76,7 +75,7 @@ class InverseDynamics:
         move have prescribed accelerations, shape (dof - arm_dof,).
         """
         A, q, v, drift = self._moving(attitude, joints, rates)
-        robot, data, rows = self._weightless, self._scratch, prescribed_rows(self._model, task)
+        robot, data, rows = self._robot, self._scratch, prescribed_rows(self._model, task)
         frames, axes = self._model.frame_ids, pin.LOCAL_WORLD_ALIGNED
         bias = np.concatenate([
             pin.getFrameClassicalAcceleration(robot, data, frame, axes).vector for frame in frames
@@ -95,7 +94,7 @@ class InverseDynamics:
         v = np.concatenate([-np.linalg.solve(A[:3, :3], A[:3, 3:] @ rates), rates])
         q = np.concatenate([np.zeros(3), attitude, joints])
         variation = pin.computeCentroidalMomentumTimeVariation(
-            self._weightless, self._scratch, q, v, np.zeros(len(v))
+            self._robot, self._scratch, q, v, np.zeros(len(v))
         )
         drift = variation.vector
         if self._turning:
@@ -103,7 +102,7 @@ class InverseDynamics:
         return A, q, v, drift
 
     def _effort(self, q: Array, v: Array, a: Array) -> Effort:
-        forces = np.array(pin.rnea(self._weightless, self._scratch, q, v, a))
+        forces = np.array(pin.rnea(self._robot, self._scratch, q, v, a))
         if self._turning:
             forces[3:6] += cross(v[3:6], self._wheels)
         return Effort(v, a, forces[:6], forces[6:])

@@ -238,7 +238,10 @@ class FreeFloatingModel:
 
     @property
     def pin_model(self) -> Any:
-        """The Pinocchio model: free-flyer root, moving joints, a frame for each link. Read only."""
+        """The Pinocchio model: free-flyer root, moving joints, a frame for each link; no gravity.
+
+        It is not to be changed; a copy may be.
+        """
         return self._built[0]
 
     @property

@@ -158,11 +158,14 @@ def joints_of_arms(
 def build_model(
     robot: RobotDescription, moving: Sequence[Joint], fixed_joints: Mapping[str, float]
 ) -> tuple[Any, Mapping[str, tuple[int, Pose]]]:
-    """The Pinocchio model with the moving joints; body and pose of every link, see ``Body``.
+    """The weightless Pinocchio model with the moving joints; body and pose of every link.
+
+    See :class:`Body`.
 
     Its joints are in the order of the moving joints, arm after arm.
     """
     model = pin.Model()
+    model.gravity = pin.Motion.Zero()
     model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint")
     places = {robot.roots[0]: (0, IDENTITY)}
     links = list(places)
@@ -170,7 +173,12 @@ def build_model(
     while links or waiting:
         if not links:
             joint, body, at = waiting.pop(min(waiting))
-            index = model.addJoint(body + 1, _joint_model(joint), se3_of(at), joint.name)
+            index = model.addJoint(
+                body + 1, _joint_model(joint), se3_of(at), joint.name, *map(np.atleast_1d, (
+                    np.inf if joint.effort is None else joint.effort,
+                    np.inf if joint.velocity is None else joint.velocity, *_range_of(joint),
+                )),
+            )  # fmt: skip
             places[joint.child] = (index - 1, IDENTITY)
             links.append(joint.child)
         name = links.pop(0)
@@ -191,6 +199,11 @@ def build_model(
     for name, (body, pose) in places.items():
         model.addFrame(pin.Frame(name, body + 1, 0, se3_of(pose), pin.BODY), False)
     return model, places
+
+
+def _range_of(joint: Joint) -> tuple[float, float]:
+    """The range of a joint; infinite where its ends are not in order."""
+    return (joint.lower, joint.upper) if joint.lower < joint.upper else (-np.inf, np.inf)
 
 
 def _joint_model(joint: Joint) -> Any:
@@ -215,9 +228,7 @@ def _displacement(joint: Joint, value: float) -> Pose:
 def body_of(model: Any, index: int, joint: Joint | None) -> Body:
     """The body of a joint of the Pinocchio model; the spacecraft's joint is None."""
     inertia = model.inertias[index]
-    lower, upper = -np.inf, np.inf
-    if joint is not None and joint.lower < joint.upper:
-        lower, upper = joint.lower, joint.upper
+    lower, upper = (-np.inf, np.inf) if joint is None else _range_of(joint)
     rated = (None, None) if joint is None else (joint.velocity, joint.effort)
     speed, effort = (value if value and 0.0 < value < UNLIMITED else np.inf for value in rated)
     return Body(
