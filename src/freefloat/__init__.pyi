@@ -3,7 +3,7 @@ from .robot.model import FreeFloatingModel as FreeFloatingModel
 from .robot.parts import Payload as Payload
 from .robot.parts import Spacecraft as Spacecraft
 from .robot.source import RobotSource as RobotSource
-from .dynamics.momentum import Task as Task
+from .dynamics.tasks import Task as Task
 from .dynamics.momentum import generalized_jacobian as generalized_jacobian
 from .dynamics.system import System as System
 from .dynamics.measures import singularity_measure as singularity_measure

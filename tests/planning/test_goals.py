@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.dynamics.base_rates import base_rates
-from freefloat.dynamics.momentum import Task, inertia_matrices
+from freefloat.dynamics.momentum import inertia_matrices
+from freefloat.dynamics.tasks import Task
 from freefloat.motion.joint_spline import JointSpline
 from freefloat.planning.goals import attitude_kernel, joint_paths, placements
 from freefloat.planning.goals.clearances import Clearances

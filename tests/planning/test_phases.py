@@ -12,7 +12,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.planning.phases.phase import checked_phases
 from freefloat.planning.phases.prescribed_path import moved_to_begin_at, require_continuous
 from freefloat.planning.phases.state import SystemState

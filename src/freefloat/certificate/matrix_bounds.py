@@ -50,7 +50,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from freefloat.dynamics.measures import unit_factors, unit_of_length
-from freefloat.dynamics.momentum import Task, system_matrix, system_matrix_derivative
+from freefloat.dynamics.momentum import system_matrix, system_matrix_derivative
+from freefloat.dynamics.tasks import Task
 from freefloat.motion.extrema import joint_extents
 from freefloat.motion.motion import Motion
 from freefloat.so3 import Array

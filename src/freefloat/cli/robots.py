@@ -19,7 +19,7 @@ from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.dynamics.measures import SingularityMeasure
-    from freefloat.dynamics.momentum import Task
+    from freefloat.dynamics.tasks import Task
     from freefloat.io.scenario.scenario import Scenario
     from freefloat.robot.description import UrdfDiagnostic
     from freefloat.robot.model import FreeFloatingModel

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from freefloat.dynamics.momentum import Task, momentum_map, prescribed_rows
+from freefloat.dynamics.momentum import momentum_map
 from freefloat.dynamics.system import System
+from freefloat.dynamics.tasks import Task, prescribed_rows
 from freefloat.so3 import Array, cross, rotation_matrix
 
 

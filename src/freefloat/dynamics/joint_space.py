@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.measures import SingularityMeasure
@@ -87,18 +86,6 @@ def joint_box(
         problem = "it is prismatic and has no limits"
         raise InputError(f"joint {model.joint_names[unbounded[0]]}", problem, "a finite range")
     return lower, upper
-
-
-def configurations(joints: npt.ArrayLike, n: int) -> Array:
-    """Joint values as an array of shape (K, n); one configuration (n,) is a row.
-
-    Raises:
-        InputError: If the shape is another one, or a value is not finite.
-    """
-    q = np.atleast_2d(np.asarray(joints, dtype=float))
-    if q.ndim != 2 or q.shape[1] != n or not np.isfinite(q).all():
-        raise InputError("joints", f"shape {np.shape(joints)} was given", f"finite, shape (K, {n})")
-    return q
 
 
 def optimizer_bounds(model: FreeFloatingModel) -> list[tuple[float | None, float | None]]:

@@ -17,17 +17,16 @@ from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.arm_factor import ArmPlane
 from freefloat.dynamics.link_frames import link_frames
 from freefloat.dynamics.momentum import (
-    Task,
     determinant,
     generalized_determinant,
     generalized_jacobian,
     inertia_matrices,
-    prescribed_rows,
-    require_enough_joints,
     system_matrix,
 )
+from freefloat.dynamics.tasks import Task, prescribed_rows, require_task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator, meeting_point
-from freefloat.errors import InputError, require_type
+from freefloat.errors import InputError
+from freefloat.robot.joint_values import finite_after
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
@@ -74,7 +73,8 @@ def singularity_measure(
             values.)
 
     Raises:
-        InputError: If there is no such task or measure, or the arm has no factor ``arm``.
+        InputError: If there is no such task or measure, the robot cannot have the task, or the arm
+            has no factor ``arm``.
 
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
@@ -82,13 +82,11 @@ def singularity_measure(
         >>> round(measure(np.array([0.5, 1.0])), 4)
         0.2759
     """
-    require_type("model", model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
-    task = Task.of(task)
+    task = require_task(model, task)
     if name == "arm" and not model.has_one_arm:
         raise InputError("measure", "arm, but another arm moves", "gjm, system or sigma")
     rows, n = prescribed_rows(model, task), model.arm_dof
     m = len(rows)
-    require_enough_joints(model, task)
     lengths = sum(row % 6 < 3 for row in rows) - int(model.prismatic[:n].sum())
     gjm_definition = "det S* (6)" if m == n else "sqrt(det(S* S*^T)) of S* (7)"
     if name == "gjm":
@@ -105,7 +103,7 @@ def singularity_measure(
         return SingularityMeasure(name, definition, "1", partial(_sigma, model, task, factors))
     if name == "arm":
         plane_axes(model, task)
-        function = partial(_sum_of_terms, trigonometric_terms(model))
+        function = partial(_arm, trigonometric_terms(model))
         definition = "determinant of the in-plane block of (39): h, v normal and in the arm's plane"
         return SingularityMeasure(name, definition, "m^4 kg", function, 1)
     raise InputError("measure", f"{name!r} was given", ", ".join(NAMES))
@@ -206,6 +204,10 @@ def trigonometric_terms(model: FreeFloatingModel) -> Array:
     frames = link_frames(model)
     plane = ArmPlane.of(frames)
     return np.column_stack([plane.multiples, plane.coefficients(frames.bodies)])
+
+
+def _arm(terms: Array, joints: Array) -> float:
+    return _sum_of_terms(terms, finite_after(np.zeros(0), "joints", joints, 6))
 
 
 def _sum_of_terms(terms: Array, joints: Array) -> float:

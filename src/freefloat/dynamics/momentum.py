@@ -7,99 +7,23 @@ angular. Base columns belong to the base twist in the spacecraft frame.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from enum import StrEnum
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 from scipy.linalg.lapack import dgesv, dgetrf
 
-from freefloat.errors import InputError, member, require_type
+from freefloat.dynamics.tasks import Task, applicable, prescribed_rows
+from freefloat.errors import InputError, require_type
+from freefloat.robot.joint_values import base_pose, finite_after
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
 _IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 _BASE = np.append(np.zeros(3), _IDENTITY)
 """Position and attitude of a spacecraft whose frame is the inertial one."""
-
-
-class Task(StrEnum):
-    """Part of the end-effector's motion that is prescribed.
-
-    Pointing prescribes the position and the direction of the end-effector's z axis; the rotation
-    about that axis, the roll, is free. The planar tasks belong to arms that move in the x-y plane
-    of the inertial frame, with the spacecraft rotating about z.
-
-    Example:
-        >>> ff.Task("planar-position").rows
-        [0, 1]
-    """
-
-    POSE = "pose"
-    POINTING = "pointing"
-    POSITION = "position"
-    PLANAR_POSE = "planar-pose"
-    PLANAR_POSITION = "planar-position"
-
-    @classmethod
-    def of(cls, task: Task | str) -> Task:
-        """The task with a value such as ``"position"``; a task itself is returned unchanged.
-
-        Raises:
-            InputError: If there is no such task.
-        """
-        return member("task", cls, task)
-
-    @property
-    def rows(self) -> list[int]:
-        """Rows of the end-effector twist ``[linear; angular]`` that are prescribed.
-
-        Those of ``pointing`` belong to the twist in the axes of the end-effector.
-        """
-        return _ROWS[self]
-
-    @property
-    def reference_frame(self) -> pin.ReferenceFrame:
-        """Axes of the rows: those of the end-effector for ``pointing``, otherwise the inertial."""
-        return pin.LOCAL if self is Task.POINTING else pin.LOCAL_WORLD_ALIGNED
-
-    @property
-    def planar(self) -> bool:
-        """Whether the motion is confined to the x-y plane."""
-        return self in (Task.PLANAR_POSE, Task.PLANAR_POSITION)
-
-    @property
-    def prescribes_orientation(self) -> bool:
-        """Whether the orientation of the end-effector, or that of its z axis, is prescribed."""
-        return self in (Task.POSE, Task.POINTING, Task.PLANAR_POSE)
-
-
-_ROWS = {
-    Task.POSE: [0, 1, 2, 3, 4, 5],
-    Task.POINTING: [0, 1, 2, 3, 4],
-    Task.POSITION: [0, 1, 2],
-    Task.PLANAR_POSE: [0, 1, 5],
-    Task.PLANAR_POSITION: [0, 1],
-}
-
-
-def prescribed_rows(model: FreeFloatingModel, task: Task) -> list[int]:
-    """Rows of the twists of all end-effectors that follow paths, one after the other."""
-    arms = range(len(model.end_effector_links))
-    return [6 * arm + row for arm in arms for row in task.rows]
-
-
-def require_enough_joints(model: FreeFloatingModel, task: Task) -> None:
-    """Raise an InputError if a task prescribes more rates than an arm has joints."""
-    joints = min(arm.dof for arm in model.single_arms)
-    if len(task.rows) > joints:
-        feasible = [str(other) for other in Task if len(other.rows) <= joints]
-        raise InputError(
-            "task",
-            f"{task} prescribes {len(task.rows)} rates, the arm has {joints} joints",
-            ", ".join(feasible) or "a robot with more joints",
-        )
 
 
 def momentum_map(
@@ -114,15 +38,19 @@ def momentum_map(
 
     Returns:
         Shape (6, 6 + n). Its product with ``[base twist; joint rates]`` is the linear momentum
-        [N s] and the angular momentum about the centre of mass [N m s], inertial frame.
+        [N s] and the angular momentum about the centre of mass [N m s], inertial frame. The base
+        twist, ``[linear; angular]`` at the root link's origin, is in the spacecraft frame.
+
+    Raises:
+        InputError: If the joints are not those of the robot, or the attitude is no unit quaternion.
     """
-    q = np.concatenate([np.zeros(3), attitude, joints])
+    q = _configuration(model, joints, attitude)
     return np.array(pin.computeCentroidalMap(model.pin_model, model.scratch, q))
 
 
 def mass_matrix(model: FreeFloatingModel, joints: npt.ArrayLike) -> Array:
     """The mass matrix, base twist in the spacecraft frame first, shape (6 + n, 6 + n)."""
-    q = np.concatenate([np.zeros(3), _IDENTITY, joints])
+    q = _configuration(model, joints)
     upper = np.triu(pin.crba(model.pin_model, model.scratch, q))
     return np.asarray(upper + np.triu(upper, 1).T)
 
@@ -132,11 +60,20 @@ def end_effector_jacobian(
 ) -> Array:
     """Jacobian of the end-effector with respect to base and joints.
 
+    Args:
+        model: Robot.
+        joints: Joint values, shape (n,).
+        attitude: Unit quaternion x, y, z, w; at the identity the rows are in the spacecraft frame.
+
     Returns:
         Shape (6, 6 + n). Its product with ``[base twist; joint rates]`` is the end-effector twist
-        [m/s; rad/s] in the inertial frame, at the identity attitude also the spacecraft frame.
+        [m/s; rad/s] in the inertial frame. The base twist, ``[linear; angular]`` at the root link's
+        origin, is in the spacecraft frame.
+
+    Raises:
+        InputError: If the joints are not those of the robot, or the attitude is no unit quaternion.
     """
-    q = np.concatenate([np.zeros(3), attitude, joints])
+    q = _configuration(model, joints, attitude)
     return np.array(
         pin.computeFrameJacobian(
             model.pin_model, model.scratch, q, model.frame_id, pin.LOCAL_WORLD_ALIGNED
@@ -151,12 +88,17 @@ def inertia_matrices(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[A
 
     Returns:
         ``D`` of shape (3, 3) and ``Dq`` of shape (3, n) [kg m²].
+
+    Raises:
+        InputError: If the joints are not those of the robot.
     """
     A_G = momentum_map(model, joints)
     return A_G[3:, 3:6], A_G[3:, 6:]
 
 
-def system_matrix(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = Task.POSE) -> Array:
+def system_matrix(
+    model: FreeFloatingModel, joints: npt.ArrayLike, task: Task | str = Task.POSE
+) -> Array:
     """The matrix A of (5), which maps the rates to angular momentum and end-effector twist.
 
     Rows: angular momentum about the centre of mass, then the task's rows of the end-effector twist.
@@ -170,11 +112,16 @@ def system_matrix(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = 
     Args:
         model: Robot.
         joints: Joint values, shape (n,) or (K, n).
-        task: Part of the end-effector's motion that is prescribed.
+        task: Task or its value, such as ``"position"``.
 
     Returns:
         Shape (3 + m, 3 + n), for planar tasks (1 + m, 1 + n); (K, ...) for a stack of joints.
+
+    Raises:
+        InputError: If there is no such task, it is planar and the robot does not stay in the plane,
+            or the joints are not those of the robot.
     """
+    task = applicable(model, task)
     A_G, J = _stacked(lambda q: _maps(model, q, task), joints)
     J = J[..., prescribed_rows(model, task), :]
     J = J[..., 3:] - J[..., :3] @ (A_G[..., :3, 3:] / model.total_mass)
@@ -183,9 +130,16 @@ def system_matrix(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = 
 
 
 def system_matrix_derivative(
-    model: FreeFloatingModel, joints: npt.ArrayLike, rates: npt.ArrayLike, task: Task = Task.POSE
+    model: FreeFloatingModel,
+    joints: npt.ArrayLike,
+    rates: npt.ArrayLike,
+    task: Task | str = Task.POSE,
 ) -> Array:
     """Time derivative of :func:`system_matrix` at joint rates of the shape of the joints."""
+    task = applicable(model, task)
+    if np.shape(rates) != np.shape(joints):
+        problem = f"shape {np.shape(rates)} was given"
+        raise InputError("rates", problem, f"the shape of the joints, {np.shape(joints)}")
     A_G, J, dA_G, dJ = _stacked(lambda q, v: _map_derivatives(model, q, v, task), joints, rates)
     mass = model.total_mass
     rows = prescribed_rows(model, task)
@@ -212,7 +166,8 @@ def generalized_jacobian(
         those of one arm after the other.
 
     Raises:
-        InputError: If there is no such task, or the joints are not those of the robot.
+        InputError: If there is no such task, it is planar and the robot does not stay in the plane,
+            or the joints are not those of the robot.
 
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
@@ -220,18 +175,8 @@ def generalized_jacobian(
         array([[-0.772 , -0.8337],
                [ 0.2823, -0.0525]])
     """
-    task = task if isinstance(task, Task) else Task.of(task)
-    try:
-        A_G, J = _maps(model, joints, task)
-    except (AttributeError, TypeError, ValueError):  # checked on failure: valid calls pay nothing
-        require_type("model", model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
-        if isinstance(joints, Mapping):
-            kind = type(joints).__name__
-            raise InputError(
-                "joints", f"{kind} was given", "model.joint_vector(...) of it"
-            ) from None
-        model.joint_vector(joints)
-        raise
+    task = applicable(model, task)
+    A_G, J = _maps(model, joints, task)
     A_G = np.asfortranarray(A_G)  # solved in place
     _, _, base, singular = dgesv(A_G[:, :6], A_G[:, 6:], 1, 1)
     if singular:
@@ -241,18 +186,38 @@ def generalized_jacobian(
 
 
 def generalized_determinant(
-    model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = Task.POSE
+    model: FreeFloatingModel, joints: npt.ArrayLike, task: Task | str = Task.POSE
 ) -> float:
     """Det S* of (6) for arms with as many joints as task rows, without forming S*.
 
     It is the determinant of the momentum and end-effector rows over all rates, divided by that of
     the momentum matrix's base block: the total mass cubed times det D.
+
+    Raises:
+        InputError: As :func:`generalized_jacobian`; if the arm has more or fewer joints.
     """
+    task = applicable(model, task)
+    rows = prescribed_rows(model, task)
+    if len(rows) != model.arm_dof:
+        raise InputError(
+            "task",
+            f"{task} prescribes {len(rows)} rates, the arm has {model.arm_dof} joints",
+            "as many joints as rates; for redundant arms singularity_measure(model, task, 'gjm')",
+        )
     A_G, J = _maps(model, joints, task)
-    M = np.vstack([A_G, J[prescribed_rows(model, task)]])
+    M = np.vstack([A_G, J[rows]])
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = A_G[3:, 3:6].tolist()  # D
     det_D = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
     return determinant(M) / float(model.total_mass**3 * det_D)
+
+
+def _configuration(
+    model: FreeFloatingModel, joints: npt.ArrayLike, attitude: npt.ArrayLike = _IDENTITY
+) -> Array:
+    """Pinocchio's configuration vector with the root link at the inertial frame's origin."""
+    require_type("model", model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
+    base = _BASE if attitude is _IDENTITY else base_pose(attitude)
+    return finite_after(base, "joints", joints, model.dof)
 
 
 def _maps(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task) -> tuple[Array, Array]:
@@ -262,7 +227,7 @@ def _maps(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task) -> tuple[
     these are stacked, shape (6 times their number, 6 + n).
     """
     robot, data, axes = model.pin_model, model.scratch, task.reference_frame
-    A_G = pin.computeCentroidalMap(robot, data, np.concatenate((_BASE, joints)))
+    A_G = pin.computeCentroidalMap(robot, data, _configuration(model, joints))
     J = pin.getFrameJacobian(robot, data, model.frame_id, axes)
     if model.path_arms:
         others = [pin.getFrameJacobian(robot, data, frame, axes) for frame in model.frame_ids[1:]]
@@ -277,7 +242,7 @@ def _map_derivatives(
 ) -> tuple[Array, Array, Array, Array]:
     """The matrices of :func:`_maps` and their time derivatives."""
     robot, data = model.pin_model, model.scratch
-    q, v = np.concatenate((_BASE, joints)), np.concatenate((np.zeros(6), rates))
+    q, v = _configuration(model, joints), finite_after(np.zeros(6), "rates", rates, model.dof)
     columns = slice(6 + model.arm_dof)
     dJ = np.vstack([
         pin.frameJacobianTimeVariation(robot, data, q, v, frame, task.reference_frame)
@@ -295,10 +260,13 @@ def _stacked(
     function: Callable[..., tuple[Array, ...]], *vectors: npt.ArrayLike
 ) -> tuple[Array, ...]:
     """Matrices that are functions of vectors (n,), or stacks of them for vectors (K, n)."""
-    if np.ndim(vectors[0]) == 1:
+    if np.ndim(vectors[0]) != 2:
         return function(*vectors)
-    each = [[M.copy() for M in function(*row)] for row in zip(*vectors, strict=True)]
-    return tuple(np.array(matrices) for matrices in zip(*each, strict=True))
+    rows: list[Any] = [*zip(*vectors, strict=True)]
+    count = len(rows)
+    rows = rows or [[np.zeros(np.shape(vector)[1]) for vector in vectors]]  # gives the shapes
+    each = [[M.copy() for M in function(*row)] for row in rows]
+    return tuple(np.array(matrices)[:count] for matrices in zip(*each, strict=True))
 
 
 def determinant(M: Array) -> float:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.dynamics.momentum import Task, prescribed_rows
+from freefloat.dynamics.tasks import Task, prescribed_rows
 from freefloat.errors import InputError, did_you_mean, finite_number, member, require_type
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array

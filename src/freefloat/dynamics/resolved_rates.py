@@ -41,7 +41,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg.lapack import dgeqrf, dgesv, dorgqr, dtrtrs
 
-from freefloat.dynamics.momentum import Task, mass_matrix, prescribed_rows, require_enough_joints
+from freefloat.dynamics.momentum import mass_matrix
 from freefloat.dynamics.redundancy import (
     DAMPED_BELOW,
     NEARLY_DEPENDENT,
@@ -52,6 +52,7 @@ from freefloat.dynamics.redundancy import (
     range_centres,
 )
 from freefloat.dynamics.system import System
+from freefloat.dynamics.tasks import Task, prescribed_rows, require_task
 from freefloat.so3 import Array
 
 
@@ -61,24 +62,23 @@ class ResolvedRateSolver:
     def __init__(
         self,
         system: System,
-        task: Task,
+        task: Task | str,
         redundancy: Redundancy | None = None,
     ) -> None:
         """Prepare the equation, with a row for the rate of each joint of further arms that move.
 
         Args:
             system: Robot, momentum and wheels.
-            task: Part of the end-effector's motion that is prescribed.
+            task: Task or its value, such as ``"position"``.
             redundancy: Null-space motion of a redundant arm; minimum-norm rates when left out.
 
         Raises:
-            InputError: If the task has more rows than the arm has joints, or the redundancy does
-                not apply to the arm.
+            InputError: If the robot cannot have the task, or the redundancy does not apply to it.
         """
         model = system.model
+        task = require_task(model, task)
         self._rows = prescribed_rows(model, task)
         m, n, k = len(self._rows), model.dof, model.dof - model.arm_dof
-        require_enough_joints(model, task)
         if redundancy is not None:
             redundancy.require_applicable(model, task)
         self._model, self._planar = model, task.planar

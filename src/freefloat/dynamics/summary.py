@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.joint_space import Extremes, joint_space_extremes
 from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
-from freefloat.dynamics.momentum import Task, prescribed_rows
+from freefloat.dynamics.tasks import Task, prescribed_rows, stays_in_plane
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.robot.description import Severity, UrdfDiagnostic
@@ -185,10 +185,8 @@ class RobotSummary:
 
 def natural_task(model: FreeFloatingModel) -> Task:
     """The task with the most rows that an arm can do without a chosen axis, planar if it is."""
-    planar, others = (
-        VirtualManipulator.of(model.with_arms_at_zero).is_planar,
-        set(Task) - {Task.POINTING},
-    )
+    planar, others = stays_in_plane(model), set(Task) - {Task.POINTING}
     joints = min(arm.dof for arm in model.single_arms)
     tasks = [task for task in others if task.planar is planar and len(task.rows) <= joints]
-    return max(tasks, key=lambda task: len(task.rows), default=Task.PLANAR_POSITION)
+    fewest = Task.PLANAR_POSITION if planar else Task.POSITION
+    return max(tasks, key=lambda task: len(task.rows), default=fewest)

@@ -15,7 +15,6 @@ from freefloat.dynamics.link_frames import (
     link_frames,
 )
 from freefloat.dynamics.measures import NAMES, unit_of_length
-from freefloat.dynamics.momentum import Task, prescribed_rows
 from freefloat.dynamics.redundancy import (
     DAMPED_BELOW,
     Metric,
@@ -24,6 +23,7 @@ from freefloat.dynamics.redundancy import (
     range_centres,
     singular_speed,
 )
+from freefloat.dynamics.tasks import Task, prescribed_rows
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.arm_moments import NO_ARMS, kernel_arms
 from freefloat.ensemble.kernels.cones import AXIS, ORIGIN, TARGET

@@ -6,7 +6,7 @@ import numpy as np
 
 from freefloat.dynamics.link_frames import link_frames
 from freefloat.dynamics.measures import SingularityMeasure
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.ensemble.arrays import kernel_robot
 from freefloat.ensemble.kernels.commands import measure_all
 from freefloat.ensemble.kernels.records import make_workspace

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.ik.chain import CONVERGED, EXACT, Chain
 from freefloat.ik.numeric import Effort, newton
 from freefloat.ik.vectors import cross, dot, norm, product, rotated, times

@@ -15,7 +15,7 @@ import numpy as np
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
-from freefloat.dynamics.momentum import Task, prescribed_rows
+from freefloat.dynamics.tasks import Task, prescribed_rows
 from freefloat.dynamics.virtual_manipulator import first_moment
 from freefloat.errors import InputError
 from freefloat.ik.branches import ClosedForm, closed_form

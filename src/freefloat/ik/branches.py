@@ -19,7 +19,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task, require_task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.analytic import solve_elbow_and_wrist, solve_planar_elbow
 from freefloat.ik.chain import Chain
@@ -128,17 +128,21 @@ def closed_form(model: FreeFloatingModel, task: Task) -> ClosedForm | None:
     return None
 
 
-def arm_branches(model: FreeFloatingModel, target: Pose, task: Task) -> tuple[ArmBranch, ...]:
+def arm_branches(model: FreeFloatingModel, target: Pose, task: Task | str) -> tuple[ArmBranch, ...]:
     """All arm branches at an end-effector pose.
 
     Args:
         model: Robot.
         target: End-effector pose from the system's centre of mass, spacecraft frame.
-        task: Part of the pose that is prescribed.
+        task: Task or its value, such as ``"position"``: what of the pose is prescribed.
 
     Returns:
         The branches; none where the pose is out of reach. Joint ranges are not enforced.
+
+    Raises:
+        InputError: If the robot cannot have the task.
     """
+    task = require_task(model, task)
     return many_arm_branches(model, target.position[None], target.rotation[None], task)[0]
 
 

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.ik.chain import SAME, Chain
 from freefloat.ik.numeric import APPROACH, approached, many_solutions, newton, refined_solutions
 from freefloat.ik.pose_table import PoseTable, sampled_box

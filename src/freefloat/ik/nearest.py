@@ -8,7 +8,7 @@ from math import tau
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.ik.branches import ArmBranch, BranchSets, many_arm_branches
 from freefloat.ik.chain import Chain
 from freefloat.ik.numbering import MAX_BRANCHES

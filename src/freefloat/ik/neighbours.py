@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.ik.chain import CONVERGED, Chain, damped_step, task_rows
 from freefloat.ik.vectors import rotation_vector, tilt
 from freefloat.so3 import Array, BoolArray

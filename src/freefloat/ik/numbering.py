@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.ik.chain import Chain, Kinematics, task_rows
 from freefloat.ik.vectors import cross, dot
 from freefloat.so3 import Array, IntArray

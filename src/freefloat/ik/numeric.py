@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.ik.chain import CONVERGED, EXACT, Chain, Kinematics, damped_step, task_rows
 from freefloat.ik.vectors import rotation_vector, tilt
 from freefloat.so3 import Array

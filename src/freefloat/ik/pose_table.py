@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.chain import Chain, axis_frame
 from freefloat.ik.vectors import cross, dot, product, times, wrapped

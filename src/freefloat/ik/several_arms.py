@@ -14,7 +14,7 @@ from itertools import product
 
 import numpy as np
 
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.ik.arm_group import ArmGroup
 from freefloat.ik.branches import BranchSets, ClosedForm, many_arm_branches
 from freefloat.ik.numbering import numbered_branches

@@ -16,7 +16,8 @@ import numpy.typing as npt
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from freefloat.dynamics.momentum import Task, end_effector_jacobian, momentum_map
+from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
+from freefloat.dynamics.tasks import Task
 from freefloat.errors import UnreachableError
 from freefloat.ik.branches import ArmBranch
 from freefloat.motion.integration import integrate_motion

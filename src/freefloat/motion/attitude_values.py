@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError, finite_number
 from freefloat.so3 import Array, frozen, heading_quaternion, unit_quaternion
 

@@ -16,8 +16,9 @@ import numpy.typing as npt
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
-from freefloat.dynamics.momentum import Task, generalized_determinant, generalized_jacobian
+from freefloat.dynamics.momentum import generalized_determinant, generalized_jacobian
 from freefloat.dynamics.redundancy import SINGULAR_SPEED, SPINNING_SPEED, Metric
+from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError, IntegrationError, finite_number
 from freefloat.motion.extrema import first_crossing
 from freefloat.motion.motion import Ending, Motion

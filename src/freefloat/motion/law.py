@@ -14,7 +14,7 @@ import numpy as np
 
 from freefloat.dynamics.base_rates import base_rates
 from freefloat.dynamics.inverse_dynamics import Effort, InverseDynamics
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.motion.joint_spline import JointSpline
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, Pose, rotated_in_body

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.attitude_grids import low_discrepancy
-from freefloat.dynamics.momentum import Task, momentum_map
 from freefloat.dynamics.system import System
+from freefloat.dynamics.tasks import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.paths.timing import TimedPath
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
 
@@ -29,32 +27,14 @@ def require_level(key: str, velocity: Array) -> None:
 
 
 def require_planar(system: System, path: TimedPath, task: Task) -> None:
-    """Raise an InputError unless a system and a path stay in the x-y plane."""
+    """Raise an InputError unless the momenta and a path of a planar robot stay in the x-y plane."""
     require_in_plane("momentum", system.momentum)
     require_in_plane("wheels.momentum", system.wheels)
     require_level("drift", system.drift)
-    if not stays_in_plane(system.model):
-        raise InputError(
-            "task",
-            f"{task}, but this robot does not stay in the x-y plane",
-            "pose, pointing or position; planar tasks require joint axes along z and a mass "
-            "distribution symmetric about z = 0",
-        )
     arms = [VirtualManipulator.of(arm) for arm in system.model.single_arms]
     keys = ["path", *(f"robot.arms.{name}.law.path" for name in path.arms)]
     for key, arm, own in zip(keys, arms, path.every, strict=True):
         _require_level_path(key, arm, own, task)
-
-
-def stays_in_plane(model: FreeFloatingModel) -> bool:
-    """Whether no motion of the joints moves a body out of its plane parallel to x and y."""
-    if not all(VirtualManipulator.of(arm).is_planar for arm in model.single_arms):
-        return False
-    for fraction in low_discrepancy(4, model.dof):
-        A_G = momentum_map(model, 2.0 * np.pi * fraction)
-        if np.abs(A_G[3:5, 5:]).max() > 1e-9 * np.abs(A_G[3:, 3:]).max():
-            return False
-    return True
 
 
 def _require_level_path(key: str, virtual: VirtualManipulator, path: TimedPath, task: Task) -> None:

@@ -11,14 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.momentum import (
-    Task,
-    prescribed_rows,
-    require_enough_joints,
-)
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.system import System
+from freefloat.dynamics.tasks import Task, prescribed_rows, require_task
 from freefloat.dynamics.virtual_manipulator import reach_bound
 from freefloat.errors import InputError, require_type
 from freefloat.ik.branches import ArmBranch, BranchSets, arm_branches, many_arm_branches
@@ -100,10 +96,9 @@ class Problem:
             raise InputError("path", "its length is zero", "a path that moves or rotates")
         accepted = "Margin(singularity_measure(model, task, name), threshold)"
         require_type("margin", self.margin, Margin, accepted)
-        object.__setattr__(self, "task", Task.of(self.task))
         object.__setattr__(self, "momentum", self.system.momentum)
         object.__setattr__(self, "wheel_momentum", self.system.wheels)
-        require_enough_joints(self.model, self.task)
+        object.__setattr__(self, "task", require_task(self.model, self.task))
         require_type("arms", self.arms, ArmCurves, "ArmCurves({name: ArmCurve(...)})")
         self.arms.require_applicable(self.model, self.path.duration)
         self._require_paths()

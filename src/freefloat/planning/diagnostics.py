@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.ensemble.endings import COMPLETED, LIMITED, SINGULAR
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem

@@ -17,6 +17,7 @@ from freefloat.errors import InputError, ModelError, finite_vector, require_type
 from freefloat.robot.assembly import assemble, end_effector_link, scaled
 from freefloat.robot.bundled import find_robot
 from freefloat.robot.description import Joint, RobotDescription, UrdfDiagnostic
+from freefloat.robot.joint_values import base_pose, finite_after
 from freefloat.robot.parts import Attachment, Payload, Spacecraft
 from freefloat.robot.rigid_bodies import (
     Body,
@@ -44,8 +45,8 @@ class FreeFloatingModel:
     The joints between the spacecraft and the end-effector move, except those that are fixed by
     name, and those of further arms that are named; all other joints of the robot are fixed. Joint
     vectors list the moving joints from the spacecraft to the end-effector, then those of the
-    further arms, arms that follow paths first, see :attr:`joint_names`. Methods do not check
-    attitudes, which are unit quaternions, and joints: they are called thousands of times.
+    further arms, arms that follow paths first, see :attr:`joint_names`. Methods refuse other
+    attitudes than unit quaternions and other joint values than ``dof`` finite numbers.
 
     Attributes:
         description: The valid URDF.
@@ -346,8 +347,12 @@ class FreeFloatingModel:
 
         Returns:
             ``[base position, base quaternion, joints]``, shape (7 + n,).
+
+        Raises:
+            InputError: If the attitude is no unit quaternion, or the joints are not as many finite
+                numbers as move.
         """
-        q = np.concatenate([np.zeros(3), attitude, joints])
+        q = finite_after(base_pose(attitude), "joints", joints, self.dof)
         q[:3] = -pin.centerOfMass(self.pin_model, self.scratch, q)
         return q
 

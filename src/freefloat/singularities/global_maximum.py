@@ -8,7 +8,7 @@ import numpy as np
 
 from freefloat.dynamics.joint_space import joint_space_extremes
 from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.singularities.joint_polynomial import JointPolynomial
 from freefloat.singularities.singularity_polynomial import (

@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import chebyshev
 
-from freefloat.dynamics.joint_space import configurations
 from freefloat.errors import InputError
+from freefloat.robot.joint_values import configurations
 from freefloat.so3 import Array, IntArray
 
 _ROUNDINGS, _EPSILON = 10.0, 1e-15

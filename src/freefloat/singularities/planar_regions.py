@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from contourpy import contour_generator
 
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.branches import ClosedForm, closed_form
 from freefloat.motion.problem import Problem

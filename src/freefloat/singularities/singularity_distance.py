@@ -17,7 +17,8 @@ import numpy.typing as npt
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.measures import unit_factors
-from freefloat.dynamics.momentum import Task, generalized_jacobian
+from freefloat.dynamics.momentum import generalized_jacobian
+from freefloat.dynamics.tasks import Task, require_task
 from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.singularities.global_maximum import halved
@@ -97,7 +98,7 @@ def distance_to_singularity(
         >>> print(f"{found.lower_bound:.3f} {found.distance:.3f} {found.joints.round(3)}")
         0.598 0.599 [0.432 0.116]
     """
-    task = Task.of(task)
+    task = require_task(model, task)
     model.require_one_arm("distances to singularities")
     q = model.joint_vector(joints)
     R = rotation_matrix(unit_quaternion("attitude", attitude))

@@ -22,9 +22,9 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.concurrency import Progress
-from freefloat.dynamics.joint_space import configurations
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task, require_task
 from freefloat.errors import InputError, finite_number
+from freefloat.robot.joint_values import configurations
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.singularities.global_maximum import halved, whole_joint_space
 from freefloat.singularities.joint_polynomial import JointPolynomial
@@ -204,7 +204,7 @@ def singularity_map(
         >>> bool(free > 0.99)
         True
     """
-    task = Task.of(task)
+    task = require_task(model, task)
     model.require_one_arm("maps of the joint space")
     values = dict(fixed or {})
     if model.dof > len(task.rows) and model.dof - len(values) > _MOST_JOINTS:

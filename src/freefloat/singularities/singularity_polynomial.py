@@ -14,7 +14,8 @@ import numpy as np
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
-from freefloat.dynamics.momentum import Task, require_enough_joints, system_matrix
+from freefloat.dynamics.momentum import system_matrix
+from freefloat.dynamics.tasks import Task, require_task
 from freefloat.errors import InputError, finite_number
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.singularities.joint_polynomial import JointBasis, JointPolynomial, along
@@ -69,13 +70,13 @@ class SingularityPolynomial(JointPolynomial):
                 others.
 
         Raises:
-            InputError: If there is no such task or joint, the arm has too few joints, a prismatic
-                joint has no finite range, or a joint is fixed outside of it; if det A vanishes
-                everywhere, has more than five million coefficients or cannot be represented.
+            InputError: If there is no such task or joint, or the robot cannot have the task; if a
+                prismatic joint has no finite range, or a joint is fixed outside of it; if det A
+                vanishes everywhere, has more than five million coefficients or cannot be
+                represented.
         """
-        task = Task.of(task)
+        task = require_task(model, task)
         model.require_one_arm("polynomials of the joints")
-        require_enough_joints(model, task)
         values = dict(_fixed_joint(model, *pair) for pair in (fixed or {}).items())
         _require_freedom(model, task, values)
         found = fitted(lambda q: determinants(model, q, task), model, values)

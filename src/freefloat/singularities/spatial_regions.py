@@ -7,7 +7,7 @@ import numpy as np
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_space_extremes
 from freefloat.dynamics.measures import plane_axes, singularity_measure
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem

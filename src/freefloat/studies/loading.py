@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from pathlib import Path
 
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError
 from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.io.scenario.yaml import parse_yaml, read_text, validated

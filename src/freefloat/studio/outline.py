@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.io.scenario.arms_section import paths_of_arms
 from freefloat.io.scenario.path_schema import PathSection
 from freefloat.io.scenario.path_section import frame_of

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.ensemble.rate_commands import RateCommands
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem

@@ -11,8 +11,8 @@ from typing import Any, cast
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.summary import frames_at
+from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError
 from freefloat.io.scenario.orientation_section import quaternion_of, rotation_of
 from freefloat.io.scenario.path_schema import (

@@ -9,7 +9,7 @@ from typing import Any, Literal, cast
 import numpy as np
 from pydantic import model_validator
 
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError
 from freefloat.io.scenario.field_types import (
     Inertia,

@@ -11,15 +11,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.system import System
+from freefloat.dynamics.tasks import Task, stays_in_plane
 from freefloat.errors import InputError
 from freefloat.limits.contact import Contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
-from freefloat.motion.planar_requirements import stays_in_plane
 from freefloat.motion.problem import Problem
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation

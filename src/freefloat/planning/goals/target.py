@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.momentum import Task, system_matrix
+from freefloat.dynamics.momentum import system_matrix
+from freefloat.dynamics.tasks import Task
 from freefloat.motion.problem import Problem
 from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, Pose, rotation_vector_between

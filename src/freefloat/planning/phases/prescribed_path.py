@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.relative_path import RelativePath

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.optimize import root
 
 from freefloat.attitude_grids import low_discrepancy
-from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.tasks import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.motion.extrema import closest_approach

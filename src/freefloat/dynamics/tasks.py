@@ -1,0 +1,129 @@
+"""Tasks: what of the end-effector's motion is prescribed, and what that requires of a robot."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from functools import lru_cache
+
+import numpy as np
+import pinocchio as pin
+
+from freefloat.attitude_grids import low_discrepancy
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.errors import InputError, member, require_type
+from freefloat.robot.model import FreeFloatingModel
+
+
+class Task(StrEnum):
+    """Part of the end-effector's motion that is prescribed.
+
+    Pointing prescribes the position and the direction of the end-effector's z axis; the rotation
+    about that axis, the roll, is free. The planar tasks belong to arms that move in the x-y plane
+    of the inertial frame, with the spacecraft rotating about z.
+
+    Example:
+        >>> ff.Task("planar-position").rows
+        [0, 1]
+    """
+
+    POSE = "pose"
+    POINTING = "pointing"
+    POSITION = "position"
+    PLANAR_POSE = "planar-pose"
+    PLANAR_POSITION = "planar-position"
+
+    @classmethod
+    def of(cls, task: Task | str) -> Task:
+        """The task with a value such as ``"position"``; a task itself is returned unchanged.
+
+        Raises:
+            InputError: If there is no such task.
+        """
+        return member("task", cls, task)
+
+    @property
+    def rows(self) -> list[int]:
+        """Rows of the end-effector twist ``[linear; angular]`` that are prescribed.
+
+        Those of ``pointing`` belong to the twist in the axes of the end-effector.
+        """
+        return _ROWS[self]
+
+    @property
+    def reference_frame(self) -> pin.ReferenceFrame:
+        """Axes of the rows: those of the end-effector for ``pointing``, otherwise the inertial."""
+        return pin.LOCAL if self is Task.POINTING else pin.LOCAL_WORLD_ALIGNED
+
+    @property
+    def planar(self) -> bool:
+        """Whether the motion is confined to the x-y plane."""
+        return self.startswith("planar-")
+
+    @property
+    def prescribes_orientation(self) -> bool:
+        """Whether the orientation of the end-effector, or that of its z axis, is prescribed."""
+        return self in (Task.POSE, Task.POINTING, Task.PLANAR_POSE)
+
+
+_UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+_ROWS = {
+    Task.POSE: [0, 1, 2, 3, 4, 5],
+    Task.POINTING: [0, 1, 2, 3, 4],
+    Task.POSITION: [0, 1, 2],
+    Task.PLANAR_POSE: [0, 1, 5],
+    Task.PLANAR_POSITION: [0, 1],
+}
+
+
+def prescribed_rows(model: FreeFloatingModel, task: Task) -> list[int]:
+    """Rows of the twists of all end-effectors that follow paths, one after the other."""
+    arms = range(len(model.end_effector_links))
+    return [6 * arm + row for arm in arms for row in task.rows]
+
+
+def applicable(model: FreeFloatingModel, task: Task | str) -> Task:
+    """The task, which may be given by its value; an InputError if a robot cannot have it."""
+    require_type("model", model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
+    task = task if isinstance(task, Task) else Task.of(task)
+    if task.planar and not stays_in_plane(model):
+        spatial = [other for other in Task if not other.planar]
+        raise InputError(
+            "task",
+            f"{task}, but this robot does not stay in the x-y plane",
+            f"{_feasible(model, spatial)}; planar tasks require joint axes along z and a mass "
+            "distribution symmetric about z = 0",
+        )
+    return task
+
+
+def require_task(model: FreeFloatingModel, task: Task | str) -> Task:
+    """The applicable task; an InputError if it prescribes more rates than an arm has joints."""
+    task = applicable(model, task)
+    joints = min(arm.dof for arm in model.single_arms)
+    if len(task.rows) > joints:
+        raise InputError(
+            "task",
+            f"{task} prescribes {len(task.rows)} rates, the arm has {joints} joints",
+            _feasible(model, list(Task)),
+        )
+    return task
+
+
+def _feasible(model: FreeFloatingModel, tasks: list[Task]) -> str:
+    """Those of some tasks for which every arm has enough joints, as words of a message."""
+    joints = min(arm.dof for arm in model.single_arms)
+    names = [str(task) for task in tasks if len(task.rows) <= joints]
+    return ", ".join(names) or "a robot with more joints"
+
+
+@lru_cache(maxsize=16)
+def stays_in_plane(model: FreeFloatingModel) -> bool:
+    """Whether no motion of the joints moves a body out of its plane parallel to x and y."""
+    if not all(VirtualManipulator.of(arm).is_planar for arm in model.single_arms):
+        return False
+    for fraction in low_discrepancy(4, model.dof):
+        q = model.configuration(_UPRIGHT, 2.0 * np.pi * fraction)
+        A_G = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
+        if np.abs(A_G[3:5, 5:]).max() > 1e-9 * np.abs(A_G[3:, 3:]).max():
+            return False
+    return True

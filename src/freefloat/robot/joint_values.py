@@ -1,0 +1,58 @@
+"""Joint values as arrays, checked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.errors import InputError, finite_vector
+from freefloat.so3 import Array, unit_quaternion
+
+_ORIGIN = np.zeros(3)
+_ROUNDING = 1e-9
+"""Deviation of the square of a unit quaternion's norm from one."""
+
+
+def finite_after(head: Array, key: str, values: npt.ArrayLike, count: int) -> Array:
+    """Numbers followed by ``count`` values, as one vector; valid values cost a microsecond.
+
+    Raises:
+        InputError: Naming ``key``, unless the values are so many finite numbers.
+    """
+    try:
+        vector: Array = np.concatenate((head, values))
+        if len(vector) == len(head) + count and math.isfinite(vector.dot(vector)):
+            return vector
+    except (TypeError, ValueError):
+        pass
+    if isinstance(values, Mapping):
+        problem, accepted = f"{type(values).__name__} was given", "model.joint_vector(...) of it"
+        raise InputError(key, problem, accepted)
+    return np.concatenate((head, finite_vector(key, values, count)))
+
+
+def configurations(joints: npt.ArrayLike, n: int) -> Array:
+    """Joint values as an array of shape (K, n); one configuration (n,) is a row.
+
+    Raises:
+        InputError: If the shape is another one, or a value is not finite.
+    """
+    q = np.atleast_2d(np.asarray(joints, dtype=float))
+    if q.ndim != 2 or q.shape[1] != n or not np.isfinite(q).all():
+        raise InputError("joints", f"shape {np.shape(joints)} was given", f"finite, shape (K, {n})")
+    return q
+
+
+def base_pose(attitude: npt.ArrayLike) -> Array:
+    """A base at the origin with an attitude, x, y, z and the unit quaternion, shape (7,).
+
+    Raises:
+        InputError: See :func:`~freefloat.so3.unit_quaternion`.
+    """
+    pose = finite_after(_ORIGIN, "attitude", attitude, 4)
+    if abs(pose.dot(pose) - 1.0) > _ROUNDING:
+        pose[3:] = unit_quaternion("attitude", attitude)
+    return pose
