@@ -200,10 +200,15 @@ def _determinants(arm: PlanarArm, axis: Array) -> Array:
 
 def _on_grid(function: Callable[[Array], Array], axis: Array) -> Array:
     """A trigonometric polynomial of degree 2 in q1 and q2 at all pairs of angles of an axis."""
+    waves = np.exp(1j * np.multiply.outer(axis, np.fft.fftfreq(5, 0.2)))
+    return np.asarray((waves @ harmonics(function) @ waves.T).real)
+
+
+def harmonics(function: Callable[[Array], Array]) -> Complex:
+    """Coefficients of such a polynomial, those of q2 along the rows, in NumPy's order, (5, 5)."""
     angles = np.arange(5) * (2.0 * np.pi / 5)
     samples = function(np.stack(np.meshgrid(angles, angles), axis=-1))
-    harmonics = np.exp(1j * np.multiply.outer(axis, np.fft.fftfreq(5, 0.2)))
-    return np.asarray((harmonics @ np.fft.fft2(samples, norm="forward") @ harmonics.T).real)
+    return np.asarray(np.fft.fft2(samples, norm="forward"))
 
 
 def _polished(arm: PlanarArm, joints: Array, level: Array) -> Array:

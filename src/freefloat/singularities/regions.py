@@ -19,6 +19,7 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.singularities.certified_areas import certified_areas
+from freefloat.singularities.curve_radii import covered_radii
 from freefloat.singularities.planar_regions import (
     Interval,
     PlanarArm,
@@ -134,8 +135,7 @@ def exact_workspace(problem: Problem) -> Workspace | None:
         offset = wrist_in_tool(virtual)
     else:
         return None
-    dependent = merged([(float(c.radii.min()), float(c.radii.max()))
-                        for c in margin_curves(arm, 0.0)])  # fmt: skip
+    dependent = merged(covered_radii(arm, margin_curves(arm, 0.0)))
     measure = singularity_measure(problem.model, problem.task, name)
     extremes = joint_space_extremes(problem.model, measure)
     return Workspace(
