@@ -32,7 +32,7 @@ from threading import RLock
 
 __version__ = "0.3.0"
 
-_LISTED = Path(__file__).with_suffix(".pyi").read_text("utf-8")
+_LISTED = Path(__file__).with_suffix(".pyi").read_text("utf-8").partition("# Modules")[0]
 _MODULES = {name: module for module, name in re.findall(r"^from (\S+) import (\w+)", _LISTED, re.M)}
 __all__ = sorted(_MODULES)
 _importing = RLock()

@@ -1,5 +1,8 @@
+__version__: str
+
 # The robot
 from .robot.model import FreeFloatingModel as FreeFloatingModel
+from .robot.parts import Mount as Mount
 from .robot.parts import Payload as Payload
 from .robot.parts import Spacecraft as Spacecraft
 from .robot.source import RobotSource as RobotSource
@@ -81,3 +84,8 @@ from .studies.runner import run_study as run_study
 # Errors
 from .errors import FreeFloatError as FreeFloatError
 from .errors import InputError as InputError
+
+# Modules, imported on first use as well
+from . import attitude_grids as attitude_grids
+from . import errors as errors
+from . import so3 as so3

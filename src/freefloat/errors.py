@@ -203,7 +203,7 @@ def finite_vector(key: str, values: npt.ArrayLike, length: int) -> npt.NDArray[n
     """The values as an array of ``length`` finite numbers; else an InputError."""
     import numpy as np
 
-    accepted = f"{length} finite numbers"
+    accepted = "1 finite number" if length == 1 else f"{length} finite numbers"
     array = number_array(key, values, accepted)
     if array.shape != (length,) or not np.isfinite(array).all():
         raise InputError(key, f"{array.tolist()} was given", accepted)

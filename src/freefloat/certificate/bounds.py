@@ -20,7 +20,7 @@ the middle: det (S* V)^2 <= det (S* S*^T), and no singular value of S* V is abov
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -57,7 +57,7 @@ class Bounds:
         intervals: Number of intervals of the proof.
     """
 
-    bounds: Mapping[str, float]
+    bounds: Mapping[str, float] = field(hash=False)
     intervals: int
 
 

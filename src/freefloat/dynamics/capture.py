@@ -37,13 +37,13 @@ class Client:
         name: Name of its link as a payload, with a number where the robot has one of this name.
 
     Example:
-        >>> grapple = ff.robot.parts.Mount([0.5, 0.0, 0.0])
+        >>> grapple = ff.Mount([0.5, 0.0, 0.0])
         >>> ff.Client(mass=100.0, inertia=[20.0, 20.0, 10.0], grapple=grapple).payload.mass
         100.0
     """
 
     mass: float
-    inertia: Array = field(repr=False)
+    inertia: Array
     grapple: Mount = field(default_factory=Mount)
     angular_velocity: Array = field(default_factory=zeros)
     velocity: Array = field(default_factory=zeros)

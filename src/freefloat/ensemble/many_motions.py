@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -33,21 +33,24 @@ class ManyMotions:
         upper: Largest joint values at the steps, shape (K, n).
     """
 
-    attitudes: Array = field(repr=False)
-    joints: Array = field(repr=False)
-    branches: IntArray = field(repr=False)
-    endings: npt.NDArray[np.int8] = field(repr=False)
-    ended_at: Array = field(repr=False)
-    minimum_margins: Array = field(repr=False)
-    minimum_times: Array = field(repr=False)
-    thresholds: Array = field(repr=False)
-    deciders: npt.NDArray[np.int8] = field(repr=False)
-    lower: Array = field(repr=False)
-    upper: Array = field(repr=False)
+    attitudes: Array
+    joints: Array
+    branches: IntArray
+    endings: npt.NDArray[np.int8]
+    ended_at: Array
+    minimum_margins: Array
+    minimum_times: Array
+    thresholds: Array
+    deciders: npt.NDArray[np.int8]
+    lower: Array
+    upper: Array
 
     def __post_init__(self) -> None:
         for array in vars(self).values():
             array.setflags(write=False)
+
+    def __repr__(self) -> str:
+        return f"ManyMotions({len(self)} motions, {np.count_nonzero(self.feasible)} feasible)"
 
     def __len__(self) -> int:
         return len(self.endings)

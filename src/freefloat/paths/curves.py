@@ -12,7 +12,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from bisect import bisect_right
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
 
@@ -81,7 +81,7 @@ class PolynomialCurve(Curve):
         coefficients: Lowest power first [m], shape (degree + 1, 3).
     """
 
-    coefficients: Array = field(repr=False)
+    coefficients: Array
 
     def __post_init__(self) -> None:
         accepted = "coefficients of x, y, z in one or more rows"
@@ -186,6 +186,9 @@ class SplineCurve(Curve):
         size = float(np.ptp(self.points, axis=0).max())
         third = 6.0 * self._spline.c[0]
         self.breaks = significant_breaks(self.knots, third, _NEGLIGIBLE * size)
+
+    def __repr__(self) -> str:
+        return f"SplineCurve({self.points!r}, {self.knots!r})"
 
     def __call__(self, s: float, order: int = 0) -> Array:
         """See :class:`Curve`."""

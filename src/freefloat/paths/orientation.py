@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Self
@@ -33,9 +33,9 @@ class OrientationLaw(Segmented, ABC):
     def rotation(self, s: float) -> Array:
         """End-effector axes in the inertial frame, shape (3, 3)."""
 
+    @abstractmethod
     def rate(self, s: float) -> Array:
-        """Angular velocity per unit of s [rad], inertial frame, shape (3,); zero by default."""
-        return np.zeros(3)
+        """Angular velocity per unit of s [rad], inertial frame, shape (3,)."""
 
     def rotated(self, rotation: Array) -> OrientationLaw:
         """The orientation in other axes; ``rotation`` (3, 3) rotates present vectors into them."""
@@ -70,7 +70,7 @@ class FixedOrientation(OrientationLaw):
             x, y, z, w; kept as axes.
     """
 
-    axes: Array = field(repr=False)
+    axes: Array
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axes", attitude_axes("axes", self.axes))
@@ -79,13 +79,22 @@ class FixedOrientation(OrientationLaw):
         """See :class:`OrientationLaw`."""
         return self.axes
 
+    def rate(self, s: float) -> Array:
+        """See :class:`OrientationLaw`."""
+        return np.zeros(3)
 
+
+@dataclass(frozen=True, eq=False)
 class FreeOrientation(OrientationLaw):
     """An orientation that is not prescribed, for position tasks; drawn as the inertial axes."""
 
     def rotation(self, s: float) -> Array:
         """See :class:`OrientationLaw`."""
         return np.eye(3)
+
+    def rate(self, s: float) -> Array:
+        """See :class:`OrientationLaw`."""
+        return np.zeros(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +107,8 @@ class SlerpOrientation(OrientationLaw):
         end: Orientation at s = 1, likewise.
     """
 
-    start: Array = field(repr=False)
-    end: Array = field(repr=False)
+    start: Array
+    end: Array
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "start", attitude_axes("start", self.start))

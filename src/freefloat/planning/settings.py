@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -63,7 +64,7 @@ class Search:
     seed: int = 0
     joints: Mapping[str, float] | npt.ArrayLike | None = None
     within: float | None = None
-    spare: float = np.radians(2.0)
+    spare: float = math.radians(2.0)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "objective", objective_of(self.objective))
@@ -71,7 +72,9 @@ class Search:
             samples = whole_number("search.samples", self.samples, FEWEST_SAMPLES)
             object.__setattr__(self, "samples", samples)
         object.__setattr__(self, "seed", seed_number("search.seed", self.seed))
-        finite_number("search.spare", self.spare, "an angle from 0 to pi / 2", 0.0, np.pi / 2.0)
+        accepted = "an angle from 0 to pi / 2"
+        spare = finite_number("search.spare", self.spare, accepted, 0.0, np.pi / 2.0)
+        object.__setattr__(self, "spare", spare)
         approaches = self.objective.approaches or self.objective.departs
         reason = f"objective {self.objective.name}" if approaches else None
         if self.from_attitude is not None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.errors import InputError, finite_vector, number_array, require_type
+from freefloat.errors import InputError, finite_number, finite_vector, number_array, require_type
 from freefloat.robot.bundled import is_file
 from freefloat.robot.description import rpy_rotation
 from freefloat.robot.plausibility import breaks_triangle
@@ -31,6 +31,10 @@ class Mount:
     Attributes:
         xyz: Position [m], shape (3,).
         rpy: Roll, pitch, yaw about the carrier's x, y, z axes in this order [rad], shape (3,).
+
+    Example:
+        >>> ff.Mount([0.0, 0.0, 1.0]).pose.position
+        array([0., 0., 1.])
     """
 
     xyz: Array = field(default_factory=zeros)
@@ -73,7 +77,7 @@ class Spacecraft:
     """
 
     mass: float
-    inertia: Array = field(repr=False)
+    inertia: Array
     mount: Mount = field(default_factory=Mount)
     size: Array | None = None
     mesh: Path | None = None
@@ -108,7 +112,7 @@ class Payload:
     """
 
     mass: float
-    inertia: Array = field(repr=False)
+    inertia: Array
     com: Array = field(default_factory=zeros)
     size: Array | None = None
     mesh: Path | None = None
@@ -143,9 +147,8 @@ class Attachment:
 
 def _check_body(name: str, body: Spacecraft | Payload) -> None:
     """Check the values of a rigid body and replace them by read-only arrays."""
-    mass = float(finite_vector(f"{name}.mass", [body.mass], 1)[0])
-    if mass <= 0.0:
-        raise InputError(f"{name}.mass", f"{mass:g} kg was given", "a positive mass [kg]")
+    smallest = float(np.finfo(float).tiny)
+    mass = finite_number(f"{name}.mass", body.mass, "a positive mass [kg]", smallest)
     values: dict[str, Any] = {
         "mass": mass,
         "inertia": inertia_matrix(f"{name}.inertia", body.inertia),

@@ -39,7 +39,7 @@ class RobotSource:
 
     urdf: str | Path
     root: str | None = None
-    packages: Mapping[str, str | Path] = field(default_factory=dict)
+    packages: Mapping[str, str | Path] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.urdf, os.PathLike):

@@ -33,7 +33,7 @@ class Combination:
         margin: Smallest margin; None if no run has one.
     """
 
-    parameters: dict[str, Any]
+    parameters: dict[str, Any] = field(hash=False)
     feasible: int
     runs: int
     margin: float | None
