@@ -46,6 +46,14 @@ def joint_space_extremes(
 
     The best of ``samples`` points of a low-discrepancy sequence are refined by a quasi-Newton
     method.
+
+    Args:
+        model: Robot.
+        function: Of joint values (n,), such as a singularity measure.
+        samples: Number of points.
+
+    Raises:
+        InputError: If a prismatic joint has no finite range.
     """
     points, _ = _sorted_samples(model, function, samples)
     smallest, smallest_at = _minimized(model, function, points[:_REFINED])

@@ -86,6 +86,10 @@ def inertia_matrices(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[A
 
     Both are about the system's centre of mass, in the spacecraft frame, at zero linear momentum.
 
+    Args:
+        model: Robot.
+        joints: Joint values, shape (n,).
+
     Returns:
         ``D`` of shape (3, 3) and ``Dq`` of shape (3, n) [kg m²].
 
@@ -135,7 +139,20 @@ def system_matrix_derivative(
     rates: npt.ArrayLike,
     task: Task | str = Task.POSE,
 ) -> Array:
-    """Time derivative of :func:`system_matrix` at joint rates of the shape of the joints."""
+    """Time derivative of :func:`system_matrix` while the joints move.
+
+    Args:
+        model: Robot.
+        joints: Joint values, shape (n,) or (K, n).
+        rates: Joint rates [rad/s or m/s], of the shape of the joints.
+        task: Task or its value, such as ``"position"``.
+
+    Returns:
+        The derivative, of the shape of the matrix.
+
+    Raises:
+        InputError: As :func:`system_matrix`; if the rates have another shape than the joints.
+    """
     task = applicable(model, task)
     if np.shape(rates) != np.shape(joints):
         problem = f"shape {np.shape(rates)} was given"
@@ -192,6 +209,11 @@ def generalized_determinant(
 
     It is the determinant of the momentum and end-effector rows over all rates, divided by that of
     the momentum matrix's base block: the total mass cubed times det D.
+
+    Args:
+        model: Robot.
+        joints: Joint values, shape (n,).
+        task: Task or its value, such as ``"position"``.
 
     Raises:
         InputError: As :func:`generalized_jacobian`; if the arm has more or fewer joints.

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from freefloat.dynamics.momentum import inertia_matrices, momentum_map
 from freefloat.errors import finite_vector, require_type
+from freefloat.robot.joint_values import finite_after
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen, rotation_matrix, zeros
 
@@ -66,11 +68,13 @@ class System:
             drift=factor * self.drift,
         )  # fmt: skip
 
-    def body_momentum(self, attitude: Array) -> Array:
+    def body_momentum(self, attitude: npt.ArrayLike) -> Array:
         """Angular momentum of spacecraft and arm without wheels, inertial axes [N m s], (3,)."""
         return np.asarray(self.momentum - rotation_matrix(attitude) @ self.wheels)
 
-    def base_rate(self, attitude: Array, joints: Array, rates: Array) -> Array:
+    def base_rate(
+        self, attitude: npt.ArrayLike, joints: npt.ArrayLike, rates: npt.ArrayLike
+    ) -> Array:
         """Angular velocity of the spacecraft, in its axes, for prescribed joint rates, (3).
 
         It is D^-1 (R0^T h - h_w - Dq q').
@@ -82,14 +86,20 @@ class System:
 
         Returns:
             In the spacecraft frame [rad/s], shape (3,).
+
+        Raises:
+            InputError: If joints or rates are not those of the robot.
         """
         D, Dq = inertia_matrices(self.model, joints)
+        rates = self._rates(rates)
         demanded = -self.wheels - Dq @ rates
         if self.momentum.any():
             demanded = demanded + rotation_matrix(attitude).T @ self.momentum
         return np.asarray(np.linalg.solve(D, demanded))
 
-    def base_twist(self, attitude: Array, joints: Array, rates: Array) -> Array:
+    def base_twist(
+        self, attitude: npt.ArrayLike, joints: npt.ArrayLike, rates: npt.ArrayLike
+    ) -> Array:
         """Twist of the spacecraft for prescribed joint rates, in a frame that does not move.
 
         Args:
@@ -99,8 +109,16 @@ class System:
 
         Returns:
             [linear; angular] at the root link's origin, spacecraft axes [m/s; rad/s], shape (6,).
+
+        Raises:
+            InputError: If joints or rates are not those of the robot, or the attitude is no unit
+                quaternion.
         """
         A_G = momentum_map(self.model, joints, attitude)
         linear = self.model.total_mass * self.drift
         demanded = np.concatenate([linear, self.body_momentum(attitude)])
-        return np.asarray(np.linalg.solve(A_G[:, :6], demanded - A_G[:, 6:] @ rates))
+        demanded -= A_G[:, 6:] @ self._rates(rates)
+        return np.asarray(np.linalg.solve(A_G[:, :6], demanded))
+
+    def _rates(self, rates: npt.ArrayLike) -> Array:
+        return finite_after(np.zeros(0), "rates", rates, self.model.dof)

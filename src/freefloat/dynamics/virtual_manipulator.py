@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
+from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, Pose, frozen
 
@@ -94,8 +95,14 @@ class VirtualManipulator:
         Returns:
             In the spacecraft frame, end-effector positions from the centre of mass (K, 3) and
             rotations (K, 3, 3); joint positions (n, K, 3) and joint axes (n, K, 3).
+
+        Raises:
+            InputError: If the shape of the joints is another one.
         """
         q = np.atleast_2d(np.asarray(joints, dtype=float))
+        if q.ndim != 2 or q.shape[1] != len(self.axes):
+            problem = f"shape {np.shape(joints)} was given"
+            raise InputError("joints", problem, f"shape (K, {len(self.axes)})")
         R = np.broadcast_to(np.eye(3), (len(q), 3, 3))
         p = np.broadcast_to(self.links[0], (len(q), 3))
         points, axes = [], []

@@ -24,7 +24,8 @@ def finite_after(head: Array, key: str, values: npt.ArrayLike, count: int) -> Ar
     """
     try:
         vector: Array = np.concatenate((head, values))
-        if len(vector) == len(head) + count and math.isfinite(vector.dot(vector)):
+        valid = vector.dtype == head.dtype and len(vector) == len(head) + count
+        if valid and math.isfinite(vector.dot(vector)):
             return vector
     except (TypeError, ValueError):
         pass

@@ -28,7 +28,7 @@ from freefloat.robot.description import (
 from freefloat.robot.formats.reader_process import UrdfText
 from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
 from freefloat.robot.source import RobotSource
-from freefloat.so3 import Array, Pose
+from freefloat.so3 import Array, Pose, frozen
 
 Element = Any
 """An lxml element."""
@@ -211,7 +211,7 @@ class _Decoder:
                 remedy = f"<{tag} {attributes}/> with all numbers [kg, m]"
                 self.report(Severity.ERROR, element if part is None else part, problem, remedy)
         xx, xy, xz, yy, yz, zz = (self.number(inertia, key) for key in MOMENTS)
-        matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        matrix = frozen([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         return Inertial(self.number(mass, "value"), self._origin(element), matrix)
 
     def _shape(self, element: Element) -> LinkShape:
@@ -263,7 +263,7 @@ class _Decoder:
         count = len(default.split())
         accepted = "a finite number" if count == 1 else f"{count} finite numbers"
         if len(words) == count and all(map(_is_number, words)):
-            values = np.array([float(word) for word in words])
+            values = frozen([float(word) for word in words])
             if np.abs(values).max() <= MAGNITUDE or element.tag == "limit":
                 return values
             accepted += f" of at most {MAGNITUDE:g}"
