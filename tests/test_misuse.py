@@ -9,6 +9,13 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.dynamics.momentum import (
+    end_effector_jacobian,
+    generalized_determinant,
+    inertia_matrices,
+    momentum_map,
+    system_matrix,
+)
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.simulation import Simulation
 from tests.errors import error_key
@@ -81,6 +88,21 @@ def test_vectors_are_finite_and_real(problem: ff.Problem, vector: object) -> Non
     assert error_key(lambda: ff.Payload(1.0, vector)) == "payload.inertia"
 
 
+@pytest.mark.parametrize("function", [
+    ff.generalized_jacobian, system_matrix, inertia_matrices, momentum_map, end_effector_jacobian,
+    lambda model, q: ff.singularity_measure(model, "position", "gjm")(q),
+    lambda model, q: model.end_effector_pose([0.0, 0.0, 0.0, 1.0], q),
+])  # fmt: skip
+def test_joints_are_as_many_finite_numbers_as_move(function) -> None:
+    model = ff.FreeFloatingModel.from_urdf("spatial_6dof")
+    wrong = [0.1] * 5, [0.1] * 7, [0.1] * 5 + [np.nan], ["1"] * 6, [1j] * 6, 0.3, None, {"q1": 1}
+    for joints in (*wrong, np.zeros((2, 2, 6))):
+        assert error_key(function, model, joints) == "joints"
+    assert system_matrix(model, np.zeros((0, 6)), "position").shape == (0, 6, 9)
+    assert error_key(momentum_map, model, [0.0, 0.0, 0.0, 1.0], np.zeros(6)) == "attitude"
+    assert error_key(generalized_determinant, model, np.zeros(6), "position") == "task"
+
+
 @pytest.mark.parametrize("count", [64.5, "64", True, float("nan"), [64], np.int64(0)])
 def test_counts_are_whole_numbers(problem: ff.Problem, count: object) -> None:
     assert error_key(lambda: ff.Search(samples=count)) == "search.samples"
@@ -91,6 +113,7 @@ def test_robots_are_accepted_by_name(
     model: ff.FreeFloatingModel, tmp_path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert model.total_mass == 471.0
+    assert {ff.RobotSource("planar_3dof"): 1}[ff.RobotSource("planar_3dof")] == 1
     (tmp_path / "planar_3dof").mkdir()
     monkeypatch.chdir(tmp_path)  # a folder of that name is no robot
     assert ff.FreeFloatingModel.from_urdf("planar_3dof.urdf").dof == 3

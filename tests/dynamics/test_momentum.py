@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.dynamics.momentum import (
     end_effector_jacobian,
-    generalized_determinant,
     inertia_matrices,
     momentum_map,
     system_matrix,
@@ -159,16 +158,6 @@ def test_rates_give_the_twist_and_keep_the_momentum(
     S = ff.generalized_jacobian(model, q)
     null = np.linalg.svd(S)[2][6:]
     assert np.abs(null @ rates).max(initial=0.0) < 1e-9 * max(1.0, np.abs(rates).max())
-
-
-@given(data=st.data(), robot=robots(st.text("RCP", min_size=6, max_size=6)))
-def test_determinants_need_no_jacobian(data: st.DataObject, robot: Robot) -> None:
-    """det S*, with its sign, whatever its size."""
-    model = loaded(robot)
-    q = data.draw(joint_values(6))
-    S = ff.generalized_jacobian(model, q)
-    size = np.prod(np.linalg.norm(S, axis=1))
-    assert generalized_determinant(model, q) == pytest.approx(np.linalg.det(S), abs=1e-11 * size)
 
 
 @given(data=st.data(), robot=robots(st.text("RCP", min_size=6, max_size=7)))

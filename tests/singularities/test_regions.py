@@ -111,17 +111,17 @@ def distances(problem, workspace, joints):
 
 def test_areas_of_an_asymmetric_arm_end_at_extrema_along_its_singularity_curves(rng):
     """Extreme distances where S = 0, by constrained optimization; the rim is one of them."""
-    payload = ff.Payload(mass=5.0, inertia=[1.0, 1.0, 1.0], com=[0.1, 0.3, 0.0])
+    payload = ff.Payload(5.0, [1.0, 1.0, 1.0], com=[0.1, 0.3, 0.0])
     problem = problem_of(ff.FreeFloatingModel.from_urdf("planar_2dof", payload=payload))
     workspace = ff.workspace_regions(problem)
     singular = singular_joints(problem, "system", rng, 60)
     radii = distances(problem, workspace, singular)
-    for number, edge in enumerate(np.ravel(workspace.path_dependent)):
-        sign = (1.0, -1.0)[number % 2]
+    condition = {"type": "eq", "fun": problem.margin.measure}
+    for sign, edge in zip([1.0, -1.0] * 2, np.ravel(workspace.path_dependent), strict=True):
         found = minimize(
             lambda q, sign=sign: sign * distances(problem, workspace, [q])[0],
-            singular[np.abs(radii - edge).argmin()], method="SLSQP", options={"ftol": 1e-15},
-            constraints={"type": "eq", "fun": problem.margin.measure},
+            singular[np.abs(radii - edge).argmin()], method="SLSQP", constraints=condition,
+            options={"ftol": 1e-15},
         )  # fmt: skip
         assert sign * found.fun == pytest.approx(edge, abs=1e-9)
     assert workspace.path_independent[-1][1] < 0.9 * workspace.reach[1]
