@@ -122,36 +122,19 @@ def test_point_at_settles_roll_by_the_axis_farthest_from_all_sights(axis, second
         assert_close(result, near / np.linalg.norm(near), atol=1e-14)
 
 
-def reversing_path(s_back):
-    """A path that stops at a place and goes back the way it came."""
-    return PolynomialCurve(np.outer([s_back**2, -2.0 * s_back, 1.0], [1.0, 0.5, 0.0]))
-
-
 @pytest.mark.parametrize("place", [0.0, 0.123456])
-def test_a_path_that_stands_still_has_no_direction_to_follow(place):
-    with pytest.raises(ff.InputError):
-        DirectedOrientation.follow(reversing_path(place), "x", [0.0, 0.0, 1.0])
-
-
-@pytest.mark.parametrize("place", [0.0, 0.123456])
-def test_a_path_along_the_normal_cannot_be_followed(place):
+def test_directions_that_do_not_exist_are_refused(place):
+    """Of paths that turn back or run along the normal, to a target on the path, along all axes."""
+    back = PolynomialCurve(np.outer([place**2, -2.0 * place, 1.0], [1.0, 0.5, 0.0]))
     rising = PolynomialCurve([[0, 0, 0], [-2 * place, 0, 1.0], [1.0, 0, 0]])
-    with pytest.raises(ff.InputError):
-        DirectedOrientation.follow(rising, "x", [0.0, 0.0, 1.0])
-
-
-@pytest.mark.parametrize("place", [0.0, 0.123456])
-def test_a_target_on_the_path_is_refused(place):
+    for curve in (back, rising):
+        with pytest.raises(ff.InputError):
+            DirectedOrientation.follow(curve, "x", [0.0, 0.0, 1.0])
     line = PolynomialCurve.line([1.0, 0.0, 0.2], [-1.0, 0.4, 0.3])
-    with pytest.raises(ff.InputError):
-        DirectedOrientation.point_at(line, "x", line(place))
-
-
-def test_a_target_that_has_to_be_seen_along_every_axis_is_refused():
-    """Roll cannot be settled where each inertial axis is a direction of sight."""
-    corner = SplineCurve([[1, 0, 0], [0, 1, 0], [0, 0, 1]])
-    with pytest.raises(ff.InputError):
-        DirectedOrientation.point_at(corner, "x", [0, 0, 0])
+    corner = SplineCurve([[1, 0, 0], [0, 1, 0], [0, 0, 1]])  # no inertial axis to settle roll by
+    for curve, target in ((line, line(place)), (corner, np.zeros(3))):
+        with pytest.raises(ff.InputError):
+            DirectedOrientation.point_at(curve, "x", target)
 
 
 def test_a_sampled_attitude_passes_its_samples():

@@ -52,25 +52,16 @@ def test_path_dependent_areas_have_the_published_radii(table, areas):
         assert workspace.path_independent[0] == pytest.approx((0.0, 0.35106), abs=2e-5)
 
 
-@pytest.fixture(scope="module")
-def areas_of_example_1(planar):
-    """Reach and areas of Example 1."""
-    return ff.workspace_regions(planar)
-
-
-def test_areas_and_reach_are_complements(areas_of_example_1):
-    workspace = areas_of_example_1
+def test_areas_of_example_1_fill_the_reach_and_its_path_crosses_both(planar):
+    """Point 3 passes the inner area once and the outer one at the end; F lies in neither."""
+    workspace = ff.workspace_regions(planar)
     areas = sorted([*workspace.path_dependent, *workspace.path_independent])
     assert areas[0][0] == pytest.approx(workspace.reach[0], abs=1e-6)
     assert areas[-1][1] == pytest.approx(workspace.reach[1], abs=1e-6)
     for (_, high), (low, _) in pairwise(areas):
         assert high == pytest.approx(low)
     assert workspace.largest_s == pytest.approx(148.6277, abs=1e-3)
-
-
-def test_the_path_of_example_1_crosses_both_areas(areas_of_example_1):
-    """Point 3 passes the inner area once and the outer one at the end; F lies in neither."""
-    parts = areas_of_example_1.path
+    parts = workspace.path
     assert [inside for _, inside in parts] == [False, True, False, True]
     assert parts[2][0][0] < 0.8333 < parts[2][0][1]
 

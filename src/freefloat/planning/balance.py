@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from freefloat.concurrency import Progress, step_of
-from freefloat.errors import InputError, finite_vector
+from freefloat.errors import InputError, finite_vector, require_type
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits
 from freefloat.motion.arm_curves import ArmCurve, ArmCurves
@@ -190,6 +190,7 @@ def balance(
         >>> found.kept, found.ratio < 0.01
         (True, True)
     """
+    require_type("settings", settings, BalanceSettings, "BalanceSettings(arm, axes)")
     limits, attitude = limits or Limits(), problem.attitude(attitude)
     steps = BalanceSteps(problem, settings, limits)
     near = finite_vector("joints", joints, problem.model.arm_dof)
