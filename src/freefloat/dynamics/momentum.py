@@ -17,7 +17,7 @@ from scipy.linalg.lapack import dgesv, dgetrf
 
 from freefloat.dynamics.tasks import Task, applicable, prescribed_rows
 from freefloat.errors import InputError, require_type
-from freefloat.robot.joint_values import base_pose, finite_after
+from freefloat.robot.joint_values import configuration_vector, finite_after
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
@@ -238,8 +238,9 @@ def _configuration(
 ) -> Array:
     """Pinocchio's configuration vector with the root link at the inertial frame's origin."""
     require_type("model", model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
-    base = _BASE if attitude is _IDENTITY else base_pose(attitude)
-    return finite_after(base, "joints", joints, model.dof)
+    if attitude is _IDENTITY:
+        return finite_after(_BASE, "joints", joints, model.dof)
+    return configuration_vector(attitude, joints, model.dof)
 
 
 def _maps(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task) -> tuple[Array, Array]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
+from math import isfinite
 
 import numpy as np
 import numpy.typing as npt
@@ -25,7 +25,7 @@ def finite_after(head: Array, key: str, values: npt.ArrayLike, count: int) -> Ar
     try:
         vector: Array = np.concatenate((head, values))
         valid = vector.dtype == head.dtype and len(vector) == len(head) + count
-        if valid and math.isfinite(vector.dot(vector)):
+        if valid and isfinite(vector.dot(vector)):
             return vector
     except (TypeError, ValueError):
         pass
@@ -47,13 +47,27 @@ def configurations(joints: npt.ArrayLike, n: int) -> Array:
     return q
 
 
-def base_pose(attitude: npt.ArrayLike) -> Array:
-    """A base at the origin with an attitude, x, y, z and the unit quaternion, shape (7,).
+def configuration_vector(attitude: npt.ArrayLike, joints: npt.ArrayLike, count: int) -> Array:
+    """Pinocchio's configuration vector with the root link at the inertial frame's origin.
+
+    Args:
+        attitude: Unit quaternion x, y, z, w; one with a rounding error is normalized.
+        joints: Joint values.
+        count: Number of joints.
+
+    Returns:
+        ``[0, 0, 0, attitude, joints]``, shape (7 + count,).
 
     Raises:
-        InputError: See :func:`~freefloat.so3.unit_quaternion`.
+        InputError: See :func:`finite_after` and :func:`~freefloat.so3.unit_quaternion`.
     """
-    pose = finite_after(_ORIGIN, "attitude", attitude, 4)
-    if abs(pose.dot(pose) - 1.0) > _ROUNDING:
-        pose[3:] = unit_quaternion("attitude", attitude)
-    return pose
+    try:
+        q: Array = np.concatenate((_ORIGIN, attitude, joints))
+        quaternion = q[3:7]
+        valid = q.dtype == _ORIGIN.dtype and len(q) == 7 + count
+        if valid and abs(quaternion.dot(quaternion) - 1.0) < _ROUNDING and isfinite(q.dot(q)):
+            return q
+    except (TypeError, ValueError):
+        pass
+    base = np.concatenate((_ORIGIN, unit_quaternion("attitude", attitude)))
+    return finite_after(base, "joints", joints, count)

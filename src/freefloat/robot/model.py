@@ -17,7 +17,7 @@ from freefloat.errors import InputError, ModelError, finite_vector, require_type
 from freefloat.robot.assembly import assemble, end_effector_link, scaled
 from freefloat.robot.bundled import find_robot
 from freefloat.robot.description import Joint, RobotDescription, UrdfDiagnostic
-from freefloat.robot.joint_values import base_pose, finite_after
+from freefloat.robot.joint_values import configuration_vector
 from freefloat.robot.parts import Attachment, Payload, Spacecraft
 from freefloat.robot.rigid_bodies import (
     Body,
@@ -352,7 +352,7 @@ class FreeFloatingModel:
             InputError: If the attitude is no unit quaternion, or the joints are not as many finite
                 numbers as move.
         """
-        q = finite_after(base_pose(attitude), "joints", joints, self.dof)
+        q = configuration_vector(attitude, joints, self.dof)
         q[:3] = -pin.centerOfMass(self.pin_model, self.scratch, q)
         return q
 
