@@ -55,7 +55,8 @@ def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> 
 
     Raises:
         InputError: If the file cannot be written, or scenario files cannot describe the path of
-            the problem, or a phase of a manoeuvre.
+            the problem, the objective or a phase of a manoeuvre. Of a curve of one's own they can
+            describe a :class:`~freefloat.paths.SplineCurve` through its samples.
 
     Example:
         >>> problem = ff.load_scenario("planar_2dof/line").problem()

@@ -210,7 +210,9 @@ def curve_content(curve: Curve) -> dict[str, Any]:
     raise inexpressible("path.curve", curve)
 
 
-def inexpressible(key: str, value: object) -> InputError:
-    """The error of a part of a path that scenario files cannot describe."""
-    problem = f"scenario files cannot describe a {type(value).__name__}"
-    return InputError(key, problem, "a curve and an orientation law of freefloat.paths")
+def inexpressible(
+    key: str, value: object, accepted: str = "a curve and an orientation law of freefloat.paths"
+) -> InputError:
+    """The error of a value that scenario files cannot describe."""
+    problem = f"scenario files cannot describe the class {type(value).__name__}"
+    return InputError(key, problem, accepted)

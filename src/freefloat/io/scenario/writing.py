@@ -11,6 +11,7 @@ import yaml
 from freefloat.dynamics.redundancy import Toward
 from freefloat.io.scenario.arms_section import arms_content
 from freefloat.io.scenario.limits_section import limits_content
+from freefloat.io.scenario.path_schema import inexpressible
 from freefloat.io.scenario.path_section import section_of, sections_of_arms
 from freefloat.io.scenario.phase_section import phases_content
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
@@ -18,6 +19,7 @@ from freefloat.io.scenario.scene_section import file_shapes, scene_content
 from freefloat.io.scenario.timing_section import timing_content
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
+from freefloat.planning.objectives.objectives import NAMED, Weights
 from freefloat.planning.phases.phase import Phase
 from freefloat.planning.settings import Search
 
@@ -44,13 +46,16 @@ def scenario_of(
         reorient: Whether a reorientation leads to the start of the path.
 
     Raises:
-        InputError: If scenario files cannot describe the path of the problem, or a phase.
+        InputError: If scenario files cannot describe the path of the problem, the objective or a
+            phase.
     """
     model = problem.model
     stated, timing = problem.path.stated
     margin = problem.margin
     search = search or Search(joints=problem.start_joints)
     limits = limits or Limits()
+    if type(search.objective) not in (Weights, *map(type, NAMED.values())):
+        raise inexpressible("search.objective", search.objective, f"{', '.join(NAMED)}, Weights")
     shapes = file_shapes(problem.scene)
     path, samples = section_of(stated)
     if problem.path.frame is not None:
