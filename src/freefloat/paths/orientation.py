@@ -33,9 +33,9 @@ class OrientationLaw(Segmented, ABC):
     def rotation(self, s: float) -> Array:
         """End-effector axes in the inertial frame, shape (3, 3)."""
 
-    @abstractmethod
     def rate(self, s: float) -> Array:
-        """Angular velocity per unit of s [rad], inertial frame, shape (3,)."""
+        """Angular velocity per unit of s [rad], inertial frame, shape (3,); zero by default."""
+        return np.zeros(3)
 
     def rotated(self, rotation: Array) -> OrientationLaw:
         """The orientation in other axes; ``rotation`` (3, 3) rotates present vectors into them."""
@@ -79,10 +79,6 @@ class FixedOrientation(OrientationLaw):
         """See :class:`OrientationLaw`."""
         return self.axes
 
-    def rate(self, s: float) -> Array:
-        """See :class:`OrientationLaw`."""
-        return np.zeros(3)
-
 
 @dataclass(frozen=True, eq=False)
 class FreeOrientation(OrientationLaw):
@@ -91,10 +87,6 @@ class FreeOrientation(OrientationLaw):
     def rotation(self, s: float) -> Array:
         """See :class:`OrientationLaw`."""
         return np.eye(3)
-
-    def rate(self, s: float) -> Array:
-        """See :class:`OrientationLaw`."""
-        return np.zeros(3)
 
 
 @dataclass(frozen=True, eq=False)
