@@ -26,6 +26,9 @@ def manoeuvre_figure(manoeuvre: Manoeuvre) -> Figure:
     figure = Figure(figsize=(7.0, 6.0 + _ANGLE * count), layout="constrained")
     turn, *angles, joints, measure = figure.subplots(3 + count, sharex=True)
     moving = [(phase, phase.motion) for phase in manoeuvre.phases if phase.motion is not None]
+    every = [name for _, motion in moving for name in motion.problem.model.joint_names]
+    names = list(dict.fromkeys(every))  # arms that rest in a phase are not among its joints
+    styles = dict(zip(names, strokes(len(names)), strict=True))
     for phase, motion in moving:
         times, attitudes, values = _sampled(motion)
         at = phase.start + times
@@ -34,8 +37,8 @@ def manoeuvre_figure(manoeuvre: Manoeuvre) -> Figure:
         if phase.limits is not None and phase.limits.base_turn is not None:
             turn.hlines(np.degrees(phase.limits.base_turn), at[0], at[-1], **MARGIN_LINE)
         _draw_pointing(angles, phase, motion)
-        joints.set_prop_cycle(strokes(values.shape[1]))
-        joints.plot(at, np.degrees(values))
+        for name, joint in zip(motion.problem.model.joint_names, values.T, strict=True):
+            joints.plot(at, np.degrees(joint), label=name, **styles[name])
         of = motion.problem.margin.measure
         measure.semilogy(at, [max(abs(of(q)), 1e-12) for q in values], color="C2", linestyle="-")
         threshold = motion.problem.margin.threshold
@@ -43,7 +46,9 @@ def manoeuvre_figure(manoeuvre: Manoeuvre) -> Figure:
             measure.plot(at[[0, -1]], [threshold, threshold], **MARGIN_LINE)
     turn.set_ylabel("turn within\nthe phase [°]")
     joints.set_ylabel("joints [°]")
-    joints.legend(problem.model.joint_names, ncols=1, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    handles, labels = joints.get_legend_handles_labels()
+    once = dict(zip(labels, handles, strict=True))
+    joints.legend(once.values(), once, ncols=1, loc="center left", bbox_to_anchor=(1.0, 0.5))
     measure.set_ylabel(f"|{problem.margin.measure.name}|")
     measure.set_xlabel("time from the beginning of the first path [s]")
     _mark(figure, manoeuvre.phases)
