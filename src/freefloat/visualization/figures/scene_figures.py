@@ -19,7 +19,7 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.timing import TimedPath
 from freefloat.singularities.planar_regions import Interval
 from freefloat.singularities.regions import Workspace
-from freefloat.so3 import Array
+from freefloat.so3 import Array, cross
 from freefloat.visualization.figure_style import (
     BLACK,
     BLUE,
@@ -56,8 +56,9 @@ _TIP = np.zeros(3)
 _INSTANTS, _VIEWS = 5, 3
 """Number of robots drawn in the plane and in space."""
 _LIGHTEST = 0.72
-_FLATTEST, _ZOOM = 0.4, 0.87
-"""Least side of the box of a view over its largest one, and the size of the box in its axes."""
+_FLATTEST, _ZOOM, _TICKS = 0.4, 0.73, 4
+"""Least side of the box of a view over its largest one, the size of the box in its axes, and the
+number of ticks of the longest edge."""
 _DEPENDENT, _INDEPENDENT = "#D0D0D0", "#E9F5EF"
 _FACES = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
 """Corners of the faces of a box."""
@@ -287,14 +288,21 @@ def _set_equal_scales(views: Any, points: Array, eye: Array) -> None:
     azimuth, elevation = np.degrees([np.arctan2(eye[1], eye[0]), np.arcsin(eye[2])])
     low, high = points.min(axis=0), points.max(axis=0)
     halves = np.maximum(high - low, _FLATTEST * (high - low).max()) / 2.0
+    across = np.array([-eye[1], eye[0], 0.0]) / np.hypot(eye[0], eye[1])
+    seen = np.abs([across, cross(eye, across)]) @ halves  # width and height of the box
+    zoom = _ZOOM * float(np.linalg.norm(halves) / seen.max())
+    lengths = halves * np.sqrt(1.0 - eye**2)  # of its edges, as they are seen
+    ticks = np.maximum(np.round(_TICKS * lengths / lengths.max()), 1.0).astype(int).tolist()
     for axes in views:
-        for letter, middle, half in zip("xyz", (low + high) / 2.0, halves, strict=True):
+        for letter, middle, half, count in zip(
+            "xyz", (low + high) / 2.0, halves, ticks, strict=True
+        ):
             axis = getattr(axes, f"{letter}axis")
             getattr(axes, f"set_{letter}lim")(middle - half, middle + half)
-            axis.set_major_locator(MaxNLocator(4, prune="both"))
+            axis.set_major_locator(MaxNLocator(count, prune="both"))
             axis.set_label_text(f"${letter}$")
             axis.set_rotate_label(False)
             axis.labelpad = -4.0
             axes.tick_params(axis=letter, pad=-2.0)
-        axes.set_box_aspect(tuple(halves), zoom=_ZOOM)
+        axes.set_box_aspect(tuple(halves), zoom=zoom)
         axes.view_init(elev=elevation, azim=azimuth)
