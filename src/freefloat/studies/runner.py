@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 
 from freefloat.concurrency import available_cores, require_memory
-from freefloat.errors import InputError, finite_number, require_extra, require_type
+from freefloat.errors import InputError, finite_number, require_extra, require_type, whole_number
 from freefloat.io.scenario.robot_section import RobotFile
 from freefloat.io.scenario.yaml import validated
 from freefloat.studies.columns import NUMBER, Columns
@@ -73,6 +73,7 @@ def run_study(
     if workers is not None and scheduler is not None:
         raise InputError("workers", "a scheduler was given too: it has its workers", "one of both")
     if workers is not None:
+        whole_number("workers", workers, 1)
         require_memory("workers", min(workers, study.count), _WORKER_SIZE, math.inf)
     if scheduler is None and study.content.command is Command.TRACK:
         require_extra("mujoco", "mujoco")

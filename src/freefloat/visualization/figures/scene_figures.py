@@ -59,7 +59,7 @@ _LIGHTEST = 0.72
 _FLATTEST, _ZOOM, _TICKS = 0.4, 0.73, 4
 """Least side of the box of a view over its largest one, the size of the box in its axes, and the
 number of ticks of the longest edge."""
-_DEPENDENT, _INDEPENDENT = "#D0D0D0", "#E9F5EF"
+_DEPENDENT, _INDEPENDENT, _UNDECIDED = "#D0D0D0", "#E9F5EF", "#F5E6C8"
 _FACES = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
 """Corners of the faces of a box."""
 _LARGE = 0.25
@@ -159,8 +159,11 @@ def _labelled_areas(workspace: Workspace) -> Iterator[tuple[str | None, Interval
     names = "can be singular", "never singular"
     if workspace.measure == "arm":  # shoulder and wrist can be singular in all areas
         names = "measure arm can vanish", "measure arm cannot vanish"
-    areas = (workspace.path_dependent, _DEPENDENT), (workspace.path_independent, _INDEPENDENT)
-    for name, (intervals, colour) in zip(names, areas, strict=True):
+    areas = (
+        (workspace.path_dependent, _DEPENDENT), (workspace.path_independent, _INDEPENDENT),
+        (workspace.undecided, _UNDECIDED),
+    )  # fmt: skip
+    for name, (intervals, colour) in zip((*names, "undecided"), areas, strict=True):
         for number, interval in enumerate(intervals or ()):
             yield name if number == 0 else None, interval, colour
 
