@@ -66,6 +66,12 @@ class Limits(AttitudeLimits):
         """Those of motions that are meant to turn the spacecraft: all but ``base_turn``."""
         return replace(self, base_turn=None)
 
+    def narrower(self, fraction: float) -> Limits:
+        """The limits with angles of pointing and turn that leave less room, by a fraction."""
+        pointing = tuple(limit.narrower(fraction) for limit in self.pointing)
+        turn = None if self.base_turn is None else (1.0 - fraction) * self.base_turn
+        return replace(self, pointing=pointing, base_turn=turn)
+
     def of_joints(self, count: int) -> Limits:
         """The limits of a robot of whose joints only the first ones move."""
         bounds = {

@@ -89,6 +89,11 @@ class PointingLimit:
         """Its name, or its link and its number among the limits of pointing."""
         return self.name or f"{self.body} (pointing.{number})"
 
+    def narrower(self, fraction: float) -> PointingLimit:
+        """The limit that leaves less room: the angle changes by a fraction."""
+        inside = self.keep is Keep.INSIDE
+        return replace(self, angle=self.angle * (1.0 - fraction if inside else 1.0 + fraction))
+
     def moved(self, offset: Array) -> PointingLimit:
         """The limit with its point, if it has one, moved by an offset [m], shape (3,)."""
         return self if self.point is None else replace(self, point=self.point + offset)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from freefloat.certificate.certificate import certify
 from freefloat.concurrency import Progress
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.contact import deepest_contact
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
@@ -29,38 +30,52 @@ def plan_path(
     limits: Limits | None,
     threads: int | None,
     progress: Progress | None,
-    known_first: bool = False,
     to_retime: bool = False,
 ) -> Plan:
-    """Plan with the timing as it is.
+    """Plan with the timing as it is; ``known`` is as for :func:`keep_limits`.
 
-    A ``known`` candidate is chosen where no other one keeps the limits, or, ``known_first``, where
-    it keeps them itself. A plan ``to_retime`` need not keep limits of rates and torques where the
-    motion does not depend on the timing; where it does, it lacks certificate, contact and
-    tolerances.
+    A plan ``to_retime`` need not keep limits of rates and torques; where the motion depends on the
+    timing, it lacks certificate, contact and tolerances.
     """
     evaluator = evaluator_for(problem, threads, limits, search)
-    result = None
-    if known_first and known is not None and limits is not None:
-        result = held_plan(evaluator, search, limits, known, progress)
-    if result is None:
-        planner = plan_in_plane if problem.task.planar else plan_in_space
-        result = planner(evaluator, search, limits, progress)
-        if limits is not None:
-            moved = to_retime and not problem.depends_on_timing
-            kept = limits.without_timed if moved else limits
-            result = keep_limits(evaluator, result, kept, progress, known)
-    chosen, radius = result.chosen, result.robust_radius
-    if chosen is None or (to_retime and problem.depends_on_timing and result.feasible):
+    planner = plan_in_plane if problem.task.planar else plan_in_space
+    result = planner(evaluator, search, limits, progress)
+    if limits is not None:
+        kept = limits.without_timed if to_retime else limits
+        result = keep_limits(evaluator, result, kept, progress, known)
+    if to_retime and problem.depends_on_timing and result.feasible:
         return result
-    contact = deepest_contact(chosen.motion, result.limit_results)
-    result = replace(result, certificate=certify(chosen.motion), contact=contact)
-    if result.map is None or not result.feasible:
-        return result
+    return _certified(evaluator, result)
+
+
+def plan_held(
+    problem: Problem,
+    held: ScreenedCandidate,
+    *,
+    search: Search,
+    limits: Limits,
+    threads: int | None,
+    progress: Progress | None,
+) -> Plan | None:
+    """The plan from a known attitude, see :func:`held_plan`."""
+    evaluator = evaluator_for(problem, threads, limits, search)
+    result = held_plan(evaluator, search, limits, held, progress)
+    return None if result is None else _certified(evaluator, result)
+
+
+def _certified(evaluator: FeasibilityEvaluator, plan: Plan) -> Plan:
+    """The plan with the certificate, contact and tolerances of its motion."""
+    chosen, radius = plan.chosen, plan.robust_radius
+    if chosen is None:
+        return plan
+    contact = deepest_contact(chosen.motion, plan.limit_results)
+    plan = replace(plan, certificate=certify(chosen.motion), contact=contact)
+    if plan.map is None or not plan.feasible:
+        return plan
     attitude, branch = chosen.motion.initial.attitude, chosen.branch
     near = evaluator_near(evaluator, branch.joints)
     if radius is None or near is not evaluator:
-        index = None if problem.redundant else branch.index
-        radius = robust_radius(near, attitude, index, result.map.spacing)
+        index = None if plan.problem.redundant else branch.index
+        radius = robust_radius(near, attitude, index, plan.map.spacing)
     tolerances = tolerance(evaluator.integrator, attitude, branch.joints)
-    return replace(result, robust_radius=radius, radius_effort=EFFORT, tolerance=tolerances)
+    return replace(plan, robust_radius=radius, radius_effort=EFFORT, tolerance=tolerances)

@@ -23,7 +23,7 @@ from freefloat.paths.timing import Timing
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.limits.trials import OVER
-from freefloat.planning.path_planner import plan_path
+from freefloat.planning.path_planner import plan_held, plan_path
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import FASTEST
 from freefloat.planning.simulation import SimulatedBranch, integrate_from
@@ -42,6 +42,8 @@ _FEWER = 128
 duration is 0.01 to 0.2 % longer than with 400. Every motion of the map passes all of them."""
 _INSIDE = 0.999
 """Fraction of the limits to be used in these plans: the motion depends on the timing."""
+_NARROWER = 0.02
+"""Fraction by which limits of attitude become narrower with every attitude that violates one."""
 _SLOWER, _SLOWDOWNS = 2.0, 16
 """Factor on the duration up to which a scene that tumbles may slow it down, and how many are tried;
 the duration of the plan is among them."""
@@ -177,28 +179,29 @@ def _iterate(
     threads: int | None,
     progress: Progress | None,
 ) -> Retiming:
-    """Plan and retime until the duration does not change.
+    """Retime, and choose another attitude where the one that is held violates a limit then.
 
-    The state whose motion has the timing is held where it keeps margin and limits.
+    It is looked for with that timing and narrower limits of attitude: at its own fastest timing
+    its motion is a little different.
     """
-    problem, settled = _with_fastest_timing(chosen.motion, limits)
+    current, search = plan, plan.search
     for number in range(_MOST):
         step = step_of(progress, number / _MOST, (number + 1) / _MOST)
-        known = ScreenedCandidate(chosen.motion.initial.attitude, chosen.branch.index)
-        current = plan_path(
-            problem, known, search=plan.search, limits=limits, threads=threads, progress=step,
-            known_first=True,
+        problem, settled = _with_fastest_timing(chosen.motion, limits)
+        held = ScreenedCandidate(chosen.motion.initial.attitude, chosen.branch.index)
+        passed = plan_held(
+            problem, held, search=search, limits=limits, threads=threads, progress=step
+        )
+        if passed is not None and settled:
+            return _retiming(passed, plan, agrees=True)
+        current = passed or plan_path(
+            problem, search=search, limits=limits.narrower(_NARROWER * (number + 1)),
+            threads=threads, progress=step, to_retime=True,
         )  # fmt: skip
-        if current.chosen is None or not current.chosen.motion.completed:
+        if current.chosen is None or not current.feasible:
             break
-        same_state = np.array_equal(current.chosen.motion.initial.attitude, known.attitude)
-        chosen, following = current.chosen, problem
-        if not (settled and same_state and chosen.branch.index == known.branch):
-            following, settled = _with_fastest_timing(chosen.motion, limits)
-        if current.feasible and _agree(problem, following):
-            return _retiming(current, plan, agrees=True)
-        problem = following
-    return _retiming(replace(current, feasible=False), plan, agrees=False)
+        chosen = current.chosen
+    return _retiming(replace(current, feasible=False, limits=limits), plan, agrees=False)
 
 
 def _with_fastest_timing(motion: Motion, limits: Limits) -> tuple[Problem, bool]:
