@@ -1,15 +1,18 @@
 """Distances along a motion: no contact hides, the right pair is named, every shape counts."""
 
 import re
+from dataclasses import replace
 from functools import partial
 from itertools import product
 
 import numpy as np
 import pytest
 
+import freefloat as ff
 from freefloat.errors import ModelError
 from freefloat.limits.clearance import TOLERANCE, clearance
 from freefloat.limits.collision import collision_shapes
+from freefloat.limits.contact import deepest_contact
 from freefloat.limits.levers import frame_levers, joint_levers
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.robot.model import FreeFloatingModel
@@ -123,6 +126,70 @@ def test_pairs_that_always_overlap_are_left_out_and_named():
         pairs = CollisionPairs(motion.problem.model)
         assert pairs.left_out == (f"shell - hand: {note} too near",)
         assert_close(clearance(motion, pairs).distance, 0.4, atol=1e-9)
+
+
+def folding_arm(rpy="0 0 0"):
+    """A robot with a second arm over the bus, whose link ``fore`` a joint can fold into it."""
+    rod = '<box size="0.02 0.02 {0}"/>'
+    arm = joint_text("h1", "R", "bus", "upper", "0 0 0.6")
+    arm += link_text("upper", shape_text(rod.format(0.4), "0 0 0.2"))
+    arm += joint_text("h2", "R", "upper", "fore", "0 0 0.4", rpy, "0 1 0", (-4.0, 4.0))
+    return prismatic_robot(
+        CUBE, BALL, arm + link_text("fore", shape_text(rod.format(0.8), "0 0 0.4"))
+    )
+
+
+def test_links_that_held_joints_separate_are_compared():
+    """Their distances are constant; links that a joint connects are neighbours, held or not."""
+    motion = prismatic(more="")
+    for angle, where, distance in (np.pi, "bus - fore", -0.3), (np.pi / 2.0, "bus - hand", 0.4):
+        model = FreeFloatingModel.from_urdf(folding_arm(), "hand", fixed_joints={"h2": angle})
+        held = replace(motion, problem=replace(motion.problem, model=model))
+        (result,) = (entry for entry in ff.check_limits(held, ff.Limits(clearance=0.05))
+                     if entry.limit == "clearance")  # fmt: skip
+        assert (result.where, result.kept, result.notes) == (where, distance > 0.0, ())
+        assert_close(result.worst, distance, atol=1e-6)
+        contact = deepest_contact(held)
+        assert (contact is None) == (distance > 0.0)
+        if contact is not None:
+            assert (contact.bodies, contact.time) == (("bus", "fore"), 0.0)
+            assert_close(contact.depth, -distance, atol=1e-6)
+
+
+@pytest.mark.parametrize(("rpy", "end", "fixed", "least", "left_out"), [
+    ("0 0 0", "fore", {"h2": np.pi, "x": 2.0}, 0.0, ()),  # the joint that moves turns it in the bus
+    ("0 0 0", "hand", {"h2": 0.0}, 0.6, ("bus - fore: always too near",)),
+    (f"0 {np.pi} 0", "hand", {"h1": 0.0}, 0.0, ()),
+    (f"0 {np.pi} 0", "hand", {}, 0.0,
+     ("bus - fore: too near where joints that held does not name rest at zero",)),
+])  # fmt: skip
+def test_links_are_compared_where_other_values_of_held_joints_part_them(
+    rpy, end, fixed, least, left_out
+):
+    """Or named. Parts of grippers, whose joints nobody holds at a value, overlap at zero."""
+    pairs = CollisionPairs(
+        FreeFloatingModel.from_urdf(folding_arm(rpy), end, fixed_joints=fixed), least
+    )
+    assert pairs.left_out == left_out
+    assert ("bus - fore" in map(pairs.name, range(len(pairs.pairs)))) == (not left_out)
+
+
+def test_joints_of_arms_with_the_law_held_are_held_at_zero(tmp_path):
+    for low, key in (-4.0, None), (0.5, "robot.held.h1"):
+        text = folding_arm(f"0 {np.pi} 0").replace('lower="-4.0"', f'lower="{low}"')
+        (tmp_path / "robot.urdf").write_text(text)
+        arms = {"main": {"end_effector": "hand"}, "side": {"end_effector": "fore", "law": "held"}}
+        scenario = ff.load_scenario({
+            "robot": {"urdf": str(tmp_path / "robot.urdf"), "end_effector": "main", "arms": arms},
+            "task": "position", "path": {"line": {"from": [0.9, 0, 0], "to": [1, 0, 0]}},
+            "timing": {"duration": 20}, "margin": {"value": 0.0}, "limits": {"clearance": 0.0},
+        })  # fmt: skip
+        if key is None:
+            result = ff.simulate(scenario.problem(), [0, 0, 0, 1], limits=scenario.limits())
+            assert not result.feasible
+            assert result.contact.bodies == ("bus", "fore")
+        else:
+            assert error_key(scenario.model) == key
 
 
 def test_every_kind_of_shape_has_its_size(tmp_path):

@@ -13,11 +13,13 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.motion.motion import Motion
+from freefloat.robot.bundled import find_robot
 from freefloat.so3 import rotation_matrix
 from freefloat.verification.engine_runs import engine_checks, engine_runs
 from freefloat.verification.gravity import CircularOrbit
 from tests.commands import document, error, run
 from tests.errors import error_key
+from tests.robots import inertial_text, joint_text, link_text
 
 LEO = CircularOrbit(6.778e6)
 STILL = {
@@ -66,6 +68,22 @@ def test_torques_about_the_common_centre_of_mass_are_those_of_the_whole_system()
     whole = R0 @ inertia_matrices(model, joints)[0] @ R0.T
     np.testing.assert_allclose(about_centre, LEO.torque(t, whole), rtol=1e-6, atol=1e-15)
     assert np.pi / LEO.rate == pytest.approx(5553.6 / 2.0, abs=1.0), "half a period"
+
+
+@pytest.mark.slow
+def test_links_fixed_to_others_may_have_impossible_inertias(tmp_path: Path) -> None:
+    """MuJoCo refuses such links, but not the rigid bodies that they are parts of."""
+    text = Path(find_robot("planar_2dof", tmp_path)).read_text()
+    root = ff.FreeFloatingModel.from_urdf("planar_2dof").body_names[0]
+    antenna = joint_text("mount", "F", root, "antenna")
+    inertia = 1e-8 * np.array([[2.0, 6.0, 0.0], [6.0, 2.0, 0.0], [0.0, 0.0, 3.0]])
+    antenna += link_text("antenna", inertial_text(1e-3, inertia))
+    (tmp_path / "robot.urdf").write_text(text.replace("</robot>", f"{antenna}</robot>"))
+    robot = {"urdf": str(tmp_path / "robot.urdf"), "end_effector": "tool"}
+    path = {"line": {"from": [1.5, 0, 0], "to": [1.5, 0.3, 0]}}
+    problem = ff.load_scenario({**STILL, "robot": robot, "path": path}).problem()
+    simulation = ff.simulate(problem, heading=0.6)
+    assert ff.check(simulation, engine="mujoco").passed
 
 
 @pytest.mark.slow

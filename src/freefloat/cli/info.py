@@ -169,7 +169,10 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
     if summary.contact_unchecked is not None:
         yield f"motions are not searched for contact: {summary.contact_unchecked}"
         return
-    pairs = ", ".join(f"{joint.parent} - {joint.child}" for joint in model.moving_joints)
+    held = [joint for joint in model.description.joints
+            if joint.moving and joint not in model.moving_joints]  # fmt: skip
+    joints = (*model.moving_joints, *held)
+    pairs = ", ".join(f"{joint.parent} - {joint.child}" for joint in joints)
     yield f"not compared for contact, because a joint connects them: {pairs}"
 
 

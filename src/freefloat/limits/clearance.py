@@ -94,6 +94,9 @@ def clearance(
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
         before, after = np.concatenate([before, distance]), np.concatenate([distance, after])
     smallest, number, place, start, end = nearest
+    body, other = pairs.bodies[number]
+    if body == other:  # constant but for rounding
+        return Clearance(float(smallest), int(number), motion.time_at(0.0))
     if nearest[0] < below and not decide_only and start < end:
         only = np.array([number])
         refined = minimize_scalar(

@@ -11,18 +11,21 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from freefloat.attitude_grids import low_discrepancy
 from freefloat.errors import ModelError
 from freefloat.limits.collision import collision_shapes, scene_shapes
+from freefloat.limits.held_pairs import (
+    BASE,
+    always_near,
+    connected_links,
+    held_pairs,
+    sampled_configurations,
+)
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.rigid_bodies import se3_of
 from freefloat.scene.scene import Scene
 from freefloat.so3 import Array, IntArray, Pose
 
-_CONFIGURATIONS = 1024
-"""Sampled configurations; pairs that are too near in all of them are left out."""
-_UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
-_BASE = np.concatenate([np.zeros(3), _UPRIGHT])
+_UPRIGHT = BASE[3:]
 _NO_SCENE = Scene()
 _TOUCHING = 1e-9
 """Distance of nearest points below which they have no direction [m]."""
@@ -31,9 +34,11 @@ _TOUCHING = 1e-9
 class CollisionPairs:
     """Pairs of shapes on different bodies, and their distances.
 
-    Links that a moving joint connects are left out. So are pairs of links at most the clearance
-    apart in each of 1024 sampled configurations; they are not checked and are named in
-    :attr:`left_out`. Pairs of a link and a body of the scene are left out where they may touch.
+    Links that a joint connects are left out, moving or held. So are pairs of links at most the
+    clearance apart in each of 1024 sampled configurations; they are not checked and are named in
+    :attr:`left_out`. Of the pairs whose distance is constant, because only held joints separate
+    them, the nearest stands for all. Pairs of a link and a body of the scene are left out where
+    they may touch.
 
     Attributes:
         model: The robot.
@@ -73,7 +78,7 @@ class CollisionPairs:
             for number, shape in enumerate(self.shapes)
             if shape.body > model.dof
         ]
-        connected = {frozenset((joint.parent, joint.child)) for joint in model.moving_joints}
+        connected = connected_links(model.description)
         own = [
             (i, j) if a.body < b.body else (j, i)
             for (i, a), (j, b) in itertools.combinations(enumerate(robot), 2)
@@ -86,17 +91,23 @@ class CollisionPairs:
             for j, _, _ in self._scene_shapes
             if (a.link, self.shapes[j].link) not in may_touch
         ]
-        candidates = np.array(own + others, dtype=np.int64).reshape(-1, 2)
+        held = held_pairs(model, robot, clearance)
+        nearest = [*held.compared[:1]]
+        candidates = np.array(own + nearest + others, dtype=np.int64).reshape(-1, 2)
         self._geometry = self._geometry_model(candidates)
-        near = self._always_near(len(own), len(candidates), clearance)
+        near = self._always_near(own, len(candidates), clearance)
         self.pairs: IntArray = candidates[~near]
         self._numbers = np.flatnonzero(~near)
-        names = set(map(self._name, self.pairs))
-        self.links_left_out = {self.shapes[index].link for index in candidates[near].ravel()}
+        names = {self._name(pair) for pair in (*self.pairs, *held.compared)}
+        too_near = [*candidates[near].tolist(), *held.always_near]
+        self.links_left_out = {self.shapes[index].link for pair in too_near for index in pair}
         shaped = {shape.link for shape in robot} | {body.payload for body in scene.bodies}
         self.left_out = tuple(sorted({
             f"{name}: {'parts are ' if name in names else ''}always too near"
-            for name in map(self._name, candidates[near])
+            for name in map(self._name, too_near)
+        } | {
+            f"{self._name(pair)}: too near where joints that held does not name rest at zero"
+            for pair in held.unnamed
         })) + tuple(
             f"{link.name}: without shape"
             for link in model.description.links if link.mass > 0.0 and link.name not in shaped
@@ -144,7 +155,7 @@ class CollisionPairs:
         Returns:
             [m], shape (K,); of shapes that overlap, minus the penetration depth.
         """
-        q = np.concatenate([_BASE, np.asarray(joints)])
+        q = np.concatenate([BASE, np.asarray(joints)])
         if poses:
             q = self.model.configuration(attitude, joints)
             self._move_scene(list(map(se3_of, poses)))
@@ -175,7 +186,7 @@ class CollisionPairs:
             nearest points [m], shape (K, 2, 3).
         """
         model, (shapes, data) = self.model, self._geometry
-        configurations = np.hstack([np.tile(_BASE, (len(joints), 1)), joints])
+        configurations = np.hstack([np.tile(BASE, (len(joints), 1)), joints])
         distances = np.empty(len(pairs))
         normals, points = np.zeros((len(pairs), 3)), np.zeros((len(pairs), 2, 3))
         last, each = -1, zip(rows.tolist(), self._numbers[pairs].tolist(), below, strict=True)
@@ -238,15 +249,16 @@ class CollisionPairs:
             data.distanceRequests[number] = coal.DistanceRequest()
         return geometry, data
 
-    def _always_near(self, own: int, count: int, clearance: float) -> npt.NDArray[np.bool_]:
-        """Which of the first candidates, ``own`` pairs of links, are always too near."""
-        near = np.arange(own)
-        lower, upper = self.model.joint_ranges
-        low = np.where(np.isfinite(lower), lower, -np.pi)
-        high = np.where(np.isfinite(upper), upper, np.pi)
-        for fraction in low_discrepancy(_CONFIGURATIONS, self.model.dof):
+    def _always_near(
+        self, own: Sequence[tuple[int, int]], count: int, clearance: float
+    ) -> npt.NDArray[np.bool_]:
+        """Which of the first candidates, pairs of links, are always too near."""
+        near = np.arange(len(own))
+        for q in sampled_configurations(*self.model.joint_ranges):
             if not len(near):
                 break
-            q = np.concatenate([_BASE, low + fraction * (high - low)])
             near = near[self._distances(q, near) <= clearance]
-        return np.isin(np.arange(count), near)
+        pairs = [own[number] for number in near.tolist()]
+        robot = [shape for shape in self.shapes if shape.body <= self.model.dof]
+        always = always_near(self.model, robot, pairs, clearance)
+        return np.isin(np.arange(count), near[always])

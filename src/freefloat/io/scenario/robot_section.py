@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,7 @@ from freefloat.io.scenario.yaml import error_context, file_keys
 from freefloat.robot.bundled import find_robot
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
-from freefloat.robot.rigid_bodies import joints_of_arms
+from freefloat.robot.rigid_bodies import joints_of_arms, require_within_ranges
 from freefloat.robot.source import RobotSource
 
 
@@ -200,8 +201,10 @@ class RobotSection(Section):
             moving = {self.path_link, *self.moving_arms.values()}
             held = {name: arm.end_effector for name, arm in self.arms.items()
                     if arm.end_effector not in moving}  # fmt: skip
-            joints_of_arms(model.description, held, model.moving_joints, {})
-            return model
+            joints = joints_of_arms(model.description, held, model.moving_joints, {})
+            fixed = {joint.name: 0.0 for joint in joints} | dict(model.fixed_joints)
+            require_within_ranges(model.description, fixed)
+            return replace(model, fixed_joints=fixed)
 
     def _require_laws(self) -> None:
         """Raise an InputError if the arm that follows the path has a law of its own."""

@@ -1,7 +1,8 @@
 """MuJoCo as a second engine: its URDF reader, kinematics and dynamics.
 
-Poses and axes of joints come from MuJoCo's own URDF reader. Inertias are replaced by those of the
-model, because the reader requires the triangle inequality, which links of some robots violate.
+Poses and axes of joints come from MuJoCo's own URDF reader. Inertias are those of the model's rigid
+bodies, because the reader refuses links of some robots: those that violate the triangle inequality,
+and tiny ones, even if they are fixed to large ones.
 MuJoCo's free joint has its linear velocity in inertial axes, its angular velocity in body axes, and
 its quaternion in the order w, x, y, z.
 """
@@ -23,7 +24,7 @@ from freefloat.so3 import Array
 from freefloat.verification.gravity import CircularOrbit
 
 _LIGHTEST = 1e-9
-"""Mass and inertia of massless links in the reader [kg, kg m²], until theirs are set."""
+"""Mass and inertia of links in the reader [kg, kg m²], until theirs are set."""
 
 
 def engine_module() -> Any:
@@ -52,8 +53,7 @@ class Engine:
         model, self.system = system.model, system
         self._mujoco = mujoco = engine_module()
         try:
-            spec = mujoco.MjSpec.from_string(_urdf_without_shapes(model))
-            spec.compiler.balanceinertia = True
+            spec = mujoco.MjSpec.from_string(_kinematic_urdf(model))
             spec.compiler.fusestatic = False
             spec.compiler.boundmass = spec.compiler.boundinertia = _LIGHTEST
             root = spec.worldbody.first_body()
@@ -61,7 +61,8 @@ class Engine:
             self.model = spec.compile()
         except (ValueError, RuntimeError) as error:
             problem = str(error).splitlines()[0] if str(error) else type(error).__name__
-            raise InputError("engine", f"mujoco rejects the robot ({problem})", "another") from None
+            accepted = "a robot that mujoco accepts, or another engine"
+            raise InputError("engine", f"mujoco rejects the robot ({problem})", accepted) from None
         self.model.opt.gravity[:] = 0.0
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         self.data = mujoco.MjData(self.model)
@@ -226,8 +227,8 @@ def _angular(a: Array, change: Array) -> Array:
     return np.asarray(2.0 * vector)
 
 
-def _urdf_without_shapes(model: FreeFloatingModel) -> str:
-    """The URDF without shapes and friction; joints that do not move are fixed at their values.
+def _kinematic_urdf(model: FreeFloatingModel) -> str:
+    """The URDF without inertias, shapes, friction; joints that do not move are fixed at values.
 
     MuJoCo takes a link called world for the ground.
     """
@@ -237,8 +238,8 @@ def _urdf_without_shapes(model: FreeFloatingModel) -> str:
             if element.get(key) == "world":
                 element.set(key, "not_the_ground")
     for link in robot.findall("link"):
-        for shape in [*link.findall("visual"), *link.findall("collision")]:
-            link.remove(shape)
+        for content in list(link):
+            link.remove(content)
     for joint in robot.findall("joint"):
         for friction in joint.findall("dynamics"):
             joint.remove(friction)
