@@ -39,14 +39,11 @@ from tests.robots import planar_robot, random_robot
 # ------------------------------------------------------------------------------ the examples
 
 
-@pytest.mark.parametrize(
-    ("name", "seed", "count"),
-    [
-        ("spatial_6dof/line", 11, 1),
-        ("ur5_servicer/arc", 12, 8),
-        pytest.param("panda_servicer/line", 13, 8, marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize(("name", "seed", "count"), [
+    ("spatial_6dof/line", 11, 1),
+    ("ur5_servicer/arc", 12, 8),
+    pytest.param("panda_servicer/line", 13, 8, marks=pytest.mark.slow),
+])  # fmt: skip
 def test_random_attitudes_of_the_bundled_arms(name: str, seed: int, count: int) -> None:
     """Elbow arm with the paper's measure, UR5 without spherical wrist, redundant Panda."""
     problem = bundled(name)
@@ -278,13 +275,10 @@ def test_tolerances_that_are_no_use_are_refused(spatial: ff.Problem, tolerance: 
     assert error_key(lambda: EnsembleIntegrator(spatial, tolerance=tolerance)) == "tolerance"
 
 
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("ends", [150.0]), ("ends", [np.nan]), ("joints", np.zeros((1, 3))),
-        ("momenta", [[0.0, np.inf, 0.0]]),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("key", "value"), [
+    ("ends", [150.0]), ("ends", [np.nan]), ("joints", np.zeros((1, 3))),
+    ("momenta", [[0.0, np.inf, 0.0]]),
+])  # fmt: skip
 def test_states_that_kernels_could_not_read_are_refused(
     spatial: ff.Problem, key: str, value: object
 ) -> None:

@@ -139,17 +139,14 @@ def begin(problem, start):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("structure", "task", "redundancies"),
-    [
-        *((*arm, [None]) for arm in FEWEST),
-        *(
-            (*arm, choices(*arm, 1)[::4])
-            for arm in (("RPRR", ff.Task.POSITION), ("4", ff.Task.PLANAR_POSE))
-        ),
-        *((*arm, [None, ff.Redundancy(Metric.ENERGY, Toward.MIDDLE)]) for arm in TEN[::3]),
-    ],
-)
+@pytest.mark.parametrize(("structure", "task", "redundancies"), [
+    *((*arm, [None]) for arm in FEWEST),
+    *(
+        (*arm, choices(*arm, 1)[::4])
+        for arm in (("RPRR", ff.Task.POSITION), ("4", ff.Task.PLANAR_POSE))
+    ),
+    *((*arm, [None, ff.Redundancy(Metric.ENERGY, Toward.MIDDLE)]) for arm in TEN[::3]),
+])  # fmt: skip
 def test_kernels_stay_within_their_tables(structure, task, redundancies):
     for redundancy in redundancies:
         start = redundant(structure, task, redundancy, 1)

@@ -171,16 +171,13 @@ def test_closed_form_and_newton_agree(rng: np.random.Generator) -> None:
     assert max(counts) == 8
 
 
-@pytest.mark.parametrize(
-    ("structure", "task"),
-    [
-        ("RRRRRR", ff.Task.POSE),
-        ("RRPRRR", ff.Task.POSE),
-        ("RRR", ff.Task.POSITION),
-        ("RPR", ff.Task.POSITION),
-        ("PPP", ff.Task.POSITION),
-    ],
-)
+@pytest.mark.parametrize(("structure", "task"), [
+    ("RRRRRR", ff.Task.POSE),
+    ("RRPRRR", ff.Task.POSE),
+    ("RRR", ff.Task.POSITION),
+    ("RPR", ff.Task.POSITION),
+    ("PPP", ff.Task.POSITION),
+])  # fmt: skip
 def test_newton_finds_the_configuration_a_pose_came_from(
     structure: str, task: ff.Task, rng: np.random.Generator
 ) -> None:

@@ -165,18 +165,15 @@ def test_stdout_gets_the_text_alone(files):
     assert json.loads(result.stdout)["trajectory"]["time"] == [0.0, 100.0]
 
 
-@pytest.mark.parametrize(
-    ("words", "key"),
-    [
-        (("none.h5",), "file"),
-        (("bad.h5", "--format", "ros2"), "format"),
-        (("good.h5", "--format", "xml"), "format"),
-        (("good.h5", "--times", 5, "--rate", 5), "rate"),
-        (("good.h5", "--times", 5, "--format", "mjcf"), "times"),
-        (("good.h5", "-o", "link.h5"), "output"),
-        (("good.h5", "-o", "-", "--format", "mat"), "output"),
-    ],
-)
+@pytest.mark.parametrize(("words", "key"), [
+    (("none.h5",), "file"),
+    (("bad.h5", "--format", "ros2"), "format"),
+    (("good.h5", "--format", "xml"), "format"),
+    (("good.h5", "--times", 5, "--rate", 5), "rate"),
+    (("good.h5", "--times", 5, "--format", "mjcf"), "times"),
+    (("good.h5", "-o", "link.h5"), "output"),
+    (("good.h5", "-o", "-", "--format", "mat"), "output"),
+])  # fmt: skip
 def test_bad_input_is_one_line_and_changes_nothing(files, words, key):
     Path("link.h5").symlink_to("good.h5")
     before = {name: Path(name).read_bytes() for name in os.listdir()}

@@ -96,17 +96,14 @@ def test_studies_that_would_take_all_memory_are_refused_at_once(tmp_path: Path) 
 # Meshes
 
 
-@pytest.mark.parametrize(
-    ("name", "content"),
-    [
-        ("a.dae", good.meshes()[4].replace(b"<COLLADA", b"<!DOCTYPE x><COLLADA", 1)),
-        ("a.zip", b"PK"),
-        ("a.svg", b"<svg/>"),
-        ("a.glb", good.meshes()[3][:12] + b"\xff\xff\xff\x7f" + good.meshes()[3][16:]),
-        ("a.ply", good.meshes()[2][:-4] + b"\xff\xff\xff\x7f"),
-        ("a.obj", good.meshes()[5].replace(b"v ", b"v 1e200", 1)),
-    ],
-)
+@pytest.mark.parametrize(("name", "content"), [
+    ("a.dae", good.meshes()[4].replace(b"<COLLADA", b"<!DOCTYPE x><COLLADA", 1)),
+    ("a.zip", b"PK"),
+    ("a.svg", b"<svg/>"),
+    ("a.glb", good.meshes()[3][:12] + b"\xff\xff\xff\x7f" + good.meshes()[3][16:]),
+    ("a.ply", good.meshes()[2][:-4] + b"\xff\xff\xff\x7f"),
+    ("a.obj", good.meshes()[5].replace(b"v ", b"v 1e200", 1)),
+])  # fmt: skip
 def test_invalid_meshes_are_refused(name: str, content: bytes, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(content)
     with pytest.raises(MeshFileError):

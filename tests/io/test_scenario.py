@@ -110,16 +110,13 @@ def test_a_bad_row_after_blank_lines_is_refused_with_its_line_in_the_file(folder
 # --- how it stands -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "fixed",
-    [
-        "{quaternion: [0, 0, 0.7071067811865476, 0.7071067811865476]}",
-        "[0, 0, 0.7071067811865476, 0.7071067811865476]",
-        "{rpy: [0, 0, 1.5707963267948966]}",
-        "{axes: {x: [0, 2, 0], z: [0, 0, 3]}}",
-        "{axes: {z: [0, 0, 1], y: [-1, 0, 0]}}",
-    ],
-)
+@pytest.mark.parametrize("fixed", [
+    "{quaternion: [0, 0, 0.7071067811865476, 0.7071067811865476]}",
+    "[0, 0, 0.7071067811865476, 0.7071067811865476]",
+    "{rpy: [0, 0, 1.5707963267948966]}",
+    "{axes: {x: [0, 2, 0], z: [0, 0, 3]}}",
+    "{axes: {z: [0, 0, 1], y: [-1, 0, 0]}}",
+])  # fmt: skip
 def test_an_attitude_can_be_written_in_several_ways(fixed: str, folder: Path) -> None:
     path = path_of(folder, f"{LINE}, attitude: {{fixed: {fixed}}}")
     quarter = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
@@ -190,16 +187,13 @@ def test_limits_of_joints_are_a_number_a_map_or_the_urdfs(folder: Path) -> None:
 # --- errors -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "key", "line", "accepted"),
-    [
-        ("duration: 100", "duratoin: 100", "timing.duratoin", 4, "duration"),
-        ("from: [1, 0, 0]", "from: [1, 0, x]", "path.line.from.2", 3, "number"),
-        ("task: pose", "task: poes", "task", 2, "'pose'"),
-        ("rpy: [0, 0, 0]", "rpy: [0, 90, 45]", "path.attitude.fixed.rpy", 3, ""),
-        ("urdf: spatial_6dof", "urdf: x, scale_mass: z", "robot.scale_mass", 1, "a map from link"),
-    ],
-)
+@pytest.mark.parametrize(("old", "new", "key", "line", "accepted"), [
+    ("duration: 100", "duratoin: 100", "timing.duratoin", 4, "duration"),
+    ("from: [1, 0, 0]", "from: [1, 0, x]", "path.line.from.2", 3, "number"),
+    ("task: pose", "task: poes", "task", 2, "'pose'"),
+    ("rpy: [0, 0, 0]", "rpy: [0, 90, 45]", "path.attitude.fixed.rpy", 3, ""),
+    ("urdf: spatial_6dof", "urdf: x, scale_mass: z", "robot.scale_mass", 1, "a map from link"),
+])  # fmt: skip
 def test_an_error_names_file_line_key_and_what_is_accepted(
     old: str, new: str, key: str, line: int, accepted: str, folder: Path
 ) -> None:
@@ -238,14 +232,11 @@ def frames_at_present(robot: ff.FreeFloatingModel) -> dict[str, Pose]:
 
 
 @pytest.mark.parametrize("frame", ["spacecraft", "base"])
-@pytest.mark.parametrize(
-    "path",
-    [
-        f"{LINE}, attitude: {{slerp: {{from: [0, 0, 0, 1], to: [0.5, 0.5, 0.5, 0.5]}}}}",
-        f"{CURVES['arc']}, attitude: {LAWS['follow']}",
-        f"{CURVES['waypoints']}, attitude: {LAWS['point_at']}",
-    ],
-)
+@pytest.mark.parametrize("path", [
+    f"{LINE}, attitude: {{slerp: {{from: [0, 0, 0, 1], to: [0.5, 0.5, 0.5, 0.5]}}}}",
+    f"{CURVES['arc']}, attitude: {LAWS['follow']}",
+    f"{CURVES['waypoints']}, attitude: {LAWS['point_at']}",
+])  # fmt: skip
 def test_a_path_in_a_frame_moves_with_it(path: str, frame: str, folder: Path) -> None:
     """Roll about an axis that points is settled by inertial axes, whatever the frame."""
     ur5 = (

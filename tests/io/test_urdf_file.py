@@ -153,19 +153,16 @@ def test_a_tool_is_fixed_to_the_end_effector(tmp_path: Path) -> None:
     assert np.allclose(gap, [0.3, 0, 0], rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("words", "key"),
-    [
-        (("ur5_servicer/arc", "--mass", "3", "--inertia", "1,1,1"), "options"),
-        ((UR5, "--end-effector", "tool0", "--size", "1", "1", "1"), "spacecraft.mass"),
-        ((UR5, "--mass", "3", "--inertia", "1,1,1"), "end_effector"),
-        ((UR5, "--end-effector", "tool0", "--tool", "no_such"), "tool"),
-        ((UR5, "--end-effector", "tool0", "--second-arm", UR5, "--second-mount", *"000", "0", "0",
-          "45"), "second_mount"),
-        ((UR5, "--end-effector", "tool0", "--payload-mass", "1", "--payload-inertia", "1,1,1",
-          "--payload-mesh", "no_such.stl"), "payload.mesh"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("words", "key"), [
+    (("ur5_servicer/arc", "--mass", "3", "--inertia", "1,1,1"), "options"),
+    ((UR5, "--end-effector", "tool0", "--size", "1", "1", "1"), "spacecraft.mass"),
+    ((UR5, "--mass", "3", "--inertia", "1,1,1"), "end_effector"),
+    ((UR5, "--end-effector", "tool0", "--tool", "no_such"), "tool"),
+    ((UR5, "--end-effector", "tool0", "--second-arm", UR5, "--second-mount", *"000", "0", "0",
+      "45"), "second_mount"),
+    ((UR5, "--end-effector", "tool0", "--payload-mass", "1", "--payload-inertia", "1,1,1",
+      "--payload-mesh", "no_such.stl"), "payload.mesh"),
+])  # fmt: skip
 def test_invalid_options_are_refused(words: tuple[str, ...], key: str, tmp_path: Path) -> None:
     error = commands.error("assemble", *words, "-o", str(tmp_path / "out.urdf"))
     assert error["key"] == key

@@ -32,15 +32,12 @@ def refusal(file: Path, content: str | bytes) -> ff.InputError:
     return caught.value
 
 
-@pytest.mark.parametrize(
-    ("written", "meant"),
-    [
-        *[("-3", -3), (".5", 0.5), ("-1.", -1.0), ("+2.5", 2.5), ("010", 10.0), ("1:40", "1:40")],
-        *[("1e-3", 1e-3), ("-2.5e+3", -2500.0), ("0", 0), (".inf", math.inf), ("true", True)],
-        *[("null", None), ("word", "word"), ('"1e3"', "1e3"), ("1.2.3", "1.2.3"), ("-y", "-y")],
-        ("1" + "0" * 5000, math.inf),  # for the schema to refuse
-    ],
-)
+@pytest.mark.parametrize(("written", "meant"), [
+    *[("-3", -3), (".5", 0.5), ("-1.", -1.0), ("+2.5", 2.5), ("010", 10.0), ("1:40", "1:40")],
+    *[("1e-3", 1e-3), ("-2.5e+3", -2500.0), ("0", 0), (".inf", math.inf), ("true", True)],
+    *[("null", None), ("word", "word"), ('"1e3"', "1e3"), ("1.2.3", "1.2.3"), ("-y", "-y")],
+    ("1" + "0" * 5000, math.inf),  # for the schema to refuse
+])  # fmt: skip
 def test_values_are_read_as_they_look(file: Path, written: str, meant: object) -> None:
     value = read(file, f"key: {written}\n")["key"]
     assert value == meant
@@ -58,20 +55,17 @@ def test_a_file_of_exactly_the_limit_is_read_and_one_byte_more_is_refused(file: 
     assert refusal(file, text + "x" * (LIMIT - len(text) + 1)).key == "file"
 
 
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        ("task: pose\n3: x\n", 2),
-        ("task: pose\nmomentum: 1\ntask: pose\n", 3),
-        ("stops:\n- s: 1\n  t: 2\n  s: 3\n", 4),
-        ("robot: {urdf: a\n", 2),
-        ("task: pose\n\tmargin: 1\n", 2),
-        ("a: 1\n---\na: 2\n", 2),
-        ("task: pose\nkey: !!python/object/apply:os.system [touch harm]", 2),
-        ("task: pose\nkey: !include other.yaml", 2),
-        ("a0: &a0 [x, x]\na1: [*a0, *a0]", 2),
-    ],
-)
+@pytest.mark.parametrize(("text", "line"), [
+    ("task: pose\n3: x\n", 2),
+    ("task: pose\nmomentum: 1\ntask: pose\n", 3),
+    ("stops:\n- s: 1\n  t: 2\n  s: 3\n", 4),
+    ("robot: {urdf: a\n", 2),
+    ("task: pose\n\tmargin: 1\n", 2),
+    ("a: 1\n---\na: 2\n", 2),
+    ("task: pose\nkey: !!python/object/apply:os.system [touch harm]", 2),
+    ("task: pose\nkey: !include other.yaml", 2),
+    ("a0: &a0 [x, x]\na1: [*a0, *a0]", 2),
+])  # fmt: skip
 def test_broken_yaml_tags_and_aliases_are_refused_with_their_line(
     file: Path, text: str, line: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

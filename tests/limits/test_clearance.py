@@ -1,7 +1,6 @@
 """Distances along a motion: no contact hides, the right pair is named, every shape counts."""
 
 import re
-from dataclasses import replace
 from functools import partial
 from itertools import product
 
@@ -12,7 +11,6 @@ import freefloat as ff
 from freefloat.errors import ModelError
 from freefloat.limits.clearance import TOLERANCE, clearance
 from freefloat.limits.collision import collision_shapes
-from freefloat.limits.contact import deepest_contact
 from freefloat.limits.levers import frame_levers, joint_levers
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.robot.model import FreeFloatingModel
@@ -139,21 +137,29 @@ def folding_arm(rpy="0 0 0"):
     )
 
 
-def test_links_that_held_joints_separate_are_compared():
-    """Their distances are constant; links that a joint connects are neighbours, held or not."""
-    motion = prismatic(more="")
-    for angle, where, distance in (np.pi, "bus - fore", -0.3), (np.pi / 2.0, "bus - hand", 0.4):
-        model = FreeFloatingModel.from_urdf(folding_arm(), "hand", fixed_joints={"h2": angle})
-        held = replace(motion, problem=replace(motion.problem, model=model))
-        (result,) = (entry for entry in ff.check_limits(held, ff.Limits(clearance=0.05))
-                     if entry.limit == "clearance")  # fmt: skip
-        assert (result.where, result.kept, result.notes) == (where, distance > 0.0, ())
-        assert_close(result.worst, distance, atol=1e-6)
-        contact = deepest_contact(held)
-        assert (contact is None) == (distance > 0.0)
-        if contact is not None:
-            assert (contact.bodies, contact.time) == (("bus", "fore"), 0.0)
-            assert_close(contact.depth, -distance, atol=1e-6)
+@pytest.mark.parametrize(("rpy", "held", "where", "distance"), [
+    ("0 0 0", {"h2": np.pi}, "bus - fore", -0.3), (f"0 {np.pi} 0", {}, "bus - fore", -0.3),
+    ("0 0 0", {"h2": np.pi / 2.0}, "bus - hand", 0.4),
+])  # fmt: skip
+def test_links_that_held_joints_separate_are_compared(tmp_path, rpy, held, where, distance):
+    """An arm at rest, inside the bus and outside; its links are at constant distances."""
+    file = tmp_path / "robot.urdf"
+    file.write_text(folding_arm(rpy))
+    arms = {"main": {"end_effector": "hand"}, "side": {"end_effector": "fore", "law": "held"}}
+    content = {
+        "robot": {"urdf": str(file), "end_effector": "main", "arms": arms, "held": held},
+        "task": "position", "path": {"line": {"from": [0.9, 0, 0], "to": [1, 0, 0]}},
+        "timing": {"duration": 20}, "margin": {"value": 0.0}, "limits": {"clearance": 0.0},
+    }  # fmt: skip
+    scenario = ff.load_scenario(content)
+    problem, limits = scenario.problem(), scenario.limits()
+    result, free = (ff.simulate(problem, [0, 0, 0, 1], limits=each) for each in (limits, None))
+    (limit,) = (entry for entry in result.limit_results if entry.limit == "clearance")
+    assert (limit.where, limit.kept, limit.time, limit.notes) == (where, distance > 0.0, 0.0, ())
+    assert_close(limit.worst, distance, atol=1e-6)
+    assert str(free.contact or "").startswith("fore overlaps bus by 0.3 m") == (distance < 0.0)
+    file.write_text(folding_arm(rpy).replace('lower="-4.0"', 'lower="0.5"'))
+    assert held or error_key(ff.load_scenario(content).model) == "robot.held.h1"
 
 
 @pytest.mark.parametrize(("rpy", "end", "fixed", "least", "left_out"), [
@@ -172,24 +178,6 @@ def test_links_are_compared_where_other_values_of_held_joints_part_them(
     )
     assert pairs.left_out == left_out
     assert ("bus - fore" in map(pairs.name, range(len(pairs.pairs)))) == (not left_out)
-
-
-def test_joints_of_arms_with_the_law_held_are_held_at_zero(tmp_path):
-    for low, key in (-4.0, None), (0.5, "robot.held.h1"):
-        text = folding_arm(f"0 {np.pi} 0").replace('lower="-4.0"', f'lower="{low}"')
-        (tmp_path / "robot.urdf").write_text(text)
-        arms = {"main": {"end_effector": "hand"}, "side": {"end_effector": "fore", "law": "held"}}
-        scenario = ff.load_scenario({
-            "robot": {"urdf": str(tmp_path / "robot.urdf"), "end_effector": "main", "arms": arms},
-            "task": "position", "path": {"line": {"from": [0.9, 0, 0], "to": [1, 0, 0]}},
-            "timing": {"duration": 20}, "margin": {"value": 0.0}, "limits": {"clearance": 0.0},
-        })  # fmt: skip
-        if key is None:
-            result = ff.simulate(scenario.problem(), [0, 0, 0, 1], limits=scenario.limits())
-            assert not result.feasible
-            assert result.contact.bodies == ("bus", "fore")
-        else:
-            assert error_key(scenario.model) == key
 
 
 def test_every_kind_of_shape_has_its_size(tmp_path):

@@ -158,12 +158,9 @@ def test_a_spatial_plan_keeps_limits_that_the_largest_margin_violates() -> None:
     assert endings["completed"] > 0
 
 
-@pytest.mark.parametrize(
-    ("change", "key"),
-    [
-        ({"point": [1, 0, 0]}, "target"), ({"direction": [0, 0, 0]}, "target.direction"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("change", "key"), [
+    ({"point": [1, 0, 0]}, "target"), ({"direction": [0, 0, 0]}, "target.direction"),
+])  # fmt: skip
 def test_errors_of_a_pointing_limit(change: dict, key: str) -> None:
     values = {"body": "spacecraft", "axis": [1, 0, 0], "angle": 0.5, "direction": [0, 0, 1]}
     assert error_key(lambda: PointingLimit(**values | change)) == key

@@ -207,25 +207,22 @@ def test_an_altered_joint_of_the_other_arm_is_found(problem):
     assert not ff.check(replace(simulation, branches=(chosen,), chosen=chosen)).passed
 
 
-@pytest.mark.parametrize(
-    ("keys", "value", "key"),
-    [
-        (("robot", "arms", "left", "end_effector"), "lef", "robot.arms.left.end_effector"),
-        (("robot", "arms", "left", "end_effector"), "link_1", "robot.arms.left.end_effector"),
-        (("robot", "arms", "right", "law"), "held", "robot.arms.right.law"),
-        (LAW, {"joints": [[1.0], [2.0]]}, "robot.arms.left.law.joints.0"),
-        (LAW, {"joints": "none.h5"}, "robot.arms.left.law.joints"),
-        (LAW, {"joints": WAYPOINTS, "times": [0.0, 5.0, 30.0]}, "robot.arms.left.law.times"),
-        (LAW, {"joints": WAYPOINTS, "times": [0.0, 20.0]}, "robot.arms.left.law.times"),
-        (LAW, {"path": {**LEFT, "frame": "client"}}, "robot.arms.left.law.path.frame"),
-        (LAW, {"path": {"samples": "a.csv"}}, "robot.arms.left.law.path.samples"),
-        (LAW, {"path": {"line": {"from": [-0.9, 0.3, 0.1], "to": [0, 1, 0.1]}}},
-         "robot.arms.left.law.path"),
-        (LAW, {"path": {**LEFT, "speed": 1.0}}, "robot.arms.left.law.path.speed"),
-        (("margin",), {"measure": "arm", "value": 1.0}, "margin.measure"),
-        (("timing", "law"), "optimal", "robot.arms"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("keys", "value", "key"), [
+    (("robot", "arms", "left", "end_effector"), "lef", "robot.arms.left.end_effector"),
+    (("robot", "arms", "left", "end_effector"), "link_1", "robot.arms.left.end_effector"),
+    (("robot", "arms", "right", "law"), "held", "robot.arms.right.law"),
+    (LAW, {"joints": [[1.0], [2.0]]}, "robot.arms.left.law.joints.0"),
+    (LAW, {"joints": "none.h5"}, "robot.arms.left.law.joints"),
+    (LAW, {"joints": WAYPOINTS, "times": [0.0, 5.0, 30.0]}, "robot.arms.left.law.times"),
+    (LAW, {"joints": WAYPOINTS, "times": [0.0, 20.0]}, "robot.arms.left.law.times"),
+    (LAW, {"path": {**LEFT, "frame": "client"}}, "robot.arms.left.law.path.frame"),
+    (LAW, {"path": {"samples": "a.csv"}}, "robot.arms.left.law.path.samples"),
+    (LAW, {"path": {"line": {"from": [-0.9, 0.3, 0.1], "to": [0, 1, 0.1]}}},
+     "robot.arms.left.law.path"),
+    (LAW, {"path": {**LEFT, "speed": 1.0}}, "robot.arms.left.law.path.speed"),
+    (("margin",), {"measure": "arm", "value": 1.0}, "margin.measure"),
+    (("timing", "law"), "optimal", "robot.arms"),
+])  # fmt: skip
 def test_errors_name_the_key(tmp_path, keys, value, key):
     scenario = changed(*keys, value=value)
     scenario["limits"] = {"joint_rate": 1.0}

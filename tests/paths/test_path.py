@@ -89,19 +89,16 @@ def test_samples_with_quaternions_have_an_attitude(write):
     ff.EndEffectorPath(curve, attitude)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "x,y\n0,0\n1,1\n",
-        "x,y,z,x\n0,0,0,0\n1,1,1,1\n",
-        "x,y,z\n0,0,0\n",
-        "x,y,z\n0,0,0\n1,1\n",
-        "x,y,z\n0,0,0\n1,nan,1\n",
-        "x,y,z,s\n0,0,0,0\n1,0,0,0.6\n1,1,0,0.5\n1,1,1,1\n",
-        'x,y,z\n0,0,0\n1,"1,1\n',
-    ],
-)
+@pytest.mark.parametrize("text", [
+    "",
+    "x,y\n0,0\n1,1\n",
+    "x,y,z,x\n0,0,0,0\n1,1,1,1\n",
+    "x,y,z\n0,0,0\n",
+    "x,y,z\n0,0,0\n1,1\n",
+    "x,y,z\n0,0,0\n1,nan,1\n",
+    "x,y,z,s\n0,0,0,0\n1,0,0,0.6\n1,1,0,0.5\n1,1,1,1\n",
+    'x,y,z\n0,0,0\n1,"1,1\n',
+])  # fmt: skip
 def test_unfit_samples_are_refused_with_their_file(write, text):
     file = write(text)
     with pytest.raises(ff.InputError) as caught:

@@ -60,15 +60,12 @@ def test_a_robot_is_found_by_its_file_before_its_name(name: str, tmp_path: Path)
     assert find_robot(str(file), Path("/")) == file
 
 
-@pytest.mark.parametrize(
-    ("name", "file"),
-    [
-        ("ur3", "ur3_robot.urdf"),
-        ("ur5_robot", "ur5_robot.urdf"),
-        ("ur5_gripper", "ur5_gripper.urdf"),
-        ("anymal_c_simple/anymal", "anymal.urdf"),
-    ],
-)
+@pytest.mark.parametrize(("name", "file"), [
+    ("ur3", "ur3_robot.urdf"),
+    ("ur5_robot", "ur5_robot.urdf"),
+    ("ur5_gripper", "ur5_gripper.urdf"),
+    ("anymal_c_simple/anymal", "anymal.urdf"),
+])  # fmt: skip
 def test_a_stock_robot_is_found_by_its_short_name(name: str, file: str) -> None:
     path = find_robot(EXAMPLE + name, Path("/nowhere"))
     assert path.name == file

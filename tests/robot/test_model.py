@@ -116,15 +116,12 @@ def test_fixed_joints_are_as_if_glued() -> None:
     assert np.abs(momentum_map(fixed, q) - momentum_map(straight, q)).max() > 0.1
 
 
-@pytest.mark.parametrize(
-    ("fixed", "key"),
-    [
-        ({"hing": 0.1}, "fixed_joints.hing"),
-        ({"root_joint": 0.1}, "fixed_joints.root_joint"),
-        ({"hinge": np.nan}, "fixed_joints.hinge"),
-        ({"shoulder": 0.1, "elbow": 0.2}, "fixed_joints"),
-    ],
-)
+@pytest.mark.parametrize(("fixed", "key"), [
+    ({"hing": 0.1}, "fixed_joints.hing"),
+    ({"root_joint": 0.1}, "fixed_joints.root_joint"),
+    ({"hinge": np.nan}, "fixed_joints.hinge"),
+    ({"shoulder": 0.1, "elbow": 0.2}, "fixed_joints"),
+])  # fmt: skip
 def test_joints_that_cannot_be_fixed_are_refused(fixed: dict[str, float], key: str) -> None:
     assert error_key(ff.FreeFloatingModel.from_urdf, ELBOW, "fore", fixed_joints=fixed) == key
 

@@ -116,17 +116,14 @@ def workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     return write
 
 
-@pytest.mark.parametrize(
-    ("include", "mass"),
-    [
-        ("part.xacro", 12.0),
-        ("$(dirname)/part.xacro", 12.0),
-        ("$(cwd)/part.xacro", 12.0),
-        ("../urdf/part.xacro", 12.0),
-        ("$(find arm_description)/urdf/part.xacro", 12.0),
-        ("$(find parts)/part.xacro", 13.0),
-    ],
-)
+@pytest.mark.parametrize(("include", "mass"), [
+    ("part.xacro", 12.0),
+    ("$(dirname)/part.xacro", 12.0),
+    ("$(cwd)/part.xacro", 12.0),
+    ("../urdf/part.xacro", 12.0),
+    ("$(find arm_description)/urdf/part.xacro", 12.0),
+    ("$(find parts)/part.xacro", 13.0),
+])  # fmt: skip
 def test_included_files_are_found_from_the_file(include: str, mass: float, workspace) -> None:
     file = workspace(f'<xacro:include filename="{include}"/>')
     assert ff.FreeFloatingModel.from_urdf(file).total_mass == mass + 18.0

@@ -92,14 +92,11 @@ def test_time_and_memory_are_limited(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "model",
-    [
-        '<worldbody><replicate count="100000000"><body><geom size="1"/></body></replicate>'
-        "</worldbody>",
-        '<asset><hfield name="h" nrow="60000" ncol="60000" size="1 1 1 1"/></asset>',
-    ],
-)
+@pytest.mark.parametrize("model", [
+    '<worldbody><replicate count="100000000"><body><geom size="1"/></body></replicate>'
+    "</worldbody>",
+    '<asset><hfield name="h" nrow="60000" ncol="60000" size="1 1 1 1"/></asset>',
+])  # fmt: skip
 def test_large_models_of_mujoco_are_refused(
     model: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -35,14 +35,11 @@ CBK_3R = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("table", "areas"),
-    [
-        (PAPADOPOULOS_2R, [(0.35106, 0.55368), (1.43617, 2.28723)]),
-        (CEPHEUS_3R, [(0.11500, 0.22771), (0.28868, 0.63139)]),
-        pytest.param(CBK_3R, [(0.31491, 0.38111), (0.51403, 1.17883)], marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize(("table", "areas"), [
+    (PAPADOPOULOS_2R, [(0.35106, 0.55368), (1.43617, 2.28723)]),
+    (CEPHEUS_3R, [(0.11500, 0.22771), (0.28868, 0.63139)]),
+    pytest.param(CBK_3R, [(0.31491, 0.38111), (0.51403, 1.17883)], marks=pytest.mark.slow),
+])  # fmt: skip
 def test_path_dependent_areas_have_the_published_radii(table, areas):
     """Annuli that S = 0 sweeps, computed elsewhere from the authors' own closed form."""
     workspace = ff.workspace_regions(problem_of(collinear(*table)))

@@ -26,23 +26,20 @@ def sample(count: int = COUNT, seed: int = 3, key: str = "key", **keys: Any) -> 
     return section(**keys).draws(seed, key, 0, count)
 
 
-@pytest.mark.parametrize(
-    ("keys", "values"),
-    [
-        ({"list": [1, [2, 3], "a"]}, [1, [2, 3], "a"]),
-        ({"range": [0, 1, 0.1]}, [k / 10 for k in range(11)]),
-        ({"range": [-0.3, 0.3, 0.1]}, [-0.3, -0.2, -0.1, 0, 0.1, 0.2, 0.3]),
-        ({"range": [0, np.pi, np.pi / 2]}, [0, np.pi / 2, np.pi]),
-        ({"range": [5, 5, 1]}, [5]),
-        ({"range": [8, 32, 8]}, [8, 16, 24, 32]),
-        ({"grid": {"from": 0, "to": 1, "count": 11}}, [k / 10 for k in range(11)]),
-        ({"grid": {"from": 2, "to": 9, "count": 1}}, [2.0]),
-        (
-            {"grid": {"from": [0, 1], "to": [1, 1], "count": [3, 2]}},
-            [[0.0, 1.0], [0.0, 1.0], [0.5, 1.0], [0.5, 1.0], [1.0, 1.0], [1.0, 1.0]],
-        ),
-    ],
-)
+@pytest.mark.parametrize(("keys", "values"), [
+    ({"list": [1, [2, 3], "a"]}, [1, [2, 3], "a"]),
+    ({"range": [0, 1, 0.1]}, [k / 10 for k in range(11)]),
+    ({"range": [-0.3, 0.3, 0.1]}, [-0.3, -0.2, -0.1, 0, 0.1, 0.2, 0.3]),
+    ({"range": [0, np.pi, np.pi / 2]}, [0, np.pi / 2, np.pi]),
+    ({"range": [5, 5, 1]}, [5]),
+    ({"range": [8, 32, 8]}, [8, 16, 24, 32]),
+    ({"grid": {"from": 0, "to": 1, "count": 11}}, [k / 10 for k in range(11)]),
+    ({"grid": {"from": 2, "to": 9, "count": 1}}, [2.0]),
+    (
+        {"grid": {"from": [0, 1], "to": [1, 1], "count": [3, 2]}},
+        [[0.0, 1.0], [0.0, 1.0], [0.5, 1.0], [0.5, 1.0], [1.0, 1.0], [1.0, 1.0]],
+    ),
+])  # fmt: skip
 def test_listed_values_have_no_rounding_errors(keys: dict[str, Any], values: list[Any]) -> None:
     assert section(**keys).listed() == values
 
@@ -53,15 +50,12 @@ def test_whole_numbers_stay_whole_for_keys_that_take_no_others() -> None:
     assert all(isinstance(value, int) for value in values)
 
 
-@pytest.mark.parametrize(
-    "keys",
-    [
-        {"uniform": [0, 1]},
-        {"normal": {"mean": [1, 2, 3, 4, 5], "sd": 2}},
-        {"ball": {"center": [0, 0, 0], "radius": 1}},
-        {"so3": {}},
-    ],
-)
+@pytest.mark.parametrize("keys", [
+    {"uniform": [0, 1]},
+    {"normal": {"mean": [1, 2, 3, 4, 5], "sd": 2}},
+    {"ball": {"center": [0, 0, 0], "radius": 1}},
+    {"so3": {}},
+])  # fmt: skip
 def test_a_value_depends_on_seed_key_and_number_alone(keys: dict[str, Any]) -> None:
     draws = section(**keys).draws
     every = draws(1, "a", 0, 100)

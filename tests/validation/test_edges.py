@@ -63,15 +63,12 @@ def assert_compiled_agrees(motion, tolerance):
     assert_close(compiled.joints[0], motion.final.joints, atol=tolerance)
 
 
-@pytest.mark.parametrize(
-    ("name", "joints", "step"),
-    [
-        ("planar_3dof/parabola", [0.0, 0.0, 0.4], [0.2, 0.0, 0.0]),  # stretched
-        ("planar_3dof/parabola", [0.0, np.pi, 0.4], [0.2, 0.0, 0.0]),  # folded back
-        ("spatial_6dof/line", [0.0] * 6, [-0.3, 0.0, 0.0]),  # elbow and wrist straight
-        ("spatial_6dof/line", [0.3, 0.4, 1.1, 0.2, 0.0, -0.5], [-0.3, 0.0, 0.0]),  # wrist straight
-    ],
-)
+@pytest.mark.parametrize(("name", "joints", "step"), [
+    ("planar_3dof/parabola", [0.0, 0.0, 0.4], [0.2, 0.0, 0.0]),  # stretched
+    ("planar_3dof/parabola", [0.0, np.pi, 0.4], [0.2, 0.0, 0.0]),  # folded back
+    ("spatial_6dof/line", [0.0] * 6, [-0.3, 0.0, 0.0]),  # elbow and wrist straight
+    ("spatial_6dof/line", [0.3, 0.4, 1.1, 0.2, 0.0, -0.5], [-0.3, 0.0, 0.0]),  # wrist straight
+])  # fmt: skip
 def test_a_singular_start_is_the_end_of_the_motion(name, joints, step):
     """Expected: singular at 0 s, nothing moves.
 
