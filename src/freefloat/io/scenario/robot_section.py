@@ -202,6 +202,8 @@ class RobotSection(Section):
             held = {name: arm.end_effector for name, arm in self.arms.items()
                     if arm.end_effector not in moving}  # fmt: skip
             joints = joints_of_arms(model.description, held, model.moving_joints, {})
+            if not joints:
+                return model
             fixed = {joint.name: 0.0 for joint in joints} | dict(model.fixed_joints)
             require_within_ranges(model.description, fixed)
             return replace(model, fixed_joints=fixed)
