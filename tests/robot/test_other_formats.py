@@ -177,18 +177,20 @@ def test_joints_have_the_values_of_mujoco(tmp_path: Path) -> None:
     file.write_text("""<mujoco><worldbody><body name="base"><freejoint/><geom size="1"/>
       <body name="a" pos="0 0 1" euler="30 0 0"><joint name="q1" axis="0 1 1" ref="90"
       range="0 180"/><geom size="0.1"/><body name="b" pos="1 0 0"><joint name="q2" type="slide"
-      ref="0.5" axis="1 0 1" range="0 1"/><geom size="0.1"/></body></body>
-      </body></worldbody><equality><joint joint1="q1" joint2="q2"/></equality></mujoco>""")
-    model = ff.FreeFloatingModel.from_urdf(file, "b")
-    np.testing.assert_allclose(model.joint_ranges, [[0.0, 0.0], [np.pi, 1.0]], atol=1e-12)
+      ref="0.5" axis="1 0 1" range="0 1"/><geom size="0.1"/><body name="c" pos="1 0 0">
+      <joint name="q3" ref="-90" range="-180 0"/><geom size="0.1"/></body></body></body></body>
+      </worldbody><equality><joint joint1="q1" joint2="q2"/></equality></mujoco>""")
+    model = ff.FreeFloatingModel.from_urdf(file, "c")
+    ranges = [[0.0, 0.0, -np.pi], [np.pi, 1.0, 0.0]]
+    np.testing.assert_allclose(model.joint_ranges, ranges, atol=1e-12)
     robot = mujoco.MjModel.from_xml_path(str(file))
-    state, still, joints = mujoco.MjData(robot), [0.0, 0.0, 0.0, 1.0], [0.3, 0.8]
+    state, still, joints = mujoco.MjData(robot), [0.0, 0.0, 0.0, 1.0], [0.3, 0.8, -0.4]
     state.qpos[7:] = joints
     mujoco.mj_kinematics(robot, state)
     pose = model.end_effector_pose(still, joints)
     away = pose.position - model.base_position(still, joints)
-    np.testing.assert_allclose(away, state.body("b").xpos, atol=1e-12)
-    np.testing.assert_allclose(pose.rotation.ravel(), state.body("b").xmat, atol=1e-12)
+    np.testing.assert_allclose(away, state.body("c").xpos, atol=1e-12)
+    np.testing.assert_allclose(pose.rotation.ravel(), state.body("c").xmat, atol=1e-12)
     findings = document("info", file)["findings"]
     assert any("equality" in entry["problem"] for entry in findings)
     assert {entry["line"] for entry in findings} == {None}

@@ -104,7 +104,7 @@ def require_task(model: FreeFloatingModel, task: Task | str) -> Task:
         raise InputError(
             "task",
             f"{task} prescribes {len(task.rows)} rates, the arm has {joints} joints",
-            _feasible(model, list(Task)),
+            _feasible(model, [other for other in Task if task.planar or not other.planar]),
         )
     return task
 
