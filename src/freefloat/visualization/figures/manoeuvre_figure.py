@@ -28,7 +28,7 @@ def manoeuvre_figure(manoeuvre: Manoeuvre) -> Figure:
     moving = [(phase, phase.motion) for phase in manoeuvre.phases if phase.motion is not None]
     every = [name for _, motion in moving for name in motion.problem.model.joint_names]
     names = list(dict.fromkeys(every))  # arms that rest in a phase are not among its joints
-    styles = dict(zip(names, strokes(len(names)), strict=True))
+    styles = dict(zip(names, strokes(len(names)), strict=False))
     for phase, motion in moving:
         times, attitudes, values = _sampled(motion)
         at = phase.start + times
