@@ -12,7 +12,7 @@ from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.path_planner import plan_path
 from freefloat.planning.plan import Plan
 from freefloat.planning.settings import Search
-from freefloat.planning.timing.retiming import retime
+from freefloat.planning.timing.retiming import NARROWER, retime
 from freefloat.planning.timing.speed_profile import require_considered
 from freefloat.planning.timing.stretching import stretched_plan
 
@@ -65,8 +65,11 @@ def plan(
     if to_retime:
         problem.model.require_one_arm("fastest timings")
         require_considered(limits or Limits())
+    searched = limits
+    if to_retime and limits is not None and problem.depends_on_timing:
+        searched = limits.narrower(NARROWER)
     plan_problem = partial(
-        plan_path, search=search, limits=limits, threads=threads, progress=progress,
+        plan_path, search=search, limits=searched, threads=threads, progress=progress,
         to_retime=to_retime,
     )  # fmt: skip
     stretch = stretch or to_retime  # the duration is a first guess

@@ -42,8 +42,9 @@ _FEWER = 128
 duration is 0.01 to 0.2 % longer than with 400. Every motion of the map passes all of them."""
 _INSIDE = 0.999
 """Fraction of the limits to be used in these plans: the motion depends on the timing."""
-_NARROWER = 0.02
-"""Fraction by which limits of attitude become narrower with every attitude that violates one."""
+NARROWER = 0.03
+"""Fraction by which limits of attitude are narrower where the motion depends on the timing, and
+become narrower with every attitude that violates one at its own timing."""
 _SLOWER, _SLOWDOWNS = 2.0, 16
 """Factor on the duration up to which a scene that tumbles may slow it down, and how many are tried;
 the duration of the plan is among them."""
@@ -195,7 +196,7 @@ def _iterate(
         if passed is not None and settled:
             return _retiming(passed, plan, agrees=True)
         current = passed or plan_path(
-            problem, search=search, limits=limits.narrower(_NARROWER * (number + 1)),
+            problem, search=search, limits=limits.narrower(NARROWER * (number + 2)),
             threads=threads, progress=step, to_retime=True,
         )  # fmt: skip
         if current.chosen is None or not current.feasible:
