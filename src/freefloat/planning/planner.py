@@ -65,15 +65,22 @@ def plan(
     if to_retime:
         problem.model.require_one_arm("fastest timings")
         require_considered(limits or Limits())
-    searched = limits
+
+    def planned(searched: Limits | None) -> Plan:
+        plan_problem = partial(
+            plan_path, search=search, limits=searched, threads=threads, progress=progress,
+            to_retime=to_retime,
+        )  # fmt: skip
+        if stretch or to_retime:  # then the duration is a first guess
+            return stretched_plan(plan_problem, problem)
+        return plan_problem(problem)
+
+    narrower = limits
     if to_retime and limits is not None and problem.depends_on_timing:
-        searched = limits.narrower(NARROWER)
-    plan_problem = partial(
-        plan_path, search=search, limits=searched, threads=threads, progress=progress,
-        to_retime=to_retime,
-    )  # fmt: skip
-    stretch = stretch or to_retime  # the duration is a first guess
-    result = stretched_plan(plan_problem, problem) if stretch else plan_problem(problem)
+        narrower = limits.narrower(NARROWER)
+    result = planned(narrower)
+    if narrower is not limits and not result.feasible:
+        result = planned(limits)
     if not to_retime or not result.feasible:
         return result
     return retime(replace(result, limits=limits), threads=threads).plan

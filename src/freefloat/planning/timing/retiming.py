@@ -185,7 +185,7 @@ def _iterate(
     It is looked for with that timing and narrower limits of attitude: at its own fastest timing
     its motion is a little different.
     """
-    current, search = plan, plan.search
+    search = plan.search
     for number in range(_MOST):
         step = step_of(progress, number / _MOST, (number + 1) / _MOST)
         problem, settled = _with_fastest_timing(chosen.motion, limits)
@@ -202,7 +202,8 @@ def _iterate(
         if current.chosen is None or not current.feasible:
             break
         chosen = current.chosen
-    return _retiming(replace(current, feasible=False, limits=limits), plan, agrees=False)
+    last = _with_timing(plan, chosen, problem, limits)
+    return _retiming(replace(last, feasible=False, limits=limits), plan, agrees=False)
 
 
 def _with_fastest_timing(motion: Motion, limits: Limits) -> tuple[Problem, bool]:
