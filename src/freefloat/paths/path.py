@@ -15,10 +15,9 @@ from freefloat.so3 import Array, Pose, frozen, rotation_vector_between
 
 _SAMPLES = np.linspace(0.0, 1.0, 101)
 """Values of s at which a path is checked."""
-_CHECKED, _DEVIATION, _SMALL, _ROUGHER = (0.217, 0.533, 0.871), 0.01, 1e-6, 5.0
+_CHECKED, _DEVIATION, _SMALL = (0.217, 0.533, 0.871), 0.01, 1e-6
 """Values of s at which derivatives are compared with differences, the largest relative deviation,
-the derivative up to which rounding errors are larger, and how much worse than a difference of twice
-the step a difference may be."""
+and the derivative up to which rounding errors are larger."""
 _FASTEST = 1e3
 """Derivative above which the rotation within a step is too large to be a difference [rad, m]."""
 _STEP = 1e-4
@@ -61,24 +60,21 @@ class EndEffectorPath:
     def _require_derivatives(self) -> None:
         """Raise an InputError where curve or orientation contradict their derivatives."""
         for s in _CHECKED:
-            found, rougher = (self._difference(s, step) for step in (_STEP, 2.0 * _STEP))
+            found, tangent = self._difference(s), self.tangent(s)
             for key, part in (("curve", slice(3)), ("orientation", slice(3, 6))):
-                stated, moved = self.tangent(s)[part], found[part]
-                sizes = np.linalg.norm(
-                    [stated, moved, stated - moved, moved - rougher[part]], axis=1
-                )
-                doubt = _DEVIATION * max(sizes[0], sizes[1], _SMALL) + _ROUGHER * sizes[3]
-                if sizes[2] > doubt and sizes[0] < _FASTEST:
+                stated, moved = tangent[part], found[part]
+                size, length, error = np.linalg.norm([stated, moved, stated - moved], axis=1)
+                if size < _FASTEST and error > _DEVIATION * max(size, length, _SMALL):
                     values = ", ".join(f"{value:.4g}" for value in stated)
                     problem = f"its derivative at s = {s} is stated as {values}"
                     accepted = ", ".join(f"{value:.4g}" for value in moved)
                     raise InputError(key, problem, f"{accepted}, the difference of its values")
 
-    def _difference(self, s: float, step: float) -> Array:
+    def _difference(self, s: float) -> Array:
         """The tangent by a central difference, shape (6,)."""
-        before, after = self.pose(s - step), self.pose(s + step)
+        before, after = self.pose(s - _STEP), self.pose(s + _STEP)
         turn = rotation_vector_between(before.rotation, after.rotation)
-        return np.concatenate([after.position - before.position, turn]) / (2.0 * step)
+        return np.concatenate([after.position - before.position, turn]) / (2.0 * _STEP)
 
     @cached_property
     def _positions(self) -> Array:
