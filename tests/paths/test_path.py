@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.paths import ArcCurve, DirectedOrientation, SplineCurve
 from freefloat.paths.samples import parse_samples, samples_text
+from tests.errors import error_key
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
@@ -113,3 +114,10 @@ def test_a_file_that_is_none_is_refused(tmp_path):
         with pytest.raises(ff.InputError) as caught:
             parse_samples(samples_text(file), file)
         assert caught.value.source == str(file)
+
+
+def test_an_orientation_whose_rate_is_not_that_of_its_rotation_is_refused() -> None:
+    turning = ff.paths.SlerpOrientation(np.eye(3), np.diag([1.0, -1.0, -1.0]))
+    still = type("Still", (type(turning),), {"rate": lambda law, s: np.zeros(3)})
+    line = SplineCurve([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    assert error_key(ff.EndEffectorPath, line, still(turning.start, turning.end)) == "orientation"
