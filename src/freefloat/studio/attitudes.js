@@ -2,6 +2,7 @@
 // why a sample is feasible or not, a click chooses.
 
 const CLICK = 4; // largest movement of a click [pixels]
+const RARE = 0.2; // fraction of samples below which they are drawn larger, over the others
 const SVG = "http://www.w3.org/2000/svg";
 
 function bytes(text) { return Uint8Array.from(atob(text), letter => letter.charCodeAt(0)); }
@@ -35,8 +36,8 @@ class Ball {
 
   show(set) {
     const { buffer } = bytes(set.points);
-    const states = bytes(set.states), most = 2 * states.filter(state => state === 2).length > states.length;
-    this.set = { points: new Float32Array(buffer), colours: cssColours(set.colours), states, most, degrees: Math.round(set.extent_deg) };
+    const states = bytes(set.states), feasible = states.filter(state => state === 2).length / states.length;
+    this.set = { points: new Float32Array(buffer), colours: cssColours(set.colours), states, feasible, degrees: Math.round(set.extent_deg) };
     this.under = -1;
     this.draw();
   }
@@ -95,13 +96,13 @@ class Ball {
     this.draw();
   }
 
-  // Side of a square [pixels]: the rarer samples, feasible or not, are larger.
+  // Side of a square [pixels]: rare samples, feasible or not, are larger.
   size(state) {
     const spacing = this.canvas.clientWidth / Math.cbrt(this.set.states.length);
     return this.rare(state) ? Math.max(0.45 * spacing, 4) : state === 2 ? 3 : 2.5;
   }
 
-  rare(state) { return (state === 2) !== this.set.most; }
+  rare(state) { return (state === 2 ? this.set.feasible : 1 - this.set.feasible) < RARE; }
 
   draw() {
     const { canvas, set } = this, { clientWidth: width, clientHeight: height } = canvas, ratio = devicePixelRatio || 1;
@@ -135,7 +136,7 @@ class Ball {
     placed.sort((a, b) => this.rare(a[4]) - this.rare(b[4]) || a[2] - b[2]);
     for (const [x, y, depth, colour, state] of placed) {
       const size = this.size(state);
-      context.globalAlpha = (this.rare(state) ? 0.9 : 0.55) * (0.55 + 0.45 * (depth / this.extent() + 1) / 2);
+      context.globalAlpha = (this.rare(state) ? 0.9 : 0.7) * (0.55 + 0.45 * (depth / this.extent() + 1) / 2);
       context.fillStyle = colour;
       context.fillRect(x - size / 2, y - size / 2, size, size);
     }
@@ -225,12 +226,12 @@ class Dial {
     const arc = (radius, low, high, sweep) => `A ${radius} ${radius} 0 ${Math.abs(high - low) > 180 ? 1 : 0} ${sweep} ${at(radius, high)}`;
     this.svg.replaceChildren();
     branches.forEach((branch, b) => {
-      const [outer, inner] = this.ring(b), states = bytes(branch.states);
+      const [outer, inner] = this.ring(b);
       cssColours(branch.colours).forEach((colour, i) => {
-        const [low, high] = [headings[i] - 0.52 * step, headings[i] + 0.52 * step];
+        const [low, high] = [headings[i] - 0.5 * step, headings[i] + 0.9 * step]; // below the next one: no seams
         this.add("path", {
           d: `M ${at(outer, low)} ${arc(outer, low, high, 0)} L ${at(inner, high)} ${arc(inner, high, low, 1)} Z`,
-          fill: colour, opacity: states[i] === 2 ? 1 : 0.35,
+          fill: colour,
         });
       });
       for (const [low, high] of branch.ranges || []) {
@@ -240,7 +241,7 @@ class Dial {
       this.add("text", { x: 0, y: -(inner + outer) / 2, style: "fill: #fff; paint-order: stroke; stroke: #000; stroke-width: 0.03px" }, branch.label);
     });
     for (const heading of [0, 90, 180, 270]) {
-      const [x, y] = at(1.11, heading).split(" ");
+      const [x, y] = at(1.17, heading).split(" ");
       this.add("text", { x, y }, `${heading}°`);
     }
     if (this.mark !== null) this.add("path", { d: `M 0 0 L ${at(1.05, this.mark)}`, stroke: "#fff", "stroke-width": 0.02 });

@@ -87,7 +87,7 @@ def dial(
         "kind": "dial",
         "headings": np.degrees(result.headings).round(6).tolist(),
         "branches": branches,
-        "text": f"{100.0 * result.feasible_fraction:.3g} % of the headings are feasible",
+        "text": f"{100.0 * result.feasible_fraction:.3g}% of the headings are feasible",
         "samples": result.samples * len(branches),
     }
     return content, tuple(reasons)

@@ -173,7 +173,7 @@ def _lines(result: AttitudeMap, group: _Group) -> Iterator[str]:
     percentage = 100.0 * margin.keeps(group.margins).mean()
     yield "rotation vectors of the initial attitude"
     kept = f"{measure} and limits" if result.limited else measure
-    yield f"{percentage:.2f} % of {result.samples:,} attitudes keep {kept}"
+    yield f"{percentage:.2f}% of {result.samples:,} attitudes keep {kept}"
     best, robust, nearest = result.best, result.robust, result.nearest
     if best is not None and group.has(best.branch):
         yield f"best: {measure} {best.minimum_margin:.6g}"
