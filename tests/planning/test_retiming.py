@@ -156,6 +156,27 @@ def test_with_momentum_and_drift_timing_and_motion_agree() -> None:
     assert result.plan.heading == plan.heading
 
 
+CONE = ff.PointingLimit("spacecraft", [1.0, 0.0, 0.0], np.radians(176), "outside", [1.0, 0.0, 0.0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("momentum", "pointing", "feasible"),
+    [(1.0, (), True), (3.0, (), False), (0.05, (CONE,), False)],
+)
+def test_the_law_optimal_with_momentum(momentum: float, pointing, feasible: bool) -> None:
+    """One is found a little slower, one violates limits at any timing, one keeps no attitude."""
+    problem, _ = straight([0.0, 0.9, -0.9], [-0.3, 0.4])
+    path = replace(problem.path, timing=ff.Timing(4.0, "optimal"))
+    problem = problem.replace(momentum=[0.0, 0.0, momentum], path=path)
+    plan = ff.plan(problem, limits=replace(LIMITS, pointing=pointing))
+    assert plan.feasible is feasible, plan.reason
+    if feasible:
+        results = ff.check_limits(plan.chosen.motion, plan.limits)
+        assert max(entry.ratio for entry in results) == pytest.approx(1.0, abs=5e-3)
+        assert all(entry.kept for entry in results)
+
+
 @pytest.mark.slow
 def test_the_law_optimal_in_a_scenario_and_in_files(tmp_path, monkeypatch) -> None:
     """The first guess of the duration does not matter."""

@@ -90,9 +90,10 @@ class PointingLimit:
         return self.name or f"{self.body} (pointing.{number})"
 
     def narrower(self, fraction: float) -> PointingLimit:
-        """The limit that leaves less room: the angle changes by a fraction."""
-        inside = self.keep is Keep.INSIDE
-        return replace(self, angle=self.angle * (1.0 - fraction if inside else 1.0 + fraction))
+        """The limit that leaves less room, by a fraction of the angle or of the room if smaller."""
+        if self.keep is Keep.INSIDE:
+            return replace(self, angle=self.angle * (1.0 - fraction))
+        return replace(self, angle=self.angle + fraction * min(self.angle, np.pi - self.angle))
 
     def moved(self, offset: Array) -> PointingLimit:
         """The limit with its point, if it has one, moved by an offset [m], shape (3,)."""

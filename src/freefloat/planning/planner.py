@@ -81,6 +81,10 @@ def plan(
     result = planned(narrower)
     if narrower is not limits and not result.feasible:
         result = planned(limits)
-    if not to_retime or not result.feasible:
+    if not to_retime:
         return result
+    if not result.feasible:
+        guess = f" (at {timing.duration:g} s, with which the search for the fastest timing begins)"
+        depends = problem.depends_on_timing
+        return replace(result, reason=result.reason + guess) if depends else result
     return retime(replace(result, limits=limits), threads=threads).plan

@@ -29,6 +29,7 @@ NO_HEADING_WITHIN_LIMITS = (
     "some headings keep the margin, but none of these keeps the limits of pointing and turn"
 )
 FASTEST = "with its fastest timing"
+NO_FASTEST = "no timing was found that is the fastest of its own motion"
 PRECEDED = "the state at the end of the phase before"
 _OTHER_UNITS = 50.0
 """A start this many times farther than the reach was hardly written in metres."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from freefloat.errors import InputError, require_type
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.contact import deepest_contact
 from freefloat.limits.limits import Limits
-from freefloat.limits.result import needed_stretch
+from freefloat.limits.result import needed_stretch, violated
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
@@ -25,7 +26,7 @@ from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.limits.trials import OVER
 from freefloat.planning.path_planner import plan_held, plan_path
 from freefloat.planning.plan import Plan
-from freefloat.planning.reasons import FASTEST
+from freefloat.planning.reasons import FASTEST, HELD, NO_FASTEST
 from freefloat.planning.simulation import SimulatedBranch, integrate_from
 from freefloat.planning.space.disturbances import tolerance
 from freefloat.planning.timing.speed_profile import (
@@ -34,6 +35,7 @@ from freefloat.planning.timing.speed_profile import (
     limit_usage,
     require_considered,
 )
+from freefloat.planning.timing.stretching import stretched_plan
 
 _MOST, _AGREE = 12, 5e-4
 """Plans with momentum or drift at most, and relative difference of durations that agree."""
@@ -45,6 +47,9 @@ _INSIDE = 0.999
 NARROWER = 0.03
 """Fraction by which limits of attitude are narrower where the motion depends on the timing, and
 become narrower with every attitude that violates one at its own timing."""
+_LITTLE, _TRIALS = 1.05, 5
+"""Factor on the duration up to which a timing with momentum or drift may be slowed down where it
+violates rates or torques, and how often."""
 _SLOWER, _SLOWDOWNS = 2.0, 16
 """Factor on the duration up to which a scene that tumbles may slow it down, and how many are tried;
 the duration of the plan is among them."""
@@ -185,34 +190,75 @@ def _iterate(
     It is looked for with that timing and narrower limits of attitude: at its own fastest timing
     its motion is a little different.
     """
-    search = plan.search
+    search, kept = plan.search, None
     for number in range(_MOST):
         step = step_of(progress, number / _MOST, (number + 1) / _MOST)
-        problem, settled = _with_fastest_timing(chosen.motion, limits)
+        planned = partial(plan_path, search=search, threads=threads, progress=step)
         held = ScreenedCandidate(chosen.motion.initial.attitude, chosen.branch.index)
-        passed = plan_held(
-            problem, held, search=search, limits=limits, threads=threads, progress=step
+        hold = partial(
+            plan_held, held=held, search=search, limits=limits, threads=threads, progress=step
         )
+        problem, settled = _with_fastest_timing(chosen.motion, limits)
+        passed, too_fast = None, problem is None
+        if problem is not None:
+            passed = hold(problem)
+            if passed is None and settled:
+                slower, too_fast = _a_little_slower(plan, chosen, problem, limits)
+                passed = None if slower is None else hold(slower)
         if passed is not None and settled:
             return _retiming(passed, plan, agrees=True)
-        current = passed or plan_path(
-            problem, search=search, limits=limits.narrower(NARROWER * (number + 2)),
-            threads=threads, progress=step, to_retime=True,
-        )  # fmt: skip
+        if problem is None or too_fast:
+            if kept is not None:
+                kept = replace(kept, reason=f"{kept.reason}; {NO_FASTEST}")
+                return _retiming(kept, plan, agrees=False)
+            current = kept = stretched_plan(partial(planned, limits=limits), plan.problem)
+            if current.chosen is None or not current.feasible:
+                return _retiming(current, plan, agrees=False)
+        else:
+            narrower = limits.narrower(NARROWER * (number + 2))
+            current = passed or planned(problem, limits=narrower, to_retime=True)
         if current.chosen is None or not current.feasible:
             break
         chosen = current.chosen
-    last = _with_timing(plan, chosen, problem, limits)
-    return _retiming(replace(last, feasible=False, limits=limits), plan, agrees=False)
+    last = _with_timing(plan, chosen, problem or plan.problem, limits)
+    if last.feasible:
+        last = _with_tolerances(replace(last, reason=f"{HELD}; {NO_FASTEST}"), limits, threads)
+    return _retiming(replace(last, limits=limits), plan, agrees=False)
 
 
-def _with_fastest_timing(motion: Motion, limits: Limits) -> tuple[Problem, bool]:
-    """The problem with the fastest timing of the motion from the same state, and if it is found."""
+def _a_little_slower(
+    plan: Plan, chosen: SimulatedBranch, problem: Problem, limits: Limits
+) -> tuple[Problem | None, bool]:
+    """The problem with a timing so slow that rates and torques are kept, if only a little slower.
+
+    Returns:
+        None where there is none, and whether rates or torques are why.
+    """
+    for trial in range(_TRIALS):
+        result = _with_timing(plan, chosen, problem, limits)
+        if result.feasible:
+            return problem, False
+        stretch = needed_stretch(result.limit_results)
+        too_fast = stretch > 1.0 and all(entry.timed for entry in violated(result.limit_results))
+        if not too_fast or stretch > _LITTLE:
+            break
+        problem = problem.stretched((stretch * OVER) ** 2**trial)
+    return None, too_fast
+
+
+def _with_fastest_timing(motion: Motion, limits: Limits) -> tuple[Problem | None, bool]:
+    """The problem with the fastest timing of the motion from the same state, and if it is found.
+
+    There is no problem where momentum or drift violate rates or torques at any timing.
+    """
     start = motion.initial
     intervals = INTERVALS if limits.joint_torque is None else _FEWER
     for _ in range(_MOST):
         before = motion.problem
-        problem = _with_speeds(before, fastest_speeds(motion, limits, _INSIDE, intervals))
+        speeds = fastest_speeds(motion, limits, _INSIDE, intervals)
+        if not speeds:
+            return None, False
+        problem = _with_speeds(before, speeds)
         motion = integrate_motion(problem, start.attitude, start.joints)
         settled = _agree(before, problem) and motion.completed
         if settled or not motion.completed:

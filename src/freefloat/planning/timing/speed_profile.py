@@ -78,7 +78,7 @@ def require_considered(limits: Limits) -> None:
 def fastest_speeds(
     motion: Motion, limits: Limits, scale: float = 1.0, intervals: int = INTERVALS
 ) -> Speeds:
-    """Pairs of times [s] and speeds ds/dt of the fastest timing.
+    """Pairs of times [s] and speeds ds/dt of the fastest timing; none where no timing keeps limits.
 
     Args:
         motion: Motion from rest to rest along the whole path.
@@ -86,7 +86,10 @@ def fastest_speeds(
         scale: Factor on the limits.
         intervals: Number of intervals of s with constant u.
     """
-    rows = _PathLimits(motion, limits, scale).rows
+    path_limits = _PathLimits(motion, limits, scale)
+    if not path_limits.kept_at_ends():
+        return ()
+    rows = path_limits.rows
     timing = motion.problem.path.timing
     if limits.joint_torque is None:
         knots = np.linspace(0.0, 1.0, intervals + 1)
@@ -100,8 +103,11 @@ def fastest_speeds(
         knots = np.linspace(0.0, 1.0, first + 1)
         x = _largest_squares(knots, rows, np.ones(len(knots)))
         for count in others:
-            knots, x = _improved(knots, x, rows, count)
+            if x.any():
+                knots, x = _improved(knots, x, rows, count)
     speeds = np.sqrt(x)
+    if not (speeds[1:] + speeds[:-1]).all():
+        return ()
     times = np.append(0.0, np.cumsum(2.0 * np.diff(knots) / (speeds[1:] + speeds[:-1])))
     return tuple(zip(times.tolist(), speeds.tolist(), strict=True))
 
@@ -146,7 +152,7 @@ def _suited_knots(knots: Array, x: Array, intervals: int) -> Array:
 
 
 def _largest_squares(knots: Array, rows: Callable[[Array], list[_Rows]], weights: Array) -> Array:
-    """The largest weighted sum of squared speeds at knots."""
+    """Squared speeds at knots of the largest weighted sum; zeros where none keep the limits."""
     before, after, right, columns = [], [], [], []
     widths, count = np.diff(knots), len(_FRACTIONS)
     places = knots[:-1, None] + np.array(_FRACTIONS) * widths[:, None]
@@ -165,6 +171,8 @@ def _largest_squares(knots: Array, rows: Callable[[Array], list[_Rows]], weights
     finite = np.isfinite(limits)
     bounds = [(0.0, 0.0), *[(0.0, None)] * (len(knots) - 2), (0.0, 0.0)]
     result = linprog(-weights, matrix[finite], limits[finite] / scale, bounds=bounds)
+    if result.x is None:
+        return np.zeros(len(knots))
     return np.asarray(np.maximum(result.x, 0.0) * scale)
 
 
@@ -196,18 +204,34 @@ class _PathLimits:
     def rows(self, values: Array) -> list[_Rows]:
         """The limits at values of s, shape (K,)."""
         new = [s for s in dict.fromkeys(values.tolist()) if s not in self._known]
-        times = [self._timing.time_at(s) for s in new]
-        states = self._motion.evaluate(self._motion.coordinates_at(times))
-        for s, t, attitude, joints in zip(new, times, *states[1:], strict=True):
-            place = _Place(
-                attitude, joints, self._path.tangent(s), self._path.second_derivative(s),
-                speed=max(self._timing.s(t, 1), self._slowest),
-            )  # fmt: skip
+        for s, place in zip(new, self._places(new), strict=True):
             a, b, c = _NONE, _NONE, _NONE
             if self._limits.joint_torque is not None:
                 a, b, c = self._torque_rows(place)
             self._known[s] = _Rows(a, b, c, self._largest_speed(place) ** 2)
         return [self._known[s] for s in values.tolist()]
+
+    def kept_at_ends(self) -> bool:
+        """Whether momentum and drift alone keep the limits of rates where the path rests."""
+        kept = True
+        for place in self._places([0.0, 1.0]):
+            omega, q_rates = self._rates(place, 0.0)
+            if self._limits.base_rate is not None:
+                kept &= float(np.linalg.norm(omega)) <= self._limits.base_rate
+            if self._limits.joint_rate is not None:
+                kept &= bool((np.abs(q_rates) <= self._limits.joint_rate).all())
+        return kept
+
+    def _places(self, values: list[float]) -> list[_Place]:
+        times = [self._timing.time_at(s) for s in values]
+        states = self._motion.evaluate(self._motion.coordinates_at(times))
+        return [
+            _Place(
+                attitude, joints, self._path.tangent(s), self._path.second_derivative(s),
+                speed=max(self._timing.s(t, 1), self._slowest),
+            )
+            for s, t, attitude, joints in zip(values, times, *states[1:], strict=True)
+        ]  # fmt: skip
 
     def _rates(self, place: _Place, speed: float) -> tuple[Array, Array]:
         twist = self._twist(place, speed)
