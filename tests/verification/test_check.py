@@ -160,37 +160,27 @@ def doubled_limit(plan):
 
 ALTERATIONS = {
     "a joint": (moved("joints", 40, 1, 1e-4), "end-effector position"),
-    "the momentum": (
-        lambda plan: with_problem(plan, momentum=np.array([0, 0, 0.6])), "angular momentum",
-    ),
+    "the momentum": (lambda p: with_problem(p, momentum=np.array([0, 0, 0.6])), "angular momentum"),
     "the duration": (longer, "whole motion"),
     "the margin": (
-        lambda plan: with_problem(plan, margin=replace(plan.problem.margin, threshold=140.0)),
-        "system",
-    ),
-    "a limit": (
-        lambda plan: replace(plan, limits=replace(plan.limits, base_rate=0.001)), "limit base rate",
-    ),
+        lambda p: with_problem(p, margin=replace(p.problem.margin, threshold=140.0)), "system"),
+    "a limit": (lambda p: replace(p, limits=replace(p.limits, base_rate=0.001)), "limit base rate"),
     "the closest approach": (without_approach, "closest approach"),
     "the branch": (other_branch, "branch"),
+    "the branch's joints": (lambda plan: replace(plan, chosen=replace(plan.chosen, branch=replace(
+        plan.chosen.branch, joints=plan.chosen.branch.joints + 0.1))), "branch"),
     "a limit's worst value": (doubled_limit, "limit joint rate"),
     "the robust radius": (
-        lambda plan: replace(plan, robust_radius=plan.robust_radius + 0.02), "robust radius",
-    ),
+        lambda plan: replace(plan, robust_radius=plan.robust_radius + 0.02), "robust radius"),
     "a wider range": (with_ranges(0, narrower(0.05)), "ranges of headings"),
     "a bound above the minimum": (bound_above_the_minimum, "certificate gjm.bound"),
     "no certificate": (lambda plan: replace(plan, certificate=None), "certificate"),
-    "the momentum scale": (
-        lambda plan: replace(
-            plan, certificate=replace(plan.certificate, momentum_scale=9.0)
-        ),
-        "certificate momentum_scale",
-    ),
+    "the momentum scale": (lambda plan: replace(
+        plan, certificate=replace(plan.certificate, momentum_scale=9.0)
+    ), "certificate momentum_scale"),
     "its feasibility": (lambda plan: replace(plan, feasible=False), "feasible"),
     "its motion left out": (lambda plan: replace(plan, chosen=None), "motion"),
-    "the ending": (
-        lambda plan: with_motion(plan, ending=Ending.SINGULAR), "singular end",
-    ),
+    "the ending": (lambda plan: with_motion(plan, ending=Ending.SINGULAR), "singular end"),
 }  # fmt: skip
 
 
@@ -214,21 +204,11 @@ def test_an_altered_value_is_a_discrepancy(planar, name, request):
 @pytest.mark.parametrize(
     ("change", "check"),
     [
-        (
-            lambda plan: replace(plan, robust_radius=3.0 * plan.robust_radius), "robust radius",
-        ),
-        (
-            lambda plan: replace(
-                plan,
-                tolerance=replace(plan.tolerance, momentum=6.0 * plan.tolerance.momentum),
-            ),
-            "tolerance",
-        ),
+        (lambda plan: replace(plan, robust_radius=3.0 * plan.robust_radius), "robust radius"),
+        (lambda plan: replace(plan, tolerance=replace(
+            plan.tolerance, momentum=6.0 * plan.tolerance.momentum)), "tolerance"),
         (moved("joints", slice(None), 3, 1e-3), "end-effector orientation"),
-        (
-            lambda plan: with_problem(plan, margin=replace(plan.problem.margin, threshold=60.0)),
-            "arm",
-        ),
+        (lambda p: with_problem(p, margin=replace(p.problem.margin, threshold=60.0)), "arm"),
     ],
     ids=["robust radius", "tolerance", "joints", "margin"],
 )  # fmt: skip

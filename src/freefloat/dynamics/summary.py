@@ -184,9 +184,17 @@ class RobotSummary:
 
 
 def natural_task(model: FreeFloatingModel) -> Task:
-    """The task with the most rows that an arm can do without a chosen axis, planar if it is."""
+    """The task with the most rows that an arm can do without a chosen axis, planar if it is.
+
+    Raises:
+        InputError: If the arm has too few joints for any task.
+    """
     planar, others = stays_in_plane(model), set(Task) - {Task.POINTING}
     joints = min(arm.dof for arm in model.single_arms)
     tasks = [task for task in others if task.planar is planar and len(task.rows) <= joints]
-    fewest = Task.PLANAR_POSITION if planar else Task.POSITION
-    return max(tasks, key=lambda task: len(task.rows), default=fewest)
+    if not tasks:
+        where = "stays in a plane" if planar else "does not stay in a plane"
+        given = f"the arm has {joints} joint{'s' * (joints != 1)} and {where}"
+        accepted = "a link behind at least three joints, of an arm that stays in a plane behind two"
+        raise InputError("end_effector", given, accepted)
+    return max(tasks, key=lambda task: len(task.rows))

@@ -11,7 +11,7 @@ from freefloat.dynamics.momentum import inertia_matrices, momentum_map
 from freefloat.errors import finite_vector, require_type
 from freefloat.robot.joint_values import finite_after
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, frozen, rotation_matrix, zeros
+from freefloat.so3 import Array, frozen, rotation_matrix, unit_quaternion, zeros
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,13 +88,14 @@ class System:
             In the spacecraft frame [rad/s], shape (3,).
 
         Raises:
-            InputError: If joints or rates are not those of the robot.
+            InputError: If joints or rates are not those of the robot, or the attitude is no unit
+                quaternion.
         """
         D, Dq = inertia_matrices(self.model, joints)
-        rates = self._rates(rates)
+        R0, rates = rotation_matrix(unit_quaternion("attitude", attitude)), self._rates(rates)
         demanded = -self.wheels - Dq @ rates
         if self.momentum.any():
-            demanded = demanded + rotation_matrix(attitude).T @ self.momentum
+            demanded = demanded + R0.T @ self.momentum
         return np.asarray(np.linalg.solve(D, demanded))
 
     def base_twist(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 
+import numpy as np
+
 from freefloat.certificate.certificate import Certificate, certify
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits
@@ -118,6 +120,9 @@ def _branch_checks(chosen: SimulatedBranch) -> Iterator[Check]:
     value = closest_approach(motion, problem.margin.measure).value
     allowed = _ABSOLUTE + _EXACT * value
     yield comparison_check("closest approach", chosen.closest_approach.value, value, allowed)
+    joints = chosen.branch.joints
+    if np.abs(joints - motion.initial.joints[: len(joints)]).max() > _ABSOLUTE:
+        yield Check("branch", False, "its joints are not those at the start of the motion")
     if not problem.redundant:
         start = motion.initial
         branch = branch_at(problem, start.attitude, start.joints)
