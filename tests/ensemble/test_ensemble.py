@@ -90,17 +90,15 @@ JOINTS = np.array([0.6, 0.7, -1.3, 0.4, 0.9, 0.2])
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", [line_and_slerp, arc_and_direction, waypoints])
-@pytest.mark.parametrize(
-    ("law", "momentum"), [*((law, (0.8, -1.5, 2.0)) for law in LAWS), (LAWS[3], (0.0, 0.0, 0.0))]
-)
+@pytest.mark.parametrize(("law", "momentum"), [*((law, (0.8, -1.5, 2)) for law in LAWS),
+                                               (LAWS[3], (0, 0, 0))])  # fmt: skip
 def test_paths_and_laws(spatial, path, law, momentum) -> None:
     """The segments of the law and the path's cubics; both signs of the wrist."""
     attitude = random_attitudes(1, 5)[0]
     pose = spatial.model.end_effector_pose(attitude, JOINTS)
     curve, orientation = path(np.array(pose.position), np.array(pose.rotation))
-    problem = problem_with(
-        spatial.model, ff.Task.POSE, momentum, curve, orientation, ff.Timing(30.0, *law)
-    )
+    timing = ff.Timing(30.0, *law)
+    problem = problem_with(spatial.model, ff.Task.POSE, momentum, curve, orientation, timing)
     attitudes, joints = states(problem, attitude)
     near = np.abs(joints - JOINTS).max(axis=1).argmin()
     assert np.abs(joints[near] - JOINTS).max() < 1e-6
@@ -209,9 +207,8 @@ def test_skewed_minimum_between_nodes() -> None:
     )
     start = next(branch.joints for branch in problem.branches(attitude) if branch.index == 2)
     result = EnsembleIntegrator(problem, 1).integrate(attitude[None], start[None])
-    precise = ff.closest_approach(
-        ff.integrate_motion(problem, attitude, start), problem.margin.measure
-    )
+    motion = ff.integrate_motion(problem, attitude, start)
+    precise = ff.closest_approach(motion, problem.margin.measure)
     assert result.minimum[0] == pytest.approx(precise.value, rel=2e-5)
     assert result.minimum_at[0] == pytest.approx(precise.time, abs=0.1)
 
@@ -307,10 +304,8 @@ def test_backward_integration_retraces(name: str, attitude: object) -> None:
     there = integrator.integrate(attitudes, joints)
     done = there.endings == COMPLETED
     assert done.any()
-    count = int(done.sum())
-    back = integrator.integrate(
-        there.attitudes[done], there.joints[done], starts=np.full(count, T), ends=np.zeros(count)
-    )
+    end, start = np.full(int(done.sum()), T), np.zeros(int(done.sum()))
+    back = integrator.integrate(there.attitudes[done], there.joints[done], starts=end, ends=start)
     assert (back.endings == COMPLETED).all()
     np.testing.assert_array_equal(back.ended_at, 0.0)
     np.testing.assert_allclose(back.joints, joints[done], rtol=0, atol=2e-5)
@@ -377,9 +372,8 @@ def test_stop_below_changes_no_other_motion(spatial: ff.Problem) -> None:
     assert (stopping.ended_at[below] <= whole.ended_at[below]).all()
     assert stopping.evaluations[below].sum() < 0.9 * whole.evaluations[below].sum()
     for name in ("endings", "ended_at", "minimum", "joints", "attitudes", "evaluations"):
-        np.testing.assert_array_equal(
-            getattr(stopping, name)[~below], getattr(whole, name)[~below], err_msg=name
-        )
+        ours, theirs = (getattr(result, name)[~below] for result in (stopping, whole))
+        np.testing.assert_array_equal(ours, theirs, err_msg=name)
     for k in np.flatnonzero(below)[::10]:
         motion = ff.integrate_motion(spatial, attitudes[k], joints[k])
         u = first_crossing(motion, measure, level)
@@ -420,9 +414,8 @@ def test_results_do_not_depend_on_threads_and_order(planar: ff.Problem) -> None:
     """To the last bit, nor on the motions integrated beside."""
     attitudes, joints = many(planar)
     assert len(joints) > 500
-    single, two, four = (
-        EnsembleIntegrator(planar, k).integrate(attitudes, joints) for k in (1, 2, 4)
-    )
+    several = (EnsembleIntegrator(planar, k).integrate(attitudes, joints) for k in (1, 2, 4))
+    single, two, four = several
     for name in EnsembleResult._fields:
         for other in (two, four):
             np.testing.assert_array_equal(getattr(other, name), getattr(single, name), err_msg=name)

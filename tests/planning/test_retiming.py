@@ -52,10 +52,8 @@ def as_plan(problem, attitude, joints, limits: ff.Limits):
 @pytest.mark.slow
 def test_the_published_case() -> None:
     problem, joints = straight([0.0, 0.9, -0.9], [-0.45, 0.55])
-    slack = replace(
-        PEAKS, joint_rate=1.00001 * PEAKS.joint_rate, joint_torque=1.00001 * PEAKS.joint_torque,
-        base_rate=1.00001 * PEAKS.base_rate,
-    )  # fmt: skip
+    names = ("joint_rate", "joint_torque", "base_rate")
+    slack = replace(PEAKS, **{name: 1.00001 * getattr(PEAKS, name) for name in names})
     plan = as_plan(problem, [0.0, 0.0, 0.0, 1.0], joints, slack)
     result = ff.retime(plan)
     assert result.duration == pytest.approx(16.971, rel=1e-3)
@@ -122,9 +120,8 @@ def test_toppra_agrees_in_the_plane(seed: int) -> None:
     rng = np.random.default_rng(seed)
     problem, joints = straight([0.0, 0.9, -0.9], rng.uniform([-0.5, 0.2], [-0.2, 0.6]))
     motion = ff.simulate(problem, heading=0.0, joints=joints).chosen.motion
-    limits = ff.Limits(
-        joint_rate=rng.uniform(0.05, 0.3, 2), joint_torque=rng.uniform([0.02, 0.002], [0.1, 0.02])
-    )
+    rates, torques = rng.uniform(0.05, 0.3, 2), rng.uniform([0.02, 0.002], [0.1, 0.02])
+    limits = ff.Limits(joint_rate=rates, joint_torque=torques)
     duration = fastest_speeds(motion, limits)[-1][0]
     assert duration == pytest.approx(toppra_duration(motion, limits), rel=1e-3)
 
