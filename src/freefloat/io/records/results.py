@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import os
 import platform
 from dataclasses import replace
 from importlib.metadata import version
@@ -16,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.errors import InputError
+from freefloat.errors import InputError, require_type
 from freefloat.io.files import require_result_name
 from freefloat.io.hdf5 import AlteredFileError, read_hdf5, write_hdf5
 from freefloat.io.records.differences import differences
@@ -62,6 +63,7 @@ def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> 
         >>> problem = ff.load_scenario("planar_2dof/line").problem()
         >>> ff.save(ff.simulate(problem, [0.0, 0.0, 0.0, 1.0]), "motion.h5")
     """
+    require_type("output", path, str | os.PathLike, "the name of an HDF5 file")
     path = Path(path)
     require_result_name(path)
     _require_result(result)
