@@ -97,4 +97,4 @@ def test_snapshots_in_space_show_the_first_and_the_last_state(spatial: Motion) -
         scales = spans / axes._box_aspect
         assert np.allclose(scales, scales[0])  # a metre is as long one way as the other
     singular = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert singular[-2].startswith("singular at 54.66")
+    assert singular[-1].startswith("singular at 54.66")
