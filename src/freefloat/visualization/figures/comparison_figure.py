@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -31,8 +32,8 @@ from freefloat.visualization.figures.motion_figures import (
 
 _MOST = 4
 """Columns that are readable on a page."""
-_NAMES = 10
-"""Names of curves that fit into the width of a page."""
+_NAMES, _LETTERS = 10, 96
+"""Names of curves, and letters of titles, that fit into the width of a page."""
 
 
 @styled
@@ -51,14 +52,19 @@ def comparison_figure(motions: Mapping[str, Motion]) -> Figure:
         problem = f"{len(motions)} motions cannot be compared in one figure"
         raise InputError("files", problem, f"2 to {_MOST}")
     problems = [motion.problem for motion in motions.values()]
-    kinds = {(problem.margin.measure.name, problem.task.planar) for problem in problems}
+    kinds = {
+        (problem.margin.measure.name, problem.margin.measure.unit, problem.task.planar,
+         joint_scale(problem.model)[1])
+        for problem in problems
+    }  # fmt: skip
     figure = new_figure(PAGE, 5.0)
     panels: Any = figure.subplots(
         3, len(motions), sharex="col", sharey="row" if len(kinds) == 1 else "none"
     )
     for column, (title, motion) in zip(panels.T, motions.items(), strict=True):
         _draw(column, motion, _NAMES // len(motions))
-        column[0].set_title(f"{title}: {motion.ending.name.lower()}", loc="left")
+        lines = f"{fill(title, _LETTERS // len(motions))}\n{motion.ending.name.lower()}"
+        column[0].set_title(lines, loc="left", fontsize=7.0)
     if len(kinds) == 1:
         for panel in panels.ravel():
             panel.label_outer(remove_inner_ticks=True)
