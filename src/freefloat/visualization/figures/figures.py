@@ -108,7 +108,7 @@ def _titled(name: str, draw: Callable[[], Figure]) -> Figure:
 @styled
 def _of_phase(phase: str, draw: Callable[[], Figure]) -> Figure:
     figure = draw()
-    figure.suptitle(f", phase {phase}")
+    figure.suptitle(f", phase {phase}{figure.get_suptitle()}")
     return figure
 
 

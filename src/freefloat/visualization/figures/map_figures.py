@@ -43,7 +43,7 @@ _MARKERS = {
 _OTHER_MARKER = ("o", 5.0)
 _HALO = [Stroke(linewidth=2.2, foreground="white"), Normal()]
 """A white edge around markers, through which the map is seen."""
-_BINS = 48
+_BINS, _MAX_PANELS = 48, 12
 _TITLE_LENGTH = 58
 """Characters that fit above a histogram."""
 
@@ -130,43 +130,64 @@ def _frame(axes: Any, plane: Slice) -> None:
 def histogram_figure(result: AttitudeMap) -> Figure:
     """Return the figure of the minimum margin's distribution over attitudes, per arm branch.
 
-    The titles give the percentages of all outcomes.
+    The titles give the percentages of all outcomes. Of more than twelve branches those with most
+    feasible attitudes are drawn.
     """
-    groups = result.branch_margins()
-    names = result.branch_labels()
-    flipped = has_wrist_flipped_branches(result.problem)
+    every = result.branch_margins()
     margin = result.problem.margin
-    rows = max(1, len(groups))
-    figure = new_figure(COLUMN, 0.5 + 0.85 * rows)
-    panels = figure.subplots(rows, 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+    largest = sorted(every, key=lambda group: -np.count_nonzero(margin.keeps(group[1])))
+    chosen = [branch for branch, _ in largest[:_MAX_PANELS]]
+    groups = [group for group in every if group[0] in chosen]
+    titles = [_outcomes(result, *group) for group in groups]
+    lines = sum(title.count("\n") + 1 for title in titles)
+    figure = new_figure(COLUMN, 0.75 + 0.6 * max(1, len(groups)) + 0.13 * lines)
+    panels = figure.subplots(max(1, len(groups)), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+    if len(every) > len(groups):
+        shown = f"{len(groups)} of {len(every)} branches"
+        figure.suptitle(f":\nthe {shown} with most feasible attitudes")
     highest = max((float(values.max()) for _, values in groups), default=0.0)
     highest = highest if highest > 0.0 else 1.0
     beside = margin.threshold + highest / _BINS * np.arange(-_BINS, _BINS + 1)
     edges = np.unique(np.clip(beside, 0.0, highest))  # no bar is partly below the margin
-    for axes, (branch, values) in zip(panels, groups, strict=False):
+    handles: dict[str, Any] = {}
+    for axes, title, (_, values) in zip(panels, titles, groups, strict=False):
         _draw_bars(axes, values, edges, margin.threshold)
-        name = f"{names[branch][:-1]}±" if flipped else branch_name(names[branch])
-        feasible, *others = _percentages(result, branch, values)
-        lines = fill(", ".join(others), _TITLE_LENGTH)
-        axes.set_title(f"{name}: {feasible}\n{lines}", fontsize=7.0, loc="left")
+        axes.set_title(title, fontsize=7.0, loc="left")
+        handles |= dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
     panels[-1].set_xlabel(_label(result))
     panels[-1].xaxis.set_major_locator(MaxNLocator(5))
     panels[-1].yaxis.set_major_locator(MaxNLocator(3, min_n_ticks=2))
     figure.supylabel("attitudes [%]", fontsize=8.0)
+    figure.legend(
+        handles.values(), handles, loc="outside lower center", ncols=max(1, len(handles)),
+        columnspacing=1.0, handlelength=1.5,
+    )  # fmt: skip
     return figure
 
 
 def _draw_bars(axes: Any, values: Array, edges: Array, margin: float) -> None:
     """Draw bars, blue for feasible motions and grey below the margin, and the margin as a line."""
-    weight = np.full(len(values), 100.0 / len(values))
     feasible = keeps_threshold(values, margin)
-    parts = (feasible, ~feasible & (values > 0.0))
-    axes.hist(
-        [values[part] for part in parts], edges, weights=[weight[part] for part in parts],
-        color=[BLUE, GREY], stacked=True, linewidth=0.0,
+    parts = (
+        (feasible, BLUE, "margin kept"), (~feasible & (values > 0.0), GREY, "below the margin"),
     )  # fmt: skip
+    for part, colour, name in parts:
+        if part.any():
+            weights = np.full(np.count_nonzero(part), 100.0 / len(values))
+            style = {"color": colour, "linewidth": 0.0, "label": name}
+            axes.hist(values[part], edges, weights=weights, **style)
     if margin > 0.0:
-        axes.axvline(margin, **MARGIN_LINE)
+        axes.axvline(margin, label=f"margin {digits(margin)}", **MARGIN_LINE)
+
+
+def _outcomes(result: AttitudeMap, branch: int | None, values: Array) -> str:
+    """Return the name of a branch and the percentages of its outcomes, wrapped."""
+    names = result.branch_labels()
+    flipped = has_wrist_flipped_branches(result.problem)
+    name = f"{names[branch][:-1]}±" if flipped else branch_name(names[branch])
+    feasible, *others = _percentages(result, branch, values)
+    parts = (f"{name}: {feasible}", ", ".join(others))
+    return "\n".join(fill(part, _TITLE_LENGTH) for part in parts if part)
 
 
 def _percentages(result: AttitudeMap, branch: int | None, values: Array) -> list[str]:
