@@ -67,6 +67,12 @@ class Slice:
         """The horizontal and the vertical component."""
         return _ACROSS[self.normal]
 
+    @property
+    def inside(self) -> npt.NDArray[np.bool_]:
+        """Whether an attitude is in the ball, shape (P, P)."""
+        squares = self.ticks**2
+        return np.asarray(squares + squares[:, None] + self.offset**2 <= np.pi**2)
+
 
 def map_marks(attitude_map: AttitudeMap) -> list[Mark]:
     """The best, the most robust and the nearest attitude of a map, those it has."""

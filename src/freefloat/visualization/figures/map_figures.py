@@ -68,17 +68,30 @@ def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
         bar = figure.colorbar(shown, ax=panels.tolist(), shrink=0.9, aspect=30.0, pad=0.02)
         bar.set_label(_label(result, f" of the best {'start' if redundant else 'arm branch'}"))
         bar.ax.spines["outline"].set_linewidth(0.6)
-    below = f"all {'starts' if redundant else 'branches'} below the margin {digits(threshold)}"
-    below += " or beyond a limit" if result.limited else ""
-    entries: list[Any] = [
-        Patch(facecolor=PALE, edgecolor=GREY, linewidth=0.5, label=below),
-        Patch(facecolor="white", edgecolor=GREY, linewidth=0.5, hatch="////",
-              label="start of the path not reached"),
-    ]  # fmt: skip
     marks = {str(line.get_label()): line for axes in panels for line in axes.get_lines()}
-    handles = [*marks.values(), *entries]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    handles = [*marks.values(), *_patches(result, slices)]
+    step = np.degrees(slices[0].ticks[1] - slices[0].ticks[0])
+    cells = f"A cell of {step:.1f}° shows the attitude at its middle."
+    figure.legend(
+        handles=handles, title=cells, title_fontsize=7.0, loc="outside lower center",
+        ncols=max(1, len(handles)),
+    )  # fmt: skip
     return figure
+
+
+def _patches(result: AttitudeMap, slices: Sequence[Slice]) -> list[Patch]:
+    """Return the legend's entries of the areas without a colour that are in a slice."""
+    words = f"all {'starts' if result.problem.redundant else 'branches'} below the margin"
+    words += f" {digits(result.problem.margin.threshold)}"
+    words += " or beyond a limit" if result.limited else ""
+    grey: Any = {"facecolor": PALE, "label": words}
+    hatched: Any = {"facecolor": "white", "hatch": "////", "label": "start of the path not reached"}
+    seen = [
+        [(plane.reached & (plane.margins == 0.0))[plane.inside].any(),
+         (~plane.reached)[plane.inside].any()] for plane in slices
+    ]  # fmt: skip
+    drawn = zip(np.any(seen, axis=0), (grey, hatched), strict=True)
+    return [Patch(edgecolor=GREY, linewidth=0.5, **style) for shown, style in drawn if shown]
 
 
 def _label(result: AttitudeMap, words: str = "") -> str:
