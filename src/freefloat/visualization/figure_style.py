@@ -138,10 +138,16 @@ def new_figure(width: float = COLUMN, height: float = 2.4) -> Figure:
 
 def axis_label(quantity: str, unit: str) -> str:
     """Return a quantity and its unit in brackets, if it has one; ``m^2`` becomes a superscript."""
-    if unit in ("", "1"):
-        return quantity
-    raised = re.sub(r"\^(-?[0-9]+)", r"$^{\1}$", unit)
-    return f"{quantity} [{raised}]"
+    return f"{quantity} [{_raised(unit)}]" if _raised(unit) else quantity
+
+
+def amount(value: float, unit: str) -> str:
+    """Return a number with four digits and its unit, if it has one."""
+    return f"{digits(value)} {_raised(unit)}".strip()
+
+
+def _raised(unit: str) -> str:
+    return "" if unit == "1" else re.sub(r"\^(-?[0-9]+)", r"$^{\1}$", unit)
 
 
 def digits(value: float) -> str:

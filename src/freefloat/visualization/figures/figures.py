@@ -143,10 +143,14 @@ def _simulation_figures(
 def _goal_figures(result: GoalMotion, threads: int | None, progress: Progress | None) -> Figures:
     if result.motion is None:
         return Figures({})
-    problem = result.motion.problem
-    without_margin = problem.replace(margin=Margin(problem.margin.measure, 0.0))
-    motion = replace(result.motion, problem=without_margin)
+    motion = without_margin(result.motion)
     return _motion_figures(motion, threads, progress) | _angles(motion, result.limits)
+
+
+def without_margin(motion: Motion) -> Motion:
+    """Return a motion of joints that are prescribed, on which no margin is required, without it."""
+    problem = motion.problem
+    return replace(motion, problem=problem.replace(margin=Margin(problem.margin.measure, 0.0)))
 
 
 def _manoeuvre_figures(

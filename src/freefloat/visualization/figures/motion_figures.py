@@ -27,6 +27,7 @@ from freefloat.visualization.figure_style import (
     PALE,
     VERMILION,
     Figures,
+    amount,
     axis_label,
     digits,
     draw_point,
@@ -142,14 +143,15 @@ def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
 
 
 def mark_times(axes: Any, motion: Motion, named: bool = False) -> None:
-    """Set the time axis; mark stops and the end of a motion that is not completed."""
+    """Set the time axis; mark, and name, stops and the end of a motion that is not completed."""
     axes.set_xlim(0.0, motion.problem.path.duration)
     for index, stop in enumerate(motion.problem.path.timing.stops):
         label = "at rest" if named and index == 0 else None
         line = {"color": GREY, "linestyle": (0, (4, 3)), "linewidth": 0.8, "zorder": 1}
         axes.axvline(stop.t, label=label, **line)
     if not motion.completed:
-        label = motion.ending.name.lower() if named else None
+        name = f"{motion.ending.name.lower()} at {digits(motion.final.time)} s"
+        label = name if named else None
         axes.axvline(motion.final.time, color=VERMILION, linewidth=0.8, zorder=1, label=label)
 
 
@@ -166,26 +168,25 @@ def _limit_rates(axes: Any, rates: Array, motion: Motion, times: Array) -> None:
 def _margin_figure(motion: Motion, trajectory: Trajectory, closest: ClosestApproach) -> Figure:
     """Return the figure of S over time with the margin and the closest approach."""
     measure, threshold = motion.problem.margin.measure, motion.problem.margin.threshold
-    figure = new_figure()
+    figure = new_figure(height=2.6)
     axes = figure.subplots()
     axes.axhline(0.0, color=BLACK, linewidth=0.6)
     axes.plot(trajectory.times, trajectory.measure, color=BLUE)
     if threshold > 0.0:
         level = closest.sign * threshold
         axes.axhspan(0.0, level, color=PALE, linewidth=0.0, zorder=0)
-        axes.axhline(level, label=f"margin {digits(level)}", **MARGIN_LINE)
-    lowest = closest.sign * closest.value
-    singular = motion.ending is Ending.SINGULAR
-    name = "singular" if singular else f"$|S|$ = {digits(closest.value)}"
-    label = f"{name} at {digits(closest.time)} s"
-    marker = "X" if singular else "o"
-    draw_point(
-        axes, np.array([closest.time, lowest]), marker, 4.0, color=BLACK, zorder=5, label=label
-    )
-    mark_times(axes, motion)
+        axes.axhline(level, label=f"margin {amount(level, measure.unit)}", **MARGIN_LINE)
+    lowest = np.array([closest.time, closest.sign * closest.value])
+    style: Any = {"color": BLACK, "zorder": 5, "clip_on": False}
+    if motion.ending is Ending.SINGULAR:  # named at its end
+        draw_point(axes, lowest, "X", 4.0, **style)
+    else:
+        label = f"minimum $|S|$ {digits(closest.value)} at {digits(closest.time)} s"
+        draw_point(axes, lowest, "o", 4.0, label=label, **style)
+    mark_times(axes, motion, named=True)
     axes.set_xlabel(axis_label("time", "s"))
     axes.set_ylabel(axis_label(f"$S$ ({measure.name})", measure.unit))
-    legend_above(axes)
+    legend_above(axes, longest=1)
     return figure
 
 
@@ -217,7 +218,7 @@ def _momentum_figure(motion: Motion) -> Figure:
     for axes, unit in zip(panels, units, strict=True):
         axes.set_ylabel(axis_label("error", unit))
         axes.set_yscale("log")
-        mark_times(axes, motion)
+        mark_times(axes, motion, named=axes is panels[0])
         legend_above(axes)
     panels[-1].set_xlabel(axis_label("time", "s"))
     figure.align_ylabels()
@@ -246,7 +247,7 @@ def angles_figure(motion: Motion, limits: AttitudeLimits) -> Figure:
         axes.axhspan(*forbidden, color=PALE, linewidth=0.0, zorder=0)
         axes.set_ylim(low, high)
         axes.set_ylabel(axis_label("angle", "deg"))
-        mark_times(axes, motion)
+        mark_times(axes, motion, named=axes is panels[0])
         legend_above(axes)
     panels[-1].set_xlabel(axis_label("time", "s"))
     figure.align_ylabels()
