@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from freefloat.so3 import Array
 from freefloat.statistics import confidence_interval
@@ -20,6 +21,7 @@ from freefloat.visualization.figure_style import (
     ORANGE,
     PAGE,
     VERMILION,
+    amount,
     axis_label,
     new_figure,
     styled,
@@ -63,7 +65,7 @@ def study_figure(
     every = [key for key in parameters if len(set(table[key].tolist())) > 1]
     strongest = sorted(every, key=lambda key: -_effect(table[key], margins))[:_MAX_PANELS]
     varied = [key for key in every if key in strongest]
-    across = min(_COLUMNS, len(varied) + 1)
+    across = 2 if len(varied) == 3 else min(_COLUMNS, len(varied) + 1)
     down = math.ceil((len(varied) + 1) / across)
     figure = new_figure(COLUMN if across == 1 else PAGE, 0.4 + _HEIGHT * down)
     panels = list(figure.subplots(down, across, squeeze=False).flat)
@@ -76,16 +78,16 @@ def study_figure(
         drawn = _panel(axes, table[key], margins, verdicts)
         axes.set_xlabel(_short(parameters[key]))
         if len(required) == 1:
-            axes.axhline(*required, color=GREY, linestyle="--", linewidth=0.8)
+            label = f"margin {amount(required[0], unit)}"
+            axes.axhline(*required, color=GREY, linestyle="--", linewidth=0.8, label=label)
         axes.set_ylim(bottom=-0.02 * margins.max(initial=1e-9))
         if place % across == 0:
             axes.set_ylabel(axis_label(quantity, unit))
         else:
             axes.tick_params(labelleft=False)
-    if drawn is None:
-        handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper left", ncols=3)
-    else:
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=4)
+    if drawn is not None:
         figure.colorbar(
             drawn, ax=panels[: len(varied)], label="runs in a cell", location="top", shrink=0.4,
             aspect=40,
@@ -112,12 +114,16 @@ def _panel(axes: Any, values: Column, margins: Array, verdicts: Column) -> Any:
     places, names = _places(values)
     if names is not None:
         axes.set_xticks(range(len(names)), names, rotation=30, ha="right")
+    else:
+        axes.xaxis.set_major_locator(MaxNLocator(5))
     if len(places) > _MAX_POINTS:
         return axes.hist2d(
             places, margins, _CELLS, cmin=1, norm=LogNorm(1), cmap="Blues", rasterized=True
         )[3]
     for verdict, (mark, colour) in _MARKS.items():
         chosen = verdicts == verdict
+        if not chosen.any():
+            continue
         axes.plot(
             places[chosen], margins[chosen], mark, color=colour, linestyle="none", markersize=3.0,
             label=f"{verdict} ({int(chosen.sum())})", alpha=0.7,
@@ -141,8 +147,10 @@ def _draw_estimate(axes: Any, verdicts: Column) -> None:
         [confidence_interval(int(k), int(n)) for k, n in zip(found, counts, strict=True)]
     )
     axes.plot(counts, found / counts, color=BLUE)
-    axes.fill_between(counts, low, high, color=BLUE, alpha=0.2, linewidth=0.0)
+    label = "95 % confidence interval"
+    axes.fill_between(counts, low, high, color=BLUE, alpha=0.2, linewidth=0.0, label=label)
     axes.set_xscale("log")
+    axes.legend(loc="best")
 
 
 def _places(values: Column) -> tuple[Array, list[str] | None]:
