@@ -29,7 +29,8 @@ def test_s_is_what_the_curves_say(motions: list[Motion]) -> None:
     """(22): S = 0 and S = +-5 in joint space."""
     figure = joint_space_figure(PLANAR, motions)
     (axes,), arm = figure.axes, PlanarArm.of(PLANAR.model)
-    for level, label in ((0.0, "$S$ = 0 (singular)"), (5.0, "$S$ = 5"), (-5.0, "$S$ = −5")):
+    for level, value in ((0.0, "0 (singular)"), (5.0, "5 m$^{4}$ kg"), (-5.0, "−5 m$^{4}$ kg")):
+        label = f"$S$ = {value}"
         curve = np.radians(line(axes, label))
         curve = curve[np.isfinite(curve).all(axis=1)]
         assert len(curve) > 500

@@ -10,8 +10,15 @@ from freefloat.motion.motion import Motion
 from freefloat.planning.answer import PhaseResult
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.so3 import Array, angle_between
-from freefloat.visualization.figure_style import MARGIN_LINE, digits, strokes, styled
-from freefloat.visualization.figures.motion_figures import limited_angles, shown_times
+from freefloat.visualization.figure_style import (
+    MARGIN_LINE,
+    amount,
+    axis_label,
+    digits,
+    strokes,
+    styled,
+)
+from freefloat.visualization.figures.motion_figures import joint_scale, limited_angles, shown_times
 
 _SAMPLES = 201
 _ANGLE = 1.5
@@ -29,27 +36,31 @@ def manoeuvre_figure(manoeuvre: Manoeuvre) -> Figure:
     every = [name for _, motion in moving for name in motion.problem.model.joint_names]
     names = list(dict.fromkeys(every))  # arms that rest in a phase are not among its joints
     styles = dict(zip(names, strokes(len(names)), strict=False))
+    unit, (scale, joint_unit) = problem.margin.measure.unit, joint_scale(problem.model)
     for phase, motion in moving:
         times, attitudes, values = _sampled(motion)
         at = phase.start + times
         turns = angle_between(attitudes, motion.initial.attitude)
         turn.plot(at, np.degrees(turns), color="C0", linestyle="-")
         if phase.limits is not None and phase.limits.base_turn is not None:
-            turn.hlines(np.degrees(phase.limits.base_turn), at[0], at[-1], **MARGIN_LINE)
+            most = np.degrees(phase.limits.base_turn)
+            turn.hlines(most, at[0], at[-1], label=f"at most {digits(most)}°", **MARGIN_LINE)
         _draw_pointing(angles, phase, motion)
         for name, joint in zip(motion.problem.model.joint_names, values.T, strict=True):
-            joints.plot(at, np.degrees(joint), label=name, **styles[name])
+            joints.plot(at, scale * joint, label=name, **styles[name])
         of = motion.problem.margin.measure
         measure.semilogy(at, [max(abs(of(q)), 1e-12) for q in values], color="C2", linestyle="-")
         threshold = motion.problem.margin.threshold
         if phase.kind == "path" and threshold:
-            measure.plot(at[[0, -1]], [threshold, threshold], **MARGIN_LINE)
-    turn.set_ylabel("turn within\nthe phase [°]")
-    joints.set_ylabel("joints [°]")
-    handles, labels = joints.get_legend_handles_labels()
-    once = dict(zip(labels, handles, strict=True))
-    joints.legend(once.values(), once, ncols=1, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    measure.set_ylabel(f"|{problem.margin.measure.name}|")
+            label = f"margin {amount(threshold, unit)}"
+            measure.plot(at[[0, -1]], [threshold, threshold], label=label, **MARGIN_LINE)
+    turn.set_ylabel(axis_label("turn within\nthe phase", "deg"))
+    joints.set_ylabel(axis_label("joints", joint_unit))
+    measure.set_ylabel(axis_label(f"|{problem.margin.measure.name}|", unit))
+    for axes in (turn, joints, measure):
+        handles, labels = axes.get_legend_handles_labels()
+        once = dict(zip(labels, handles, strict=True))
+        axes.legend(once.values(), once, ncols=1, loc="center left", bbox_to_anchor=(1.0, 0.5))
     measure.set_xlabel("time from the beginning of the first path [s]")
     _mark(figure, manoeuvre.phases)
     return figure
@@ -64,7 +75,7 @@ def _draw_pointing(panels: list[Axes], phase: PhaseResult, motion: Motion) -> No
     for axes, (name, side, allowed, values) in zip(panels, curves, strict=False):
         axes.plot(times, np.degrees(values), color="C0", linestyle="-")
         axes.hlines(np.degrees(allowed), times[0], times[-1], **MARGIN_LINE)
-        axes.set_ylabel(f"{name}\n{side} {digits(np.degrees(allowed))}°")
+        axes.set_ylabel(f"{axis_label(name, 'deg')}\n{side} {digits(np.degrees(allowed))}°")
 
 
 def _sampled(motion: Motion) -> tuple[Array, Array, Array]:

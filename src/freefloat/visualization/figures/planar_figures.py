@@ -27,6 +27,7 @@ from freefloat.visualization.figure_style import (
     GREY,
     MARGIN_LINE,
     STROKES,
+    amount,
     axis_label,
     digits,
     draw_point,
@@ -47,7 +48,7 @@ def joint_space_figure(problem: Problem, motions: Sequence[Motion]) -> Figure:
         problem: Planar problem whose S depends on two joint angles.
         motions: Motions, the chosen motion first.
     """
-    figure = new_figure(COLUMN, 3.3)
+    figure = new_figure(COLUMN, 3.6)
     axes = figure.subplots()
     arm = PlanarArm.of(problem.model)
     margin = problem.margin
@@ -57,11 +58,11 @@ def joint_space_figure(problem: Problem, motions: Sequence[Motion]) -> Figure:
     curves = margin_curves(arm, *(value for value, _, _ in levels))
     for value, dashes, width in levels:
         rows = _joined(np.degrees(curve.joints) for curve in curves if curve.level == value)
-        label = f"$S$ = {digits(value)}" + (" (singular)" if value == 0.0 else "")
-        axes.plot(*rows.T, color=BLACK, linestyle=dashes, linewidth=width, label=label)
+        shown = amount(value, margin.measure.unit) if value else "0 (singular)"
+        axes.plot(*rows.T, color=BLACK, linestyle=dashes, linewidth=width, label=f"$S$ = {shown}")
     _draw_distances(axes, problem, arm)
-    for motion, (colour, dashes) in zip(motions, STROKES, strict=False):
-        _draw_motion(axes, motion, colour, dashes)
+    for number, (motion, (colour, dashes)) in enumerate(zip(motions, STROKES, strict=False)):
+        _draw_motion(axes, motion, colour, dashes, named=number == 0)
     axes.set(xlim=(-180.0, 180.0), ylim=(-180.0, 180.0), aspect="equal")
     axes.set(xticks=np.arange(-180, 181, 90), yticks=np.arange(-180, 181, 90))
     axes.set_xlabel(axis_label("$q_1$", "deg"))
@@ -94,8 +95,11 @@ def _draw_distances(axes: Any, problem: Problem, arm: PlanarArm) -> None:
             )
 
 
-def _draw_motion(axes: Any, motion: Motion, colour: str, dashes: Any) -> None:
-    """Draw the first two joints of a motion, wrapped to 360 degrees, from an open circle."""
+def _draw_motion(axes: Any, motion: Motion, colour: str, dashes: Any, named: bool) -> None:
+    """Draw the first two joints of a motion, wrapped to 360 degrees, from an open circle.
+
+    The markers of its ends are in the legend if ``named``, that of a singularity always.
+    """
     heading = np.degrees(2.0 * np.arctan2(*motion.initial.attitude[2:])) % 360.0
     places = np.linspace(0.0, motion.panels, 12 * motion.panels + 1)
     q = np.degrees(motion.evaluate(places)[2][:, :2])
@@ -104,9 +108,11 @@ def _draw_motion(axes: Any, motion: Motion, colour: str, dashes: Any) -> None:
         *rows.T, color=colour, linestyle=dashes, linewidth=1.6, label=f"heading {digits(heading)}°",
         zorder=4,
     )  # fmt: skip
-    draw_point(axes, rows[0], "o", 4.5, color=colour, markerfacecolor="white", zorder=5)
-    marker = "X" if motion.ending is Ending.SINGULAR else "o"
-    draw_point(axes, rows[-1], marker, 4.5, color=colour, zorder=5)
+    style: Any = {"color": colour, "zorder": 5}
+    begins, ends = ("begins", "ends") if named else (None, None)
+    draw_point(axes, rows[0], "o", 4.5, markerfacecolor="white", label=begins, **style)
+    marker, name = ("X", "singular") if motion.ending is Ending.SINGULAR else ("o", ends)
+    draw_point(axes, rows[-1], marker, 4.5, label=name, **style)
 
 
 def wrapped(degrees: Array) -> Array:

@@ -145,7 +145,7 @@ def _draw_distances(axes: Any, problem: Problem, workspace: Workspace) -> None:
     for label, (low, high), colour in _labelled_areas(workspace):
         axes.axhspan(low, high, color=colour, linewidth=0.0, zorder=0, label=label)
     for radius in workspace.reach:
-        label = "reach" if radius == workspace.reach[1] else None
+        label = "limits of reach" if radius == workspace.reach[1] else None
         axes.axhline(radius, color=GREY, linewidth=0.7, label=label)
     axes.plot(_S, np.linalg.norm(points, axis=1), color=BLUE, label=workspace.point)
     axes.set(xlim=(0.0, 1.0), ylim=(0.0, 1.05 * workspace.reach[1]))
@@ -254,7 +254,7 @@ def _draw_areas(axes: Any, workspace: Workspace) -> None:
         axes.add_patch(ring)
     for radius in workspace.reach:
         axes.add_patch(Circle((0.0, 0.0), radius, fill=False, edgecolor=GREY, linewidth=0.7))
-    axes.plot([], [], color=GREY, linestyle="-", linewidth=0.7, label="reach")
+    axes.plot([], [], color=GREY, linestyle="-", linewidth=0.7, label="limits of reach")
     draw_point(axes, np.zeros(2), "+", 6.0, color=BLACK, label="centre of mass")
 
 

@@ -14,8 +14,10 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from scipy.ndimage import binary_dilation
 
 from freefloat.singularities.singularity_map import Kind, SingularityMap
+from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (
     BLACK,
     COLUMN,
@@ -115,21 +117,30 @@ def _draw_section(axes: Any, plane: Section) -> list[Any]:
         extent=(lower[0], upper[0], lower[1], upper[1]), aspect="auto", interpolation="nearest",
         vmin=0, vmax=len(_COLOURS) - 1, zorder=0,
     )  # fmt: skip
-    handles: list[Any] = [
-        Patch(facecolor=_COLOURS[k], edgecolor=BLACK, linewidth=0.4, label=_LABELS[k])
-        for k in np.unique(classes)
-    ]
     revolute = [unit == "deg" for unit, _ in units]
     shifts = _SHIFT * (plane.upper - plane.lower) * revolute
     lines = plane.ticks(np.linspace(0.0, 1.0, _RASTER + 1))
     ticks = [tick + shift for tick, shift in zip(lines, shifts, strict=True)]
     values = plane.polynomial.values(plane.grid(ticks)).reshape(_RASTER + 1, _RASTER + 1)
+    hidden = (classes == len(_COLOURS) - 1) & _beneath_zeros(values).ravel()
+    handles: list[Any] = [
+        Patch(facecolor=_COLOURS[k], edgecolor=BLACK, linewidth=0.4, label=_LABELS[k])
+        for k in np.unique(classes[~hidden])
+    ]
     if plane.signs_differ(values):
         x, y = (factor * tick for factor, tick in zip(factors, ticks, strict=True))
         axes.contour(x, y, values.T, levels=[0.0], colors=[BLACK], linewidths=0.9)
         handles.append(Line2D([], [], color=BLACK, linewidth=0.9, label="det A = 0"))
     _frame(axes, plane, units)
     return handles
+
+
+def _beneath_zeros(values: Array) -> npt.NDArray[np.bool_]:
+    """Cells (K, K) that the line hides where values (K + 1, K + 1) at their corners change sign."""
+    positive = values > 0.0
+    corners = [positive[:-1, :-1], positive[1:, :-1], positive[:-1, 1:], positive[1:, 1:]]
+    crossed = np.any(corners, axis=0) & ~np.all(corners, axis=0)
+    return np.asarray(binary_dilation(crossed))
 
 
 def _frame(axes: Any, plane: Section, units: Sequence[tuple[str, float]]) -> None:
