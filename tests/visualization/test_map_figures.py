@@ -17,17 +17,6 @@ from freefloat.visualization.slices import Mark, map_slices
 BRANCHES = 4  # the others are wrist-flipped
 
 
-def drawn(problem, marks, samples=60):
-    evaluator = FeasibilityEvaluator(problem)
-    result = sample_attitudes(evaluator, samples)
-    slices = map_slices(evaluator, marks, side=11)
-    return (
-        result,
-        slices,
-        {"map_slices": slices_figure(result, slices), "map_histogram": histogram_figure(result)},
-    )
-
-
 @pytest.fixture(scope="module")
 def problem():
     return ff.load_scenario("spatial_6dof/line").problem()
@@ -37,21 +26,21 @@ def problem():
 def shown(problem):
     marks = [Mark("best", np.array([0.1, 0.2, 0.3, 0.9]) / np.sqrt(0.95), 0),
              Mark("robust", np.array([0.7, 0.0, 0.7, 0.1]) / np.sqrt(0.99), 2)]  # fmt: skip
-    return drawn(problem, marks)
-
-
-def meshes(axes):
-    return [item for item in axes.collections if isinstance(item, QuadMesh)]
+    evaluator = FeasibilityEvaluator(problem)
+    result = sample_attitudes(evaluator, 60)
+    slices = map_slices(evaluator, marks, side=11)
+    return result, slices, slices_figure(result, slices), histogram_figure(result)
 
 
 @pytest.mark.slow
 def test_colours_are_the_margins_of_feasible_motions(shown):
     """Below the margin the colour mesh is masked and the grey mesh is drawn."""
-    _, slices, figures = shown
-    panels = figures["map_slices"].axes[:6]
+    _, slices, figure, _ = shown
+    panels = figure.axes[:6]
     assert len(slices) == 6
     for axes, plane in zip(panels, slices, strict=True):
-        below, feasible = (np.ma.filled(mesh.get_array(), np.nan) for mesh in meshes(axes))
+        meshes = [item for item in axes.collections if isinstance(item, QuadMesh)]
+        below, feasible = (np.ma.filled(mesh.get_array(), np.nan) for mesh in meshes)
         inside = np.isfinite(plane.margins)
         assert (np.isfinite(feasible) == (inside & (plane.margins > 0.0))).all()
         assert (np.isfinite(below) == (inside & plane.reached & (plane.margins == 0.0))).all()
@@ -62,8 +51,8 @@ def test_colours_are_the_margins_of_feasible_motions(shown):
 
 def test_bars_add_up_to_the_percentages(shown, problem):
     """Blue bars: feasible motions; grey bars: motions completed below the margin."""
-    result, _, figures = shown
-    panels = figures["map_histogram"].axes
+    result, _, _, figure = shown
+    panels = figure.axes
     assert len(panels) == BRANCHES
     for axes, (branch, values) in zip(panels, result.branch_margins(), strict=True):
         heights = {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
@@ -13,6 +15,7 @@ from freefloat.io.formats.trajectory import Trajectory
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figure_style import PALE, VERMILION, axis_label
+from freefloat.visualization.figures.comparison_figure import comparison_figure
 from freefloat.visualization.figures.motion_figures import euler_angles, motion_figures, shown_times
 from tests.figures import line
 
@@ -51,9 +54,8 @@ def drawn(request: pytest.FixtureRequest) -> Drawn:
 def test_the_motion_is_drawn_as_it_is(spatial: SimulatedBranch) -> None:
     motion = spatial.motion
     trajectory = Trajectory.of(motion, shown_times(motion))
-    joints, rates, angles, spacecraft_rates, end, base = motion_figures(
-        motion, spatial.closest_approach
-    )["motion"].axes
+    figure = motion_figures(motion, spatial.closest_approach)["motion"]
+    joints, rates, angles, spacecraft_rates, end, base = figure.axes
     turns = euler_angles(trajectory.attitudes)
     for k in range(6):
         for panel, values in ((joints, trajectory.joints), (rates, trajectory.joint_rates)):
@@ -91,6 +93,18 @@ def test_the_margin_is_drawn_where_it_is(drawn: Drawn) -> None:
     trajectory = Trajectory.of(branch.motion, curve.get_xdata())
     assert np.array_equal(curve.get_ydata(), trajectory.measure)
     assert axes.get_ylabel() == axis_label(f"$S$ ({margin.measure.name})", margin.measure.unit)
+
+
+def test_compared_motions_share_scales_of_equal_units(
+    planar: SimulatedBranch, singular: SimulatedBranch
+) -> None:
+    first, second = planar.motion, singular.motion
+    margin = second.problem.margin
+    other = replace(margin, measure=replace(margin.measure, unit="m"))
+    in_metres = replace(second, problem=second.problem.replace(margin=other))
+    for compared, alike in ((second, True), (in_metres, False)):
+        upper = comparison_figure({"first": first, "second": compared}).axes[:2]
+        assert (upper[0].get_ylim() == upper[1].get_ylim()) == alike
 
 
 @pytest.mark.slow

@@ -30,8 +30,7 @@ def test_s_is_what_the_curves_say(motions: list[Motion]) -> None:
     figure = joint_space_figure(PLANAR, motions)
     (axes,), arm = figure.axes, PlanarArm.of(PLANAR.model)
     for level, value in ((0.0, "0 (singular)"), (5.0, "5 m$^{4}$ kg"), (-5.0, "−5 m$^{4}$ kg")):
-        label = f"$S$ = {value}"
-        curve = np.radians(line(axes, label))
+        curve = np.radians(line(axes, f"$S$ = {value}"))
         curve = curve[np.isfinite(curve).all(axis=1)]
         assert len(curve) > 500
         assert np.allclose(arm.determinant(two_angles(arm, curve)), level, atol=1e-6)

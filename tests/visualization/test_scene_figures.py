@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 from matplotlib.patches import Circle, Polygon, Wedge
@@ -11,7 +13,6 @@ import freefloat as ff
 from freefloat.motion.motion import Motion
 from freefloat.singularities.planar_regions import point_3_on_path
 from freefloat.singularities.regions import exact_workspace
-from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figures.scene_figures import (
     outlines,
     snapshots_figure,
@@ -23,18 +24,9 @@ PLANAR = ff.load_scenario("planar_3dof/parabola").problem()
 AREAS = exact_workspace(PLANAR)
 
 
-def heading(degrees: float) -> Motion:
-    return ff.simulate(PLANAR, heading_quaternion(np.deg2rad(degrees)), branch=0).chosen.motion
-
-
 @pytest.fixture(scope="module")
 def good() -> Motion:
-    return heading(200.0)
-
-
-@pytest.fixture(scope="module")
-def singular() -> Motion:
-    return heading(140.0)
+    return ff.simulate(PLANAR, heading=np.radians(200.0), branch=0).chosen.motion
 
 
 @pytest.fixture(scope="module")
@@ -98,3 +90,7 @@ def test_snapshots_in_space_show_the_first_and_the_last_state(spatial: Motion) -
         assert np.allclose(scales, scales[0])  # a metre is as long one way as the other
     singular = [text.get_text() for text in figure.legends[0].get_texts()]
     assert singular[-1].startswith("singular at 54.66")
+    figure.draw_without_rendering()
+    numbers = [text.get_window_extent() for axes in figure.axes for text in axes.texts]
+    assert not any(number.overlaps(other) for number, other in combinations(numbers, 2))
+    assert all(figure.bbox.contains(*end) for box in numbers for end in (box.min, box.max))
