@@ -145,7 +145,7 @@ def _draw_distances(axes: Any, problem: Problem, workspace: Workspace) -> None:
     for label, (low, high), colour in _labelled_areas(workspace):
         axes.axhspan(low, high, color=colour, linewidth=0.0, zorder=0, label=label)
     for radius in workspace.reach:
-        label = "limits of reach" if radius == workspace.reach[1] else None
+        label = "reach" if radius == workspace.reach[1] else None
         axes.axhline(radius, color=GREY, linewidth=0.7, label=label)
     axes.plot(_S, np.linalg.norm(points, axis=1), color=BLUE, label=workspace.point)
     axes.set(xlim=(0.0, 1.0), ylim=(0.0, 1.05 * workspace.reach[1]))
