@@ -45,7 +45,7 @@ def plot(
     from freefloat.io.records.results import load
     from freefloat.visualization.figure_style import save_figures
     from freefloat.visualization.figures.comparison_figure import comparison_figure
-    from freefloat.visualization.figures.figures import figures, without_margin
+    from freefloat.visualization.figures.figures import figures
 
     results = {name: load(file) for name, file in zip(distinct_stems(files), files, strict=True)}
     console = Console(as_json, quiet)
@@ -57,10 +57,9 @@ def plot(
         for name, result in results.items():
             place = folder / name if len(results) > 1 else folder
             written += save_figures(place, figures(result, threads=threads, progress=progress))
-            moving = [p for p in getattr(result, "phases", ()) if p.motion is not None]
+            moving = [p.shown_motion for p in getattr(result, "phases", ()) if p.motion is not None]
             if len(moving) == 1:
-                motion = moving[0].motion
-                motions[name] = motion if moving[0].kind == "path" else without_margin(motion)
+                motions[name] = moving[0]
         if len(motions) > 1:
             written += save_figures(folder, {"comparison": comparison_figure(motions)})
     names = [str(file) for file in written]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import lru_cache, partial
 from math import tau
 
@@ -14,7 +13,6 @@ from freefloat.concurrency import Progress
 from freefloat.errors import InputError, UnreachableError
 from freefloat.limits.limits import Limits
 from freefloat.motion.extrema import closest_approach
-from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.answer import Answer
@@ -141,16 +139,10 @@ def _simulation_figures(
 
 
 def _goal_figures(result: GoalMotion, threads: int | None, progress: Progress | None) -> Figures:
-    if result.motion is None:
+    motion = result.phases[0].shown_motion
+    if motion is None:
         return Figures({})
-    motion = without_margin(result.motion)
     return _motion_figures(motion, threads, progress) | _angles(motion, result.limits)
-
-
-def without_margin(motion: Motion) -> Motion:
-    """Return a motion of joints that are prescribed, on which no margin is required, without it."""
-    problem = motion.problem
-    return replace(motion, problem=problem.replace(margin=Margin(problem.margin.measure, 0.0)))
 
 
 def _manoeuvre_figures(

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any
 
 from freefloat.errors import InputError, require_type
 from freefloat.limits.limits import Limits
 from freefloat.motion.motion import Motion
-from freefloat.planning.answer import PhaseResult
 from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
@@ -60,10 +58,11 @@ def _plan_scene(plan: Plan, title: str) -> Scene:
 
 
 def _goal_scene(result: GoalMotion, title: str) -> Scene:
-    if result.motion is None:
+    motion = result.phases[0].shown_motion
+    if motion is None:
         accepted = "a goal with a motion"
         raise InputError("result", f"it has no motion: {result.reason}", accepted)
-    return motion_scene({result.kind: result.motion}, title, _pointing(result.limits))
+    return motion_scene({result.kind: motion}, title, _pointing(result.limits))
 
 
 def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> Scene:
@@ -75,7 +74,7 @@ def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> Scene:
     motions: dict[str, Motion] = {}
     places: list[Place] = []
     for number, phase in enumerate(manoeuvre.phases, 1):
-        motion = _drawn_motion(phase)
+        motion = phase.shown_motion
         if motion is not None:
             motions[f"{number} {phase.name}"] = motion
             x, y, z = phase.centre.tolist()
@@ -85,16 +84,6 @@ def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> Scene:
     result = manoeuvre.path
     pointing = () if result.limits is None else result.limits.pointing
     return motion_scene(motions, title, pointing, places)
-
-
-def _drawn_motion(phase: PhaseResult) -> Motion | None:
-    """The motion of a phase, that to a goal without a margin."""
-    motion = phase.motion
-    if motion is None or phase.kind == "path":
-        return motion
-    problem = motion.problem
-    margin = replace(problem.margin, threshold=0.0)
-    return replace(motion, problem=replace(problem, margin=margin))
 
 
 def _pointing(limits: Limits | None) -> tuple[Any, ...]:
