@@ -54,6 +54,9 @@ class RelativePath:
         if self.body.motion == "target":
             accepted = "a body of the scene that is fixed or tumbles"
             raise InputError("path.frame", f"{self.body.name} moves with the path", accepted)
+        if self.timing.is_sought:
+            problem = f"optimal, with a path that moves with {self.body.name}"
+            raise InputError("timing.law", problem, "another law, or a path that does not move")
 
     def timed(self, drift: Array | None = None) -> BodyPath:
         """The path in the frame of the scene, by time.

@@ -11,6 +11,7 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.path_planner import plan_path
 from freefloat.planning.plan import Plan
+from freefloat.planning.reasons import FIRST_GUESS
 from freefloat.planning.settings import Search
 from freefloat.planning.timing.retiming import NARROWER, retime
 from freefloat.planning.timing.speed_profile import require_considered
@@ -84,7 +85,8 @@ def plan(
     if not to_retime:
         return result
     if not result.feasible:
-        guess = f" (at {timing.duration:g} s, with which the search for the fastest timing begins)"
-        depends = problem.depends_on_timing
-        return replace(result, reason=result.reason + guess) if depends else result
+        if problem.depends_on_timing:
+            reason = FIRST_GUESS.format(reason=result.reason, duration=timing.duration)
+            result = replace(result, reason=reason)
+        return result
     return retime(replace(result, limits=limits), threads=threads).plan

@@ -30,6 +30,7 @@ NO_HEADING_WITHIN_LIMITS = (
 )
 FASTEST = "with its fastest timing"
 NO_FASTEST = "no timing was found that is the fastest of its own motion"
+FIRST_GUESS = "{reason} (at {duration:g} s, with which the search for the fastest timing begins)"
 PRECEDED = "the state at the end of the phase before"
 _OTHER_UNITS = 50.0
 """A start this many times farther than the reach was hardly written in metres."""

@@ -150,6 +150,7 @@ def load(path: str | Path) -> Result:
         >>> ff.load("motion.h5").feasible
         True
     """
+    require_type("file", path, str | os.PathLike, "the name of an HDF5 file")
     path = Path(path)
     tree = read_hdf5(path, _ACCEPTED)
     kind = _kind_of(tree, path)

@@ -20,6 +20,8 @@ _STRETCHED = 8
 """Candidates that are integrated with longer durations."""
 _STRETCHES = 6
 """Durations that are tried for each of them."""
+_LEAST_SHARE = 0.25
+"""Least share of the excess over a limit that longer durations are taken to reduce."""
 _STEP = 1.25
 """Smallest ratio of these durations where attitudes are searched."""
 OVER = 1.0 + 1e-5
@@ -120,9 +122,9 @@ class Trials:
             None where none was found; the search ends at a longer duration that does not bring the
             motion nearer to keeping its limits.
         """
-        factor = 1.0
+        factor, share = 1.0, 1.0  # how much of what is too fast a longer duration makes slower
         for _ in range(_STRETCHES):
-            factor = rounded_up(OVER * needed * factor)
+            before, factor = factor, rounded_up(OVER * needed ** (1.0 / share) * factor)
             try:
                 violated = self._violations(candidate, factor)
             except InputError:  # the system would rotate too often
@@ -131,7 +133,9 @@ class Trials:
                 return factor
             if not violated or not _is_too_fast(violated) or needed_stretch(violated) >= needed:
                 return None
-            needed = needed_stretch(violated)
+            after = needed_stretch(violated)
+            share = np.clip(np.log(needed / after) / np.log(factor / before), _LEAST_SHARE, 1.0)
+            needed = after
         return None
 
     def _searched_stretch(

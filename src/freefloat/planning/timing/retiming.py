@@ -26,16 +26,16 @@ from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.limits.trials import OVER
 from freefloat.planning.path_planner import plan_held, plan_path
 from freefloat.planning.plan import Plan
-from freefloat.planning.reasons import FASTEST, HELD, NO_FASTEST
+from freefloat.planning.reasons import FASTEST, FIRST_GUESS, HELD, NO_FASTEST
 from freefloat.planning.simulation import SimulatedBranch, integrate_from
 from freefloat.planning.space.disturbances import tolerance
 from freefloat.planning.timing.speed_profile import (
     INTERVALS,
     fastest_speeds,
-    limit_usage,
     require_considered,
 )
 from freefloat.planning.timing.stretching import stretched_plan
+from freefloat.planning.timing.usage import limit_usage
 
 _MOST, _AGREE = 12, 5e-4
 """Plans with momentum or drift at most, and relative difference of durations that agree."""
@@ -213,7 +213,9 @@ def _iterate(
                 return _retiming(kept, plan, agrees=False)
             current = kept = stretched_plan(partial(planned, limits=limits), plan.problem)
             if current.chosen is None or not current.feasible:
-                return _retiming(current, plan, agrees=False)
+                guess = plan.problem.path.duration
+                reason = FIRST_GUESS.format(reason=current.reason, duration=guess)
+                return _retiming(replace(current, reason=reason), plan, agrees=False)
         else:
             narrower = limits.narrower(NARROWER * (number + 2))
             current = passed or planned(problem, limits=narrower, to_retime=True)
@@ -272,6 +274,6 @@ def _agree(first: Problem, second: Problem) -> bool:
 
 def _retiming(result: Plan, plan: Plan, *, agrees: bool) -> Retiming:
     usage: dict[str, float] = {}
-    if result.chosen is not None:
+    if result.chosen is not None and result.chosen.motion.completed:
         usage = limit_usage(result.chosen.motion, result.limits or Limits())
     return Retiming(result, plan.problem.path.duration, agrees, usage)

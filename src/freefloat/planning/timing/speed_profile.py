@@ -40,10 +40,13 @@ The first one maximizes the sum of x, the others the time saved near the one bef
 rates alone the first one is the solution, and knots closer to the ends would only make the
 accelerations there larger.
 """
-_INSTANTS, _USED = 501, 0.99
-"""Instants at which the use of limits is looked at, and the ratio above which one is used."""
 _FASTEST = 1e3
 """Largest speed along the path, in units of the whole path per duration."""
+_GROWTH = 1.5
+"""Largest ratio of squared speeds at neighbouring knots, but those at the ends, under limits of
+rates alone: where a rate passes zero, they allow a peak so narrow that no motion is like it."""
+_NEARLY_STILL = 1e-6
+"""Squared speed at a knot, over that at the next, where the linear program takes zero."""
 _NONE = np.empty(0)
 _SLOW = 1e-2
 """Fraction of the largest speed below which terms of the momentum are linearized at it."""
@@ -93,7 +96,7 @@ def fastest_speeds(
     timing = motion.problem.path.timing
     if limits.joint_torque is None:
         knots = np.linspace(0.0, 1.0, intervals + 1)
-        x = _largest_squares(knots, rows, np.ones(len(knots)))
+        x = _largest_squares(knots, rows, np.ones(len(knots)), _GROWTH)
     elif len(timing.speeds) == intervals + 1:  # the fastest timing of a similar motion
         times, speeds = np.array(timing.speeds).T
         known = np.array([timing.s(t) for t in times.tolist()])
@@ -105,29 +108,13 @@ def fastest_speeds(
         for count in others:
             if x.any():
                 knots, x = _improved(knots, x, rows, count)
-    speeds = np.sqrt(x)
-    if not (speeds[1:] + speeds[:-1]).all():
+    beside = np.maximum(x[:-2], x[2:])
+    x[1:-1] = np.where(x[1:-1] > 0.0, x[1:-1], _NEARLY_STILL * beside)
+    if not x[1:-1].all():
         return ()
+    speeds = np.sqrt(x)
     times = np.append(0.0, np.cumsum(2.0 * np.diff(knots) / (speeds[1:] + speeds[:-1])))
     return tuple(zip(times.tolist(), speeds.tolist(), strict=True))
-
-
-def limit_usage(motion: Motion, limits: Limits) -> dict[str, float]:
-    """Fractions of the duration in which limits of rates and torques are used up to one percent."""
-    problem = motion.problem
-    law, times = motion.law, np.linspace(0.0, problem.path.duration, _INSTANTS)
-    efforts = [law.effort(s.time, s.attitude, s.joints) for s in motion.sample(times)]
-    ratios = {}
-    if limits.joint_rate is not None:
-        rates = np.abs([effort.rates[6:] for effort in efforts])
-        ratios["joint_rate"] = (rates / limits.joint_rate).max(axis=1)
-    if limits.joint_torque is not None:
-        torques = np.abs([effort.joint_torques for effort in efforts])
-        ratios["joint_torque"] = (torques / limits.joint_torque).max(axis=1)
-    if limits.base_rate is not None:
-        omega = np.linalg.norm([effort.rates[3:6] for effort in efforts], axis=1)
-        ratios["base_rate"] = omega / limits.base_rate
-    return {name: float((ratio > _USED).mean()) for name, ratio in ratios.items()}
 
 
 def _improved(
@@ -151,8 +138,16 @@ def _suited_knots(knots: Array, x: Array, intervals: int) -> Array:
     return np.interp(np.linspace(0.0, place[-1], intervals + 1), place, knots)
 
 
-def _largest_squares(knots: Array, rows: Callable[[Array], list[_Rows]], weights: Array) -> Array:
-    """Squared speeds at knots of the largest weighted sum; zeros where none keep the limits."""
+def _largest_squares(
+    knots: Array,
+    rows: Callable[[Array], list[_Rows]],
+    weights: Array,
+    growth: float | None = None,
+) -> Array:
+    """Squared speeds at knots of the largest weighted sum; zeros where none keep the limits.
+
+    The ratio of neighbouring ones but those at the ends may be limited to a ``growth``.
+    """
     before, after, right, columns = [], [], [], []
     widths, count = np.diff(knots), len(_FRACTIONS)
     places = knots[:-1, None] + np.array(_FRACTIONS) * widths[:, None]
@@ -163,6 +158,12 @@ def _largest_squares(knots: Array, rows: Callable[[Array], list[_Rows]], weights
         after += [*(limits_here.b * fraction + rise), fraction]
         right += [*limits_here.c, limits_here.most]
         columns += [interval] * (len(limits_here.c) + 1)
+    if growth is not None:
+        inner = range(1, len(knots) - 2)
+        before += [entry for _ in inner for entry in (1.0, -growth)]
+        after += [entry for _ in inner for entry in (-growth, 1.0)]
+        columns += [interval for interval in inner for _ in range(2)]
+        right += [0.0] * (2 * len(inner))
     scale = min(limit for limit in right if limit > 0.0)  # the unit of x
     limits, column = np.array(right), np.array(columns)
     row = np.arange(len(limits))
