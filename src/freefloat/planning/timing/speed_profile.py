@@ -164,7 +164,7 @@ def _largest_squares(
         after += [entry for _ in inner for entry in (-growth, 1.0)]
         columns += [interval for interval in inner for _ in range(2)]
         right += [0.0] * (2 * len(inner))
-    scale = min(limit for limit in right if limit > 0.0)  # the unit of x
+    scale = min((limit for limit in right if limit > 0.0), default=1.0)  # the unit of x
     limits, column = np.array(right), np.array(columns)
     row = np.arange(len(limits))
     index = np.concatenate([row, row]), np.concatenate([column, column + 1])
