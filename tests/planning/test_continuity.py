@@ -129,7 +129,8 @@ def random_scenario(seed: int, folder: Path) -> Scenario:
     present = attitude * Rotation.from_rotvec(rng.uniform(-0.01, 0.01, 3))
     return ff.load_scenario({
         "robot": {"urdf": str(folder / "robot.urdf"), "end_effector": robot.end_effector},
-        "task": task, "path": paths[0], "timing": {"duration": 15.0, "law": "optimal"},
+        "task": task, "path": paths[0],
+        "timing": {"duration": 15.0, "law": "quintic" if "frame" in paths[0] else "optimal"},
         "margin": {"measure": "gjm", "value": 0.0},
         "momentum": rng.uniform(-0.1, 0.1, 3).tolist(),
         "wheels": {"momentum": rng.uniform(-0.1, 0.1, 3).tolist()},

@@ -95,6 +95,7 @@ def test_the_margin_is_drawn_where_it_is(drawn: Drawn) -> None:
     assert axes.get_ylabel() == axis_label(f"$S$ ({margin.measure.name})", margin.measure.unit)
 
 
+@pytest.mark.slow
 def test_compared_motions_share_scales_of_equal_units(
     planar: SimulatedBranch, singular: SimulatedBranch
 ) -> None:
