@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,11 +29,7 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import FASTEST, FIRST_GUESS, HELD, NO_FASTEST
 from freefloat.planning.simulation import SimulatedBranch, integrate_from
 from freefloat.planning.space.disturbances import tolerance
-from freefloat.planning.timing.speed_profile import (
-    INTERVALS,
-    fastest_speeds,
-    require_considered,
-)
+from freefloat.planning.timing.speed_profile import INTERVALS, fastest_speeds, require_considered
 from freefloat.planning.timing.stretching import stretched_plan
 from freefloat.planning.timing.usage import limit_usage
 
@@ -190,42 +186,70 @@ def _iterate(
     It is looked for with that timing and narrower limits of attitude: at its own fastest timing
     its motion is a little different.
     """
-    search, kept = plan.search, None
+    guess, kept = plan.problem, None
     for number in range(_MOST):
         step = step_of(progress, number / _MOST, (number + 1) / _MOST)
-        planned = partial(plan_path, search=search, threads=threads, progress=step)
-        held = ScreenedCandidate(chosen.motion.initial.attitude, chosen.branch.index)
-        hold = partial(
-            plan_held, held=held, search=search, limits=limits, threads=threads, progress=step
-        )
-        problem, settled = _with_fastest_timing(chosen.motion, limits)
-        passed, too_fast = None, problem is None
-        if problem is not None:
-            passed = hold(problem)
-            if passed is None and settled:
-                slower, too_fast = _a_little_slower(plan, chosen, problem, limits)
-                passed = None if slower is None else hold(slower)
-        if passed is not None and settled:
-            return _retiming(passed, plan, agrees=True)
-        if problem is None or too_fast:
+        attempt = _attempt(plan, chosen, limits, threads, step)
+        if attempt.plan is not None and attempt.settled:
+            return _retiming(attempt.plan, plan, agrees=True)
+        planned = partial(plan_path, search=plan.search, threads=threads, progress=step)
+        if attempt.too_fast:
             if kept is not None:
                 kept = replace(kept, reason=f"{kept.reason}; {NO_FASTEST}")
                 return _retiming(kept, plan, agrees=False)
-            current = kept = stretched_plan(partial(planned, limits=limits), plan.problem)
-            if current.chosen is None or not current.feasible:
-                guess = plan.problem.path.duration
-                reason = FIRST_GUESS.format(reason=current.reason, duration=guess)
+            current = kept = stretched_plan(partial(planned, limits=limits), guess)
+            if not current.feasible:
+                duration = guess.path.duration
+                reason = FIRST_GUESS.format(reason=current.reason, duration=duration)
                 return _retiming(replace(current, reason=reason), plan, agrees=False)
         else:
             narrower = limits.narrower(NARROWER * (number + 2))
-            current = passed or planned(problem, limits=narrower, to_retime=True)
+            current = attempt.plan or planned(attempt.problem, limits=narrower, to_retime=True)
         if current.chosen is None or not current.feasible:
             break
         chosen = current.chosen
-    last = _with_timing(plan, chosen, problem or plan.problem, limits)
+    last = _with_timing(plan, chosen, attempt.problem, limits)
     if last.feasible:
         last = _with_tolerances(replace(last, reason=f"{HELD}; {NO_FASTEST}"), limits, threads)
     return _retiming(replace(last, limits=limits), plan, agrees=False)
+
+
+class _Attempt(NamedTuple):
+    """The attitude of a motion with the fastest timing of that motion.
+
+    Attributes:
+        problem: The problem with the timing; with the motion's own where none is found.
+        settled: Whether the timing is the fastest of the motion with it.
+        plan: The plan; None where that motion violates margin or limits.
+        too_fast: Whether rates or torques alone are why there is none.
+    """
+
+    problem: Problem
+    settled: bool
+    plan: Plan | None
+    too_fast: bool = False
+
+
+def _attempt(
+    plan: Plan,
+    before: SimulatedBranch,
+    limits: Limits,
+    threads: int | None,
+    progress: Progress | None,
+) -> _Attempt:
+    """Retime the motion from an attitude, and check it with that timing, or one a little slower."""
+    problem, settled = _with_fastest_timing(before.motion, limits)
+    if problem is None:
+        return _Attempt(before.motion.problem, settled, None, too_fast=True)
+    hold = partial(
+        plan_held, held=ScreenedCandidate(before.motion.initial.attitude, before.branch.index),
+        search=plan.search, limits=limits, threads=threads, progress=progress,
+    )  # fmt: skip
+    passed = hold(problem)
+    if passed is not None or not settled:
+        return _Attempt(problem, settled, passed)
+    slower, too_fast = _a_little_slower(plan, before, problem, limits)
+    return _Attempt(problem, settled, None if slower is None else hold(slower), too_fast)
 
 
 def _a_little_slower(
@@ -256,20 +280,17 @@ def _with_fastest_timing(motion: Motion, limits: Limits) -> tuple[Problem | None
     start = motion.initial
     intervals = INTERVALS if limits.joint_torque is None else _FEWER
     for _ in range(_MOST):
-        before = motion.problem
+        before = motion.problem.path.duration
         speeds = fastest_speeds(motion, limits, _INSIDE, intervals)
         if not speeds:
             return None, False
-        problem = _with_speeds(before, speeds)
+        problem = _with_speeds(motion.problem, speeds)
         motion = integrate_motion(problem, start.attitude, start.joints)
-        settled = _agree(before, problem) and motion.completed
+        agree = abs(problem.path.duration - before) <= _AGREE * before
+        settled = agree and motion.completed
         if settled or not motion.completed:
             break
     return problem, settled
-
-
-def _agree(first: Problem, second: Problem) -> bool:
-    return abs(second.path.duration - first.path.duration) <= _AGREE * first.path.duration
 
 
 def _retiming(result: Plan, plan: Plan, *, agrees: bool) -> Retiming:
