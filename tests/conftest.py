@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
-import time
 from collections import Counter
 from collections.abc import Generator, Iterator
 
@@ -14,7 +12,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does; read 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
-from numba.core.event import install_recorder
 from playwright.sync_api import Browser, sync_playwright
 
 from freefloat.attitude_grids import attitude_grid
@@ -28,11 +25,6 @@ from freefloat.visualization.page.pictures import find_browser
 from tests.browser import FLAGS
 from tests.motions import bundled
 from tests.robots import ur5_on_spacecraft
-
-LONGEST = 2.0
-"""Processor time of a test that is not marked slow [s]: one second, and as much again where two
-processors share a core. A test that imports modules or loads kernels, at first use, may take
-longer."""
 
 settings.register_profile(
     "freefloat",
@@ -59,18 +51,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Files with many slow tests begin, so that no worker waits for another in the end."""
     slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
     items.sort(key=lambda item: -slow[item.path])
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_call(item: pytest.Item) -> Generator[None]:
-    """Where ``CI`` is set a long test must be marked slow, unless it imports or loads kernels."""
-    begin, modules = time.process_time(), len(sys.modules)
-    with install_recorder("numba:compiler_lock") as kernels:
-        yield
-    used = time.process_time() - begin
-    loaded = kernels.buffer or len(sys.modules) > modules
-    excused = item.get_closest_marker("slow") or loaded or not os.environ.get("CI")
-    assert excused or used < LONGEST, f"it takes {used:.1f} s: mark it slow"
 
 
 @pytest.hookimpl(wrapper=True)
