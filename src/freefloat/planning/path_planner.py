@@ -14,6 +14,7 @@ from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.evaluator import evaluator_for, evaluator_near
 from freefloat.planning.limits.holding import held_plan
 from freefloat.planning.limits.keeping import keep_limits
+from freefloat.planning.limits.trials import PassedTrial
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_planner import plan_in_plane
 from freefloat.planning.settings import Search
@@ -45,32 +46,36 @@ def plan_path(
         result = keep_limits(evaluator, result, kept, progress, known)
     if to_retime and problem.depends_on_timing and result.feasible:
         return result
-    return _certified(evaluator, result)
+    return _with_tolerances(evaluator, certified(result))
 
 
 def plan_held(
-    problem: Problem,
-    held: ScreenedCandidate,
+    passed: PassedTrial,
     *,
     search: Search,
     limits: Limits,
     threads: int | None,
     progress: Progress | None,
-) -> Plan | None:
-    """The plan from a known attitude, see :func:`held_plan`."""
-    evaluator = evaluator_for(problem, threads, limits, search)
-    result = held_plan(evaluator, search, limits, held, progress)
-    return None if result is None else _certified(evaluator, result)
+) -> Plan:
+    """The plan with a known motion, see :func:`held_plan`."""
+    evaluator = evaluator_for(passed[0].motion.problem, threads, limits, search)
+    result = held_plan(evaluator, search, limits, passed, progress)
+    return _with_tolerances(evaluator, certified(result))
 
 
-def _certified(evaluator: FeasibilityEvaluator, plan: Plan) -> Plan:
-    """The plan with the certificate, contact and tolerances of its motion."""
-    chosen, radius = plan.chosen, plan.robust_radius
-    if chosen is None:
+def certified(plan: Plan) -> Plan:
+    """The plan with the certificate and the deepest contact of its motion, if it has one."""
+    if plan.chosen is None:
         return plan
-    contact = deepest_contact(chosen.motion, plan.limit_results)
-    plan = replace(plan, certificate=certify(chosen.motion), contact=contact)
-    if plan.map is None or not plan.feasible:
+    motion = plan.chosen.motion
+    contact = deepest_contact(motion, plan.limit_results)
+    return replace(plan, certificate=certify(motion), contact=contact)
+
+
+def _with_tolerances(evaluator: FeasibilityEvaluator, plan: Plan) -> Plan:
+    """The plan with the tolerances of its motion, for spatial tasks."""
+    chosen, radius = plan.chosen, plan.robust_radius
+    if chosen is None or plan.map is None or not plan.feasible:
         return plan
     attitude, branch = chosen.motion.initial.attitude, chosen.branch
     near = evaluator_near(evaluator, branch.joints)

@@ -249,7 +249,12 @@ def integrate_from(
     problem: Problem, attitude: Array, start: ArmBranch, **options: Any
 ) -> SimulatedBranch:
     """The motion from an arm branch at an attitude (4,); see :func:`integrate_motion`."""
-    motion = unwrapped(integrate_motion(problem, attitude, start.joints, **options))
+    return simulated_branch(start, integrate_motion(problem, attitude, start.joints, **options))
+
+
+def simulated_branch(start: ArmBranch, motion: Motion) -> SimulatedBranch:
+    """An arm branch with its motion, and that motion's closest approach to a singularity."""
+    motion, problem = unwrapped(motion), motion.problem
     approach = closest_approach(motion, problem.margin.measure)
     joints = motion.initial.joints[: problem.model.arm_dof]
     return SimulatedBranch(replace(start, joints=joints), motion, approach)

@@ -7,8 +7,7 @@ from dataclasses import replace
 from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.limits import Limits
-from freefloat.planning.candidates import ScreenedCandidate
-from freefloat.planning.limits.trials import Trials
+from freefloat.planning.limits.trials import PassedTrial
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_planner import heading_depth, plan_in_plane
 from freefloat.planning.reasons import HELD, margin_text
@@ -20,16 +19,13 @@ def held_plan(
     evaluator: FeasibilityEvaluator,
     search: Search,
     limits: Limits,
-    held: ScreenedCandidate,
+    passed: PassedTrial,
     progress: Progress | None = None,
-) -> Plan | None:
-    """The plan with the motion from a known attitude; None where it violates margin or limits.
+) -> Plan:
+    """The plan with a known motion that keeps margin and limits.
 
     All other attitudes are looked at, too, but none is chosen: ranges of headings, or a map.
     """
-    passed = Trials(evaluator, limits).check_candidate(held)
-    if passed is None:
-        return None
     chosen, results = passed
     reason = f"{HELD}, {margin_text(chosen.closest_approach)}"
     if evaluator.problem.task.planar:

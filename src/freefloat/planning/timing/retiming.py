@@ -9,25 +9,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from freefloat.certificate.certificate import certify
 from freefloat.concurrency import Progress, step_of
 from freefloat.errors import InputError, require_type
 from freefloat.limits.check import LimitChecker
-from freefloat.limits.contact import deepest_contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import needed_stretch, violated
 from freefloat.motion.integration import integrate_motion
-from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.paths.time_laws import Speeds, TimeLaw
 from freefloat.paths.timing import Timing
-from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.evaluator import evaluator_for
-from freefloat.planning.limits.trials import OVER
-from freefloat.planning.path_planner import plan_held, plan_path
+from freefloat.planning.limits.trials import OVER, PassedTrial
+from freefloat.planning.path_planner import certified, plan_held, plan_path
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import FASTEST, FIRST_GUESS, HELD, NO_FASTEST
-from freefloat.planning.simulation import SimulatedBranch, integrate_from
+from freefloat.planning.simulation import (
+    SimulatedBranch,
+    integrate_from,
+    simulated_branch,
+)
 from freefloat.planning.space.disturbances import tolerance
 from freefloat.planning.timing.speed_profile import INTERVALS, fastest_speeds, require_considered
 from freefloat.planning.timing.stretching import stretched_plan
@@ -164,14 +164,12 @@ def _with_timing(plan: Plan, before: SimulatedBranch, problem: Problem, limits: 
 
 def _with_tolerances(plan: Plan, limits: Limits, threads: int | None) -> Plan:
     """The plan with the certificate, contact and tolerances of its motion."""
-    if plan.chosen is None:
+    plan = certified(plan)
+    if plan.chosen is None or plan.tolerance is None:
         return plan
-    motion, tolerances = plan.chosen.motion, plan.tolerance
-    if tolerances is not None:
-        integrator = evaluator_for(plan.problem, threads, limits, plan.search).integrator
-        tolerances = tolerance(integrator, motion.initial.attitude, motion.initial.joints)
-    contact = deepest_contact(motion, plan.limit_results)
-    return replace(plan, certificate=certify(motion), contact=contact, tolerance=tolerances)
+    initial = plan.chosen.motion.initial
+    integrator = evaluator_for(plan.problem, threads, limits, plan.search).integrator
+    return replace(plan, tolerance=tolerance(integrator, initial.attitude, initial.joints))
 
 
 def _iterate(
@@ -189,9 +187,15 @@ def _iterate(
     guess, kept = plan.problem, None
     for number in range(_MOST):
         step = step_of(progress, number / _MOST, (number + 1) / _MOST)
-        attempt = _attempt(plan, chosen, limits, threads, step)
-        if attempt.plan is not None and attempt.settled:
-            return _retiming(attempt.plan, plan, agrees=True)
+        attempt = _attempt(chosen, limits)
+        if attempt.passed is not None and attempt.settled:
+            held = plan_held(
+                attempt.passed, search=plan.search, limits=limits, threads=threads, progress=step
+            )
+            return _retiming(held, plan, agrees=True)
+        if attempt.passed is not None:
+            chosen = attempt.passed[0]
+            continue
         planned = partial(plan_path, search=plan.search, threads=threads, progress=step)
         if attempt.too_fast:
             if kept is not None:
@@ -204,7 +208,7 @@ def _iterate(
                 return _retiming(replace(current, reason=reason), plan, agrees=False)
         else:
             narrower = limits.narrower(NARROWER * (number + 2))
-            current = attempt.plan or planned(attempt.problem, limits=narrower, to_retime=True)
+            current = planned(attempt.problem, limits=narrower, to_retime=True)
         if current.chosen is None or not current.feasible:
             break
         chosen = current.chosen
@@ -220,77 +224,69 @@ class _Attempt(NamedTuple):
     Attributes:
         problem: The problem with the timing; with the motion's own where none is found.
         settled: Whether the timing is the fastest of the motion with it.
-        plan: The plan; None where that motion violates margin or limits.
+        passed: The motion with it, or a little slower; None where it violates margin or limits.
         too_fast: Whether rates or torques alone are why there is none.
     """
 
     problem: Problem
     settled: bool
-    plan: Plan | None
+    passed: PassedTrial | None
     too_fast: bool = False
 
 
-def _attempt(
-    plan: Plan,
-    before: SimulatedBranch,
-    limits: Limits,
-    threads: int | None,
-    progress: Progress | None,
-) -> _Attempt:
+def _attempt(before: SimulatedBranch, limits: Limits) -> _Attempt:
     """Retime the motion from an attitude, and check it with that timing, or one a little slower."""
-    problem, settled = _with_fastest_timing(before.motion, limits)
-    if problem is None:
+    fastest, settled = _with_fastest_timing(before, limits)
+    if fastest is None:
         return _Attempt(before.motion.problem, settled, None, too_fast=True)
-    hold = partial(
-        plan_held, held=ScreenedCandidate(before.motion.initial.attitude, before.branch.index),
-        search=plan.search, limits=limits, threads=threads, progress=progress,
-    )  # fmt: skip
-    passed = hold(problem)
-    if passed is not None or not settled:
-        return _Attempt(problem, settled, passed)
-    slower, too_fast = _a_little_slower(plan, before, problem, limits)
-    return _Attempt(problem, settled, None if slower is None else hold(slower), too_fast)
+    passed, too_fast = _passing_motion(fastest, limits, _TRIALS if settled else 1)
+    return _Attempt(fastest.motion.problem, settled, passed, too_fast and settled)
 
 
-def _a_little_slower(
-    plan: Plan, chosen: SimulatedBranch, problem: Problem, limits: Limits
-) -> tuple[Problem | None, bool]:
-    """The problem with a timing so slow that rates and torques are kept, if only a little slower.
+def _passing_motion(
+    fastest: SimulatedBranch, limits: Limits, trials: int
+) -> tuple[PassedTrial | None, bool]:
+    """The first of a few motions, each a little slower than before, that keeps margin and limits.
 
     Returns:
-        None where there is none, and whether rates or torques are why.
+        None where none does, and whether rates or torques alone are why.
     """
-    for trial in range(_TRIALS):
-        result = _with_timing(plan, chosen, problem, limits)
-        if result.feasible:
-            return problem, False
-        stretch = needed_stretch(result.limit_results)
-        too_fast = stretch > 1.0 and all(entry.timed for entry in violated(result.limit_results))
+    simulated, problem = fastest, fastest.motion.problem
+    checker = LimitChecker(problem, limits)
+    for trial in range(trials):
+        results = checker.results(simulated.motion)
+        if simulated.verdict(results).feasible:
+            return (simulated, results), False
+        stretch = needed_stretch(results)
+        too_fast = stretch > 1.0 and all(entry.timed for entry in violated(results))
         if not too_fast or stretch > _LITTLE:
             break
         problem = problem.stretched((stretch * OVER) ** 2**trial)
+        simulated = integrate_from(problem, fastest.motion.initial.attitude, fastest.branch)
     return None, too_fast
 
 
-def _with_fastest_timing(motion: Motion, limits: Limits) -> tuple[Problem | None, bool]:
-    """The problem with the fastest timing of the motion from the same state, and if it is found.
+def _with_fastest_timing(
+    before: SimulatedBranch, limits: Limits
+) -> tuple[SimulatedBranch | None, bool]:
+    """The motion from the same state with its fastest timing, and whether that is found.
 
-    There is no problem where momentum or drift violate rates or torques at any timing.
+    There is none where momentum or drift violate rates or torques at any timing.
     """
-    start = motion.initial
+    motion, start = before.motion, before.motion.initial
     intervals = INTERVALS if limits.joint_torque is None else _FEWER
     for _ in range(_MOST):
-        before = motion.problem.path.duration
+        duration = motion.problem.path.duration
         speeds = fastest_speeds(motion, limits, _INSIDE, intervals)
         if not speeds:
             return None, False
         problem = _with_speeds(motion.problem, speeds)
         motion = integrate_motion(problem, start.attitude, start.joints)
-        agree = abs(problem.path.duration - before) <= _AGREE * before
+        agree = abs(problem.path.duration - duration) <= _AGREE * duration
         settled = agree and motion.completed
         if settled or not motion.completed:
             break
-    return problem, settled
+    return simulated_branch(before.branch, motion), settled
 
 
 def _retiming(result: Plan, plan: Plan, *, agrees: bool) -> Retiming:
