@@ -103,6 +103,16 @@ def test_each_limit_alone_can_make_a_plan_infeasible(
     assert_claim_is_true(result, limits)
 
 
+@pytest.mark.slow
+def test_with_momentum_more_than_the_ratio_of_rates_is_needed() -> None:
+    """A longer duration makes only the part of the rate slower that the path requires."""
+    problem = bundled("planar_2dof/line").replace(momentum=[0.0, 0.0, 0.05])
+    limits = ff.Limits(base_rate=0.01)
+    result = ff.plan(problem, limits=limits)
+    assert result.needed_stretch > 1.1 * result.limit_results[0].ratio
+    assert_claim_is_true(result, limits)
+
+
 def assert_is_nearest_candidate(result: Plan, limits: ff.Limits) -> None:
     """Its motion keeps the margin, violates what the plan states, and is a document's motion."""
     assert result.chosen is not None

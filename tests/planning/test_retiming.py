@@ -153,6 +153,20 @@ def test_with_momentum_and_drift_timing_and_motion_agree() -> None:
     assert result.plan.heading == plan.heading
 
 
+@pytest.mark.slow
+def test_where_the_rate_that_is_limited_passes_zero_the_speed_has_no_peak() -> None:
+    """The spacecraft of this motion stops and rotates back on the way."""
+    problem = bundled("planar_2dof/arc").replace(momentum=np.zeros(3))
+    plan = ff.plan(problem, limits=ff.Limits(base_rate=10.0))
+    states = plan.chosen.motion.sample(np.linspace(0.0, problem.path.duration, 101))
+    steps = np.diff(np.unwrap([2.0 * np.arctan2(*entry.attitude[2:]) for entry in states]))
+    assert steps.min() < 0.0 < steps.max()
+    result = ff.retime(plan)
+    assert result.plan.feasible
+    (rate,) = ff.check_limits(result.plan.chosen.motion, plan.limits)
+    assert rate.ratio == pytest.approx(1.0, abs=1e-4)
+
+
 CONE = ff.PointingLimit("spacecraft", [1.0, 0.0, 0.0], np.radians(176), "outside", [1.0, 0.0, 0.0])
 
 
