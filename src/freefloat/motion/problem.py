@@ -189,7 +189,7 @@ class Problem:
         if not self.arms:
             return self.model
         if t not in self._chains:
-            self._chains[t] = self.model.with_arms_at(self.arms.at(t))
+            self._chains[t] = self._model_at(t)
         return self._chains[t]
 
     def with_arms_resting(self, t: float) -> Problem:
@@ -201,7 +201,10 @@ class Problem:
 
         Further arms on joint curves are as at a time [s].
         """
-        return reach_bound(self.chain(t))
+        return reach_bound(self._model_at(t))
+
+    def _model_at(self, t: float) -> FreeFloatingModel:
+        return self.model.with_arms_at(self.arms.at(t)) if self.arms else self.model
 
     @cached_property
     def _chains(self) -> dict[float, FreeFloatingModel]:
