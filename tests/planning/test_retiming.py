@@ -191,7 +191,6 @@ def test_the_law_optimal_with_momentum(momentum: float, pointing, feasible: bool
 @pytest.mark.slow
 def test_the_law_optimal_in_a_scenario_and_in_files(tmp_path, monkeypatch) -> None:
     """The first guess of the duration does not matter."""
-    monkeypatch.setattr(retiming, "INTERVALS", 64)
     untried = Check("ranges of headings", True)  # they do not depend on the timing
     monkeypatch.setattr(range_checks, "_heading_check", lambda *_: untried)
     monkeypatch.chdir(tmp_path)

@@ -13,7 +13,8 @@ from freefloat.planning.path_planner import plan_path
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import FIRST_GUESS
 from freefloat.planning.settings import Search
-from freefloat.planning.timing.retiming import NARROWER, retime
+from freefloat.planning.timing.agreement import NARROWER
+from freefloat.planning.timing.retiming import retime
 from freefloat.planning.timing.speed_profile import require_considered
 from freefloat.planning.timing.stretching import stretched_plan
 

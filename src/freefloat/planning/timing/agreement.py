@@ -1,0 +1,158 @@
+"""Timings and motions that agree: with momentum or drift a motion depends on its timing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
+
+from freefloat.concurrency import Progress, step_of
+from freefloat.limits.check import LimitChecker
+from freefloat.limits.limits import Limits
+from freefloat.limits.result import needed_stretch, violated
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.problem import Problem
+from freefloat.planning.limits.trials import OVER, PassedTrial
+from freefloat.planning.path_planner import plan_held, plan_path
+from freefloat.planning.plan import Plan
+from freefloat.planning.reasons import FIRST_GUESS, HELD, NO_FASTEST
+from freefloat.planning.simulation import (
+    SimulatedBranch,
+    integrate_from,
+    simulated_branch,
+)
+from freefloat.planning.timing.speed_profile import INTERVALS, fastest_speeds
+from freefloat.planning.timing.stretching import stretched_plan
+from freefloat.planning.timing.timed_plan import with_speeds, with_timing, with_tolerances
+
+_MOST, _AGREE = 12, 5e-4
+"""Attitudes and timings that are tried, and relative difference of durations that agree."""
+_FEWER = 128
+"""Intervals of the timing with limits of torques, to which they are adapted: the duration is 0.01
+to 0.2 % longer than with 400. Every motion of the map passes all of them."""
+_INSIDE = 0.999
+"""Fraction of the limits to be used: the motion depends on the timing."""
+NARROWER = 0.03
+"""Fraction by which limits of attitude are narrower where the motion depends on the timing, and
+become narrower with every attitude that violates one at its own timing."""
+_LITTLE, _TRIALS = 1.05, 5
+"""Factor on the duration up to which a timing may be slowed down where it violates rates or
+torques, and how often."""
+
+
+def agreeing_plan(
+    plan: Plan,
+    chosen: SimulatedBranch,
+    limits: Limits,
+    threads: int | None,
+    progress: Progress | None,
+) -> tuple[Plan, bool]:
+    """The plan whose timing is the fastest one of its own motion, and whether it was found.
+
+    The attitude remains while its motion with that timing keeps margin and limits. Another one is
+    looked for with that timing and narrower limits of attitude: at its own fastest timing its
+    motion is a little different. Where rates or torques are violated at any timing, it is looked
+    for once with the duration of the plan, or a longer one.
+    """
+    slow: Plan | None = None
+    for number in range(_MOST):
+        step = step_of(progress, number / _MOST, (number + 1) / _MOST)
+        attempt = _attempt(chosen, limits)
+        if attempt.passed is not None and attempt.settled:
+            held = plan_held(
+                attempt.passed, search=plan.search, limits=limits, threads=threads, progress=step
+            )
+            return held, True
+        if attempt.passed is not None:
+            chosen = attempt.passed[0]
+            continue
+        planned = partial(plan_path, search=plan.search, threads=threads, progress=step)
+        if attempt.too_fast and slow is not None:
+            return replace(slow, reason=f"{slow.reason}; {NO_FASTEST}"), False
+        if attempt.too_fast:
+            current = slow = stretched_plan(partial(planned, limits=limits), plan.problem)
+            if not slow.feasible:
+                duration = plan.problem.path.duration
+                reason = FIRST_GUESS.format(reason=slow.reason, duration=duration)
+                return replace(slow, reason=reason), False
+        else:
+            narrower = limits.narrower(NARROWER * (number + 2))
+            current = planned(attempt.problem, limits=narrower, to_retime=True)
+        if current.chosen is None or not current.feasible:
+            break
+        chosen = current.chosen
+    last = with_timing(plan, chosen, attempt.problem, limits)
+    if last.feasible:
+        last = with_tolerances(replace(last, reason=f"{HELD}; {NO_FASTEST}"), limits, threads)
+    return replace(last, limits=limits), False
+
+
+class _Attempt(NamedTuple):
+    """The attitude of a motion with the fastest timing of that motion.
+
+    Attributes:
+        problem: The problem with the timing; with the motion's own where none is found.
+        settled: Whether the timing is the fastest of the motion with it.
+        passed: The motion with it, or a little slower; None where it violates margin or limits.
+        too_fast: Whether rates or torques alone are why there is none.
+    """
+
+    problem: Problem
+    settled: bool
+    passed: PassedTrial | None
+    too_fast: bool = False
+
+
+def _attempt(before: SimulatedBranch, limits: Limits) -> _Attempt:
+    """Retime the motion from an attitude, and check it with that timing, or one a little slower."""
+    fastest, settled = _with_fastest_timing(before, limits)
+    if fastest is None:
+        return _Attempt(before.motion.problem, settled, None, too_fast=True)
+    passed, too_fast = _passing_motion(fastest, limits, _TRIALS if settled else 1)
+    return _Attempt(fastest.motion.problem, settled, passed, too_fast and settled)
+
+
+def _passing_motion(
+    fastest: SimulatedBranch, limits: Limits, trials: int
+) -> tuple[PassedTrial | None, bool]:
+    """The first of a few motions, each a little slower than before, that keeps margin and limits.
+
+    Returns:
+        None where none does, and whether rates or torques alone are why.
+    """
+    simulated, problem = fastest, fastest.motion.problem
+    checker = LimitChecker(problem, limits)
+    for trial in range(trials):
+        results = checker.results(simulated.motion)
+        if simulated.verdict(results).feasible:
+            return (simulated, results), False
+        stretch = needed_stretch(results)
+        too_fast = stretch > 1.0 and all(entry.timed for entry in violated(results))
+        if not too_fast or stretch > _LITTLE:
+            break
+        problem = problem.stretched((stretch * OVER) ** 2**trial)
+        simulated = integrate_from(problem, fastest.motion.initial.attitude, fastest.branch)
+    return None, too_fast
+
+
+def _with_fastest_timing(
+    before: SimulatedBranch, limits: Limits
+) -> tuple[SimulatedBranch | None, bool]:
+    """The motion from the same state with its fastest timing, and whether that is found.
+
+    There is none where momentum or drift violate rates or torques at any timing.
+    """
+    motion, start = before.motion, before.motion.initial
+    intervals = INTERVALS if limits.joint_torque is None else _FEWER
+    for _ in range(_MOST):
+        duration = motion.problem.path.duration
+        speeds = fastest_speeds(motion, limits, _INSIDE, intervals)
+        if not speeds:
+            return None, False
+        problem = with_speeds(motion.problem, speeds)
+        motion = integrate_motion(problem, start.attitude, start.joints)
+        agree = abs(problem.path.duration - duration) <= _AGREE * duration
+        settled = agree and motion.completed
+        if settled or not motion.completed:
+            break
+    return simulated_branch(before.branch, motion), settled
