@@ -12,9 +12,10 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from freefloat.errors import ModelError
-from freefloat.limits.collision import collision_shapes, scene_shapes
+from freefloat.limits.collision import CollisionShape, collision_shapes, scene_shapes
 from freefloat.limits.held_pairs import (
     BASE,
+    HeldPairs,
     always_near,
     connected_links,
     held_pairs,
@@ -78,44 +79,20 @@ class CollisionPairs:
             for number, shape in enumerate(self.shapes)
             if shape.body > model.dof
         ]
-        connected = connected_links(model.description)
-        own = [
-            (i, j) if a.body < b.body else (j, i)
-            for (i, a), (j, b) in itertools.combinations(enumerate(robot), 2)
-            if a.body != b.body and frozenset((a.link, b.link)) not in connected
-        ]
-        may_touch = {(link, body.name) for body in scene.bodies for link in body.touch_links}
-        others = [
-            (i, j)
-            for i, a in enumerate(robot)
-            for j, _, _ in self._scene_shapes
-            if (a.link, self.shapes[j].link) not in may_touch
-        ]
-        held = held_pairs(model, robot, clearance)
-        nearest = [*held.compared[:1]]
-        candidates = np.array(own + nearest + others, dtype=np.int64).reshape(-1, 2)
+        own, held = _pairs_of_links(model, robot), held_pairs(model, robot, clearance)
+        listed = [*own, *held.compared[:1], *self._pairs_with_scene(robot)]
+        candidates = np.array(listed, dtype=np.int64).reshape(-1, 2)
         self._geometry = self._geometry_model(candidates)
         near = self._always_near(own, len(candidates), clearance)
         self.pairs: IntArray = candidates[~near]
         self._numbers = np.flatnonzero(~near)
-        names = {self._name(pair) for pair in (*self.pairs, *held.compared)}
         too_near = [*candidates[near].tolist(), *held.always_near]
         self.links_left_out = {self.shapes[index].link for pair in too_near for index in pair}
-        shaped = {shape.link for shape in robot} | {body.payload for body in scene.bodies}
-        self.left_out = tuple(sorted({
-            f"{name}: {'parts are ' if name in names else ''}always too near"
-            for name in map(self._name, too_near)
-        } | {
-            f"{self._name(pair)}: too near where joints that held does not name rest at zero"
-            for pair in held.unnamed
-        })) + tuple(
-            f"{link.name}: without shape"
-            for link in model.description.links if link.mass > 0.0 and link.name not in shaped
-        ) + tuple(
-            f"{body.name} - {other.name}: a held body and another body are not compared"
-            for body, other in itertools.product(scene.bodies, repeat=2)
-            if body.payload is not None and other.payload is None
-        )  # fmt: skip
+        self.left_out = (
+            *self._too_near(too_near, held),
+            *_without_shape(model, robot, scene),
+            *_not_compared(scene),
+        )
         if not len(self.pairs):
             problem = "the robot has no two shapes that could collide"
             accepted = "a URDF with <collision> or <visual> shapes"
@@ -221,6 +198,30 @@ class CollisionPairs:
                  for shape, middle in zip(self.shapes, middles, strict=True)]  # fmt: skip
         return np.array(middles)[self.pairs], np.array(radii)[self.pairs]
 
+    def _pairs_with_scene(self, robot: Sequence[CollisionShape]) -> list[tuple[int, int]]:
+        """Pairs of a shape of the robot and one of the scene, but those that may touch."""
+        bodies = self.scene.bodies
+        may_touch = {(link, body.name) for body in bodies for link in body.touch_links}
+        return [
+            (i, j)
+            for i, shape in enumerate(robot)
+            for j, _, _ in self._scene_shapes
+            if (shape.link, self.shapes[j].link) not in may_touch
+        ]
+
+    def _too_near(self, pairs: Sequence[Sequence[int]], held: HeldPairs) -> list[str]:
+        """What is said of pairs of links that are always too near, and of those held so."""
+        compared = {self._name(pair) for pair in (*self.pairs, *held.compared)}
+        near = {
+            f"{name}: {'parts are ' if name in compared else ''}always too near"
+            for name in map(self._name, pairs)
+        }
+        unnamed = {
+            f"{self._name(pair)}: too near where joints that held does not name rest at zero"
+            for pair in held.unnamed
+        }
+        return sorted(near | unnamed)
+
     def _move_scene(self, frames: Sequence[pin.SE3]) -> None:
         objects = self._geometry[0].geometryObjects
         for number, body, placement in self._scene_shapes if frames else ():
@@ -262,3 +263,36 @@ class CollisionPairs:
         robot = [shape for shape in self.shapes if shape.body <= self.model.dof]
         always = always_near(self.model, robot, pairs, clearance)
         return np.isin(np.arange(count), near[always])
+
+
+def _pairs_of_links(
+    model: FreeFloatingModel, robot: Sequence[CollisionShape]
+) -> list[tuple[int, int]]:
+    """Pairs of shapes on different bodies of a robot, but of links that a joint connects."""
+    connected = connected_links(model.description)
+    return [
+        (i, j) if a.body < b.body else (j, i)
+        for (i, a), (j, b) in itertools.combinations(enumerate(robot), 2)
+        if a.body != b.body and frozenset((a.link, b.link)) not in connected
+    ]
+
+
+def _without_shape(
+    model: FreeFloatingModel, robot: Sequence[CollisionShape], scene: Scene
+) -> list[str]:
+    """What is said of links with mass that neither have a shape nor are a body of the scene."""
+    shaped = {shape.link for shape in robot} | {body.payload for body in scene.bodies}
+    return [
+        f"{link.name}: without shape"
+        for link in model.description.links
+        if link.mass > 0.0 and link.name not in shaped
+    ]
+
+
+def _not_compared(scene: Scene) -> list[str]:
+    """What is said of a body that is held and another one."""
+    return [
+        f"{body.name} - {other.name}: a held body and another body are not compared"
+        for body, other in itertools.product(scene.bodies, repeat=2)
+        if body.payload is not None and other.payload is None
+    ]
