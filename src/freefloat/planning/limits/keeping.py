@@ -176,12 +176,17 @@ def _heading_depth(plan: Plan, chosen: SimulatedBranch | None) -> float | None:
 
 
 def _moved_nearer(trials: Trials, present: Array, spare: float, passed: PassedTrial) -> PassedTrial:
-    """The motion from nearer to the present attitude that keeps everything.
+    """The motion from nearer to the present attitude that keeps everything, or from there.
 
-    The margin and the limits are also kept up to an angle ``spare`` [rad] nearer.
+    The margin and the limits are also kept up to an angle ``spare`` [rad] nearer, or beyond the
+    present attitude.
     """
     chosen, problem = passed[0], trials.problem
     branch, start = chosen.branch.index, chosen.motion.initial.attitude
+    away = rotation_vector_to(present, start)[0]
+    if not away.any():
+        return passed
+    step = spare * away / np.linalg.norm(away)
     between = Slerp([0.0, 1.0], Rotation.from_quat([start, present]))
     low, high = 0.0, 1.0
 
@@ -190,6 +195,9 @@ def _moved_nearer(trials: Trials, present: Array, spare: float, passed: PassedTr
             return None
         return trials.check_candidate(ScreenedCandidate(attitude, branch))
 
+    there = trial(present)
+    if there is not None and (not spare or trial(rotated(present, -step)[0]) is not None):
+        return there
     nearest = passed
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2.0
@@ -198,8 +206,6 @@ def _moved_nearer(trials: Trials, present: Array, spare: float, passed: PassedTr
             high = middle
         else:
             low, nearest = middle, nearer
-    reached = nearest[0].motion.initial.attitude
-    away = rotation_vector_to(present, reached)[0]
-    if not spare or not away.any():
+    if not spare:
         return nearest
-    return trial(rotated(reached, spare * away / np.linalg.norm(away))[0]) or passed
+    return trial(rotated(nearest[0].motion.initial.attitude, step)[0]) or passed
