@@ -47,10 +47,10 @@ def check(
 ) -> None:
     """Verify a saved plan, motion, manoeuvre or singularity map from its file alone.
 
-    The recorded motion is compared with the equations, the path and the robot, it is integrated
-    again with another method, and every number in the file is computed again. `check` reports
-    every altered number and exits with 1; exit code 2: the file is another one,
-    or the engine cannot repeat the motion.
+    The recorded motion is compared with the equations, the path and the robot, and integrated again
+    with another method. The numbers of the motion, its limits and its tolerances are computed again;
+    the samples and percentages of a map, and texts, are not. Exit code 1: a number differs; 2: the
+    file is another one, or the engine cannot repeat the motion.
 
     Example: freefloat check plan.h5 --engine mujoco --gravity 6778
     """
