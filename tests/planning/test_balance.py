@@ -110,3 +110,10 @@ def test_an_arm_without_rates_or_of_another_name_is_refused(two_ur5):
     start = [0.0, 0.0, 0.0, 1.0], [0.5, 1.0]
     for name, key in (("right", "balance.arm"), ("left", "limits.joint_rate")):
         assert error_key(ff.balance, problem, *start, ff.BalanceSettings(name)) == key
+
+
+def test_an_axis_that_does_not_tilt_anyway_stays_as_it_is():
+    problem, settings = ff.load_scenario(PLANAR).problem(), ff.BalanceSettings("left", "xy", 1)
+    limits = ff.Limits(joint_rate=np.ones(4))
+    found = ff.balance(problem, [0.0, 0.0, 0.0, 1.0], [0.5, 1.0], settings, limits)
+    assert (found.turn, found.held_turn, found.ratio, found.tried) == (0.0, 0.0, 1.0, (1.0,))

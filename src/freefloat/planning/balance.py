@@ -71,7 +71,7 @@ class Balance:
     @property
     def ratio(self) -> float:
         """Turn over that with the arm held; 1 where the spacecraft does not turn anyway."""
-        return self.turn / self.held_turn if self.held_turn > 0.0 else 1.0
+        return _ratio(self.turn, self.held_turn)
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document."""
@@ -222,7 +222,7 @@ def balance(
         kept = verdict_on(motion, checker.results(motion), approach).feasible
         found = Balance(
             settings, run.curve, _turn(motion, settings.axes), held_turn, run.at_rate,
-            run.at_range, tuple(turn / held_turn for turn in turns), kept,
+            run.at_range, tuple(_ratio(turn, held_turn) for turn in turns), kept,
         )  # fmt: skip
         if kept:
             return found
@@ -230,6 +230,13 @@ def balance(
     if best is None:
         raise InputError("balance.arm", "no motion along the path was found", "another attitude")
     return best
+
+
+def _ratio(turn: float, held_turn: float) -> float:
+    """Turn over that with the arm held; 1 where neither turns the spacecraft."""
+    if np.isinf(turn):
+        return turn
+    return turn / held_turn if held_turn > 0.0 else 1.0
 
 
 def _motion(problem: Problem, attitude: Array, near: Array) -> Motion | None:
