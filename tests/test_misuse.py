@@ -130,8 +130,11 @@ def test_position_tasks_need_no_orientation(problem: ff.Problem) -> None:
 
 
 def test_arguments_of_other_types_are_refused(problem: ff.Problem, simulation: Simulation) -> None:
-    motion = simulation.chosen.motion
+    motion, seven = simulation.chosen.motion, ff.Limits(joint_rate=np.ones(7))
     for key, call in (
+        ("limits.joint_rate", lambda: ff.plan(problem, ff.Search(ff.Weights(time=1.0)), seven)),
+        ("limits.joint_rate", lambda: ff.attitude_map(problem, 24, limits=seven)),
+        ("limits", lambda: ff.reorient(problem, [0, 0, 0, 1], [0, 0, 1, 0], "none")),
         ("measure", lambda: ff.closest_approach(motion, "arm")),
         ("search", lambda: ff.plan(problem, {"samples": 64})),
         ("result", lambda: ff.figures(problem)),

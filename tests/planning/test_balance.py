@@ -110,6 +110,8 @@ def test_an_arm_without_rates_or_of_another_name_is_refused(two_ur5):
     start = [0.0, 0.0, 0.0, 1.0], [0.5, 1.0]
     for name, key in (("right", "balance.arm"), ("left", "limits.joint_rate")):
         assert error_key(ff.balance, problem, *start, ff.BalanceSettings(name)) == key
+    few = ff.BalanceSettings("left"), ff.Limits(joint_rate=[1.0, 1.0])
+    assert error_key(ff.balance, problem, *start, *few) == "limits.joint_rate"
 
 
 def test_an_axis_that_does_not_tilt_anyway_stays_as_it_is():

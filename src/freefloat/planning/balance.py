@@ -170,7 +170,8 @@ def balance(
         progress: Called with the fraction done, in [0, 1].
 
     Raises:
-        InputError: If there is no such arm, or its rates have no limits.
+        InputError: If there is no such arm, its rates have no limits, or the limits do not suit the
+            robot.
         UnreachableError: If the arm does not reach the start of the path.
 
     Example:

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.errors import InputError
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import Limits, require_applicable
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.arm_curves import ArmCurve, ArmCurves
 from freefloat.motion.problem import Problem
@@ -70,6 +70,7 @@ class BalanceSteps:
         if name not in model.arms:
             accepted = ", ".join(model.arms) or "a robot with an arm that moves beside the other"
             raise InputError("balance.arm", f"{name!r} was given", accepted)
+        require_applicable(model, limits)
         first = [model.joint_names.index(joint) for joint in model.joints_of_arm(name)]
         self._own = np.array(first) - model.arm_dof
         rates = np.array([model.bodies[1 + k].rated_speed for k in first])

@@ -7,7 +7,7 @@ from functools import partial
 
 from freefloat.concurrency import Progress
 from freefloat.errors import require_type
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import Limits, require_applicable
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.path_planner import plan_path
 from freefloat.planning.plan import Plan
@@ -47,8 +47,8 @@ def plan(
         The plan; an infeasible one has the reason.
 
     Raises:
-        InputError: If an argument is of another type, ``search.from_attitude`` does not suit the
-            problem, or the fastest timing under these limits is not known.
+        InputError: If an argument is of another type, ``search.from_attitude`` or the limits do not
+            suit the problem, or the fastest timing under these limits is not known.
 
     Example:
         >>> plan = ff.plan(ff.load_scenario("planar_2dof/line").problem())
@@ -59,8 +59,7 @@ def plan(
     search = Search() if search is None else search
     require_type("search", search, Search, "a Search, such as Search(samples=1024)")
     if limits is not None:
-        accepted = "Limits, such as Limits(base_rate=0.02), or load_scenario(...).limits()"
-        require_type("limits", limits, Limits, accepted)
+        require_applicable(problem.model, limits)
     problem = search.applied_to(problem)
     timing = problem.path.timing
     to_retime = timing.is_sought

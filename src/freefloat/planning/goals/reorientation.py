@@ -10,7 +10,7 @@ import numpy.typing as npt
 from freefloat.concurrency import Progress
 from freefloat.errors import InputError
 from freefloat.limits.check import LimitChecker
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import Limits, require_applicable
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.goals.goal import Goal
 from freefloat.planning.goals.goal_motion import GoalMotion
@@ -65,6 +65,8 @@ def reorient(
 
     require_problem(problem)
     problem.model.require_one_arm("reorientations")
+    if limits is not None:
+        require_applicable(problem.model, limits)
     limits = Limits() if limits is None else limits.without_turn
     begin, end = problem.attitude(start, key="from"), problem.attitude(goal, key="to")
     if angle_between(begin, end) < _SAME:

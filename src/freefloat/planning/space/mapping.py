@@ -19,7 +19,7 @@ from freefloat.concurrency import Progress, require_memory, step_of
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import BranchResults, EnsembleResult
 from freefloat.errors import InputError, require_type, whole_number
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import Limits, require_applicable
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.candidates import BoundaryPoint
 from freefloat.planning.evaluator import evaluator_for
@@ -102,6 +102,8 @@ def attitude_map(
     start = time.perf_counter()
     search = Search() if search is None else search
     require_type("search", search, Search, "a Search, such as Search(seed=1)")
+    if limits is not None:
+        require_applicable(problem.model, limits)
     problem = search.applied_to(problem)
     samples = search.samples if samples is None else samples
     if problem.task.planar:
