@@ -75,8 +75,9 @@ class Search:
         accepted = "an angle from 0 to pi / 2"
         spare = finite_number("search.spare", self.spare, accepted, 0.0, np.pi / 2.0)
         object.__setattr__(self, "spare", spare)
+        objective = f"objective {self.objective.name}"
         approaches = self.objective.approaches or self.objective.departs
-        reason = f"objective {self.objective.name}" if approaches else None
+        reason = objective if approaches else None
         if self.from_attitude is not None:
             attitude = unit_quaternion("search.from_attitude", self.from_attitude)
             object.__setattr__(self, "from_attitude", frozen(attitude))
@@ -93,7 +94,8 @@ class Search:
         if reason is not None and self.from_attitude is None:
             raise InputError("search.from_attitude", f"it is missing, for {reason}", "x, y, z, w")
         if self.objective.departs and self.joints is None:
-            raise InputError("search.joints", f"they are missing, for {reason}", "present joints")
+            reason = f"they are missing, for {objective}"
+            raise InputError("search.joints", reason, "present joints")
 
     @cached_property
     def domain(self) -> SearchDomain:
