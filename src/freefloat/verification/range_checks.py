@@ -198,15 +198,19 @@ def _tolerance_check(
     states = np.tile(start.attitude, (_DIRECTIONS, 1)), np.tile(start.joints, (_DIRECTIONS, 1))
     ensemble = evaluator.integrator.integrate(*states, Systems.of(problem, momenta))
     worst = [*momenta[np.argsort(ensemble.minimum)[:_PRECISE_COUNT]]]
-    problems = [replace(problem, momentum=h) for h in worst]
+    changes = [
+        (replace(problem, momentum=h), f"momentum {np.round(h, 6).tolist()}", "N m s",
+         tolerance.momentum)
+        for h in worst
+    ]  # fmt: skip
     if problem.depends_on_timing:
-        duration = problem.path.duration
-        factors = tolerance.shortest / _INSIDE / duration, tolerance.longest * _INSIDE / duration
-        problems += [problem.with_system(problem.system.scaled(factor)) for factor in factors]
-    for changed in problems:
+        shortest, longest = tolerance.shortest, tolerance.longest
+        for duration, stated in ((shortest / _INSIDE, shortest), (longest * _INSIDE, longest)):
+            system = problem.system.scaled(duration / problem.path.duration)
+            changes.append((problem.with_system(system), f"duration {duration:.6g}", "s", stated))
+    for changed, words, unit, stated in changes:
         if not _keeps_margin(changed, evaluator.limits, start.attitude, start.joints):
-            h = np.round(changed.momentum, 6).tolist()
-            words = f"the momentum {h} N m s violates the margin"
-            return Check("tolerance", False, words, tolerance.momentum, unit="N m s")
-    words = f"{_DIRECTIONS} momenta tested, {len(problems)} of them precisely, and durations"
+            words = f"the {words} {unit} violates the margin"
+            return Check("tolerance", False, words, stated, unit=unit)
+    words = f"{_DIRECTIONS} momenta tested, {len(worst)} of them precisely, and durations"
     return Check("tolerance", True, words, tolerance.momentum, unit="N m s")
