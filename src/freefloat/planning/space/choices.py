@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -11,11 +12,10 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.limits import Limits
 from freefloat.planning.candidates import Ball, Candidate, NearAttitude
 from freefloat.planning.objectives.objective import Comparison
-from freefloat.planning.searches.pattern_search import Clouds, Searches, pattern_search
 from freefloat.planning.settings import Search
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.climbing import (
-    branch_numbers,
+    climbed,
     feasible_peaks,
     most_robust_first,
     nearest_feasible,
@@ -23,7 +23,7 @@ from freefloat.planning.space.climbing import (
 from freefloat.planning.space.deepest_ball import deepest
 from freefloat.planning.space.nearest import nearest_with_spare
 from freefloat.planning.space.robust_radius import robust_radius
-from freefloat.so3 import Array, IntArray, angle_between
+from freefloat.so3 import Array, angle_between
 
 _STARTS = 12
 """Samples from which attitudes of larger merit are searched for."""
@@ -100,40 +100,17 @@ def best_by_merit(
     evaluator: FeasibilityEvaluator, samples: AttitudeMap, merit: Comparison
 ) -> list[ScoredAttitude]:
     """Attitudes of the largest merits, the best first, refined from samples of a map."""
-    starts, spacing = _starts(evaluator, samples, merit), samples.spacing
-    scored = _climbed(evaluator, samples, merit, starts, spacing)
+    largest, spacing = partial(evaluator.largest, merit=merit), samples.spacing
+
+    def climb(starts: list[ScoredAttitude], size: float) -> list[ScoredAttitude]:
+        merits = [start.merit for start in starts]
+        moved = climbed(largest, samples, starts, merits, size, _FINE)
+        return [ScoredAttitude(*entry) for entry in moved]
+
+    scored = climb(_starts(evaluator, samples, merit), spacing)
     for _ in range(_CONTINUED):
-        best = _climbed(evaluator, samples, merit, scored[:_FINISHED], spacing / 2.0)
-        scored = best + scored[_FINISHED:]
+        scored = climb(scored[:_FINISHED], spacing / 2.0) + scored[_FINISHED:]
     return scored
-
-
-def _climbed(
-    evaluator: FeasibilityEvaluator,
-    samples: AttitudeMap,
-    merit: Comparison,
-    starts: list[ScoredAttitude],
-    size: float,
-) -> list[ScoredAttitude]:
-    """Attitudes moved to larger merits nearby, inside the searched domain, the best first."""
-    if not starts:
-        return []
-    domain, branches = samples.search.domain, branch_numbers(starts)
-
-    def merits(attitudes: Array, searched: IntArray) -> Array:
-        numbers = None if branches is None else branches[searched]
-        values = evaluator.largest(attitudes, numbers, merit)
-        return np.where(domain.contains(attitudes), values, -np.inf)
-
-    first = Searches(
-        np.array([start.attitude for start in starts]),
-        np.array([start.merit for start in starts]),
-        np.zeros(len(starts), np.int64) if branches is None else branches,
-    )
-    last = pattern_search(Clouds(), merits, first, size, _FINE)
-    found = zip(last.points, starts, last.merits.tolist(), strict=True)
-    scored = [ScoredAttitude(attitude, start.branch, value) for attitude, start, value in found]
-    return sorted(scored, key=lambda entry: -entry.merit)
 
 
 def _starts(

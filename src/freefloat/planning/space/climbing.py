@@ -93,9 +93,15 @@ def largest_margins(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> li
 
     Many samples climb for a few clouds, the best of them to the top.
     """
+
+    def climb(peaks: list[Peak], size: float, rounds: int = ROUNDS) -> list[Peak]:
+        margins = [peak.minimum_margin for peak in peaks]
+        moved = climbed(evaluator.margins, samples, peaks, margins, size, _FINE, rounds)
+        return [Peak(*entry) for entry in moved]
+
     spacing = samples.spacing
-    climbed = _climb(evaluator, samples, _peaks(samples, 1.5 * spacing), spacing, _FEW)
-    return _climb(evaluator, samples, climbed[:_FINISHED], spacing / 2.0) + climbed[_FINISHED:]
+    peaks = climb(_peaks(samples, 1.5 * spacing), spacing, _FEW)
+    return climb(peaks[:_FINISHED], spacing / 2.0) + peaks[_FINISHED:]
 
 
 def feasible_peaks(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> list[Peak]:
@@ -134,33 +140,37 @@ def best_branch(evaluator: FeasibilityEvaluator, attitude: Array) -> tuple[int, 
     return branch, results.joints[0, branch]
 
 
-def _climb(
-    evaluator: FeasibilityEvaluator,
+def climbed(
+    merit: Callable[[Array, IntArray | None], Array],
     samples: AttitudeMap,
-    peaks: list[Peak],
-    radius: float,
+    starts: Sequence[Candidate],
+    merits: Sequence[float],
+    size: float,
+    finest: float,
     rounds: int = ROUNDS,
-) -> list[Peak]:
-    """Peaks moved to larger margins nearby, inside the searched domain, the best first."""
-    if not peaks:
-        return []
-    domain, branches = samples.search.domain, branch_numbers(peaks)
+) -> list[tuple[Array, int | None, float]]:
+    """Attitudes moved to larger merits nearby, inside the searched domain, the best first.
 
-    def merit(attitudes: Array, searched: IntArray) -> Array:
-        margins = evaluator.margins(attitudes, None if branches is None else branches[searched])
-        return np.where(domain.contains(attitudes), margins, 0.0)
+    Each has the branch of its start, and its merit: that of attitudes (K, 4) along branches (K,).
+    Clouds have a first size and end a search when they are smaller than the finest [rad].
+    """
+    if not starts:
+        return []
+    domain, branches = samples.search.domain, branch_numbers(starts)
+
+    def inside(attitudes: Array, searched: IntArray) -> Array:
+        values = merit(attitudes, None if branches is None else branches[searched])
+        return np.where(domain.contains(attitudes), values, -np.inf)
 
     first = Searches(
-        np.array([peak.attitude for peak in peaks]),
-        np.array([peak.minimum_margin for peak in peaks]),
-        np.zeros(len(peaks), np.int64) if branches is None else branches,
+        np.array([start.attitude for start in starts]),
+        np.array(merits),
+        np.zeros(len(starts), np.int64) if branches is None else branches,
     )
-    last = pattern_search(Clouds(), merit, first, radius, _FINE, rounds)
-    climbed = zip(last.points, peaks, last.merits.tolist(), strict=True)
-    return sorted(
-        (Peak(attitude, peak.branch, margin) for attitude, peak, margin in climbed),
-        key=lambda peak: -peak.minimum_margin,
-    )
+    last = pattern_search(Clouds(), inside, first, size, finest, rounds)
+    found = zip(last.points, starts, last.merits.tolist(), strict=True)
+    moved = [(attitude, start.branch, value) for attitude, start, value in found]
+    return sorted(moved, key=lambda entry: -entry[2])
 
 
 def _peaks(samples: AttitudeMap, spacing: float) -> list[Peak]:
