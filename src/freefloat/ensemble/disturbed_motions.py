@@ -10,7 +10,6 @@ minimum is still too near, a precise motion decides.
 
 from __future__ import annotations
 
-from math import tau
 from typing import Any
 
 import numpy as np
@@ -37,7 +36,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Problem
-from freefloat.robot.joint_ranges import largest_range_ratio
+from freefloat.robot.joint_ranges import largest_range_ratio, shifts_into_ranges
 from freefloat.so3 import Array, BoolArray, IntArray
 
 _TOLERANCES = {FINE: 1e-8, STRICT: 1e-10}
@@ -109,7 +108,7 @@ def integrate_disturbed(
     by[found] = deciders[chosen[found]]
     initial = np.full((len(attitudes), problem.model.arm_dof), np.nan)
     initial[found] = begun[chosen[found]]
-    shifts = _shifts_into_ranges(problem, table.lower, table.upper)
+    shifts = shifts_into_ranges(problem.chain(), table.lower, table.upper)
     return ManyMotions(
         np.array(attitudes), initial + shifts, branches, table.endings,
         table.ended_at * disturbed.stretches, table.minimum * disturbed.magnifications,
@@ -212,24 +211,6 @@ def _best(owners: IntArray, motions: EnsembleResult, preferred: BoolArray, count
 
 def _range_ratios(problem: Problem, motions: EnsembleResult) -> Array:
     """Ratios of joint ranges at the integrator's steps, shape (K,)."""
-    shifts = _shifts_into_ranges(problem, motions.lower, motions.upper)
+    shifts = shifts_into_ranges(problem.chain(), motions.lower, motions.upper)
     ranges = problem.model.joint_ranges
     return largest_range_ratio(ranges, motions.lower + shifts, motions.upper + shifts)
-
-
-def _shifts_into_ranges(problem: Problem, low: Array, high: Array) -> Array:
-    """Multiples of 2 pi that put joint values from low to high into their ranges, shape (K, n).
-
-    The rule is that of :func:`~freefloat.motion.extrema.unwrapped`.
-    """
-    lower, upper = problem.chain().joint_ranges
-    first, last = np.ceil((lower - low) / tau), np.floor((upper - high) / tau)
-    inside = np.minimum(np.maximum(0.0, first), last)
-    with np.errstate(invalid="ignore"):  # of joints without range
-        middle = ((lower + upper) - (low + high)) / (2.0 * tau)
-        choices = np.stack([np.floor(middle), np.ceil(middle), np.zeros_like(low)])
-        excesses = np.maximum(lower - low - tau * choices, high + tau * choices - upper)
-    outside = np.take_along_axis(choices, excesses.argmin(axis=0)[None], axis=0)[0]
-    shifts = np.where(first <= last, inside, np.nan_to_num(outside))
-    shifts = np.where(problem.chain().prismatic | ~np.isfinite(low), 0.0, shifts)
-    return np.asarray(tau * shifts)

@@ -14,6 +14,7 @@ from freefloat.ik.chain import Chain
 from freefloat.ik.numbering import MAX_BRANCHES
 from freefloat.ik.numeric import solutions
 from freefloat.ik.several_arms import newton_combination
+from freefloat.robot.joint_ranges import revolutions
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, Pose, frozen
 
@@ -109,9 +110,7 @@ def _distances(model: FreeFloatingModel, q: Array, joints: Array) -> tuple[Array
 
     The distance of one that does not exist is infinite.
     """
-    lower, upper = model.joint_ranges
-    with np.errstate(invalid="ignore"):
-        first, last = np.ceil((lower - q) / tau), np.floor((upper - q) / tau)
+    first, last = revolutions(model.joint_ranges, q, q)
     shifts = tau * np.clip(np.round((joints - q) / tau), first, last)
     shifted = q + np.where(model.prismatic | (first > last), 0.0, shifts)
     distance = np.abs(shifted - joints).max(axis=-1)

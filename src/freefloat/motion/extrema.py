@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from math import tau
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from freefloat.dynamics.measures import SingularityMeasure
 from freefloat.errors import require_type
 from freefloat.motion.motion import Motion
 from freefloat.motion.panels import DEGREE, NODES, TO_COEFFICIENTS
+from freefloat.robot.joint_ranges import shifts_into_ranges
 from freefloat.so3 import Array
 
 _GRID = chebyshev.chebvander(np.linspace(-1.0, 1.0, 33), DEGREE)
@@ -270,24 +270,7 @@ def unwrapped(motion: Motion) -> Motion:
     do, by those that leave the smallest excess. Nothing else of the motion changes, nor do joint
     curves of further arms.
     """
-    extents = joint_extents(motion)
-    model = motion.problem.model
-    joints = zip(model.bodies[1:], extents.low, extents.high, *model.joint_ranges, strict=True)
-    shifts = [0 if body.prismatic else _revolutions(*values) for body, *values in joints]
-    shifts[model.arm_dof :] = [0] * (model.dof - model.arm_dof)  # joint curves are kept
-    if not any(shifts):
-        return motion
-    return replace(motion, joints=motion.joints + tau * np.array(shifts, dtype=float))
-
-
-def _revolutions(low: float, high: float, lower: float, upper: float) -> int:
-    """Revolutions to add to values from low to high to get them between lower and upper."""
-    first, last = np.ceil((lower - low) / tau), np.floor((upper - high) / tau)
-    if first <= last:
-        return int(min(max(0.0, first), last))
-
-    def excess(shift: int) -> float:
-        return max(lower - low - tau * shift, high + tau * shift - upper)
-
-    middle = ((lower + upper) - (low + high)) / (2.0 * tau)
-    return min((int(np.floor(middle)), int(np.ceil(middle)), 0), key=excess)
+    model, extents = motion.problem.model, joint_extents(motion)
+    shifts = shifts_into_ranges(model, extents.low, extents.high)
+    shifts[model.arm_dof :] = 0.0  # joint curves are kept
+    return replace(motion, joints=motion.joints + shifts) if shifts.any() else motion

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
-from math import tau
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +23,7 @@ from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.objectives.objective import Comparison
+from freefloat.robot.joint_ranges import revolutions
 from freefloat.scene.scene_body import Hand
 from freefloat.so3 import Array, IntArray
 
@@ -98,8 +98,7 @@ def _out_of_range(
     low, high = results.motions.lower[entries], results.motions.upper[entries]
     lower, upper = problem.chain().joint_ranges
     lower, upper = lower - _SLACK, upper + _SLACK
-    with np.errstate(invalid="ignore"):
-        fewest, most = np.ceil((lower - low) / tau), np.floor((upper - high) / tau)
+    fewest, most = revolutions((lower, upper), low, high)
     inside = (low >= lower) & (high <= upper)
     fits = np.where(problem.chain().prismatic, inside, fewest <= most)
     return np.asarray(~fits.all(axis=1))
