@@ -73,4 +73,5 @@ def check(
     if orbit is not None and type(result) not in _IN_ORBIT:
         problem = f"a {type(result).__name__} was given"
         raise InputError("gravity", problem, "for a Plan or a Simulation")
-    return _REPORTS[type(result)](result, engine, orbit)
+    report = _REPORTS[type(result)]
+    return report(result, engine) if orbit is None else report(result, engine, orbit)

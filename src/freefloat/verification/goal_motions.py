@@ -17,9 +17,8 @@ from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.so3 import Array, angle_between, rotated_in_body, rotation_vector_rate
 from freefloat.verification.comparisons import Check, completed, error_check
 from freefloat.verification.engine_runs import forward_checks
-from freefloat.verification.gravity import CircularOrbit
 from freefloat.verification.limit_checks import limit_checks
-from freefloat.verification.report import PINOCCHIO, CheckReport
+from freefloat.verification.report import CheckReport
 
 _SAME, _ENGINE = 1e-8, 1e-4
 """Errors of integrating again, and of the last state [rad, m, s], and of an engine's [rad]."""
@@ -31,15 +30,12 @@ _SPANS = 8
 """Spans of a spline that count as a loop."""
 
 
-def goal_report(
-    result: GoalMotion, engine: str = PINOCCHIO, orbit: CircularOrbit | None = None
-) -> CheckReport:
+def goal_report(result: GoalMotion, engine: str) -> CheckReport:
     """All checks of a motion to a goal.
 
     Args:
         result: The record, computed or loaded from a file.
         engine: As for :func:`~freefloat.verification.check.check`.
-        orbit: None: gravity gradient is not simulated.
     """
     return CheckReport(result.kind, tuple(completed("motion", _checks, result, engine)))
 

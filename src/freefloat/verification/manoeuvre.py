@@ -20,9 +20,8 @@ from freefloat.planning.plan import Plan
 from freefloat.so3 import Array, angle_between, rotation_matrix
 from freefloat.verification.comparisons import Check, completed, error_check
 from freefloat.verification.goal_motions import goal_report
-from freefloat.verification.gravity import CircularOrbit
 from freefloat.verification.path_motions import plan_report
-from freefloat.verification.report import PINOCCHIO, CheckReport
+from freefloat.verification.report import CheckReport
 
 _SAME = 1e-8
 """Errors of states handed on [rad, m]."""
@@ -37,15 +36,12 @@ _REPORTS: dict[type, Callable[..., CheckReport]] = {
 """Reports on results of phases that have a motion."""
 
 
-def manoeuvre_report(
-    manoeuvre: Manoeuvre, engine: str = PINOCCHIO, orbit: CircularOrbit | None = None
-) -> CheckReport:
+def manoeuvre_report(manoeuvre: Manoeuvre, engine: str) -> CheckReport:
     """All checks of a manoeuvre.
 
     Args:
         manoeuvre: The record, computed or loaded from a file.
         engine: As for :func:`~freefloat.verification.check.check`.
-        orbit: None: gravity gradient is not simulated.
     """
     return CheckReport(manoeuvre.kind, tuple(_checks(manoeuvre, engine)))
 

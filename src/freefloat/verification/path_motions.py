@@ -38,9 +38,7 @@ _EXACT = 1e-6
 """Relative deviation of all other numbers: rounding."""
 
 
-def plan_report(
-    plan: Plan, engine: str = PINOCCHIO, orbit: CircularOrbit | None = None
-) -> CheckReport:
+def plan_report(plan: Plan, engine: str, orbit: CircularOrbit | None = None) -> CheckReport:
     """All checks of a plan.
 
     Args:
@@ -65,7 +63,7 @@ def plan_report(
 
 
 def simulation_report(
-    simulation: Simulation, engine: str = PINOCCHIO, orbit: CircularOrbit | None = None
+    simulation: Simulation, engine: str, orbit: CircularOrbit | None = None
 ) -> CheckReport:
     """All checks of the chosen motion of a simulation; arguments as for :func:`plan_report`."""
     chosen, feasible = simulation.chosen, simulation.feasible

@@ -12,7 +12,6 @@ from freefloat.singularities.singularity_map import Kind, SingularityMap
 from freefloat.singularities.singularity_polynomial import determinants
 from freefloat.so3 import Array
 from freefloat.verification.comparisons import Check
-from freefloat.verification.gravity import CircularOrbit
 from freefloat.verification.report import PINOCCHIO, CheckReport
 
 _SAMPLES, _BOXES = 4096, 512
@@ -23,15 +22,12 @@ the largest det A of the samples."""
 _SEED = 20_260
 
 
-def singularity_map_report(
-    found: SingularityMap, engine: str = PINOCCHIO, orbit: CircularOrbit | None = None
-) -> CheckReport:
+def singularity_map_report(found: SingularityMap, engine: str) -> CheckReport:
     """All checks of a map of the joint space.
 
     Args:
         found: The map.
         engine: Freefloat's own alone.
-        orbit: None: nothing moves.
 
     Raises:
         InputError: If another engine is given.
