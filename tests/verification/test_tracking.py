@@ -150,7 +150,7 @@ def test_a_period_is_that_of_mujocos_runge_kutta_integrator(name: str) -> None:
         np.testing.assert_allclose(plants.joints[0], engine.data.qpos[7:], atol=2e-5)
         assert angle_between(plants.attitudes[0], np.roll(engine.data.qpos[3:7], -1)) < 5e-6
         positions, _ = plants.end_effectors(0.0)
-        np.testing.assert_allclose(positions[0], engine.end_effector()[0], atol=1e-5)
+        np.testing.assert_allclose(positions[0], engine.end_effector_positions()[0], atol=1e-5)
 
 
 @pytest.mark.slow

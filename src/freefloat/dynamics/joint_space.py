@@ -13,8 +13,8 @@ from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen
 
-_REFINED = 8
-"""Samples from which each extremum is refined."""
+_SAMPLES, _REFINED = 4096, 8
+"""Samples of the joint space, and those from which each extremum is refined."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Extremes:
 
 
 def joint_space_extremes(
-    model: FreeFloatingModel, function: Callable[[Array], float], samples: int = 4096
+    model: FreeFloatingModel, function: Callable[[Array], float], samples: int = _SAMPLES
 ) -> Extremes:
     """The extremes of a function of the joints over the joint space, see :func:`joint_box`.
 
@@ -61,11 +61,9 @@ def joint_space_extremes(
     return Extremes(-largest, frozen(largest_at), smallest, frozen(smallest_at))
 
 
-def largest_measure(
-    model: FreeFloatingModel, measure: SingularityMeasure, samples: int = 4096
-) -> float:
+def largest_measure(model: FreeFloatingModel, measure: SingularityMeasure) -> float:
     """:attr:`Extremes.magnitude`, without the slow search for the minimum if none is negative."""
-    points, values = _sorted_samples(model, measure, samples)
+    points, values = _sorted_samples(model, measure, _SAMPLES)
     largest = abs(_minimized(model, lambda q: -measure(q), points[-_REFINED:])[0])
     if values[0] >= 0.0:
         return largest

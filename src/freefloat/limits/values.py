@@ -47,11 +47,10 @@ class PerJoint:
     """Magnitudes of the joints, infinite for joints without a limit, shape (n,).
 
     Attributes:
-        rated: Attribute of :class:`~freefloat.robot.rigid_bodies.Body` with the value of the URDF;
-            None for quantities that a URDF does not limit.
+        rated: Attribute of :class:`~freefloat.robot.rigid_bodies.Body` with the value of the URDF.
     """
 
-    rated: str | None = None
+    rated: str
 
     def checked(self, key: str, value: Any) -> Array:
         """The values, read-only; an InputError that names a key unless they are magnitudes."""

@@ -60,10 +60,8 @@ def _field(kind: type[Limit[Any]]) -> Any:
     match kind.value:
         case Axes():
             return list[PointingSection], Field(default=[], description=kind.description)
-        case PerJoint(rated=None):
-            content: Any = Positive | dict[str, Positive]
         case PerJoint():
-            content = Positive | dict[str, Positive] | Literal["urdf"]
+            content: Any = Positive | dict[str, Positive] | Literal["urdf"]
         case Number(zero=zero, most=most, angle=angle):
             above, least = (None, 0.0) if zero else (0.0, None)
             most = float(np.degrees(most)) if angle else most
@@ -139,11 +137,11 @@ def _pointing_limit(key: str, section: PointingSection, model: FreeFloatingModel
     return limit
 
 
-def _magnitudes(key: str, content: Any, rated: str | None, model: FreeFloatingModel) -> Array:
+def _magnitudes(key: str, content: Any, rated: str, model: FreeFloatingModel) -> Array:
     """Magnitudes by joint, infinite for joints that a map leaves out."""
     joints = {str(body.joint): body for body in model.bodies[1:]}
     if content == "urdf":
-        values = {joint: getattr(body, str(rated)) for joint, body in joints.items()}
+        values = {joint: getattr(body, rated) for joint, body in joints.items()}
         unknown = [joint for joint, value in values.items() if not np.isfinite(value)]
         if unknown:
             problem = f"the URDF has none for {', '.join(unknown)}"

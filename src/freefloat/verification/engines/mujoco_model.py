@@ -107,11 +107,6 @@ class Engine:
         axes = self.data.xmat[self.root].reshape(3, 3)
         return np.asarray(self.data.subtree_angmom[self.root] + axes @ self.system.wheels)
 
-    def end_effector(self) -> tuple[Array, Array]:
-        """Position [m] and axes (3, 3) of the end-effector at the present state, inertial frame."""
-        axes = self.data.xmat[self.tools[0]].reshape(3, 3)
-        return self.end_effector_positions()[0], axes.copy()
-
     def end_effector_positions(self) -> Array:
         """Positions of all end-effectors that follow paths, inertial frame [m], shape (E, 3)."""
         self._mujoco.mj_kinematics(self.model, self.data)
