@@ -35,6 +35,10 @@ def frozen(values: npt.ArrayLike) -> Array:
     return array
 
 
+UPRIGHT = frozen([0.0, 0.0, 0.0, 1.0])
+"""The attitude of a spacecraft whose axes are the inertial ones."""
+
+
 def zeros() -> Array:
     """The zero vector, shape (3,): default of fields of records."""
     return frozen(np.zeros(3))

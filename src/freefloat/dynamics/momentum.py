@@ -19,15 +19,14 @@ from freefloat.dynamics.tasks import Task, applicable, prescribed_rows
 from freefloat.errors import InputError, require_type
 from freefloat.robot.joint_values import configuration_vector, finite_after
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array
+from freefloat.so3 import UPRIGHT, Array
 
-_IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
-_BASE = np.append(np.zeros(3), _IDENTITY)
+_BASE = np.append(np.zeros(3), UPRIGHT)
 """Position and attitude of a spacecraft whose frame is the inertial one."""
 
 
 def momentum_map(
-    model: FreeFloatingModel, joints: npt.ArrayLike, attitude: npt.ArrayLike = _IDENTITY
+    model: FreeFloatingModel, joints: npt.ArrayLike, attitude: npt.ArrayLike = UPRIGHT
 ) -> Array:
     """The centroidal momentum matrix.
 
@@ -56,7 +55,7 @@ def mass_matrix(model: FreeFloatingModel, joints: npt.ArrayLike) -> Array:
 
 
 def end_effector_jacobian(
-    model: FreeFloatingModel, joints: npt.ArrayLike, attitude: npt.ArrayLike = _IDENTITY
+    model: FreeFloatingModel, joints: npt.ArrayLike, attitude: npt.ArrayLike = UPRIGHT
 ) -> Array:
     """Jacobian of the end-effector with respect to base and joints.
 
@@ -234,11 +233,11 @@ def generalized_determinant(
 
 
 def _configuration(
-    model: FreeFloatingModel, joints: npt.ArrayLike, attitude: npt.ArrayLike = _IDENTITY
+    model: FreeFloatingModel, joints: npt.ArrayLike, attitude: npt.ArrayLike = UPRIGHT
 ) -> Array:
     """Pinocchio's configuration vector with the root link at the inertial frame's origin."""
     require_type("model", model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
-    if attitude is _IDENTITY:
+    if attitude is UPRIGHT:
         return finite_after(_BASE, "joints", joints, model.dof)
     return configuration_vector(attitude, joints, model.dof)
 

@@ -18,7 +18,7 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.robot.description import Severity, UrdfDiagnostic
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, Pose, unit_quaternion
+from freefloat.so3 import UPRIGHT, Array, Pose, unit_quaternion
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ def configuration_at(
         InputError: If they are not as many as the robot has, or the attitude is no rotation.
     """
     q = model.joint_vector(joints)
-    x = unit_quaternion("attitude", (0.0, 0.0, 0.0, 1.0) if attitude is None else attitude)
+    x = unit_quaternion("attitude", UPRIGHT if attitude is None else attitude)
     end_effector = model.end_effector_pose(x, q)
     frames = frames_at(model, x, q)
     poses = {name: frame.inverse() @ end_effector for name, frame in frames.items()}

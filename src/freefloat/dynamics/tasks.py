@@ -12,6 +12,7 @@ from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError, member, require_type
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import UPRIGHT
 
 
 class Task(StrEnum):
@@ -65,7 +66,6 @@ class Task(StrEnum):
         return self in (Task.POSE, Task.POINTING, Task.PLANAR_POSE)
 
 
-_UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 _ROWS = {
     Task.POSE: [0, 1, 2, 3, 4, 5],
     Task.POINTING: [0, 1, 2, 3, 4],
@@ -122,7 +122,7 @@ def stays_in_plane(model: FreeFloatingModel) -> bool:
     if not all(VirtualManipulator.of(arm).is_planar for arm in model.single_arms):
         return False
     for fraction in low_discrepancy(4, model.dof):
-        q = model.configuration(_UPRIGHT, 2.0 * np.pi * fraction)
+        q = model.configuration(UPRIGHT, 2.0 * np.pi * fraction)
         A_G = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
         if np.abs(A_G[3:5, 5:]).max() > 1e-9 * np.abs(A_G[3:, 3:]).max():
             return False

@@ -53,13 +53,12 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import TimedPath
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array
+from freefloat.so3 import UPRIGHT, Array
 
 _CELLS, _TANGENT_ERROR = (1, 4, 32, 256), 1e-11
 """Numbers of cubics that approximate the path's tangent, and their relative error."""
 _SPARE = 1e-4
 """Error of the angles of compiled motions [rad]."""
-_UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 _NODES = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0, 0.5])
 _THROUGH_NODES = np.linalg.inv(np.vander(_NODES[:4], increasing=True))
 """Maps values at the first four nodes to the cubic's coefficients, lowest power first."""
@@ -160,8 +159,8 @@ def _cones(
 ) -> Cones:
     """Limits of attitude as the rows that the kernels read."""
     zero = np.zeros(model.dof)
-    at_zero, base = frames_at_zero(frames), model.base_position(_UPRIGHT, zero)
-    poses = model.body_poses(_UPRIGHT, zero)
+    at_zero, base = frames_at_zero(frames), model.base_position(UPRIGHT, zero)
+    poses = model.body_poses(UPRIGHT, zero)
     rows = np.zeros((len(limits.pointing), CONE_COLUMNS))
     for row, limit in zip(rows, limits.pointing, strict=True):
         number, place = model.link_places[limit.body]

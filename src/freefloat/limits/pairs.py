@@ -24,9 +24,8 @@ from freefloat.limits.held_pairs import (
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.rigid_bodies import se3_of
 from freefloat.scene.scene import Scene
-from freefloat.so3 import Array, IntArray, Pose
+from freefloat.so3 import UPRIGHT, Array, IntArray, Pose
 
-_UPRIGHT = BASE[3:]
 _NO_SCENE = Scene()
 _TOUCHING = 1e-9
 """Distance of nearest points below which they have no direction [m]."""
@@ -118,7 +117,7 @@ class CollisionPairs:
         self,
         joints: npt.ArrayLike,
         pairs: IntArray,
-        attitude: npt.ArrayLike = _UPRIGHT,
+        attitude: npt.ArrayLike = UPRIGHT,
         poses: Sequence[Pose] = (),
     ) -> Array:
         """Distances of pairs in a configuration.

@@ -30,7 +30,7 @@ from freefloat.robot.rigid_bodies import (
     require_within_ranges,
 )
 from freefloat.robot.source import RobotSource
-from freefloat.so3 import Array, Pose, frozen, wrapped
+from freefloat.so3 import UPRIGHT, Array, Pose, frozen, wrapped
 
 _CONFIGURATIONS = 8
 """Configurations in one of which the inertia must be regular."""
@@ -215,7 +215,7 @@ class FreeFloatingModel:
 
     def _require_inertia(self) -> None:
         for joints in 2.0 * low_discrepancy(_CONFIGURATIONS, self.dof) - 1.0:
-            q = self.configuration([0.0, 0.0, 0.0, 1.0], joints)
+            q = self.configuration(UPRIGHT, joints)
             inertia = pin.computeCentroidalMap(self.pin_model, self.scratch, q)[3:, 3:6]
             moments = np.abs(np.linalg.eigvalsh(inertia))
             if moments.min() > _REGULAR * moments.max():

@@ -17,7 +17,7 @@ from freefloat.motion.problem import Problem
 from freefloat.singularities.global_maximum import halved, whole_joint_space
 from freefloat.singularities.planar_regions import Interval
 from freefloat.singularities.singularity_polynomial import SingularityPolynomial, fitted
-from freefloat.so3 import Array, IntArray
+from freefloat.so3 import UPRIGHT, Array, IntArray
 
 _SHELLS = 200
 _MOST = 200_000
@@ -26,7 +26,6 @@ _ROWS = 2**16
 """Boxes that are processed together."""
 _LINES, _BISECTIONS = 32768, 24
 """Lines through the joint space on which singular configurations are found, and their halvings."""
-_IDENTITY = (0.0, 0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -135,7 +134,7 @@ class _Shells:
 
 def _squares(problem: Problem, joints: Array) -> Array:
     """Squares of the end-effector's distances at joint values (K, n), shape (K,)."""
-    poses = [problem.model.end_effector_pose(_IDENTITY, q) for q in joints]
+    poses = [problem.model.end_effector_pose(UPRIGHT, q) for q in joints]
     positions = np.array([pose.position for pose in poses])
     if problem.task.planar:
         positions = positions[:, :2]

@@ -20,7 +20,7 @@ from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.ik.branches import arm_branches
 from freefloat.singularities.singularity_map import Kind, SingularityMap
-from freefloat.so3 import Array, IntArray
+from freefloat.so3 import UPRIGHT, Array, IntArray
 
 _Labels = npt.NDArray[np.int32]
 _BOXES = 200_000
@@ -29,7 +29,6 @@ _SMALLEST = 1e-3
 """Fraction of the joint space below which components are not listed."""
 _POSES = 64
 """Poses whose arm branches are located."""
-_IDENTITY = (0.0, 0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +131,7 @@ def _branches(found: SingularityMap, labels: _Labels, count: int) -> list[dict[s
         return branches
     lower, upper = joint_box(found.model)
     for fraction in low_discrepancy(_POSES, found.model.dof):
-        pose = found.model.end_effector_pose(_IDENTITY, lower + (upper - lower) * fraction)
+        pose = found.model.end_effector_pose(UPRIGHT, lower + (upper - lower) * fraction)
         for branch in arm_branches(found.model, pose, found.task):
             number = labels[found.locate(branch.joints[None])[0]]
             if number >= 0:

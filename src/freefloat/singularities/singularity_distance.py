@@ -24,7 +24,7 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.singularities.global_maximum import halved
 from freefloat.singularities.joint_polynomial import JointPolynomial
 from freefloat.singularities.singularity_polynomial import SingularityPolynomial
-from freefloat.so3 import Array, frozen, rotation_matrix, unit_quaternion
+from freefloat.so3 import UPRIGHT, Array, frozen, rotation_matrix, unit_quaternion
 
 _TOLERANCE = 1e-3
 """Relative difference of the bounds at which the search ends."""
@@ -120,7 +120,7 @@ def distance_to_singularity(
     twist[task.rows] = w
     rows: list[int] | slice = task.rows
     if task is Task.POINTING:
-        axes = model.end_effector_pose([0.0, 0.0, 0.0, 1.0], search.nearest).rotation
+        axes = model.end_effector_pose(UPRIGHT, search.nearest).rotation
         twist, rows = (twist.reshape(2, 3) @ axes.T).ravel(), slice(None)
     rotated = (twist.reshape(2, 3) @ R.T).ravel()
     arrays = frozen(search.nearest), frozen(twist[rows]), frozen(rotated[rows])

@@ -13,7 +13,7 @@ from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.singularities.planar_regions import Complex, Interval, PlanarArm, point_3, two_angles
-from freefloat.so3 import Array
+from freefloat.so3 import UPRIGHT, Array
 
 _GRID = 8
 """Angles per joint; S is a trigonometric polynomial of degree two, which fewer determine."""
@@ -101,5 +101,5 @@ def sampled_reach(problem: Problem) -> Interval:
 
 def _distance(problem: Problem, joints: Array) -> float:
     """Distance of the end-effector from the centre of mass, in the plane for planar tasks [m]."""
-    position = problem.model.end_effector_pose((0.0, 0.0, 0.0, 1.0), joints).position
+    position = problem.model.end_effector_pose(UPRIGHT, joints).position
     return float(np.linalg.norm(position[:2] if problem.task.planar else position))

@@ -20,7 +20,7 @@ from freefloat.robot.description import Joint
 from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.urdf import Element, rename_meshes
-from freefloat.so3 import Array
+from freefloat.so3 import UPRIGHT, Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class UrdfFile:
     @property
     def centre_of_mass(self) -> Array:
         """Centre of mass in the root's frame, all joints at zero [m], shape (3,)."""
-        return -self.model.base_position([0.0, 0.0, 0.0, 1.0], np.zeros(self.model.dof))
+        return -self.model.base_position(UPRIGHT, np.zeros(self.model.dof))
 
     @property
     def inertia(self) -> Array:

@@ -41,7 +41,7 @@ from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.scene.scene import Scene
 from freefloat.scene.scene_body import SceneBody
-from freefloat.so3 import Array, Pose
+from freefloat.so3 import UPRIGHT, Array, Pose
 
 SAMPLES = "samples.csv"
 """Name of the CSV file in a scenario that was made from a path of samples, unless it is another."""
@@ -88,7 +88,7 @@ def frame_of(
         raise InputError("path.frame", problem, "inertial, or the present joints in search.joints")
     joints = model.joint_vector(search.joints, "search.joints")[: model.arm_dof]
     joints, attitude = np.concatenate([joints, further]), search.from_attitude
-    attitude = np.array([0.0, 0.0, 0.0, 1.0]) if attitude is None else attitude
+    attitude = UPRIGHT if attitude is None else attitude
     return frames_at(model, attitude, joints, joint)[kind]
 
 

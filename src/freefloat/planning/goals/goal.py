@@ -17,7 +17,7 @@ from freefloat.records import Joints, Quaternions
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.scene.scene import FRAMES
 from freefloat.scene.scene_body import SceneBody
-from freefloat.so3 import Array, Pose, frozen, unit_quaternion
+from freefloat.so3 import UPRIGHT, Array, Pose, frozen, unit_quaternion
 
 _LEVEL, _UPRIGHT = 1e-6, 1.0 - 1e-9
 """Height [m], and cosine of the tilt, of poses in a plane."""
@@ -94,9 +94,9 @@ class Goal:
 
     def _require_level(self, pose: Pose, problem: Problem) -> None:
         """Raise an InputError unless a pose is in the plane of a planar robot's end-effector."""
-        model, body, upright = problem.model, self.body(problem), np.array([0.0, 0.0, 0.0, 1.0])
-        straight = model.end_effector_pose(upright, np.zeros(model.dof))
-        seen = body.pose @ pose if body else self.pose_in(model, upright, np.zeros(model.dof))
+        model, body = problem.model, self.body(problem)
+        straight = model.end_effector_pose(UPRIGHT, np.zeros(model.dof))
+        seen = body.pose @ pose if body else self.pose_in(model, UPRIGHT, np.zeros(model.dof))
         there = cast(Pose, seen)
         height, level = there.position[2], straight.position[2]
         if abs(height - level) > _LEVEL:

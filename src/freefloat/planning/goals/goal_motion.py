@@ -30,11 +30,10 @@ from freefloat.planning.goals.goal import Goal
 from freefloat.planning.goals.target import EndState
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.scene.scene import Scene
-from freefloat.so3 import Array
+from freefloat.so3 import UPRIGHT, Array
 
 _UNKNOWN = 60.0
 """Duration with which a search begins where none is given [s]."""
-_UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +156,7 @@ def goal_problem(
     """
     system.model.require_one_arm("motions to a goal")
     task = _task(system.model)
-    pose = system.model.end_effector_pose(_UPRIGHT, joints)
+    pose = system.model.end_effector_pose(UPRIGHT, joints)
     x, y, z = pose.position
     curve = PolynomialCurve.line([x, y, z], [x + 1.0, y, z])
     path = EndEffectorPath(curve, FixedOrientation(pose.rotation))

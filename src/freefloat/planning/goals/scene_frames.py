@@ -8,9 +8,8 @@ import numpy as np
 
 from freefloat.motion.problem import Problem
 from freefloat.planning.goals.placements import Placements
-from freefloat.so3 import Array, IntArray
+from freefloat.so3 import UPRIGHT, Array, IntArray
 
-_UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 _LATER = 1e-3
 """Difference of times in velocities of the scene [s]."""
 
@@ -57,7 +56,7 @@ class SceneFrames:
         model = problem.model
         self._path, self._bodies = problem.path, problem.scene.bodies
         self.free = np.array([body.motion != "target" for body in self._bodies] or [False])
-        state = _UPRIGHT, np.zeros(model.dof)
+        state = UPRIGHT, np.zeros(model.dof)
         last = model.body_poses(*state)[model.dof]
         self._grip = last.inverse() @ model.end_effector_pose(*state)
 

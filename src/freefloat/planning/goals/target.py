@@ -15,12 +15,11 @@ from freefloat.dynamics.momentum import system_matrix
 from freefloat.dynamics.tasks import Task
 from freefloat.motion.problem import Problem
 from freefloat.scene.scene_body import SceneBody
-from freefloat.so3 import Array, Pose, rotation_vector_between
+from freefloat.so3 import UPRIGHT, Array, Pose, rotation_vector_between
 
 if TYPE_CHECKING:  # goals of scenarios are read without compiled kernels
     from freefloat.planning.goals.joint_paths import Course, JointPaths
 
-_UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 _STEP = 1e-6
 """Step of the differences [rad, m, rad/s, m/s, s]."""
 _SMALL = 1e-4
@@ -114,7 +113,7 @@ class Target:
 
     def _pose(self, end: EndState) -> Pose:
         """Pose of the end-effector from the centre of mass, inertial axes."""
-        pose = self.problem.model.end_effector_pose(_UPRIGHT, end.joints)
+        pose = self.problem.model.end_effector_pose(UPRIGHT, end.joints)
         return Pose(end.attitude @ pose.position, end.attitude @ pose.rotation)
 
     def _twist(self, end: EndState) -> Array:

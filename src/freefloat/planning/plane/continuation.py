@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import EnsembleResult
@@ -18,10 +17,8 @@ _NEARBY = np.geomspace(1e-4, 0.25, 40)
 
 def continued(problem: Problem, attitudes: Array, joints: Array) -> Array:
     """Configurations at the start of the path near joints (K, n), for attitudes (K, 4), or NaN."""
-    pose, R0 = problem.path.pose(0.0), Rotation.from_quat(attitudes).as_matrix()
-    positions = np.einsum("kji,j->ki", R0, pose.position)
-    rotations = np.einsum("kji,jl->kil", R0, pose.rotation)
-    return newton_solutions(problem.chain(), positions, rotations, problem.task, joints)
+    poses = problem.poses_seen_from(attitudes)
+    return newton_solutions(problem.chain(), *poses, problem.task, joints)
 
 
 def continued_motions(
