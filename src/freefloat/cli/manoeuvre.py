@@ -46,7 +46,6 @@ def manoeuvre_tables(
 
 def _summary(manoeuvre: Manoeuvre) -> Iterator[RenderableType]:
     """The state at which each path begins, captures, and the worst of each limit."""
-    worst: dict[str, LimitResult] = {}
     for phase in manoeuvre.phases:
         if phase.kind == "path" and phase.motion is not None:
             first = phase.motion.initial
@@ -56,11 +55,10 @@ def _summary(manoeuvre: Manoeuvre) -> Iterator[RenderableType]:
             )
         if phase.kind == "capture":
             yield f"{phase.name}: {_found(phase)}"
-        for result in phase.limit_results:
-            if result.limit not in worst or result.ratio > worst[result.limit].ratio:
-                where = f"{phase.name}: {result.where}"
-                worst[result.limit] = replace(_timed(phase, result), where=where)
-    yield from limit_tables(worst.values())
+    yield from limit_tables(
+        replace(_timed(phase, result), where=f"{phase.name}: {result.where}")
+        for phase, result in manoeuvre.worst_results
+    )
 
 
 def _phases(manoeuvre: Manoeuvre) -> Iterator[RenderableType]:

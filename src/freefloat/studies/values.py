@@ -112,13 +112,8 @@ def _goal_values(found: GoalMotion) -> dict[str, Any]:
 
 def _manoeuvre_values(manoeuvre: Manoeuvre) -> dict[str, Any]:
     """Return the values of a manoeuvre, those of its first path but for verdict and limits."""
-    worst: dict[str, LimitResult] = {}
-    for phase in manoeuvre.phases:
-        for result in phase.limit_results:
-            if result.limit not in worst or result.ratio > worst[result.limit].ratio:
-                worst[result.limit] = result
     duration = manoeuvre.duration if manoeuvre.feasible else None
-    limits = _limit_values(list(worst.values()))
+    limits = _limit_values([result for _, result in manoeuvre.worst_results])
     return _plan_values(manoeuvre.path) | _verdict(manoeuvre) | {"duration": duration} | limits
 
 

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 from freefloat.limits.contact import Contact
 from freefloat.limits.limits import Limits
+from freefloat.limits.result import LimitResult
 from freefloat.motion.problem import Problem
 from freefloat.planning.answer import Answer, PhaseResult
 from freefloat.planning.phases.phase import REORIENTATION, Phase
@@ -61,6 +62,16 @@ class Manoeuvre(Answer):
         if self.reorient and not self.path.feasible:
             names.insert(0, REORIENTATION)
         return tuple(name for name in names if name not in planned)
+
+    @property
+    def worst_results(self) -> tuple[tuple[PhaseResult, LimitResult], ...]:
+        """The result of each limit in the phase that comes nearest to it, with that phase."""
+        worst: dict[str, tuple[PhaseResult, LimitResult]] = {}
+        for phase in self.phases:
+            for result in phase.limit_results:
+                if result.limit not in worst or result.ratio > worst[result.limit][1].ratio:
+                    worst[result.limit] = phase, result
+        return tuple(worst.values())
 
     @property
     def problem(self) -> Problem:
