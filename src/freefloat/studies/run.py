@@ -74,10 +74,7 @@ def execute(study: PortableStudy, number: int, save_file: bool = False) -> RunRe
 
 def _computed(study: Study, number: int) -> tuple[dict[str, Any], Any]:
     """Execute the command; return the results by column, and the record that files store."""
-    source = study.base_source.absolute()
-    inputs = {
-        "document": study.document(number), "base": study.base, "start": study.start(number),
-    }  # fmt: skip
+    source, inputs = study.base_source.absolute(), study.inputs(number)
     if study.content.command is Command.TRACK:
         followed = followed_motion(json.dumps(inputs), source)
         (values,) = tracking_values(followed, [study.tracking(number)])

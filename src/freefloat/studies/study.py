@@ -130,6 +130,12 @@ class Study:
         own = {k: v for k, v in values if k not in START_KEYS and not k.startswith(TRACK)}
         return with_values(self.base, own)
 
+    def inputs(self, number: int) -> dict[str, Any]:
+        """Return what determines a run's motion: its document, the base scenario, and the start."""
+        return {
+            "document": self.document(number), "base": self.base, "start": self.start(number),
+        }  # fmt: skip
+
     def scenario(self, number: int) -> Scenario:
         """Return the scenario of a run.
 

@@ -6,7 +6,6 @@ import json
 import time
 from collections.abc import Iterator
 from datetime import UTC, datetime
-from typing import Any
 
 import numpy as np
 
@@ -37,7 +36,7 @@ def track_chunks(study: Study, missing: IntArray) -> Iterator[Chunk]:
     """
     groups: dict[tuple[str, float], list[int]] = {}
     for number in missing.tolist():
-        key = json.dumps(_inputs(study, number)), study.tracking(number)["period"]
+        key = json.dumps(study.inputs(number)), study.tracking(number)["period"]
         groups.setdefault(key, []).append(number)
         if len(groups[key]) == _CHUNK:
             yield _chunk(groups.pop(key))
@@ -48,12 +47,6 @@ def track_chunks(study: Study, missing: IntArray) -> Iterator[Chunk]:
 
 def _chunk(numbers: list[int]) -> Chunk:
     return Chunk(numbers[0], np.array(numbers))
-
-
-def _inputs(study: Study, number: int) -> dict[str, Any]:
-    return {
-        "document": study.document(number), "base": study.base, "start": study.start(number),
-    }  # fmt: skip
 
 
 def tracked(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> Columns:
@@ -73,7 +66,7 @@ def tracked(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> C
     if not arguments:
         return NO_ROWS
     try:
-        inputs = json.dumps(_inputs(here, chunk.first))
+        inputs = json.dumps(here.inputs(chunk.first))
         followed = followed_motion(inputs, here.base_source.absolute())
         rows = [
             finite(values) for values in tracking_values(followed, [*arguments.values()], threads)
