@@ -17,7 +17,8 @@ from freefloat.motion.problem import Problem
 from freefloat.singularities.global_maximum import halved, whole_joint_space
 from freefloat.singularities.planar_regions import Interval
 from freefloat.singularities.singularity_polynomial import SingularityPolynomial, fitted
-from freefloat.so3 import UPRIGHT, Array, IntArray
+from freefloat.singularities.spatial_regions import distance
+from freefloat.so3 import Array, IntArray
 
 _SHELLS = 200
 _MOST = 200_000
@@ -64,7 +65,9 @@ class _Shells:
 
     def __init__(self, problem: Problem, reach: Interval) -> None:
         self._S = SingularityPolynomial.of(problem.model, problem.task)
-        self._square = fitted(lambda q: _squares(problem, q), problem.model)
+        self._square = fitted(
+            lambda joints: np.array([distance(problem, q) ** 2 for q in joints]), problem.model
+        )
         self._edges = np.linspace(*reach, _SHELLS + 1)
         self.singular = np.zeros(_SHELLS, dtype=bool)
         self.open = np.zeros(_SHELLS, dtype=bool)
@@ -130,12 +133,3 @@ class _Shells:
         changes = np.flatnonzero(np.diff(chosen, prepend=False, append=False))
         edges = self._edges[changes].tolist()
         return tuple(zip(edges[::2], edges[1::2], strict=True))
-
-
-def _squares(problem: Problem, joints: Array) -> Array:
-    """Squares of the end-effector's distances at joint values (K, n), shape (K,)."""
-    poses = [problem.model.end_effector_pose(UPRIGHT, q) for q in joints]
-    positions = np.array([pose.position for pose in poses])
-    if problem.task.planar:
-        positions = positions[:, :2]
-    return np.asarray((positions**2).sum(axis=1))

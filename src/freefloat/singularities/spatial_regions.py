@@ -95,11 +95,11 @@ def sampled_reach(problem: Problem) -> Interval:
     Raises:
         InputError: If a prismatic joint has no limits.
     """
-    extremes = joint_space_extremes(problem.model, lambda joints: _distance(problem, joints) ** 2)
+    extremes = joint_space_extremes(problem.model, lambda joints: distance(problem, joints) ** 2)
     return float(np.sqrt(max(extremes.smallest, 0.0))), float(np.sqrt(extremes.largest))
 
 
-def _distance(problem: Problem, joints: Array) -> float:
+def distance(problem: Problem, joints: Array) -> float:
     """Distance of the end-effector from the centre of mass, in the plane for planar tasks [m]."""
     position = problem.model.end_effector_pose(UPRIGHT, joints).position
     return float(np.linalg.norm(position[:2] if problem.task.planar else position))

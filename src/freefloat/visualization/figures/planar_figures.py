@@ -19,7 +19,7 @@ from freefloat.singularities.planar_regions import (
     point_3,
     point_3_on_path,
 )
-from freefloat.so3 import Array
+from freefloat.so3 import Array, heading_of
 from freefloat.visualization.figure_style import (
     BLACK,
     BLUE,
@@ -100,7 +100,7 @@ def _draw_motion(axes: Any, motion: Motion, colour: str, dashes: Any, named: boo
 
     The markers of its ends are in the legend if ``named``, that of a singularity always.
     """
-    heading = np.degrees(2.0 * np.arctan2(*motion.initial.attitude[2:])) % 360.0
+    heading = np.degrees(heading_of(motion.initial.attitude))
     places = np.linspace(0.0, motion.panels, 12 * motion.panels + 1)
     q = np.degrees(motion.evaluate(places)[2][:, :2])
     rows = wrapped(q)

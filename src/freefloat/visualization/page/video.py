@@ -12,7 +12,6 @@ from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image
@@ -22,9 +21,6 @@ from freefloat.errors import InputError
 from freefloat.io.files import written_beside
 from freefloat.visualization.page.pictures import SIZE, take_pictures
 from freefloat.visualization.page.playback import Playback
-
-if TYPE_CHECKING:
-    pass
 
 _GIF_SIZE = 800, 450
 """Default size of GIFs [pixels]."""
