@@ -139,8 +139,7 @@ def test_composition_of_poses(first: np.ndarray, second: np.ndarray, seed: int) 
     np.testing.assert_allclose((outer.inverse() @ outer).position, 0.0, atol=1e-12)
     np.testing.assert_allclose((outer.inverse() @ outer).rotation, np.eye(3), atol=1e-12)
     np.testing.assert_allclose(rotation_matrix(outer.quaternion), outer.rotation, atol=1e-12)
-    both = outer @ inner
-    step = inner.rotation @ point + inner.position
+    both, step = outer @ inner, inner.rotation @ point + inner.position
     np.testing.assert_allclose(
         both.rotation @ point + both.position, outer.rotation @ step + outer.position, atol=1e-12
     )

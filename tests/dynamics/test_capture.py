@@ -22,8 +22,7 @@ ROBOTS = ("spatial_6dof/line", "ets_vii/line", "ur5_servicer/arc", "ssrms/transf
 
 def case(name: str, seed: int):
     """A robot, a client and a state just before contact; everything moves."""
-    rng = np.random.default_rng(seed)
-    model = bundled(name).model
+    rng, model = np.random.default_rng(seed), bundled(name).model
     Q = Rotation.random(rng=rng).as_matrix()
     client = ff.Client(
         mass=rng.uniform(20.0, 2000.0),
@@ -89,8 +88,7 @@ def test_the_impulse_makes_the_velocities_at_the_grapple_equal(name: str) -> Non
     after = ff.capture(system, client, **state)
     a, q = state["attitude"], state["joints"]
     pose, axes, arm = grasped(client, model, a, q)
-    omega = axes @ client.angular_velocity
-    inertia = axes @ client.inertia @ axes.T
+    omega, inertia = axes @ client.angular_velocity, axes @ client.inertia @ axes.T
     velocity = client.velocity - after.impulse[:3] / client.mass
     moment = after.impulse[3:] - np.cross(arm, after.impulse[:3])
     omega_after = omega - np.linalg.solve(inertia, moment)

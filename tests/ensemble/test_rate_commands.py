@@ -26,10 +26,8 @@ def test_rates_inertias_and_measures_are_those_of_single_states(name: str) -> No
     attitudes /= np.linalg.norm(attitudes, axis=1, keepdims=True)
     twists = rng.standard_normal((count, 6))
     rates = commands.rates(attitudes, joints, twists, 0.1)
-    inertias, values = (
-        commands.inertias(joints),
-        MeasureValues(problem.model, problem.task, measure)(joints),
-    )
+    inertias = commands.inertias(joints)
+    values = MeasureValues(problem.model, problem.task, measure)(joints)
     solver = problem.resolved_rate_solver()
     for k in range(count):
         _, expected = solver.rates(attitudes[k], joints[k], twists[k], 0.1)

@@ -23,8 +23,7 @@ from tests.robots import inertial_text, joint_text, link_text, random_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 BOX = '<box size="1 1 1"/>'
-CUBE = shape_text(BOX)
-BALL = shape_text('<sphere radius="0.1"/>')
+CUBE, BALL = shape_text(BOX), shape_text('<sphere radius="0.1"/>')
 
 
 def mast(x, z, size=0.02, kind="F"):

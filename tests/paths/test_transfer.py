@@ -26,8 +26,7 @@ def velocity(path, t: float, step: float = 1e-5) -> np.ndarray:
 def test_a_transfer_begins_with_pose_and_twist_and_ends_at_rest(drift: np.ndarray) -> None:
     path = transfer(START, TWIST, END, 12.0, drift)
     for t, pose in ((0.0, START), (12.0, END)):
-        end = t * drift
-        found = path.pose(t)
+        end, found = t * drift, path.pose(t)
         np.testing.assert_allclose(found.position + end, pose.position, atol=1e-12)
         np.testing.assert_allclose(found.rotation, pose.rotation, atol=1e-12)
     still = np.concatenate([drift, np.zeros(3)])

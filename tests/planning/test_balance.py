@@ -60,10 +60,8 @@ def test_the_spacecraft_keeps_its_attitude(two_ur5, axes, seed):
     times = np.linspace(0.0, DURATION, 401)
     assert np.abs(found.curve.at(times, 1)).max() < RATE
     assert np.abs(found.curve.at(times)).max() < 2.0 * np.pi
-    balanced, start = (
-        problem.replace(arms=ff.ArmCurves({"left": found.curve})),
-        [0.0, 0.0, 0.0, 1.0],
-    )
+    balanced = problem.replace(arms=ff.ArmCurves({"left": found.curve}))
+    start = [0.0, 0.0, 0.0, 1.0]
     branches = [branch.joints for branch in balanced.branches(start)]
     nearest = min(branches, key=lambda q: problem.model.joint_distance(q, joints))
     motion = ff.integrate_motion(balanced, start, nearest)
@@ -116,6 +114,5 @@ def test_an_arm_without_rates_or_of_another_name_is_refused(two_ur5):
 
 def test_an_axis_that_does_not_tilt_anyway_stays_as_it_is():
     problem, settings = ff.load_scenario(PLANAR).problem(), ff.BalanceSettings("left", "xy", 1)
-    limits = ff.Limits(joint_rate=np.ones(4))
-    found = ff.balance(problem, [0.0, 0.0, 0.0, 1.0], [0.5, 1.0], settings, limits)
+    found = ff.balance(problem, [0, 0, 0, 1], [0.5, 1.0], settings, ff.Limits(joint_rate=[1.0] * 4))
     assert (found.turn, found.held_turn, found.ratio, found.tried) == (0.0, 0.0, 1.0, (1.0,))

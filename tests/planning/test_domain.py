@@ -69,8 +69,7 @@ def test_the_closest_branch_is_that_of_brute_force(name: str) -> None:
     """Of all branches, shifted by all full rotations that the joint ranges allow."""
     problem = bundled(name)
     joints = np.array(JOINTS[: problem.model.dof])
-    present = replace(problem, start_joints=joints)
-    attitudes = attitude_grid(24)
+    present, attitudes = replace(problem, start_joints=joints), attitude_grid(24)
     if problem.task.planar:
         attitudes = heading_quaternion(np.linspace(0.0, 6.0, 24))
     lower, upper = problem.model.joint_ranges

@@ -109,8 +109,7 @@ def test_the_nearest_attitude_of_a_ball_is_on_the_way_to_its_centre(
 def test_the_nearest_of_two_parts_and_two_branches_is_taken(margin_30: ff.Problem) -> None:
     """Of a near small ball, a far large one, and another branch's in between."""
     present = rotated(HERE, [0.0, 0.0, 1.3])[0]
-    far = rotated(present, [0.0, 2.2, 0.0])[0]
-    third = rotated(present, [1.5, 0.0, 0.0])[0]
+    far, third = rotated(present, [0.0, 2.2, 0.0])[0], rotated(present, [1.5, 0.0, 0.0])[0]
     landscape = Landscape(
         margin_30, b0=either(ball(HERE, 0.5), ball(far, 1.0)), b6=ball(third, 0.6)
     )

@@ -28,10 +28,8 @@ def test_the_axes_of_the_body_are_free(rng):
     """With the inertia in rotated axes the motion is the same."""
     R = Rotation.random(rng=rng).as_matrix()
     moments, rate = np.array([3.0, 4.0, 5.0]), np.array([0.1, 0.5, -0.2])
-    principal, rotated = (
-        ff.Tumbling(moments, rate),
-        ff.Tumbling(R @ np.diag(moments) @ R.T, R @ rate),
-    )
+    principal = ff.Tumbling(moments, rate)
+    rotated = ff.Tumbling(R @ np.diag(moments) @ R.T, R @ rate)
     for t in (1.0, 25.0):
         expected = R @ principal.rotation(t) @ R.T
         np.testing.assert_allclose(rotated.rotation(t), expected, rtol=0, atol=1e-11)

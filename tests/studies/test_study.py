@@ -14,8 +14,7 @@ from freefloat.studies.loading import load_study
 from tests.errors import error_key
 from tests.example_studies import BASE, a_study, write_study
 
-MOMENTA = {"list": [[0, 0, -1], [0, 0, 1]]}
-DURATIONS = {"list": [50, 100, 200]}
+MOMENTA, DURATIONS = {"list": [[0, 0, -1], [0, 0, 1]]}, {"list": [50, 100, 200]}
 
 
 def test_listed_values_are_crossed(tmp_path: Path) -> None:
@@ -65,8 +64,7 @@ def test_every_bundled_study_loads_and_is_no_scenario(name: str) -> None:
     ScenarioFile.model_validate(study.document(study.count - 1))
 
 
-RANDOM = {"momentum.2": {"uniform": [0, 1]}}
-LISTED = {"momentum.2": {"list": [0, 1]}}
+RANDOM, LISTED = {"momentum.2": {"uniform": [0, 1]}}, {"momentum.2": {"list": [0, 1]}}
 
 
 @pytest.mark.parametrize(
@@ -112,8 +110,7 @@ def test_errors_name_file_and_key(
 ) -> None:
     with pytest.raises(InputError) as caught:
         a_study(tmp_path, vary, **keys)
-    assert caught.value.source == str(tmp_path / "study.yaml")
-    assert caught.value.key == key
+    assert (caught.value.source, caught.value.key) == (str(tmp_path / "study.yaml"), key)
 
 
 def test_a_missing_base_is_an_error(tmp_path: Path) -> None:

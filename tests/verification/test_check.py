@@ -281,10 +281,8 @@ def test_a_violated_limit_is_verified_to_be_violated():
 
 def test_a_motion_that_ends_where_it_begins_is_verified_to_be_singular_there():
     problem = ff.load_scenario("planar_2dof/line").problem()
-    attitude, elbow = (
-        [0.0, 0.0, 0.0, 1.0],
-        brentq(lambda q: problem.margin.measure([0.3, q]), -1, 1),
-    )
+    attitude = [0.0, 0.0, 0.0, 1.0]
+    elbow = brentq(lambda q: problem.margin.measure([0.3, q]), -1, 1)
     start = problem.model.end_effector_pose(attitude, [0.3, elbow])
     line = ff.paths.PolynomialCurve.line(start.position, 0.8 * start.position)
     path = ff.EndEffectorPath(line, ff.paths.FixedOrientation(start.rotation))
