@@ -68,6 +68,8 @@ class Limits(AttitudeLimits):
 
     def narrower(self, fraction: float) -> Limits:
         """The limits with angles of pointing and turn that leave less room, by a fraction."""
+        if not self.number:
+            return self
         pointing = tuple(limit.narrower(fraction) for limit in self.pointing)
         turn = None if self.base_turn is None else (1.0 - fraction) * self.base_turn
         return replace(self, pointing=pointing, base_turn=turn)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -11,9 +12,8 @@ from freefloat.limits.limits import Limits, require_applicable
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.path_planner import plan_path
 from freefloat.planning.plan import Plan
-from freefloat.planning.reasons import FIRST_GUESS
 from freefloat.planning.settings import Search
-from freefloat.planning.timing.agreement import NARROWER
+from freefloat.planning.timing.agreement import NARROWER, at_first_guess
 from freefloat.planning.timing.retiming import retime
 from freefloat.planning.timing.speed_profile import require_considered
 from freefloat.planning.timing.stretching import stretched_plan
@@ -61,32 +61,31 @@ def plan(
     if limits is not None:
         require_applicable(problem.model, limits)
     problem = search.applied_to(problem)
-    timing = problem.path.timing
-    to_retime = timing.is_sought
-    if to_retime:
-        problem.model.require_one_arm("fastest timings")
-        require_considered(limits or Limits())
+    planned = partial(plan_path, search=search, threads=threads, progress=progress)
+    if problem.path.timing.is_sought:
+        return _fastest_plan(problem, limits or Limits(), planned, threads)
+    planned = partial(planned, limits=limits)
+    return stretched_plan(planned, problem) if stretch else planned(problem)
 
-    def planned(searched: Limits | None) -> Plan:
-        plan_problem = partial(
-            plan_path, search=search, limits=searched, threads=threads, progress=progress,
-            to_retime=to_retime,
-        )  # fmt: skip
-        if stretch or to_retime:  # then the duration is a first guess
-            return stretched_plan(plan_problem, problem)
-        return plan_problem(problem)
 
-    narrower = limits
-    if to_retime and limits is not None and problem.depends_on_timing:
-        narrower = limits.narrower(NARROWER)
-    result = planned(narrower)
+def _fastest_plan(
+    problem: Problem, limits: Limits, planned: Callable[..., Plan], threads: int | None
+) -> Plan:
+    """The plan with the fastest timing; the duration of the problem is a first guess.
+
+    Args:
+        problem: The problem.
+        limits: The limits.
+        planned: :func:`plan_path` with its options but the limits.
+        threads: Number of cores to use.
+    """
+    problem.model.require_one_arm("fastest timings")
+    require_considered(limits)
+    first = partial(planned, to_retime=True)
+    narrower = limits.narrower(NARROWER) if problem.depends_on_timing else limits
+    result = stretched_plan(partial(first, limits=narrower), problem)
     if narrower is not limits and not result.feasible:
-        result = planned(limits)
-    if not to_retime:
-        return result
-    if not result.feasible:
-        if problem.depends_on_timing:
-            reason = FIRST_GUESS.format(reason=result.reason, duration=timing.duration)
-            result = replace(result, reason=reason)
-        return result
-    return retime(replace(result, limits=limits), threads=threads).plan
+        result = stretched_plan(partial(first, limits=limits), problem)
+    if result.feasible:
+        return retime(replace(result, limits=limits), threads=threads).plan
+    return at_first_guess(result, problem) if problem.depends_on_timing else result

@@ -72,9 +72,7 @@ def agreeing_plan(
         if attempt.too_fast:
             current = slow = stretched_plan(partial(planned, limits=limits), plan.problem)
             if not slow.feasible:
-                duration = plan.problem.path.duration
-                reason = FIRST_GUESS.format(reason=slow.reason, duration=duration)
-                return replace(slow, reason=reason), False
+                return at_first_guess(slow, plan.problem), False
         else:
             narrower = limits.narrower(NARROWER * (number + 2))
             current = planned(attempt.problem, limits=narrower, to_retime=True)
@@ -85,6 +83,12 @@ def agreeing_plan(
     if last.feasible:
         last = with_tolerances(replace(last, reason=f"{HELD}; {NO_FASTEST}"), limits, threads)
     return replace(last, limits=limits), False
+
+
+def at_first_guess(plan: Plan, problem: Problem) -> Plan:
+    """An infeasible plan whose reason states the duration of the problem, the first guess."""
+    reason = FIRST_GUESS.format(reason=plan.reason, duration=problem.path.duration)
+    return replace(plan, reason=reason)
 
 
 class _Attempt(NamedTuple):
