@@ -46,7 +46,7 @@ _SHIFTS = 1e-3 * np.array([-1.0, 1.0, -1.0])
 """Shifts of the range of revolute joints in revolutions: a surface at 180 degrees, which is also at
 -180 degrees, is drawn at the end that is further from the eye."""
 _POSITIVE, _NEGATIVE = (0.99, 0.76, 0.36), (0.22, 0.50, 0.80)
-_WHITE = (0.95, 0.96, 0.98, 1.0)
+_WHITE = (0.95, 0.96, 0.98)
 _GREY = (0.45, 0.50, 0.60, 1.0)
 _VIEW = View(
     centre=[0.0, 0.0, 0.0],
@@ -81,15 +81,18 @@ def singularity_scene(
     """
     part = section(found, _indices(found, joints), at)
     builder, root = SceneBuilder(), f"{ROOT}/{NODE}"
+    colours = [_POSITIVE, _NEGATIVE]
     if len(part.joints) == 2:
-        items, keys = _draw_height(builder, root, part), ("det A > 0", "det A < 0")
+        items, keys = _draw_height(builder, root, part), ["det A > 0", "det A < 0"]
+        if ZEROS in items:
+            keys, colours = [*keys, ZEROS], [*colours, _WHITE]
     else:
-        items, keys = _draw_surface(builder, root, part), SIDES
+        items, keys = _draw_surface(builder, root, part), [*SIDES]
     labels = _draw_box(builder, root, part)
     shown = dict.fromkeys((*items, BOX), True)
     scene = TitledScene("det A", NODE, labels, lines=tuple(_lines(part, ZEROS in items)))
-    colours = ColourKeys(dict(zip(keys, (_POSITIVE, _NEGATIVE), strict=True)))
-    return builder.scene(SceneDescription(title, (scene,), shown, colours, _VIEW))
+    legend = ColourKeys(dict(zip(keys, colours, strict=True)))
+    return builder.scene(SceneDescription(title, (scene,), shown, legend, _VIEW))
 
 
 def _indices(found: SingularityMap, joints: Sequence[str] | None) -> list[int]:
@@ -161,7 +164,7 @@ def _draw_height(builder: SceneBuilder, root: str, part: Section) -> list[str]:
         points = np.column_stack([curve, np.zeros(len(curve))])
         if np.ptp(points, axis=0).any():
             line = tube(points, 0.012)
-            builder.mesh(f"{root}/{ZEROS}/{number}", line, _WHITE, shaded=False)
+            builder.mesh(f"{root}/{ZEROS}/{number}", line, (*_WHITE, 1.0), shaded=False)
     return [HEIGHT, ZEROS]
 
 
