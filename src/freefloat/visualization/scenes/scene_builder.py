@@ -28,6 +28,10 @@ FRONT_SIDE, BACK_SIDE, BOTH_SIDES = 0, 1, 2
 _FLOAT32 = 0x17
 _UPRIGHT = Pose(np.zeros(3), np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]]))
 """Rotates MeshCat's cylinder from its y axis to z."""
+_LUMINANCE = np.array([0.299, 0.587, 0.114])
+_DARK, _LIFT = 0.4, 0.35
+"""Luminance below which colours of shapes are lightened, as the background is dark, and the share
+of white that black gets."""
 _BACKGROUND = {"top_color": [0.10, 0.13, 0.20], "bottom_color": [0.02, 0.03, 0.05]}
 
 Colour = Sequence[float]
@@ -155,7 +159,7 @@ class SceneBuilder:
         else:
             geometry = g.TriangularMeshGeometry(shape.vertices, shape.faces)
         self.place(path, at)
-        self.mesh(path, geometry, visual.colour)
+        self.mesh(path, geometry, _lightened(visual.colour))
 
     def points(self, path: str, points: Array, colours: Array, size: float) -> None:
         """Add points (K, 3) with colours (K, 3) and a size [m]."""
@@ -207,6 +211,13 @@ class SceneBuilder:
 def node(name: str) -> str:
     """Return a name as a single node of a path, its slashes replaced."""
     return name.replace("/", "∕").strip() or "unnamed"
+
+
+def _lightened(colour: Colour) -> Colour:
+    """Mix white into a dark colour."""
+    rgb = np.asarray(colour[:3])
+    white = _LIFT * max(0.0, 1.0 - float(_LUMINANCE @ rgb) / _DARK)
+    return (*(rgb + white * (1.0 - rgb)), colour[3])
 
 
 def _path(path: str) -> Path:
