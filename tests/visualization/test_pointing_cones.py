@@ -61,3 +61,6 @@ def test_the_rim_is_at_the_angle_from_the_target_and_the_arrow_is_the_axis(
         cosines = turned.apply(rim) @ target / np.linalg.norm(rim, axis=1)
         assert np.arccos(cosines) == pytest.approx(limit.angle, abs=1e-5)
         assert pointed.apply(tip) / np.linalg.norm(tip) == pytest.approx(axis, abs=1e-5)
+        if t in (0.0, 100.0):  # the first view has the rim
+            places, seen = apexes + turned.apply(rim), np.array(scene.description.view.points)
+            assert (np.abs(places) < np.abs(seen).max(axis=0) + 0.02).all()

@@ -8,7 +8,9 @@ const ALL_PHASES = "all phases";
 const INK = "#e8ecf2";
 const FIELD_OF_VIEW = 40; // degrees
 const FRAME = 0.88; // fraction of the picture that the scene fills
-const GAP = 12; // between a label and its point [pixels]
+const WIDE = 1.2; // width over height of views with panels beside the scenes, not above and below them
+const PANELS = ["states", "legend"];
+const GAP = 12; // between a label and its point, or a panel and the scenes [pixels]
 const REACH = 8; // from the pointer to a sample that it shows [pixels]
 const element = id => document.getElementById(id);
 
@@ -98,32 +100,37 @@ class Player {
     this.arrange();
   }
 
-  // Sets the initial direction and the smallest distance at which the scenes fit in the picture.
+  // Sets the initial direction and the smallest distance at which the scenes fit in the picture, in
+  // a narrow one between the panels, which leave at least two fifths of it.
   look() {
     const { camera, controls, renderer } = this.viewer, { centre, direction } = about.view;
-    const up = Math.tan(FIELD_OF_VIEW * Math.PI / 360) * FRAME;
-    const across = up * renderer.domElement.width / renderer.domElement.height;
+    const { clientWidth, clientHeight } = renderer.domElement;
+    const inset = clientWidth < WIDE * clientHeight ? 2 * Math.max(...PANELS.map(id => element(id).offsetHeight + GAP)) : 0;
+    const tangent = Math.tan(FIELD_OF_VIEW * Math.PI / 360), across = tangent * FRAME * clientWidth / clientHeight;
+    const up = tangent * Math.min(FRAME, Math.max(1 - inset / clientHeight, 0.4));
     const length = Math.hypot(...direction), toEye = direction.map(part => part / length);
     const level = Math.hypot(toEye[0], toEye[1]);
     const right = [-toEye[1] / level, toEye[0] / level, 0];
     const above = [toEye[1] * right[2] - toEye[2] * right[1], toEye[2] * right[0] - toEye[0] * right[2],
       toEye[0] * right[1] - toEye[1] * right[0]];
     const along = (axis, point) => axis.reduce((sum, part, i) => sum + part * point[i], 0);
-    let distance = 1e-3;
-    for (const scene of this.shown) {
-      const offset = this.offset(scene);
-      for (const seen of about.view.points) {
-        const point = seen.map((part, i) => part + offset[i] - centre[i]);
-        const aside = Math.max(Math.abs(along(right, point)) / across, Math.abs(along(above, point)) / up);
-        distance = Math.max(distance, aside + along(toEye, point));
-      }
-    }
-    const [x, y, z] = centre.map((part, i) => part + toEye[i] * distance);
+    const points = this.shown.map(scene => this.offset(scene)).flatMap(offset =>
+      about.view.points.map(point => point.map((part, i) => part + offset[i] - centre[i])));
+    // Smallest distance at which the points fit between two edges, and the shift of the target.
+    const fit = (axis, slope) => {
+      const [first, second] = [-1, 1].map(sign => points.reduce((most, point) =>
+        Math.max(most, sign * along(axis, point) / slope + along(toEye, point)), -Infinity));
+      return [(first + second) / 2, slope * (second - first) / 2];
+    };
+    const [[wide, aside], [high, raised]] = [fit(right, across), fit(above, up)];
+    const distance = Math.max(wide, high, 1e-3);
+    const target = centre.map((part, i) => part + aside * right[i] + raised * above[i]);
+    const [x, y, z] = target.map((part, i) => part + toEye[i] * distance);
     camera.fov = FIELD_OF_VIEW;
     camera.near = distance / 500;
     camera.far = distance * 50;
     camera.position.set(x, z, -y);
-    controls.target.set(centre[0], centre[2], -centre[1]);
+    controls.target.set(target[0], target[2], -target[1]);
     camera.updateProjectionMatrix();
     controls.update();
     this.viewer.set_dirty();

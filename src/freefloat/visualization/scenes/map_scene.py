@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from meshcat import geometry as g
 
+from freefloat.attitude_grids import even_directions
 from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
 from freefloat.ik.branches import branch_name
 from freefloat.planning.space.attitude_map import AttitudeMap
@@ -49,7 +49,7 @@ _MARK_COLOURS: dict[str, tuple[float, float, float, float]] = {
 _VIEW = View(
     centre=[0.0, 0.0, 0.0],
     radius=3.6,
-    points=[list(corner) for corner in product((-2.2, 2.2), repeat=3)],  # with a margin for labels
+    points=(3.4 * even_directions(100)).round(4).tolist(),  # with a margin for labels
     direction=[0.45, -1.0, 0.4],
     flat=False,
 )

@@ -28,8 +28,8 @@ _SHORTEST = 50.0
 """Smallest length of cones and arrows over the thickness of lines."""
 _BEYOND = 2.0
 """Their length over the distance from the link's origin to the corners of its largest shape."""
-_RIM = 64
-"""Corners of the line along the rim."""
+_RIM, _CORNERS = 64, 16
+"""Corners of the line along the rim; those that the view covers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,10 +100,18 @@ class PointingCone:
         return f"{name} {self.limit.keep} {np.degrees(self.limit.angle):.4g}°"
 
     def extent(self) -> Array:
-        """Tip of the arrow and centre of the rim at the first and the last time [m], (4, 3)."""
-        tips = self.axes[[0, -1]] @ self.limit.axis
-        rims = np.cos(self.limit.angle) * self.targets[[0, -1]]
-        return np.vstack([self.origins[[0, -1]] + self.length * ends for ends in (tips, rims)])
+        """Tip of the arrow and points of the rim at the first and the last time [m], (K, 3)."""
+        rim = self._rim(_CORNERS)
+        tips = self.origins[[0, -1]] + self.length * self.axes[[0, -1]] @ self.limit.axis
+        rims = [self.origins[k] + rim @ _frame_along(self.targets[k]).T for k in (0, -1)]
+        return np.vstack([tips, *rims])
+
+    def _rim(self, corners: int) -> Array:
+        """Points of a closed line along the rim of a cone about z [m], (corners + 1, 3)."""
+        around = np.linspace(0.0, 2.0 * np.pi, corners + 1)
+        sine, cosine = np.sin(self.limit.angle), np.cos(self.limit.angle)
+        parts = sine * np.cos(around), sine * np.sin(around), np.full_like(around, cosine)
+        return self.length * np.column_stack(parts)
 
     def draw(self, builder: SceneBuilder, root: str, radius: float) -> Label:
         """Draw it below a node, with lines of a radius [m]; return the label of the arrow."""
@@ -112,10 +120,8 @@ class PointingCone:
         colour = colours[self.number % len(colours)]
         rim = self.length * np.array([np.sin(angle), np.cos(angle)])
         cone = surface_of_revolution(np.array([0.0, rim[1]]), np.array([0.0, rim[0]]))
-        around = np.linspace(0.0, 2.0 * np.pi, _RIM + 1)
-        circle = [rim[0] * np.cos(around), rim[0] * np.sin(around), np.full(len(around), rim[1])]
         builder.mesh(f"{root}/{path}/cone/surface", cone, (*colour, _OPACITY), shaded=False)
-        builder.mesh(f"{root}/{path}/cone/rim", tube(np.transpose(circle), 0.5 * radius),
+        builder.mesh(f"{root}/{path}/cone/rim", tube(self._rim(_RIM), 0.5 * radius),
                      (*colour, 1.0), shaded=False)  # fmt: skip
         end = self.length * self.limit.axis
         builder.mesh(f"{root}/{path}/axis", arrow(end, 0.8 * radius), (*colour, 1.0))

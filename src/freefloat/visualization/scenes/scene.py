@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 from meshcat import geometry as g
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError
@@ -67,6 +68,8 @@ class Place:
 
 
 _POINT_COLOUR = (0.95, 0.90, 0.25, 1.0)
+_AXIS = 25.0
+"""Length of the axes of a frame over the thickness of lines."""
 _INSTANTS = 25
 """Instants of a motion that the view covers."""
 
@@ -175,7 +178,7 @@ def _draw(
         path = f"{root}/{TRAIL}/{node(link)}"
         draw_trail(builder, path, problem, positions[body], colours(sampled.values))
     for item, body in axes.items():
-        draw_axes(builder, f"{root}/{item}", 25.0 * size, 0.6 * size)
+        draw_axes(builder, f"{root}/{item}", _AXIS * size, 0.6 * size)
         moved[f"{root}/{item}"] = body
     for path, body in moved.items():
         builder.move(path, times, positions[body], quaternions[body])
@@ -222,6 +225,7 @@ def _view(samples: Sequence[SampledMotion], places: Sequence[Place], planar: boo
             axes = np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]])
             parts.append(sampled.areas.reach[1] * axes)
     points = np.vstack(parts)
+    points = points[ConvexHull(points, qhull_options="QJ").vertices]
     centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
     flat = np.array([0.0, -0.02, 1.0])
     others = [place for sampled in samples for place in sampled.surroundings.places()]
@@ -236,10 +240,22 @@ def _view(samples: Sequence[SampledMotion], places: Sequence[Place], planar: boo
 
 
 def _extent(sampled: SampledMotion) -> list[Array]:
-    """Joints, end-effector, corners of spacecraft and scene, cones at some instants [m]."""
+    """Axes, corners of robot and scene, cones at some instants [m], shape (K, 3) each.
+
+    Corners beyond the reach are left out, as those of long solar panels.
+    """
+    problem = sampled.motion.problem
     chosen = np.unique(np.linspace(0, len(sampled.times) - 1, _INSTANTS).astype(int))
-    positions, rotations = sampled.positions[chosen], sampled.rotations[chosen, 0]
-    corners = [bounding_box(shape) for shape in sampled.visuals.shapes if shape.body == 0]
-    box = np.einsum("kij,cj->kci", rotations, np.vstack(corners)) + positions[:, :1]
-    cones = (cone.extent() for cone in sampled.cones)
-    return [positions.reshape(-1, 3), box.reshape(-1, 3), *sampled.surroundings.extent(), *cones]
+    positions, rotations = sampled.positions[chosen], sampled.rotations[chosen]
+    framed = [0, *range(len(problem.model.bodies), positions.shape[1])]
+    axes = _AXIS * thickness(problem) * rotations[:, framed].swapaxes(2, 3)
+    boxes = np.vstack([
+        positions[:, k, None] + bounding_box(shape) @ rotations[:, k].swapaxes(1, 2)
+        for k, shape in ((shape.body, shape) for shape in sampled.visuals.shapes)
+    ])  # fmt: skip
+    return [
+        (positions[:, framed, None] + axes).reshape(-1, 3),
+        boxes[np.linalg.norm(boxes, axis=2) <= problem.reach()],
+        *sampled.surroundings.extent(),
+        *(cone.extent() for cone in sampled.cones),
+    ]
