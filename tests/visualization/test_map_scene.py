@@ -11,22 +11,13 @@ import umsgpack
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.ensemble.endings import UNREACHED as UNREACHED_CODE
+from freefloat.ensemble.endings import UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.candidates import Ball, BoundaryPoint, Peak
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.mapping import sample_attitudes
+from freefloat.visualization.scenes import map_scene as maps
 from freefloat.visualization.scenes.description import MarginColours
-from freefloat.visualization.scenes.map_scene import (
-    BACK,
-    BEST_BRANCH,
-    BOUNDARY,
-    FRONT,
-    INFEASIBLE,
-    MARKS,
-    UNREACHED,
-    map_scene,
-)
 from freefloat.visualization.scenes.scene_builder import Scene
 from tests.maps import with_motions
 
@@ -53,7 +44,7 @@ def result(spatial: ff.Problem) -> AttitudeMap:
 
 @pytest.fixture(scope="module")
 def scene(result: AttitudeMap) -> Scene:
-    return map_scene(result, "a map")
+    return maps.map_scene(result, "a map")
 
 
 def points(scene: Scene, title: str) -> dict[str, list[np.ndarray]]:
@@ -68,7 +59,7 @@ def points(scene: Scene, title: str) -> dict[str, list[np.ndarray]]:
     return drawn
 
 
-@pytest.mark.parametrize(("title", "columns"), [(BEST_BRANCH, slice(None)), (SECOND, [2])])
+@pytest.mark.parametrize(("title", "columns"), [(maps.BEST_BRANCH, slice(None)), (SECOND, [2])])
 def test_points_are_rotation_vectors_coloured_by_the_margin(
     scene: Scene, result: AttitudeMap, title: str, columns: Any
 ) -> None:
@@ -76,7 +67,7 @@ def test_points_are_rotation_vectors_coloured_by_the_margin(
     vectors = Rotation.from_quat(result.attitudes).as_rotvec()
     feasible, front = margins >= result.problem.margin.threshold, vectors[:, 1] < 0.0
     colours = MarginColours.over(result.problem.margin, [result.margins.ravel()])
-    parts = {FRONT: feasible & front, BACK: feasible & ~front, INFEASIBLE: ~feasible}
+    parts = {maps.FRONT: feasible & front, maps.BACK: feasible & ~front, maps.INFEASIBLE: ~feasible}
     for name, part in parts.items():
         positions, shades = drawn[name]
         assert positions == pytest.approx(vectors[part], abs=1e-6)
@@ -86,23 +77,23 @@ def test_points_are_rotation_vectors_coloured_by_the_margin(
 def test_marks_and_boundary_belong_to_their_branch(scene: Scene) -> None:
     """Wrist-flipped branches share a scene."""
     labels = {
-        item.title: [label.text for label in item.labels if label.item == MARKS]
+        item.title: [label.text for label in item.labels if label.item == maps.MARKS]
         for item in scene.description.scenes
     }
-    assert list(labels) == [BEST_BRANCH, *(f"{label[:-1]}±" for label in LABELS[::2])]
-    assert labels[BEST_BRANCH] == ["best", "robust"]
+    assert list(labels) == [maps.BEST_BRANCH, *(f"{label[:-1]}±" for label in LABELS[::2])]
+    assert labels[maps.BEST_BRANCH] == ["best", "robust"]
     assert labels["shoulder+ elbow+ wrist±"] == ["best"]
     assert labels[SECOND] == ["robust"]
     assert labels["shoulder- elbow- wrist±"] == []
-    assert points(scene, SECOND)[BOUNDARY][0] == pytest.approx(np.array([EDGE]), abs=1e-6)
-    assert BOUNDARY not in points(scene, BEST_BRANCH)
+    assert points(scene, SECOND)[maps.BOUNDARY][0] == pytest.approx(np.array([EDGE]), abs=1e-6)
+    assert maps.BOUNDARY not in points(scene, maps.BEST_BRANCH)
 
 
 def test_attitudes_that_do_not_reach_the_path_are_distinguished(result: AttitudeMap) -> None:
     endings = result.results.motions.endings.copy()
-    endings[7] = UNREACHED_CODE
-    scene = map_scene(replace(result, results=with_motions(result.results, endings=endings)))
-    positions, _ = points(scene, BEST_BRANCH)[UNREACHED]
+    endings[7] = UNREACHED
+    scene = maps.map_scene(replace(result, results=with_motions(result.results, endings=endings)))
+    positions, _ = points(scene, maps.BEST_BRANCH)[maps.UNREACHED]
     wanted = Rotation.from_quat(result.attitudes[7:8]).as_rotvec()
     assert positions == pytest.approx(wanted, abs=1e-6)
     samples = scene.description.samples

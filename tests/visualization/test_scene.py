@@ -114,14 +114,12 @@ def test_colours_show_what_is_below_the_margin() -> None:
 
 def test_a_page_carries_the_commands_and_may_request_nothing(scene: Scene) -> None:
     text = Playback(scene).html()
-    packed = re.search('id="scene">([^<]*)<', text)
-    assert packed is not None
-    raw = gzip.decompress(b64decode(packed[1]))
+    (packed,) = re.findall('id="scene">([^<]*)<', text)
+    raw = gzip.decompress(b64decode(packed))
     assert raw[4 : 4 + int.from_bytes(raw[:4], "little")] == scene.objects[0]
-    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', text)
-    assert policy is not None
-    assert "default-src 'none'" in policy[1]
-    assert "'self'" not in policy[1]
+    (policy,) = re.findall(r'Content-Security-Policy" content="([^"]*)"', text)
+    assert "default-src 'none'" in policy
+    assert "'self'" not in policy
     assert "Robin Deits" in text  # MeshCat's licence
 
 

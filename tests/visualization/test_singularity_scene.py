@@ -12,15 +12,8 @@ from playwright.sync_api import Browser
 import freefloat as ff
 from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.visualization.page.playback import Playback
+from freefloat.visualization.scenes import singularity_scene as scenes
 from freefloat.visualization.scenes.joint_sections import influential_joints, section
-from freefloat.visualization.scenes.singularity_scene import (
-    BOX,
-    HEIGHT,
-    ZEROS,
-    singularity_scene,
-    surface,
-    zero_surface,
-)
 from tests.browser import differing, opened
 from tests.motions import bundled
 
@@ -33,7 +26,7 @@ def mapped(name: str) -> SingularityMap:
 
 def test_a_sphere_is_closed_and_has_its_radius_and_volume() -> None:
     axis = np.linspace(-1.3, 1.3, 24)
-    vertices, faces = zero_surface(lambda x: 1.0 - np.linalg.norm(x, axis=1), (axis, axis, axis))
+    vertices, faces = scenes.zero_surface(lambda x: 1.0 - np.linalg.norm(x, axis=1), (axis,) * 3)
     assert np.linalg.norm(vertices, axis=1) == pytest.approx(1.0, abs=1e-4)
     edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2))
     assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
@@ -48,7 +41,7 @@ def test_the_determinant_vanishes_on_the_surface_and_is_positive_in_front() -> N
     part = section(found, influential_joints(found, 3))
     assert part.joints == (1, 2, 4)
     largest = abs(measure(part.at))
-    vertices, faces = surface(part)
+    vertices, faces = scenes.surface(part)
     for q in part.configurations(vertices[:: len(vertices) // 300]):
         assert abs(measure(q)) < 1e-3 * largest
     a, b, c = np.moveaxis(vertices[faces], 1, 0)
@@ -68,32 +61,32 @@ def test_the_determinant_vanishes_on_the_surface_and_is_positive_in_front() -> N
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "items"),
-    [("planar_3dof/parabola", [HEIGHT, ZEROS, BOX]), ("spatial_6dof/line", [ZEROS, BOX])],
+    [("planar_3dof/parabola", "det A, det A = 0, Axes"), ("spatial_6dof/line", "det A = 0, Axes")],
 )
 def test_a_page_shows_the_singularities(
-    name: str, items: list[str], browser: Browser, tmp_path: Path
+    name: str, items: str, browser: Browser, tmp_path: Path
 ) -> None:
     file = ff.playback(mapped(name)).save(tmp_path / "page.html")
     with opened(browser, file) as page:
-        assert [item["name"] for item in page.ask("freefloat.about.items")] == items
+        assert [item["name"] for item in page.ask("freefloat.about.items")] == items.split(", ")
         page.only()
         empty = page.picture()
-        for item in items:
+        for item in items.split(", "):
             page.only(item)
             assert differing(page.picture(), empty) > 200
         legend = page.ask("document.getElementById('legend').innerText")
-        assert ["det A > 0" in legend, "det A = 0" in legend] == [True, HEIGHT in items]
+        assert ["det A > 0" in legend, "det A = 0" in legend] == [True, items.startswith("det A,")]
         assert page.errors == []
 
 
 @pytest.mark.slow
 def test_joints_are_chosen_by_name() -> None:
     found = mapped("spatial_6dof/line")
-    scene = singularity_scene(found, joints=["q3", "q4", "q5"], at=np.full(6, 0.5))
+    scene = scenes.singularity_scene(found, joints=["q3", "q4", "q5"], at=np.full(6, 0.5))
     (shown,) = Playback(scene).scene.description.scenes
     texts = [label.text for label in shown.labels]
     assert texts == [text for name in ("q3", "q4", "q5") for text in ("−180°", name, "180°")]
     assert shown.lines[0] == "at q2 = 28.65°"
     for names in (["q3"], ["q3", "q3"], ["q3", "q9"]):
         with pytest.raises(ff.InputError):
-            singularity_scene(found, joints=names)
+            scenes.singularity_scene(found, joints=names)
