@@ -114,8 +114,8 @@ class Player {
     const above = [toEye[1] * right[2] - toEye[2] * right[1], toEye[2] * right[0] - toEye[0] * right[2],
       toEye[0] * right[1] - toEye[1] * right[0]];
     const along = (axis, point) => axis.reduce((sum, part, i) => sum + part * point[i], 0);
-    const points = this.shown.map(scene => this.offset(scene)).flatMap(offset =>
-      about.view.points.map(point => point.map((part, i) => part + offset[i] - centre[i])));
+    const shifts = this.shown.map(scene => this.offset(scene).map((part, i) => part - scene.origin[i] - centre[i]));
+    const points = shifts.flatMap(shift => about.view.points.map(point => point.map((part, i) => part + shift[i])));
     // Smallest distance at which the points fit between two edges, and the shift of the target.
     const fit = (axis, slope) => {
       const [first, second] = [-1, 1].map(sign => points.reduce((most, point) =>

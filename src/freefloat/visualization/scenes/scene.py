@@ -242,20 +242,22 @@ def _view(samples: Sequence[SampledMotion], places: Sequence[Place], planar: boo
 def _extent(sampled: SampledMotion) -> list[Array]:
     """Axes, corners of robot and scene, cones at some instants [m], shape (K, 3) each.
 
-    Corners beyond the reach are left out, as those of long solar panels.
+    Corners further from their body's origin than the arm is long, as those of solar panels, are
+    left out.
     """
     problem = sampled.motion.problem
     chosen = np.unique(np.linspace(0, len(sampled.times) - 1, _INSTANTS).astype(int))
     positions, rotations = sampled.positions[chosen], sampled.rotations[chosen]
+    length = np.linalg.norm(np.diff(positions[0], axis=0), axis=1).sum()
+    parts = []
+    for shape in sampled.visuals.shapes:
+        corners = bounding_box(shape)
+        near, k = corners[np.linalg.norm(corners, axis=1) <= length], shape.body
+        parts.append(positions[:, k, None] + near @ rotations[:, k].swapaxes(1, 2))
     framed = [0, *range(len(problem.model.bodies), positions.shape[1])]
     axes = _AXIS * thickness(problem) * rotations[:, framed].swapaxes(2, 3)
-    boxes = np.vstack([
-        positions[:, k, None] + bounding_box(shape) @ rotations[:, k].swapaxes(1, 2)
-        for k, shape in ((shape.body, shape) for shape in sampled.visuals.shapes)
-    ])  # fmt: skip
     return [
-        (positions[:, framed, None] + axes).reshape(-1, 3),
-        boxes[np.linalg.norm(boxes, axis=2) <= problem.reach()],
+        *(part.reshape(-1, 3) for part in (*parts, positions[:, framed, None] + axes)),
         *sampled.surroundings.extent(),
         *(cone.extent() for cone in sampled.cones),
     ]
