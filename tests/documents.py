@@ -70,7 +70,7 @@ class Block:
 
 
 def blocks_of(page: str) -> list[Block]:
-    """Return the blocks of a page."""
+    """The blocks of a page."""
     text = PAGES[page]
     matches = list(_FENCE.finditer(text))
     following = [*matches[1:], None]

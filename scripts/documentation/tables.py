@@ -33,7 +33,7 @@ _LARGEST = 1e9
 
 
 def filled(markdown: str) -> str:
-    """Return a page with its markers replaced by what they stand for."""
+    """A page with its markers replaced by what they stand for."""
     kinds = {
         "bundled": bundled_table,
         "keys": keys_table,
@@ -48,7 +48,7 @@ def filled(markdown: str) -> str:
 
 
 def keys_table(name: str) -> str:
-    """Return the table of the keys of a file, or of all keys below one of its sections."""
+    """The table of the keys of a file, or of all keys below one of its sections."""
     file, *path = name.split(".")
     schema = SCHEMAS[file].model_json_schema()
     if not path:
@@ -63,7 +63,7 @@ def keys_table(name: str) -> str:
 
 
 def key_names(name: str) -> list[str]:
-    """Return the keys in such a table."""
+    """The keys in such a table."""
     return re.findall(r"^\| `(\S+)` \|", keys_table(name), re.MULTILINE)
 
 
@@ -106,7 +106,7 @@ def _yaml(value: Any) -> str:
 
 
 def _section(field: Any, definitions: Any) -> Any:
-    """Return the section that a field may hold: itself, in a list, or in a map; else None."""
+    """The section that a field may hold: itself, in a list, or in a map; else None."""
     if "properties" in field:
         return field
     target = definitions.get(field.get("$ref", "").rpartition("/")[2])
@@ -116,7 +116,7 @@ def _section(field: Any, definitions: Any) -> Any:
 
 
 def _kind(field: Any, definitions: Any) -> str:
-    """Return what a field accepts, in words."""
+    """What a field accepts, in words."""
     options = field.get("anyOf", field.get("oneOf"))
     if options:
         kinds = [_kind(option, definitions) for option in options]
@@ -162,12 +162,12 @@ def _bounds(field: Any) -> str:
 
 
 def commands() -> dict[str, Any]:
-    """Return the commands by name."""
+    """The commands by name."""
     return dict(typer.main.get_command(app).commands)
 
 
 def commands_table() -> str:
-    """Return the table of all commands."""
+    """The table of all commands."""
     rows = [
         (f"[`freefloat {name}`](#{name})", prose(command.help.partition("\n\n")[0]))
         for name, command in commands().items()
@@ -176,7 +176,7 @@ def commands_table() -> str:
 
 
 def command_help(name: str) -> str:
-    """Return usage, description, arguments, options and examples of a command."""
+    """Usage, description, arguments, options and examples of a command."""
     command = commands()[name]
     paragraphs = command.help.split("\n\n")
     examples = [text.removeprefix("Example: ") for text in paragraphs if text[:8] == "Example:"]
@@ -201,7 +201,7 @@ def _option_row(option: Any) -> tuple[str, ...]:
 
 
 def bundled_table(kind: str) -> str:
-    """Return the table of the bundled robots, scenarios or studies."""
+    """The table of the bundled robots, scenarios or studies."""
     entries = catalogue()[kind]
     details = [key for key in entries[0].details if key != "source"]
     rows = [
@@ -219,7 +219,7 @@ def bundled_table(kind: str) -> str:
 
 
 def dependencies_table() -> str:
-    """Return the table of required packages, those of users' extras included, and licences."""
+    """The table of required packages, those of users' extras included, and licences."""
     rows = []
     for requirement in map(Requirement, requires("freefloat") or ()):
         marker = str(requirement.marker or "")
@@ -244,7 +244,7 @@ def _licence(package: str) -> str:
 
 
 def prose(text: str) -> str:
-    """Return the text of a docstring as Markdown on one line."""
+    """The text of a docstring as Markdown on one line."""
     words = " ".join(text.split()).replace("``", "`")
     parts = words.split("`")
     parts[::2] = [re.sub(r"([*|<])", r"\\\1", part) for part in parts[::2]]

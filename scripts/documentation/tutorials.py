@@ -31,7 +31,7 @@ class Part:
 
 
 def pages(folder: Path) -> dict[str, str | bytes]:
-    """Return the pages of the scripts in a folder and the files that they show, by name."""
+    """The pages of the scripts in a folder and the files that they show, by name."""
     scripts = sorted(folder.glob("[0-9][0-9]_*.py"))
     with ThreadPoolExecutor(os.cpu_count()) as executor:
         results = executor.map(_page, scripts, [script.read_text("utf-8") for script in scripts])
@@ -39,7 +39,7 @@ def pages(folder: Path) -> dict[str, str | bytes]:
 
 
 def parts_of(source: str) -> tuple[str, list[Part]]:
-    """Return the docstring of a script and its parts."""
+    """The docstring of a script and its parts."""
     docstring = ast.get_docstring(ast.parse(source)) or ""
     lines = source.split('"""', 2)[2].strip("\n").splitlines()
     parts: list[tuple[list[str], list[str]]] = [([], [])]
@@ -78,7 +78,7 @@ def _page(script: Path, source: str) -> dict[str, str | bytes]:
 
 
 def _outputs(script: Path, parts: list[Part], folder: Path) -> list[str]:
-    """Return what each part of a script prints."""
+    """What each part of a script prints."""
     mark = f'\n__name__ == "__main__" and print({MARK!r}, end="", flush=True)\n'
     copy = folder / script.name
     copy.write_text(mark.join(part.code for part in parts), "utf-8")
@@ -91,6 +91,6 @@ def _outputs(script: Path, parts: list[Part], folder: Path) -> list[str]:
 
 
 def _shown(folder: Path, output: str) -> list[Path]:
-    """Return the pictures and pages in a folder that an output names."""
+    """The pictures and pages in a folder that an output names."""
     written = sorted([*folder.rglob("*.png"), *folder.glob("*.html")])
     return [file for file in written if re.search(rf"\b{re.escape(file.name)}\b", output)]

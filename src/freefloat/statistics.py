@@ -10,7 +10,7 @@ _QUANTILE = 1.959963984540054
 
 
 def confidence_interval(count: int, total: int) -> tuple[float, float]:
-    """Return the 95 % confidence interval of a fraction (Wilson 1927), also where it is 0 or 1.
+    """The 95 % confidence interval of a fraction (Wilson 1927), also where it is 0 or 1.
 
     SciPy's ``binomtest`` gives the same, but its import takes half a second.
 

@@ -152,7 +152,7 @@ def assemble(
 
 
 def _given(**parts: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Return the options of each part that have a value; parts without any are omitted."""
+    """The options of each part that have a value; parts without any are omitted."""
     options = {
         name: {key: value for key, value in values.items() if value is not None}
         for name, values in parts.items()
@@ -163,7 +163,7 @@ def _given(**parts: dict[str, Any]) -> dict[str, dict[str, Any]]:
 def _assembled(
     source: RobotSource, end_effector: str | None, parts: dict[str, dict[str, Any]]
 ) -> FreeFloatingModel:
-    """Return the model of an arm with the parts that the options describe."""
+    """The model of an arm with the parts that the options describe."""
     from freefloat.robot.assembly import end_effector_link
     from freefloat.robot.bundled import find_robot
     from freefloat.robot.model import FreeFloatingModel
@@ -195,7 +195,7 @@ def _assembled(
 
 
 def _body(name: str, parts: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """Return the arguments of a spacecraft or a payload."""
+    """The arguments of a spacecraft or a payload."""
     options = parts[name]
     for key in ("mass", "inertia"):
         if key not in options:

@@ -181,7 +181,7 @@ def print_error(error: FreeFloatError, as_json: bool) -> None:
 
 
 def error_document(error: FreeFloatError) -> dict[str, Any]:
-    """Return the JSON document of an error: message, key, problem, accepted values, file, line."""
+    """The JSON document of an error: message, key, problem, accepted values, file, line."""
     names = {"key": "key", "problem": "problem", "accepted": "accepted", "file": "source",
              "line": "line"}  # fmt: skip
     details = {key: getattr(error, name, None) for key, name in names.items()}
@@ -189,7 +189,7 @@ def error_document(error: FreeFloatError) -> dict[str, Any]:
 
 
 def table(*columns: str) -> Table:
-    """Return an empty table with the headings of its columns."""
+    """An empty table with the headings of its columns."""
     empty = Table(box=SIMPLE_HEAD, show_edge=False)
     for column in columns:
         empty.add_column(column)

@@ -86,13 +86,13 @@ class BundledFile:
         return self.file.read_text(encoding="utf-8")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the entry's JSON document."""
+        """The entry's JSON document."""
         return {"name": self.name, "description": self.description, **self.details,
                 "file": str(self.file)}  # fmt: skip
 
 
 def catalogue() -> dict[str, list[BundledFile]]:
-    """Return all bundled robots, scenarios and studies."""
+    """All bundled robots, scenarios and studies."""
     from freefloat.robot import bundled
 
     robots = bundled.bundled_robots()
@@ -105,7 +105,7 @@ def catalogue() -> dict[str, list[BundledFile]]:
 
 
 def bundled_file(name: str) -> BundledFile:
-    """Return the bundled file with a name.
+    """The bundled file with a name.
 
     Raises:
         InputError: If there is none.

@@ -17,7 +17,7 @@ _YAML, _ROBOT = (".yaml", ".yml"), (".urdf", ".xacro", ".xml")
 
 
 def _completion(*kinds: str, suffixes: tuple[str, ...] = ()) -> Callable[[str], list[str]]:
-    """Return the completion of bundled names of some kinds and of files with some suffixes."""
+    """The completion of bundled names of some kinds and of files with some suffixes."""
 
     def complete(incomplete: str) -> list[str]:
         from freefloat.robot import bundled

@@ -17,14 +17,14 @@ from freefloat.io.scenario.yaml import section_at, validated
 
 
 def scenario_from(document: dict[str, Any], source: Path) -> Scenario:
-    """Return the scenario with the given data; the source is its file, for relative paths."""
+    """The scenario with the given data; the source is its file, for relative paths."""
     content = validated(ScenarioFile, document, source)
     text = yaml.safe_dump(document, sort_keys=False)
     return Scenario(source, text, content, sample_texts(content, source.parent))
 
 
 def with_values(document: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
-    """Return a copy of a scenario's data with values set at dotted paths.
+    """A copy of a scenario's data with values set at dotted paths.
 
     Missing sections are added, and missing lists with the schema's default.
 
@@ -43,7 +43,7 @@ def with_values(document: dict[str, Any], values: dict[str, Any]) -> dict[str, A
 
 
 def _default(keys: Sequence[str]) -> Any:
-    """Return the default of a list in a scenario, else an empty section."""
+    """The default of a list in a scenario, else an empty section."""
     field = section_at(ScenarioFile, keys[:-1]).model_fields.get(keys[-1])
     default = None if field is None else field.get_default(call_default_factory=True)
     return list(default) if isinstance(default, tuple | list) else {}
@@ -62,7 +62,7 @@ def _entry(node: Any, name: str, path: str, default: Any) -> Any:
 
 
 def error_of_study(error: InputError, varied: Iterable[str], study: str) -> InputError | None:
-    """Return an error of the scenario as one of the study file, None unless a varied key has it.
+    """An error of the scenario as one of the study file, None unless a varied key has it.
 
     A key of a list has it, too, where an entry of the list varies.
     """

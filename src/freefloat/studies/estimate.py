@@ -73,7 +73,7 @@ class StudyEstimate:
         return self.start_seconds + self.run_seconds * self.missing / parallel
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the JSON document of ``batch --dry-run``."""
+        """The JSON document of ``batch --dry-run``."""
         return {
             "study": self.study.source,
             "base": str(self.study.base_source),

@@ -38,7 +38,7 @@ class PortableStudy:
     files: Files = field(default=(), repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what is sent: not the place where the files are."""
+        """What is sent: not the place where the files are."""
         source = self.study.base_source.absolute()  # workers have other working folders
         return {"study": replace(self.study, base_source=source), "files": self.files}
 

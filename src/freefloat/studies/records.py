@@ -26,7 +26,7 @@ def computed_record(
     base: dict[str, Any],
     start: dict[str, Any],
 ) -> Any:
-    """Return the map, the simulation, or what ``plan`` finds for a scenario.
+    """The map, the simulation, or what ``plan`` finds for a scenario.
 
     Args:
         command: The command to execute.
@@ -59,7 +59,7 @@ def computed_record(
 
 @lru_cache(maxsize=8)
 def followed_motion(inputs: str, source: Path) -> Plan | Simulation:
-    """Return what the command track follows: a simulation from a start, without one a plan.
+    """What the command track follows: a simulation from a start, without one a plan.
 
     Args:
         inputs: Arguments of :func:`computed_record` as JSON text: those of many runs are the same.
@@ -74,7 +74,7 @@ def followed_motion(inputs: str, source: Path) -> Plan | Simulation:
 def branch_choice(
     branch: Any, base: dict[str, Any], problem: Problem, attitude: Any, source: Path
 ) -> dict[str, Any]:
-    """Return the arguments of simulate that choose the arm branch."""
+    """The arguments of simulate that choose the arm branch."""
     if branch is not None:
         return {} if branch == "best" else {"branch": branch}
     branches = problem.branches(attitude)
@@ -94,7 +94,7 @@ def branch_choice(
 
 @lru_cache(maxsize=8)
 def _undisturbed_joints(base: str, source: Path, attitude: tuple[float, ...]) -> Array:
-    """Return the initial joints of the motion that simulate chooses for the base scenario."""
+    """The initial joints of the motion that simulate chooses for the base scenario."""
     scenario = scenario_from(json.loads(base), source)
     problem = scenario.problem()
     near = scenario.search().applied_to(problem).closest_start(attitude)

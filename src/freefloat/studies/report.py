@@ -59,7 +59,7 @@ def save_report(result: StudyResult) -> dict[str, Path]:
 
 
 def _margin_unit(result: StudyResult) -> str:
-    """Return the unit of the margins, nothing where there is none."""
+    """The unit of the margins, nothing where there is none."""
     numbers = result.rows.query("SELECT number FROM runs WHERE margin IS NOT NULL LIMIT 1")
     for (number,) in numbers:
         unit = result.study.scenario(number).problem().margin.measure.unit
@@ -70,7 +70,7 @@ def _margin_unit(result: StudyResult) -> str:
 def _page(
     result: StudyResult, parameters: Mapping[str, str], unit: str, picture: bytes, linked: list[str]
 ) -> str:
-    """Return the report, one HTML page that needs no other file."""
+    """The report, one HTML page that needs no other file."""
     unit = re.sub(r"\^(-?[0-9]+)", lambda power: power[1].translate(_SUPERSCRIPTS), unit)
     headings, rows = _listed(result, parameters, f" [{unit}]" if unit else "")
     content = result.study.content.model_dump(mode="json", by_alias=True, exclude_unset=True)

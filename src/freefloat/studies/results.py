@@ -39,7 +39,7 @@ class Combination:
     margin: float | None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the results as a JSON document."""
+        """The results as a JSON document."""
         return {
             "parameters": self.parameters,
             "feasible": self.feasible,
@@ -174,7 +174,7 @@ class StudyResult:
         return float(seconds)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the JSON document of the command batch."""
+        """The JSON document of the command batch."""
         files = {kind: None if file is None else str(file) for kind, file in self.files.items()}
         return {
             "study": self.study.source,

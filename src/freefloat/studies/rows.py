@@ -26,7 +26,7 @@ class StudyRows:
     """
 
     def __init__(self, file: Path, parameters: Sequence[str]) -> None:
-        """Return the rows of a database, which may grow meanwhile.
+        """The rows of a database, which may grow meanwhile.
 
         Args:
             file: The database.

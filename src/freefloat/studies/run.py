@@ -38,7 +38,7 @@ class RunResult:
 
 
 def error_values(error: BaseException | str) -> dict[str, Any]:
-    """Return the results of a run that ended in an error."""
+    """The results of a run that ended in an error."""
     message = " ".join(str(error).split())
     if not isinstance(error, FreeFloatError | str):
         message = f"{type(error).__name__}: {message}".removesuffix(": ")

@@ -252,5 +252,5 @@ def _rounded(values: list[float]) -> list[float]:
 
 
 def _integers(values: list[float]) -> list[Any]:
-    """Return integers if all values are whole: some keys accept nothing else."""
+    """Integers if all values are whole: some keys accept nothing else."""
     return list(map(int, values)) if all(value.is_integer() for value in values) else values

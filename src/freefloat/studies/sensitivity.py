@@ -50,7 +50,7 @@ class Sensitivity:
     total: Estimate
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the indices as a JSON document."""
+        """The indices as a JSON document."""
         indices = {"first_order": self.first_order, "total": self.total}
         document: dict[str, Any] = {"key": self.key, "quantity": self.quantity}
         for name, index in indices.items():

@@ -111,7 +111,7 @@ class Study:
         return self.count if kind == "all" else int(number)
 
     def parameters(self, number: int) -> dict[str, Any]:
-        """Return the varied keys of a run and their values, in the order of the study file."""
+        """The varied keys of a run and their values, in the order of the study file."""
         return {} if number == UNDISTURBED else self.variation.parameters(number)
 
     @property
@@ -125,19 +125,19 @@ class Study:
         return "the best of each run" if branch == "best" else str(branch)
 
     def document(self, number: int) -> dict[str, Any]:
-        """Return the data of a run's scenario file."""
+        """The data of a run's scenario file."""
         values = self.parameters(number).items()
         own = {k: v for k, v in values if k not in START_KEYS and not k.startswith(TRACK)}
         return with_values(self.base, own)
 
     def inputs(self, number: int) -> dict[str, Any]:
-        """Return what determines a run's motion: its document, the base scenario, and the start."""
+        """What determines a run's motion: its document, the base scenario, and the start."""
         return {
             "document": self.document(number), "base": self.base, "start": self.start(number),
         }  # fmt: skip
 
     def scenario(self, number: int) -> Scenario:
-        """Return the scenario of a run.
+        """The scenario of a run.
 
         Raises:
             InputError: If its values are not accepted, or its file of path samples is missing.
@@ -145,7 +145,7 @@ class Study:
         return scenario_from(self.document(number), self.base_source)
 
     def start(self, number: int) -> dict[str, Any]:
-        """Return the start of a simulation: attitude or heading_deg, and branch if it is set."""
+        """The start of a simulation: attitude or heading_deg, and branch if it is set."""
         values = {key: getattr(self.content, key) for key in (*START_KEYS, "branch")}
         values |= {k: v for k, v in self.parameters(number).items() if k in START_KEYS}
         if number == UNDISTURBED:
@@ -153,5 +153,5 @@ class Study:
         return {key: value for key, value in values.items() if value is not None}
 
     def tracking(self, number: int) -> dict[str, Any]:
-        """Return the arguments of :func:`~freefloat.verification.tracking.track` in a run."""
+        """The arguments of :func:`~freefloat.verification.tracking.track` in a run."""
         return self.content.track.with_values(self.parameters(number))

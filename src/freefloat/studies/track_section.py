@@ -39,7 +39,7 @@ class TrackSection(Section):
     """Allowed distance from the path [m] and angle from its orientation [rad]."""
 
     def with_values(self, parameters: dict[str, Any]) -> dict[str, Any]:
-        """Return the keys of the section, with those that vary replaced by their values."""
+        """The keys of the section, with those that vary replaced by their values."""
         return self.model_dump() | _values_below(parameters)
 
 

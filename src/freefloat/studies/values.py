@@ -26,14 +26,14 @@ MARGIN_REASON, LIMITS_REASON = "The margin is not kept.", "Limits are not kept: 
 
 
 def record_values(record: Any) -> dict[str, Any]:
-    """Return the results of a simulation, a map, or what ``plan`` finds."""
+    """The results of a simulation, a map, or what ``plan`` finds."""
     return _VALUES[type(record)](record)
 
 
 def tracking_values(
     followed: Plan | Simulation, arguments: Sequence[dict[str, Any]], threads: int = 1
 ) -> list[dict[str, Any]]:
-    """Return the values of runs in which controllers follow a motion; residuals are their errors.
+    """The values of runs in which controllers follow a motion; residuals are their errors.
 
     Those of the record itself if it has no motion along the whole path.
 
@@ -70,7 +70,7 @@ def _tracking_values(tracking: Tracking) -> dict[str, Any]:
 
 
 def _simulation_values(simulation: Simulation) -> dict[str, Any]:
-    """Return the values of a simulation."""
+    """The values of a simulation."""
     chosen, limits = simulation.chosen, simulation.limit_results
     names = ", ".join(result.limit for result in violated(limits))
     reason = ""
@@ -86,7 +86,7 @@ def _simulation_values(simulation: Simulation) -> dict[str, Any]:
 
 
 def _plan_values(plan: Plan) -> dict[str, Any]:
-    """Return the values of a plan."""
+    """The values of a plan."""
     motion = {"completed": False} if plan.chosen is None else _motion_values(plan.chosen)
     values = {
         **_verdict(plan),
@@ -101,7 +101,7 @@ def _plan_values(plan: Plan) -> dict[str, Any]:
 
 
 def _goal_values(found: GoalMotion) -> dict[str, Any]:
-    """Return the values of a motion to a goal."""
+    """The values of a motion to a goal."""
     values = {**_verdict(found), "completed": found.motion is not None, "duration": found.duration}
     if found.motion is not None:
         first = found.motion.initial
@@ -111,7 +111,7 @@ def _goal_values(found: GoalMotion) -> dict[str, Any]:
 
 
 def _manoeuvre_values(manoeuvre: Manoeuvre) -> dict[str, Any]:
-    """Return the values of a manoeuvre, those of its first path but for verdict and limits."""
+    """The values of a manoeuvre, those of its first path but for verdict and limits."""
     duration = manoeuvre.duration if manoeuvre.feasible else None
     limits = _limit_values([result for _, result in manoeuvre.worst_results])
     return _plan_values(manoeuvre.path) | _verdict(manoeuvre) | {"duration": duration} | limits
@@ -122,7 +122,7 @@ def _verdict(answer: Answer) -> dict[str, Any]:
 
 
 def _attitude_map_values(result: AttitudeMap) -> dict[str, Any]:
-    """Return the values of a map of attitudes."""
+    """The values of a map of attitudes."""
     return {
         **_map_values(result),
         "robust_radius_deg": result.robust and degrees(result.robust.radius),
@@ -132,7 +132,7 @@ def _attitude_map_values(result: AttitudeMap) -> dict[str, Any]:
 
 
 def _heading_map_values(result: HeadingMap) -> dict[str, Any]:
-    """Return the values of a map of headings."""
+    """The values of a map of headings."""
     values = _map_values(result)
     if result.robust is not None:
         values["robust_radius_deg"] = degrees(result.robust.radius)
@@ -143,7 +143,7 @@ def _heading_map_values(result: HeadingMap) -> dict[str, Any]:
 
 
 def _map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
-    """Return the values that both kinds of maps have."""
+    """The values that both kinds of maps have."""
     feasible = result.feasible_found
     return {
         "verdict": FEASIBLE if feasible else INFEASIBLE,

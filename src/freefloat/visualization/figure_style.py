@@ -132,17 +132,17 @@ class Figures(Mapping[str, Figure]):
 
 @styled
 def new_figure(width: float = COLUMN, height: float = 2.4) -> Figure:
-    """Return an empty figure of a size in inches, with constrained layout."""
+    """An empty figure of a size in inches, with constrained layout."""
     return _NotebookFigure(figsize=(width, height), layout="constrained")
 
 
 def axis_label(quantity: str, unit: str) -> str:
-    """Return a quantity and its unit in brackets, if it has one; ``m^2`` becomes a superscript."""
+    """A quantity and its unit in brackets, if it has one; ``m^2`` becomes a superscript."""
     return f"{quantity} [{_raised(unit)}]" if _raised(unit) else quantity
 
 
 def amount(value: float, unit: str) -> str:
-    """Return a number with four digits and its unit, if it has one."""
+    """A number with four digits and its unit, if it has one."""
     return f"{digits(value)} {_raised(unit)}".strip()
 
 
@@ -151,7 +151,7 @@ def _raised(unit: str) -> str:
 
 
 def digits(value: float) -> str:
-    """Return a number with four digits and a typographic minus sign; below 1e-12 it is zero."""
+    """A number with four digits and a typographic minus sign; below 1e-12 it is zero."""
     return f"{0.0 if abs(value) < 1e-12 else value:.4g}".replace("-", "\N{MINUS SIGN}")
 
 

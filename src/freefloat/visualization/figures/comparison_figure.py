@@ -38,7 +38,7 @@ _NAMES, _LETTERS = 10, 96
 
 @styled
 def comparison_figure(motions: Mapping[str, Motion]) -> Figure:
-    """Return a figure with a column for each motion: measure, attitude and joints over time.
+    """A figure with a column for each motion: measure, attitude and joints over time.
 
     Each quantity has one scale in all columns; motions with another measure or unit have their own.
 

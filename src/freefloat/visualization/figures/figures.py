@@ -66,7 +66,7 @@ def figures(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Figures:
-    """Return the figures of a result by name, drawn when they are asked for; a notebook shows them.
+    """The figures of a result by name, drawn when they are asked for; a notebook shows them.
 
     Motions, simulations and goals: ``snapshots`` and those of :func:`.motion_figures`;
     where the spacecraft's turn or the pointing of axes is limited ``angles``. Maps:
@@ -234,7 +234,7 @@ def _angles(motion: Motion, limits: Limits | None) -> Figures:
 
 
 def _compared_motions(plan: Plan) -> list[Motion]:
-    """Return the chosen motion and an infeasible motion of the same arm branch."""
+    """The chosen motion and an infeasible motion of the same arm branch."""
     if plan.chosen is None:
         return []
     branch = plan.chosen.branch.index
@@ -244,7 +244,7 @@ def _compared_motions(plan: Plan) -> list[Motion]:
 
 
 def _infeasible_motion(problem: Problem, entry: BranchRanges) -> Motion | None:
-    """Return a motion from the middle of the widest gap between ranges, if it reaches the path."""
+    """A motion from the middle of the widest gap between ranges, if it reaches the path."""
     limits = np.array(entry.limits)
     middles = (limits + np.diff(limits, append=limits[:1] + tau) / 2.0) % tau
     depths = [(entry.depth(float(m)), float(m)) for m in middles]

@@ -27,7 +27,7 @@ _ANGLE = 1.5
 
 @styled
 def manoeuvre_figure(manoeuvre: Manoeuvre) -> Figure:
-    """Return turn, limited angles, joints and measure by time; a turn begins with its phase."""
+    """Turn, limited angles, joints and measure by time; a turn begins with its phase."""
     problem, limits = manoeuvre.problem, manoeuvre.path.limits
     count = 0 if limits is None else len(limits.pointing)
     figure = Figure(figsize=(7.0, 6.0 + _ANGLE * count), layout="constrained")

@@ -50,7 +50,7 @@ _TITLE_LENGTH = 58
 
 @styled
 def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
-    """Return the figure of the best branch's minimum margin in slices, a row per mark.
+    """The figure of the best branch's minimum margin in slices, a row per mark.
 
     Args:
         result: Map with the measure and its range.
@@ -80,7 +80,7 @@ def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
 
 
 def _patches(result: AttitudeMap, slices: Sequence[Slice]) -> list[Patch]:
-    """Return the legend's entries of the areas without a colour that are in a slice."""
+    """The legend's entries of the areas without a colour that are in a slice."""
     words = f"all {'starts' if result.problem.redundant else 'branches'} below the margin"
     words += f" {digits(result.problem.margin.threshold)}"
     words += " or beyond a limit" if result.limited else ""
@@ -141,7 +141,7 @@ def _frame(axes: Any, plane: Slice) -> None:
 
 @styled
 def histogram_figure(result: AttitudeMap) -> Figure:
-    """Return the figure of the minimum margin's distribution over attitudes, per arm branch.
+    """The figure of the minimum margin's distribution over attitudes, per arm branch.
 
     The titles give the percentages of all outcomes. Of more than twelve branches those with most
     feasible attitudes are drawn.
@@ -194,7 +194,7 @@ def _draw_bars(axes: Any, values: Array, edges: Array, margin: float) -> None:
 
 
 def _outcomes(result: AttitudeMap, branch: int | None, values: Array) -> str:
-    """Return the name of a branch and the percentages of its outcomes, wrapped."""
+    """The name of a branch and the percentages of its outcomes, wrapped."""
     names = result.branch_labels()
     flipped = has_wrist_flipped_branches(result.problem)
     name = f"{names[branch][:-1]}±" if flipped else branch_name(names[branch])
@@ -204,7 +204,7 @@ def _outcomes(result: AttitudeMap, branch: int | None, values: Array) -> str:
 
 
 def _percentages(result: AttitudeMap, branch: int | None, values: Array) -> list[str]:
-    """Return the percentages of attitudes by best outcome of their branches."""
+    """The percentages of attitudes by best outcome of their branches."""
     endings = result.results.motions.endings[:, slice(None) if branch is None else [branch]]
     outcomes = {
         "keep the margin": result.problem.margin.keeps(values),

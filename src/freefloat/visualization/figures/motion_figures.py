@@ -63,37 +63,37 @@ def motion_figures(motion: Motion, closest: ClosestApproach) -> Figures:
 
 
 def shown_times(motion: Motion) -> Array:
-    """Return evenly spaced times and those of the integration nodes [s]."""
+    """Evenly spaced times and those of the integration nodes [s]."""
     even = np.linspace(motion.times.min(), motion.times.max(), _SAMPLES)
     return np.unique(np.concatenate([even, motion.times]))
 
 
 def euler_angles(attitudes: Array) -> Array:
-    """Return rotation angles about x, the new y and the new z axis [deg], without jumps, (K, 3)."""
+    """Rotation angles about x, the new y and the new z axis [deg], without jumps, (K, 3)."""
     angles = Rotation.from_quat(attitudes).as_euler("XYZ")
     return np.asarray(np.degrees(np.unwrap(angles, axis=0)))
 
 
 def headings(attitudes: Array) -> Array:
-    """Return headings of a planar spacecraft [deg], without jumps from [0, 360), shape (K,)."""
+    """Headings of a planar spacecraft [deg], without jumps from [0, 360), shape (K,)."""
     angles = np.unwrap(2.0 * np.arctan2(attitudes[:, 2], attitudes[:, 3]))
     turns = np.floor((angles[0] + _ROUNDING) / (2.0 * np.pi))  # zero is not a whole turn
     return np.asarray(np.degrees(angles - 2.0 * np.pi * turns))
 
 
 def joint_scale(model: FreeFloatingModel) -> tuple[float, str]:
-    """Return factor and unit of joint values in figures: degrees where all joints are revolute."""
+    """Factor and unit of joint values in figures: degrees where all joints are revolute."""
     prismatic = any(body.prismatic for body in model.bodies[1:])
     return (1.0, "rad, m") if prismatic else (np.degrees(1.0), "deg")
 
 
 def joint_names(model: FreeFloatingModel) -> list[str]:
-    """Return the names of the joints in legends."""
+    """The names of the joints in legends."""
     return [f"$q_{{{number}}}$" for number in range(1, model.dof + 1)]
 
 
 def attitude_curves(problem: Problem, trajectory: Trajectory) -> tuple[str, Array, Sequence[str]]:
-    """Return quantity, values [deg], shape (K, 1) or (K, 3), and names of attitude angles."""
+    """Quantity, values [deg], shape (K, 1) or (K, 3), and names of attitude angles."""
     if problem.task.planar:
         return "attitude", headings(trajectory.attitudes)[:, None], ("heading",)
     return "x-y-z Euler angles", euler_angles(trajectory.attitudes), _AXES
@@ -107,7 +107,7 @@ def draw_curves(axes: Any, times: Array, values: Array, names: Sequence[str]) ->
 
 @styled
 def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
-    """Return the figure of joints, attitude, rates and positions (Figs. 8 and 11)."""
+    """The figure of joints, attitude, rates and positions (Figs. 8 and 11)."""
     problem = motion.problem
     figure = new_figure(PAGE, 5.0)
     panels = figure.subplots(3, 2, sharex=True)
@@ -166,7 +166,7 @@ def _limit_rates(axes: Any, rates: Array, motion: Motion, times: Array) -> None:
 
 @styled
 def _margin_figure(motion: Motion, trajectory: Trajectory, closest: ClosestApproach) -> Figure:
-    """Return the figure of S over time with the margin and the closest approach."""
+    """The figure of S over time with the margin and the closest approach."""
     measure, threshold = motion.problem.margin.measure, motion.problem.margin.threshold
     figure = new_figure(height=2.6)
     axes = figure.subplots()
@@ -192,7 +192,7 @@ def _margin_figure(motion: Motion, trajectory: Trajectory, closest: ClosestAppro
 
 @styled
 def _momentum_figure(motion: Motion) -> Figure:
-    """Return the figure of momentum and end-effector errors at the integration nodes.
+    """The figure of momentum and end-effector errors at the integration nodes.
 
     With prescribed joints there is no path that the end-effector could leave.
     """
@@ -227,7 +227,7 @@ def _momentum_figure(motion: Motion) -> Figure:
 
 @styled
 def angles_figure(motion: Motion, limits: AttitudeLimits) -> Figure:
-    """Return the figure of limited angles over time, with an axes per limit.
+    """The figure of limited angles over time, with an axes per limit.
 
     Args:
         motion: The motion.

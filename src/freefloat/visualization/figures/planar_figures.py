@@ -42,7 +42,7 @@ _FEASIBLE = "#CFE3EF"
 
 @styled
 def joint_space_figure(problem: Problem, motions: Sequence[Motion]) -> Figure:
-    """Return the figure of S = 0, S = +-S0, radii of point 3 and motions (Fig. 3).
+    """The figure of S = 0, S = +-S0, radii of point 3 and motions (Fig. 3).
 
     Args:
         problem: Planar problem whose S depends on two joint angles.
@@ -116,7 +116,7 @@ def _draw_motion(axes: Any, motion: Motion, colour: str, dashes: Any, named: boo
 
 
 def wrapped(degrees: Array) -> Array:
-    """Return a curve (K, 2) wrapped to [-180, 180) [deg], with NaN rows at the jumps."""
+    """A curve (K, 2) wrapped to [-180, 180) [deg], with NaN rows at the jumps."""
     inside = (degrees + 180.0) % 360.0 - 180.0
     revolutions = np.round((degrees - inside) / 360.0)
     (jumps,) = np.nonzero(np.diff(revolutions, axis=0).any(axis=1))
@@ -129,7 +129,7 @@ def headings_figure(
     ranges: Sequence[BranchRanges] = (),
     chosen: tuple[int, float] | None = None,
 ) -> Figure:
-    """Return the figure of the minimum margin over heading, with an axes per arm branch.
+    """The figure of the minimum margin over heading, with an axes per arm branch.
 
     Args:
         result: Map over headings.
@@ -167,7 +167,7 @@ def headings_figure(
 def _curves(
     result: HeadingMap, ranges: Sequence[BranchRanges]
 ) -> list[tuple[int | None, str, Array, list[list[float]]]]:
-    """Return branch, name, minimum margins and feasible ranges [deg] per axes."""
+    """Branch, name, minimum margins and feasible ranges [deg] per axes."""
     margins = result.results.existing_margins
     if ranges and result.problem.redundant:
         with np.errstate(invalid="ignore"):
@@ -184,7 +184,7 @@ def _curves(
 
 
 def _sampled_spans(result: HeadingMap, branch: int) -> list[list[float]]:
-    """Return runs of feasible samples in [0, 360] deg, those across zero split in two."""
+    """Runs of feasible samples in [0, 360] deg, those across zero split in two."""
     spans = []
     for region in result.regions:
         if region.branch == branch:

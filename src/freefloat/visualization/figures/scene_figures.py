@@ -80,7 +80,7 @@ class Outline:
 
 
 def outlines(motion: Motion, times: npt.ArrayLike) -> list[Outline]:
-    """Return the outlines of the robot at times of a motion [s], shape (K,).
+    """The outlines of the robot at times of a motion [s], shape (K,).
 
     Raises:
         InputError: If a time lies outside the motion.
@@ -116,7 +116,7 @@ def _spacecraft_boxes(visuals: RobotVisuals) -> Array:
 
 @styled
 def workspace_figure(problem: Problem, workspace: Workspace) -> Figure:
-    """Return the figure of path-dependent and path-independent areas with the path.
+    """The figure of path-dependent and path-independent areas with the path.
 
     In space the areas are spherical shells, drawn over the distance from the centre of mass.
     """
@@ -167,7 +167,7 @@ def _labelled_areas(workspace: Workspace) -> Iterator[tuple[str | None, Interval
 
 @styled
 def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figure:
-    """Return the figure of the robot, and its scene, at several instants (Figs. 6, 7, 9 and 10).
+    """The figure of the robot, and its scene, at several instants (Figs. 6, 7, 9 and 10).
 
     Args:
         motion: The motion.

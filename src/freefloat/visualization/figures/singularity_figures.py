@@ -48,7 +48,7 @@ _CAPTION_LENGTH = 110
 
 
 def singularity_figures(found: SingularityMap, at: npt.ArrayLike | None = None) -> Figures:
-    """Return the figures of a map of the joint space by name.
+    """The figures of a map of the joint space by name.
 
     ``singularities`` if det A depends on two joints; else ``slices`` over pairs of the four most
     influential joints. Colours are those of the certified boxes, lines where det A vanishes.
@@ -77,7 +77,7 @@ def singularity_figures(found: SingularityMap, at: npt.ArrayLike | None = None) 
 
 @styled
 def _plane_figure(plane: Section) -> Figure:
-    """Return the figure of the two joints on which det A depends."""
+    """The figure of the two joints on which det A depends."""
     figure = new_figure(COLUMN, 3.8)
     handles = _draw_section(figure.subplots(), plane)
     figure.legend(handles=handles, loc="outside lower center", ncols=2)
@@ -86,7 +86,7 @@ def _plane_figure(plane: Section) -> Figure:
 
 @styled
 def _slices_figure(planes: Sequence[Section]) -> Figure:
-    """Return the figure of sections over pairs of joints, with the other joints' values below."""
+    """The figure of sections over pairs of joints, with the other joints' values below."""
     rows = len(planes) // 3
     figure = new_figure(PAGE, 0.65 + 2.2 * rows)
     panels = figure.subplots(rows, 3, squeeze=False).ravel()

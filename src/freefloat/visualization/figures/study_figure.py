@@ -50,7 +50,7 @@ Column = npt.NDArray[Any]
 def study_figure(
     table: Mapping[str, Column], parameters: Mapping[str, str], unit: str = ""
 ) -> Figure:
-    """Return the figure of margins over parameters; runs without a margin are drawn at zero.
+    """The figure of margins over parameters; runs without a margin are drawn at zero.
 
     Of more than eleven parameters those with the largest effect are drawn. Above 5,000 runs panels
     show how many runs there are. The last panel is the running estimate of
@@ -154,7 +154,7 @@ def _draw_estimate(axes: Any, verdicts: Column) -> None:
 
 
 def _places(values: Column) -> tuple[Array, list[str] | None]:
-    """Return axis positions: the numbers themselves, or indices with names of other values."""
+    """Axis positions: the numbers themselves, or indices with names of other values."""
     if values.dtype != object:
         return np.asarray(values, dtype=float), None
     names, places = np.unique(values, return_inverse=True)

@@ -34,7 +34,7 @@ _TWO_FRAMES = "new Promise(done => requestAnimationFrame(() => requestAnimationF
 
 
 def find_browser() -> str | None:
-    """Return the browser named by CHROMIUM_BIN, else a Chromium, Chrome or Edge on PATH.
+    """The browser named by CHROMIUM_BIN, else a Chromium, Chrome or Edge on PATH.
 
     Raises:
         InputError: If CHROMIUM_BIN is set to something else than a program.

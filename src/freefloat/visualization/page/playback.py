@@ -70,7 +70,7 @@ class Playback:
         return titles[0] if len(titles) == 1 and name not in self.titles else name
 
     def scene_duration(self, title: str | None = None) -> float:
-        """Return the duration [s] of a motion by its title; of the first by default.
+        """The duration [s] of a motion by its title; of the first by default.
 
         Raises:
             InputError: If the title is unknown.
@@ -86,7 +86,7 @@ class Playback:
         return ends[title]
 
     def html(self, opens: str | None = None) -> str:
-        """Return the page as HTML text; its content security policy forbids all requests.
+        """The page as HTML text; its content security policy forbids all requests.
 
         Args:
             opens: Title of the motion shown first, or ``"side by side"``.
@@ -104,7 +104,7 @@ class Playback:
         return re.sub("@([A-Z]+)@", lambda match: texts[match[1]], page)
 
     def parts(self, opens: str | None = None) -> dict[str, Any]:
-        """Return what ``player.js`` plays: the description ``about``, and packed commands.
+        """What ``player.js`` plays: the description ``about``, and packed commands.
 
         Args:
             opens: As for :meth:`html`.
@@ -198,7 +198,7 @@ def playback(
     result: Answer | MarginMap | SingularityMap | Motion | Mapping[str, Motion],
     title: str = "freefloat",
 ) -> Playback:
-    """Return the playback of a result.
+    """The playback of a result.
 
     Args:
         result: A motion, motions by name, a plan (its chosen motion), a manoeuvre (its phases one

@@ -53,7 +53,7 @@ class FrameTimes:
         return len(self.times) / self.rate
 
     def to_dict(self) -> dict[str, float]:
-        """Return numbers of pictures and of pictures per second, speed, and length [s]."""
+        """Numbers of pictures and of pictures per second, speed, and length [s]."""
         return {"pictures": len(self.times), "fps": self.rate, "speed": self.speed,
                 "duration": self.duration}  # fmt: skip
 
@@ -61,7 +61,7 @@ class FrameTimes:
 def frame_times(
     file: Path, duration: float, rate: float | None = None, speed: float | None = None
 ) -> FrameTimes:
-    """Return the frame times of a video, up to the end of the motion.
+    """The frame times of a video, up to the end of the motion.
 
     The default speed is real time or, if the video would be longer than 15 s, the smallest of 2,
     4, 5, 8, 10, 20, ... that makes it shorter.

@@ -145,20 +145,20 @@ class MarginColours:
 
     @classmethod
     def over(cls, margin: Margin, values: Iterable[Array], limited: bool = False) -> MarginColours:
-        """Return the scale that covers arrays of values of the measure."""
+        """The scale that covers arrays of values of the measure."""
         highest = [float(np.max(array)) for array in values if len(array)]
         largest = max([1.2 * margin.threshold, 1e-12, *highest])
         return cls(margin, largest, any(map(margin.keeps, highest)), limited)
 
     def __call__(self, values: Array) -> Array:
-        """Return RGB colours, shape (K, 3), of values of the measure, shape (K,)."""
+        """RGB colours, shape (K, 3), of values of the measure, shape (K,)."""
         fraction = (values - self.margin.threshold) / (self.largest - self.margin.threshold)
         shades = _DARKEST + (1.0 - _DARKEST) * fraction
         bright = np.asarray(colormaps["viridis"](shades))[:, :3]
         return np.where((fraction < 0.0)[:, None], _BELOW, bright)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content of the page's legend."""
+        """The content of the page's legend."""
         stops = np.linspace(self.margin.threshold, self.largest, _STOPS)
         return {
             "measure": self.margin.measure.name,
@@ -182,7 +182,7 @@ class ColourKeys:
     entries: Mapping[str, tuple[float, float, float]]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content of the page's legend."""
+        """The content of the page's legend."""
         return {"entries": [[text, to_hex(rgb)] for text, rgb in self.entries.items()]}
 
 
@@ -218,7 +218,7 @@ class SceneDescription:
         return max(scene.end for scene in self.scenes)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the description as the page's script reads it."""
+        """The description as the page's script reads it."""
         return {
             "title": self.title,
             "start": self.start,

@@ -31,7 +31,7 @@ _VIEW = View([0.0, 0.0, 0.0], 1.2, _CORNERS, direction=[0.0, -0.02, 1.0], flat=T
 
 
 def heading_scene(result: HeadingMap, title: str = "freefloat") -> Scene:
-    """Return the scene of a map over headings, for a page with a title.
+    """The scene of a map over headings, for a page with a title.
 
     Headings are angles from the x axis. The ring of the first arm branch is the outermost.
     """
@@ -68,13 +68,13 @@ def heading_scene(result: HeadingMap, title: str = "freefloat") -> Scene:
 
 
 def _points(radii: Any, angles: Any) -> Array:
-    """Return points in the x-y plane from radii [m] and angles [rad], which are broadcast."""
+    """Points in the x-y plane from radii [m] and angles [rad], which are broadcast."""
     x, y = radii * np.cos(angles), radii * np.sin(angles)
     return np.stack([x, y, np.zeros_like(x)], axis=-1)
 
 
 def _sectors(radii: Array, headings: Array, half: float) -> tuple[Array, IntArray]:
-    """Return vertices and faces of quadrilaterals between two radii around headings (K,) [rad]."""
+    """Vertices and faces of quadrilaterals between two radii around headings (K,) [rad]."""
     angles = headings[:, None] + half * np.array([-1.0, -1.0, 1.0, 1.0])
     faces = 4 * np.arange(len(headings))[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
     return _points(radii[[0, 1, 1, 0]], angles).reshape(-1, 3), faces.reshape(-1, 3)

@@ -71,7 +71,7 @@ class _Group:
 
 
 def map_scene(result: AttitudeMap, title: str = "freefloat") -> Scene:
-    """Return the scene of a map over all attitudes, for a page with a title."""
+    """The scene of a map over all attitudes, for a page with a title."""
     margin = result.problem.margin
     vectors = rotation_vectors(result.attitudes)
     chosen = np.arange(result.samples)

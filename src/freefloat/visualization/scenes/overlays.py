@@ -34,7 +34,7 @@ _AROUND = 64
 
 
 def thickness(problem: Problem) -> float:
-    """Return the radius of lines [m]."""
+    """The radius of lines [m]."""
     return 0.006 * problem.reach()
 
 
@@ -127,7 +127,7 @@ def draw_ending(builder: SceneBuilder, root: str, motion: Motion) -> list[Label]
 
 
 def tube(points: Array, radii: npt.ArrayLike) -> tuple[Array, IntArray]:
-    """Return a tube around a curve, its rings transported along the curve without twist.
+    """A tube around a curve, its rings transported along the curve without twist.
 
     Args:
         points: Points of the curve [m], shape (K, 3), K at least 2, not all the same; neighbours
@@ -152,18 +152,18 @@ def tube(points: Array, radii: npt.ArrayLike) -> tuple[Array, IntArray]:
 
 
 def rod(end: Array, radius: float) -> tuple[Array, IntArray]:
-    """Return a straight tube with closed ends from the origin to a point (3,)."""
+    """A straight tube with closed ends from the origin to a point (3,)."""
     return tube(np.array([0.0 * end, 0.0 * end, end, end]), [0.0, radius, radius, 0.0])
 
 
 def arrow(end: Array, radius: float) -> tuple[Array, IntArray]:
-    """Return a straight tube from the origin to a point (3,) whose last quarter is a cone."""
+    """A straight tube from the origin to a point (3,) whose last quarter is a cone."""
     points = np.outer([0.0, 0.0, 0.75, 0.75, 1.0], end)
     return tube(points, [0.0, radius, radius, 2.5 * radius, 0.0])
 
 
 def surface_of_revolution(ends: Array, radii: Array) -> tuple[Array, IntArray]:
-    """Return the cone, or cylinder, about z between two places on it (2,), with radii (2,) [m]."""
+    """The cone, or cylinder, about z between two places on it (2,), with radii (2,) [m]."""
     angles = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
     rings = [

@@ -64,7 +64,7 @@ class PointingCone:
         poses: tuple[Array, Array],
         visuals: RobotVisuals,
     ) -> PointingCone:
-        """Return that of a limit of a problem.
+        """The cone of a limit of a problem.
 
         Args:
             problem: The problem.

@@ -23,7 +23,7 @@ from freefloat.visualization.scenes.singularity_scene import singularity_scene
 
 
 def result_scene(result: Any, title: str) -> Scene:
-    """Return the scene of a result, or of motions by name.
+    """The scene of a result, or of motions by name.
 
     Raises:
         InputError: If the result is of another class, or without a motion.
@@ -44,7 +44,7 @@ def _motion_scene(motion: Motion, title: str) -> Scene:
 
 
 def _simulation_scene(simulation: Simulation, title: str) -> Scene:
-    """Return the scene of all arm branches, the chosen one first."""
+    """The scene of all arm branches, the chosen one first."""
     branches = sorted(simulation.branches, key=lambda branch: branch is not simulation.chosen)
     motions = {branch.title: branch.motion for branch in branches}
     return motion_scene(motions, title, _pointing(simulation.limits))
@@ -66,7 +66,7 @@ def _goal_scene(result: GoalMotion, title: str) -> Scene:
 
 
 def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> Scene:
-    """Return the scene of the motions of a manoeuvre, in the frame of its first path.
+    """The scene of the motions of a manoeuvre, in the frame of its first path.
 
     Raises:
         InputError: If no phase has a motion.

@@ -23,7 +23,7 @@ MAX_KEYS = 6000
 
 
 def key_times(motion: Motion, limit: int = MAX_KEYS) -> Array:
-    """Return the times of a motion's key frames [s], shape (K,), in single precision.
+    """The times of a motion's key frames [s], shape (K,), in single precision.
 
     The union of evenly spaced times, 25 per second of playback and 12 per revolution of a tumbling
     body, and of the integration nodes, which are dense near singularities.
@@ -79,7 +79,7 @@ def sampled_motion(
     limit: int,
     pointing: Sequence[PointingLimit],
 ) -> SampledMotion:
-    """Return a motion at no more key times than a limit."""
+    """A motion at no more key times than a limit."""
     problem = motion.problem
     times = key_times(motion, limit)
     parameters = motion.coordinates_at(times)

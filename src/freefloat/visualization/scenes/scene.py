@@ -80,7 +80,7 @@ def motion_scene(
     pointing: Sequence[PointingLimit] = (),
     places: Sequence[Place] = (),
 ) -> Scene:
-    """Return the scene of motions, each below a node with its name.
+    """The scene of motions, each below a node with its name.
 
     Args:
         motions: Motions by name.
@@ -211,13 +211,13 @@ def _draw(
 
 
 def _verdict(motion: Motion) -> str:
-    """Return how a motion ended, with the kind of a singularity."""
+    """How a motion ended, with the kind of a singularity."""
     event = singular_event(motion)
     return motion.outcome if event is None else f"{motion.outcome} Kind: {event.kind}."
 
 
 def _view(samples: Sequence[SampledMotion], places: Sequence[Place], planar: bool) -> View:
-    """Return the page's first view, which covers the motions and, in the plane, the reach."""
+    """The page's first view, which covers the motions and, in the plane, the reach."""
     parts = [np.zeros((1, 3))]
     for sampled, place in zip(samples, places, strict=True):
         parts += [np.asarray(place.origin) + points for points in _extent(sampled)]

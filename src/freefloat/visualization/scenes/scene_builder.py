@@ -89,7 +89,7 @@ class SceneBuilder:
             self._set(f"Lights/{light}/<object>", "intensity", 0.25)
 
     def scene(self, description: SceneDescription) -> Scene:
-        """Return the scene; all clips have the duration of the description, else they freeze."""
+        """The scene; all clips have the duration of the description, else they freeze."""
         animation = None
         if self._tracks:
             duration = description.duration
@@ -209,7 +209,7 @@ class SceneBuilder:
 
 
 def node(name: str) -> str:
-    """Return a name as a single node of a path, its slashes replaced."""
+    """A name as a single node of a path, its slashes replaced."""
     return name.replace("/", "∕").strip() or "unnamed"
 
 

@@ -64,7 +64,7 @@ def singularity_scene(
     joints: Sequence[str] | None = None,
     at: npt.ArrayLike | None = None,
 ) -> Scene:
-    """Return the scene of a map of the joint space, for a page with a title.
+    """The scene of a map of the joint space, for a page with a title.
 
     Over three joints it is the surface where det A vanishes, over two joints det A itself.
 
@@ -96,7 +96,7 @@ def singularity_scene(
 
 
 def _indices(found: SingularityMap, joints: Sequence[str] | None) -> list[int]:
-    """Return the indices of joints by name, or those with the largest influence."""
+    """The indices of joints by name, or those with the largest influence."""
     if joints is None:
         return influential_joints(found, min(3, max(2, len(found.joints))))
     names = list(found.model.joint_names)
@@ -106,7 +106,7 @@ def _indices(found: SingularityMap, joints: Sequence[str] | None) -> list[int]:
 
 
 def surface(part: Section) -> tuple[Array, IntArray]:
-    """Return the surface det A = 0 of a section over three joints.
+    """The surface det A = 0 of a section over three joints.
 
     The front of its faces, whose corners run anticlockwise, is that of det A > 0.
 
@@ -169,7 +169,7 @@ def _draw_height(builder: SceneBuilder, root: str, part: Section) -> list[str]:
 
 
 def _placed(part: Section, values: Array) -> Array:
-    """Return places in the scene [m] of joint values, from -1 to 1 over their ranges."""
+    """Places in the scene [m] of joint values, from -1 to 1 over their ranges."""
     return 2.0 * (values - part.lower) / (part.upper - part.lower) - 1.0
 
 
@@ -217,7 +217,7 @@ def _lines(part: Section, drawn: bool) -> Iterator[str]:
 def zero_surface(
     function: Callable[[Array], Array], axes: tuple[Array, Array, Array]
 ) -> tuple[Array, IntArray]:
-    """Return the surface where a function vanishes, by marching tetrahedra.
+    """The surface where a function vanishes, by marching tetrahedra.
 
     Each cell of a grid is divided into six tetrahedra. Vertices lie on their edges, where
     bisections find a change of sign.

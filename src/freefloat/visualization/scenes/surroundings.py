@@ -42,7 +42,7 @@ class BodyVisuals:
 
 
 def body_visuals(number: int, body: SceneBody) -> BodyVisuals:
-    """Return the translucent shapes of a body of the scene with its number."""
+    """The translucent shapes of a body of the scene with its number."""
     shapes: list[Visual] = []
     problems: list[str] = []
     for shape in body.shapes("visual"):
@@ -90,7 +90,7 @@ class Surroundings:
 
     @classmethod
     def of(cls, motion: Motion, times: Array, places: Array) -> Surroundings:
-        """Return those of a motion at some times [s], whose panel coordinates are given."""
+        """The surroundings of a motion at some times [s], whose panel coordinates are given."""
         problem, scene = motion.problem, motion.problem.scene
         states = list(zip(times.tolist(), *motion.evaluate(places)[1:], strict=True))
         poses = tuple(scene_poses(motion, *state) for state in states)

@@ -55,7 +55,7 @@ class Visual:
 
 
 def body_poses(motion: Motion, parameters: Array) -> tuple[Array, Array]:
-    """Return poses in the inertial frame at panel coordinates of a motion, shape (K,).
+    """Poses in the inertial frame at panel coordinates of a motion, shape (K,).
 
     Returns:
         Positions [m], shape (K, n + 1 + E, 3), and rotation matrices, shape (K, n + 1 + E, 3, 3),
@@ -72,12 +72,12 @@ def body_poses(motion: Motion, parameters: Array) -> tuple[Array, Array]:
 
 
 def tip_links(model: FreeFloatingModel) -> tuple[str, ...]:
-    """Return the end-effectors of the arms that move, that on the problem's path last."""
+    """The end-effectors of the arms that move, that on the problem's path last."""
     return (*model.further_arms.values(), model.end_effector_link)
 
 
 def view_direction(motions: Sequence[Array], others: Sequence[Array] = ()) -> Array:
-    """Return the direction to the eye with the arms in front and the paths across the picture.
+    """The direction to the eye with the arms in front and the paths across the picture.
 
     Bodies of the scene are beside the robots, neither before nor behind them.
 
@@ -118,7 +118,7 @@ class RobotVisuals:
 
 
 def robot_visuals(model: FreeFloatingModel) -> RobotVisuals:
-    """Return the visuals of all links, with a mesh per colour.
+    """The visuals of all links, with a mesh per colour.
 
     A link with mass but without visuals has its collision shapes. Arm bodies without either get
     rods; a spacecraft whose heaviest link has none gets a box.
@@ -204,7 +204,7 @@ def _along(position: Array, direction: Array) -> Pose:
 
 
 def bounding_box(visual: Visual) -> Array:
-    """Return the corners of a shape's bounding box in its body's frame [m], shape (8, 3).
+    """The corners of a shape's bounding box in its body's frame [m], shape (8, 3).
 
     z changes fastest, then y.
     """
@@ -218,7 +218,7 @@ def bounding_box(visual: Visual) -> Array:
 
 
 def largest_box(visuals: RobotVisuals, body: int) -> Array:
-    """Return the corners of a body's largest box in its frame [m], as :func:`bounding_box`.
+    """The corners of a body's largest box in its frame [m], as :func:`bounding_box`.
 
     Without a box among its visuals: the bounding box of the largest other shape.
     """
