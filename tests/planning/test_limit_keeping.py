@@ -13,7 +13,7 @@ from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.limits import keeping as limit_keeping
 from freefloat.planning.limits.keeping import keep_limits
 from freefloat.planning.plan import Plan
-from freefloat.planning.simulation import integrate_branch
+from freefloat.planning.simulated_branch import integrate_branch
 from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.so3 import heading_quaternion
 from tests.motions import bundled

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 import freefloat as ff
-from freefloat.planning.simulation import integrate_branch
+from freefloat.planning.simulated_branch import integrate_branch
 from freefloat.so3 import angle_between, heading_quaternion
 from tests.errors import error_key
 

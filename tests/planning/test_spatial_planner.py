@@ -16,7 +16,7 @@ from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.objectives.objectives import NAMED
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import NOT_UNIQUE
-from freefloat.planning.simulation import SimulatedBranch
+from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.spatial_planner import plan_in_space
 from freefloat.so3 import angle_between, frozen
 from tests.motions import bundled

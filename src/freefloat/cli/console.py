@@ -26,7 +26,7 @@ if TYPE_CHECKING:  # the command line shows its help without NumPy
     from freefloat.limits.result import LimitResult
     from freefloat.planning.answer import Answer
     from freefloat.planning.settings import Search
-    from freefloat.planning.simulation import SimulatedBranch
+    from freefloat.planning.simulated_branch import SimulatedBranch
 
 DONE = 0
 NEGATIVE = 1

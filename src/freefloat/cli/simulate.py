@@ -36,7 +36,8 @@ from freefloat.errors import InputError
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from freefloat.planning.simulation import SimulatedBranch, Simulation
+    from freefloat.planning.simulated_branch import SimulatedBranch
+    from freefloat.planning.simulation import Simulation
 
 _Heading = Annotated[
     float | None, typer.Option(metavar="DEG", help="The same for planar tasks, in degrees.")

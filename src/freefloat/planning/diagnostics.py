@@ -20,7 +20,7 @@ from freefloat.planning.reasons import (
     unreached_start_message,
 )
 from freefloat.planning.settings import Search
-from freefloat.planning.simulation import SimulatedBranch, integrate_branch
+from freefloat.planning.simulated_branch import SimulatedBranch, integrate_branch
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.climbing import best_branch, largest_margins
 from freefloat.singularities.planar_regions import PlanarArm, most_singular_place, point_3_of_pose

@@ -18,7 +18,7 @@ from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.plane.arcs import BranchRanges, covered_angle
 from freefloat.planning.plane.segment import Segment
 from freefloat.planning.settings import Search
-from freefloat.planning.simulation import SimulatedBranch
+from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.tolerance import Effort, Tolerance
 from freefloat.so3 import angle_between, degrees, heading_of

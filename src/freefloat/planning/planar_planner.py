@@ -28,7 +28,8 @@ from freefloat.planning.plane.search import searched_ranges
 from freefloat.planning.plane.segment import Segment
 from freefloat.planning.reasons import NO_HEADING_WITHIN_LIMITS, margin_text, not_confirmed
 from freefloat.planning.settings import HEADINGS, Search
-from freefloat.planning.simulation import SimulatedBranch, integrate_branch, simulate
+from freefloat.planning.simulated_branch import SimulatedBranch, integrate_branch
+from freefloat.planning.simulation import simulate
 from freefloat.singularities.planar_regions import has_two_angle_form
 from freefloat.so3 import heading_of, heading_quaternion
 

@@ -2,96 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy.typing as npt
 
-from freefloat.dynamics.redundancy import Redundancy
 from freefloat.errors import InputError
 from freefloat.ik.branches import ArmBranch
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.contact import Contact, deepest_contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, violated
-from freefloat.motion.extrema import ClosestApproach, closest_approach, unwrapped
-from freefloat.motion.integration import integrate_motion
-from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem, require_problem
-from freefloat.motion.singularity import singular_event
 from freefloat.planning.answer import Answer, PhaseResult
-from freefloat.planning.reasons import Verdict, reach_message, unreachable, verdict_on
+from freefloat.planning.reasons import Verdict, reach_message, unreachable
+from freefloat.planning.simulated_branch import SimulatedBranch, integrate_from
 from freefloat.so3 import Array
-
-
-@dataclass(frozen=True, eq=False)
-class SimulatedBranch:
-    """The motion of one arm branch.
-
-    Attributes:
-        branch: The arm at the start.
-        motion: Its motion along the path.
-        closest_approach: Closest approach to a dynamic singularity, by the problem's measure.
-    """
-
-    branch: ArmBranch
-    motion: Motion = field(repr=False)
-    closest_approach: ClosestApproach
-
-    @property
-    def title(self) -> str:
-        """``branch 2 shoulder+ elbow- wrist+``; of redundant arms ``start 2``."""
-        number, label = self.branch.index, self.branch.label
-        kind = "start" if self.motion.problem.redundant else "branch"
-        return f"{kind} {number}" + ("" if label == str(number) else f" {label}")
-
-    @property
-    def minimum_margin(self) -> float:
-        """The smallest magnitude of the measure; zero for a motion that ends singular."""
-        singular = self.motion.ending is Ending.SINGULAR
-        return 0.0 if singular else self.closest_approach.value
-
-    @property
-    def feasible(self) -> bool:
-        """Whether the motion completes and keeps the problem's margin."""
-        return self.verdict().feasible
-
-    def verdict(self, results: Iterable[LimitResult] = ()) -> Verdict:
-        """The verdict by the margin, and by the limits along the motion."""
-        return verdict_on(self.motion, results, self.closest_approach)
-
-    def _outcome(self) -> dict[str, Any]:
-        required = self.motion.problem.margin.threshold
-        margin = {**self.closest_approach.to_dict(), "required": required, "kept": self.feasible}
-        event = singular_event(self.motion)
-        return {
-            "branch": self.branch.index,
-            "completed": self.motion.completed,
-            "ended_at": self.motion.final.time,
-            "singular": None if event is None else event.to_dict(),
-            "min_margin": margin,
-        }
-
-    def summary(self) -> dict[str, Any]:
-        """The outcome without the states, as a JSON document."""
-        start = {"label": self.branch.label, "joints": self.branch.joints.tolist()}
-        return {**self._outcome(), **start}
-
-    def to_dict(self) -> dict[str, Any]:
-        """The motion as a JSON document."""
-        motion, problem = self.motion, self.motion.problem
-        redundancy = problem.redundancy or Redundancy()
-        return {
-            **self._outcome(),
-            "ending": motion.ending.value,
-            "joint_names": list(problem.model.joint_names),
-            "initial": motion.initial.to_dict(),
-            "final": motion.final.to_dict(),
-            "duration": problem.path.duration,
-            "residuals": motion.residuals().to_dict(),
-            "redundancy": redundancy.to_dict() if problem.redundant else None,
-        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,27 +165,6 @@ def chosen_joints(
     starts = branches if requested is None else [requested]
     simulated = _ranked([integrate_from(problem, attitude, start) for start in starts])
     return _within_limits(simulated, checker)[0][0].branch.joints
-
-
-def integrate_branch(problem: Problem, attitude: Array, branch: int) -> SimulatedBranch:
-    """The motion of the arm branch with a number, which exists at the attitude (4,)."""
-    start = next(entry for entry in problem.branches(attitude) if entry.index == branch)
-    return integrate_from(problem, attitude, start)
-
-
-def integrate_from(
-    problem: Problem, attitude: Array, start: ArmBranch, **options: Any
-) -> SimulatedBranch:
-    """The motion from an arm branch at an attitude (4,); see :func:`integrate_motion`."""
-    return simulated_branch(start, integrate_motion(problem, attitude, start.joints, **options))
-
-
-def simulated_branch(start: ArmBranch, motion: Motion) -> SimulatedBranch:
-    """An arm branch with its motion, and that motion's closest approach to a singularity."""
-    motion, problem = unwrapped(motion), motion.problem
-    approach = closest_approach(motion, problem.margin.measure)
-    joints = motion.initial.joints[: problem.model.arm_dof]
-    return SimulatedBranch(replace(start, joints=joints), motion, approach)
 
 
 def _branches(

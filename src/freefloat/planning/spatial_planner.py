@@ -10,7 +10,7 @@ from freefloat.planning.diagnostics import disagreement_message, no_feasible_att
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import NOT_UNIQUE, margin_text
 from freefloat.planning.settings import PLAN_ATTITUDES, Search
-from freefloat.planning.simulation import integrate_branch
+from freefloat.planning.simulated_branch import integrate_branch
 from freefloat.planning.space.choices import SampledChoices
 from freefloat.planning.space.climbing import best_branch, is_unique
 from freefloat.planning.space.mapping import sample_attitudes

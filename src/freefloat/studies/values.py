@@ -15,7 +15,8 @@ from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.heading_map import HeadingMap
-from freefloat.planning.simulation import SimulatedBranch, Simulation
+from freefloat.planning.simulated_branch import SimulatedBranch
+from freefloat.planning.simulation import Simulation
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import degrees, heading_of, heading_quaternion
 from freefloat.studies.columns import FEASIBLE, INFEASIBLE

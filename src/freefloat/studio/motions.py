@@ -17,7 +17,7 @@ from freefloat.planning.limits.trials import Trials
 from freefloat.planning.objectives.objective import Comparison
 from freefloat.planning.objectives.objectives import Margin
 from freefloat.planning.plane.heading_map import HeadingMap
-from freefloat.planning.simulation import SimulatedBranch, integrate_branch
+from freefloat.planning.simulated_branch import SimulatedBranch, integrate_branch
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import Array, heading_of
 from freefloat.studio.attitudes import best_columns

@@ -17,7 +17,7 @@ from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.plane.heading_search import sample_headings
 from freefloat.planning.planner import plan
 from freefloat.planning.reasons import reach_message
-from freefloat.planning.simulation import SimulatedBranch
+from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.mapping import sample_attitudes
 from freefloat.studio.analysis import Analysis, Attitude

@@ -13,7 +13,8 @@ from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Ending
 from freefloat.planning.phases.kinds.path_phase import branch_at
 from freefloat.planning.plan import Plan
-from freefloat.planning.simulation import SimulatedBranch, Simulation
+from freefloat.planning.simulated_branch import SimulatedBranch
+from freefloat.planning.simulation import Simulation
 from freefloat.verification.comparisons import (
     Check,
     certificate_checks,

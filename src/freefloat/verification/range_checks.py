@@ -22,7 +22,7 @@ from freefloat.planning.planar_planner import heading_depth
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.continuation import keeps_from_nearby
 from freefloat.planning.searches.adversary import violations
-from freefloat.planning.simulation import SimulatedBranch
+from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.space.robust_radius import Surroundings
 from freefloat.planning.tolerance import Effort, Tolerance
 from freefloat.so3 import Array, heading_quaternion

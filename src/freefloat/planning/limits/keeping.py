@@ -21,7 +21,7 @@ from freefloat.planning.objectives.objective import Comparison
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_planner import heading_depth
 from freefloat.planning.reasons import margin_text, none_within_limits
-from freefloat.planning.simulation import SimulatedBranch
+from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.so3 import Array, heading_quaternion, rotated, rotation_vector_to
 
 _HEADINGS = 720

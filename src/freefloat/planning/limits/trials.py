@@ -13,7 +13,7 @@ from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult, needed_stretch, rounded_up
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.evaluator import evaluator_for
-from freefloat.planning.simulation import SimulatedBranch, integrate_branch
+from freefloat.planning.simulated_branch import SimulatedBranch, integrate_branch
 from freefloat.so3 import Array
 
 _STRETCHED = 8

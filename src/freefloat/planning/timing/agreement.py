@@ -16,11 +16,7 @@ from freefloat.planning.limits.trials import OVER, PassedTrial
 from freefloat.planning.path_planner import plan_held, plan_path
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import FIRST_GUESS, HELD, NO_FASTEST
-from freefloat.planning.simulation import (
-    SimulatedBranch,
-    integrate_from,
-    simulated_branch,
-)
+from freefloat.planning.simulated_branch import SimulatedBranch, integrate_from, simulated_branch
 from freefloat.planning.timing.speed_profile import INTERVALS, fastest_speeds
 from freefloat.planning.timing.stretching import stretched_plan
 from freefloat.planning.timing.timed_plan import with_speeds, with_timing, with_tolerances

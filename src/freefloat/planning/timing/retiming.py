@@ -14,7 +14,7 @@ from freefloat.limits.limits import Limits
 from freefloat.limits.result import needed_stretch
 from freefloat.planning.limits.trials import OVER
 from freefloat.planning.plan import Plan
-from freefloat.planning.simulation import SimulatedBranch
+from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.timing.agreement import agreeing_plan
 from freefloat.planning.timing.speed_profile import fastest_speeds, require_considered
 from freefloat.planning.timing.timed_plan import with_speeds, with_timing, with_tolerances

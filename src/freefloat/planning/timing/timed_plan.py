@@ -13,7 +13,7 @@ from freefloat.planning.evaluator import evaluator_for
 from freefloat.planning.path_planner import certified
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import FASTEST
-from freefloat.planning.simulation import SimulatedBranch, integrate_from
+from freefloat.planning.simulated_branch import SimulatedBranch, integrate_from
 from freefloat.planning.space.disturbances import tolerance
 
 

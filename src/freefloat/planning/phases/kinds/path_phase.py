@@ -36,7 +36,7 @@ from freefloat.planning.phases.state import SystemState
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import PRECEDED, Cause, Verdict
 from freefloat.planning.settings import Search
-from freefloat.planning.simulation import SimulatedBranch
+from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.scene.scene import FRAMES
 from freefloat.so3 import Array, Pose, frozen
 
