@@ -51,7 +51,7 @@ class Studio:
 
     def told(self) -> str:
         """What its browser was told to open."""
-        end = time.monotonic() + 10.0
+        end = time.monotonic() + 60.0
         while not self.browser.exists():
             assert time.monotonic() < end
             time.sleep(0.02)

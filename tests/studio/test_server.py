@@ -34,7 +34,7 @@ def studio(start_studio: Callable[..., Studio]) -> Studio:
 
 def status(studio: Studio, path: str, **headers: str) -> int:
     """The status of a request; ``Host`` replaces the right one."""
-    connection = http.client.HTTPConnection("127.0.0.1", studio.port, timeout=5)
+    connection = http.client.HTTPConnection("127.0.0.1", studio.port, timeout=60)
     connection.request("GET", path, headers=headers)
     response = connection.getresponse()
     response.read()
