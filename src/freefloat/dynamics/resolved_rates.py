@@ -82,6 +82,8 @@ class ResolvedRateSolver:
         if redundancy is not None:
             redundancy.require_applicable(model, task)
         self._model, self._planar = model, task.planar
+        self._robot, self._data = model.pin_model, model.pin_model.createData()
+        self._further = bool(model.arms)
         self._selected = slice(None) if task is Task.POSE else task.rows
         self._parts = [
             (frame, slice(6 + first, 6 + first + len(task.rows)))
@@ -122,21 +124,19 @@ class ResolvedRateSolver:
             Spacecraft angular velocity in the spacecraft frame [rad/s], shape (3,), and joint
             rates, shape (n,). Infinite where the matrix is exactly singular.
         """
-        model, q, M, b = self._model, self._q, self._M, self._b
+        robot, data, q, M, b = self._robot, self._data, self._q, self._M, self._b
         q[3:7], q[7:] = attitude, joints
-        M[:6] = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
+        M[:6] = pin.computeCentroidalMap(robot, data, q)
         for arm, (frame, rows) in enumerate(self._parts):
-            M[rows] = pin.getFrameJacobian(model.pin_model, model.scratch, frame, self._frame)[
-                self._selected
-            ]
+            M[rows] = pin.getFrameJacobian(robot, data, frame, self._frame)[self._selected]
             own = twist[6 * arm : 6 * arm + 6]
             if self._own_axes:
-                placement = pin.updateFramePlacement(model.pin_model, model.scratch, frame)
+                placement = pin.updateFramePlacement(robot, data, frame)
                 own = (own.reshape(2, 3) @ placement.rotation).ravel()
             b[rows] = own[self._selected]
-        if model.arms:
+        if self._further:
             if arm_rates is None:
-                model.require_one_arm("these joint rates")
+                self._model.require_one_arm("these joint rates")
             b[self._task.stop :] = arm_rates
         if self._wheels:
             b[3:6] = self._system.body_momentum(attitude)
@@ -225,21 +225,20 @@ class ResolvedRateSolver:
         twist at a point fixed in space; the motion of that point with the end-effector is added,
         unless the twist is in the axes of the end-effector.
         """
-        model, data = self._model.pin_model, self._model.scratch
+        robot, data, q, M = self._robot, self._data, self._q, self._M
         frames, axes = self._model.frame_ids, self._frame
-        q, M = self._q, self._M
         columns = np.linalg.pinv(S)
         motions = np.vstack([-base @ columns, columns])
         recoil = np.linalg.solve(M[:6, :6].T, M[6:, :6].T).T
-        Js = [np.array(pin.computeFrameJacobian(model, data, q, frame, axes)) for frame in frames]
+        Js = [np.array(pin.computeFrameJacobian(robot, data, q, frame, axes)) for frame in frames]
         gradient = np.zeros(len(columns))
         no_acceleration = np.zeros(len(motions))
         for i, (arm, row) in enumerate(divmod(row, 6) for row in self._rows):
             J, frame = Js[arm], frames[arm]
             momentum = pin.computeCentroidalDynamicsDerivatives(
-                model, data, q, np.ascontiguousarray(motions[:, i]), no_acceleration
+                robot, data, q, np.ascontiguousarray(motions[:, i]), no_acceleration
             )[0]
-            twist = pin.getFrameVelocityDerivatives(model, data, frame, axes)[0]
+            twist = pin.getFrameVelocityDerivatives(robot, data, frame, axes)[0]
             gradient += twist[row, 6:] - recoil[i] @ momentum[:, 6:]
             if row < 3 and not self._own_axes:
                 gradient += np.cross(J[3:] @ motions[:, i], J[:3, 6:].T)[:, row]
