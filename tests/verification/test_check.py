@@ -208,11 +208,13 @@ def test_an_altered_value_is_a_discrepancy(planar, name, request):
         (lambda plan: replace(plan, tolerance=replace(
             plan.tolerance, momentum=6.0 * plan.tolerance.momentum)), "tolerance: the momentum ["),
         (lambda plan: replace(plan, tolerance=replace(
-            plan.tolerance, longest=10.0 * plan.tolerance.longest)), "tolerance: the duration 2"),
+            plan.tolerance, longest=2.0 * plan.tolerance.longest)), "tolerance: the duration 5"),
+        (lambda plan: replace(plan, tolerance=replace(
+            plan.tolerance, shortest=plan.tolerance.longest)), "tolerance: "),
         (moved("joints", slice(None), 3, 1e-3), "end-effector orientation"),
         (lambda p: with_problem(p, margin=replace(p.problem.margin, threshold=60.0)), "arm"),
     ],
-    ids=["robust radius", "momentum", "duration", "joints", "margin"],
+    ids=["robust radius", "momentum", "longest", "shortest", "joints", "margin"],
 )  # fmt: skip
 def test_robustness_in_space_is_verified(spatial, change, check):
     assert any(entry.reason.startswith(check) for entry in ff.check(change(spatial)).discrepancies)

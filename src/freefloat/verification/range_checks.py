@@ -23,6 +23,7 @@ from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.continuation import keeps_from_nearby
 from freefloat.planning.searches.adversary import violations
 from freefloat.planning.simulated_branch import SimulatedBranch
+from freefloat.planning.space.disturbances import LONGEST
 from freefloat.planning.space.robust_radius import Surroundings
 from freefloat.planning.tolerance import Effort, Tolerance
 from freefloat.so3 import Array, heading_quaternion
@@ -169,6 +170,12 @@ def _ball_check(evaluator: FeasibilityEvaluator, plan: Plan, chosen: SimulatedBr
     return Check("robust radius", not failed, words, radius, float(failed), 0.0, "attitudes fail")
 
 
+def _are_tried_around(duration: float, shortest: float, longest: float) -> bool:
+    """Whether a duration [s] is between two others that a search for tolerances tries."""
+    most = LONGEST * duration / _INSIDE
+    return _INSIDE * duration / LONGEST <= shortest <= duration <= longest <= most
+
+
 def _tolerance_check(
     evaluator: FeasibilityEvaluator, tolerance: Tolerance, chosen: SimulatedBranch
 ) -> Check:
@@ -178,6 +185,10 @@ def _tolerance_check(
     are integrated precisely.
     """
     problem, start = evaluator.problem, chosen.motion.initial
+    shortest, longest = tolerance.shortest, tolerance.longest
+    if not _are_tried_around(problem.path.duration, shortest, longest):
+        words = f"{shortest:.6g} to {longest:.6g} s are no durations around the planned one"
+        return Check("tolerance", False, words, shortest, unit="s")
     directions = even_directions(_DIRECTIONS)
     tolerated = _INSIDE * tolerance.momentum
 
@@ -204,7 +215,6 @@ def _tolerance_check(
         for h in worst
     ]  # fmt: skip
     if problem.depends_on_timing:
-        shortest, longest = tolerance.shortest, tolerance.longest
         for duration, stated in ((shortest / _INSIDE, shortest), (longest * _INSIDE, longest)):
             system = problem.system.scaled(duration / problem.path.duration)
             changes.append((problem.with_system(system), f"duration {duration:.6g}", "s", stated))

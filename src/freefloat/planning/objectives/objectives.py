@@ -20,6 +20,9 @@ from freefloat.planning.objectives.objective import (
 from freefloat.planning.searches.nearest_neighbours import depths
 from freefloat.so3 import Array
 
+_SAME = 1e-9
+"""Angle up to which two attitudes are one [rad]."""
+
 
 @dataclass(frozen=True)
 class Margin(Objective):
@@ -90,8 +93,9 @@ class Nearest(Objective):
 
     def limited_reason(self, deviation: float | None, margin: str) -> str:
         """See :class:`Objective`."""
-        away = np.degrees(deviation or 0.0)
-        return f"the nearest found that keeps the limits, {away:.4g} degrees away"
+        if not deviation or deviation < _SAME:
+            return "the attitude the spacecraft has keeps margin and limits already"
+        return f"the nearest found that keeps the limits, {np.degrees(deviation):.4g} degrees away"
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ _SECTIONS = 40
 _FINEST, _EXACT, _LEVELS = 1e-5, 1e-6, 8
 """Width of the narrowest gap between durations that is searched for, and the accuracy of the
 shortest and the longest one, as fractions, and how often an interval is divided in a round."""
-_LONGEST = 10.0
+LONGEST = 10.0
 """Largest ratio of durations, longer or shorter than planned, that is tried."""
 
 
@@ -64,7 +64,7 @@ def tolerance(integrator: EnsembleIntegrator, attitude: Array, joints: Array) ->
     D, _ = inertia_matrices(problem.chain(), joints)
     limit = float(np.trace(D)) / 3.0 * 2.0 * np.pi / duration
     deviation = _momentum_tolerance(lambda added: regularity(motions(h + added), threshold), limit)
-    powers = np.log(_LONGEST) * np.array([-1.0, 1.0])
+    powers = np.log(LONGEST) * np.array([-1.0, 1.0])
     if problem.depends_on_timing:
         powers = _kept_around_zero(scaled, *powers)
     shortest, longest = (duration * np.exp(powers)).tolist()
