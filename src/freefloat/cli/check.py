@@ -48,9 +48,9 @@ def check(
     """Verify a saved plan, motion, manoeuvre or singularity map from its file alone.
 
     The recorded motion is compared with the equations, the path and the robot, and integrated again
-    with another method. The numbers of the motion, its limits and tolerances are computed again;
-    the samples and percentages of a map, and texts, are not. Exit code 1: a number differs; 2: the
-    file is another one, or the engine cannot repeat the motion.
+    with another method. The numbers of the motion and of its limits are computed again, ranges and
+    tolerances are tested; the samples and percentages of a map, and texts, are not. Exit code 1:
+    something is wrong; 2: the file is another one, or the engine cannot repeat the motion.
 
     Example: freefloat check plan.h5 --engine mujoco --gravity 6778
     """
