@@ -170,10 +170,10 @@ def _ball_check(evaluator: FeasibilityEvaluator, plan: Plan, chosen: SimulatedBr
     return Check("robust radius", not failed, words, radius, float(failed), 0.0, "attitudes fail")
 
 
-def _are_tried_around(duration: float, shortest: float, longest: float) -> bool:
-    """Whether a duration [s] is between two others that a search for tolerances tries."""
-    most = LONGEST * duration / _INSIDE
-    return _INSIDE * duration / LONGEST <= shortest <= duration <= longest <= most
+def _enclose(shortest: float, longest: float, duration: float) -> bool:
+    """Whether two tolerated durations enclose the planned one, and a search tries both [s]."""
+    least, most = _INSIDE * duration / LONGEST, LONGEST * duration / _INSIDE
+    return least <= shortest <= duration <= longest <= most
 
 
 def _tolerance_check(
@@ -186,8 +186,11 @@ def _tolerance_check(
     """
     problem, start = evaluator.problem, chosen.motion.initial
     shortest, longest = tolerance.shortest, tolerance.longest
-    if not _are_tried_around(problem.path.duration, shortest, longest):
-        words = f"{shortest:.6g} to {longest:.6g} s are no durations around the planned one"
+    if not _enclose(shortest, longest, problem.path.duration):
+        words = (
+            f"durations from {shortest:.6g} to {longest:.6g} s do not enclose the planned one "
+            f"within a factor of {LONGEST:g}"
+        )
         return Check("tolerance", False, words, shortest, unit="s")
     directions = even_directions(_DIRECTIONS)
     tolerated = _INSIDE * tolerance.momentum
