@@ -20,7 +20,8 @@ def run(*words: object) -> Any:
 
 def without_progress(text: str) -> str:
     """What a process printed on stderr, without lines on progress and on written files."""
-    return re.sub(r"^freefloat: .*(: \d+ %| \.\.\.| was written)\n", "", text, flags=re.MULTILINE)
+    progress = r"^freefloat: .*(: \d+ %(, about .* left)?| \.\.\.| was written)\n"
+    return re.sub(progress, "", text, flags=re.MULTILINE)
 
 
 def document(*words: object, code: int = 0) -> dict[str, Any]:

@@ -8,18 +8,17 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
-import psutil
 import pytest
 from typer.main import get_command
 
 from freefloat.cli import workspace
 from freefloat.cli.app import app
 from freefloat.cli.options import file_names, robot_names, scenario_names, study_names
-from tests.commands import error, run
+from tests.commands import error, run, without_progress
 
 PROGRAM = [sys.executable, "-m", "freefloat"]
 COMMANDS = (
@@ -92,22 +91,18 @@ def test_an_unforeseen_exception_asks_for_a_report(monkeypatch: pytest.MonkeyPat
     assert (result.exit_code, "Traceback" in result.stderr) == (3, True)
 
 
-COMPUTING = 2.5
-"""Processor time [s] after which a command is no longer loading modules."""
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
 def test_an_interruption_exits_with_130(stop: signal.Signals, tmp_path: Path) -> None:
     words = ["map", "spatial_6dof/line", "--samples", "900000"]
-    with subprocess.Popen(
-        [*PROGRAM, *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    ) as process:
-        while sum(psutil.Process(process.pid).cpu_times()[:2]) < COMPUTING:
-            time.sleep(0.02)
+    pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen([*PROGRAM, *words], cwd=tmp_path, **pipes) as process:
+        assert process.stderr is not None
+        progress = process.stderr.readline()  # now it computes
         process.send_signal(stop)
-        stdout, stderr = process.communicate(timeout=60)
-    assert (process.returncode, stdout, stderr) == (130, b"", b"freefloat: interrupted\n")
+        stdout, rest = process.communicate(timeout=60)
+    said = without_progress(progress + rest)
+    assert (process.returncode, stdout, said) == (130, "", "freefloat: interrupted\n")
     assert list(tmp_path.iterdir()) == []
 
 

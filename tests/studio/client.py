@@ -38,7 +38,7 @@ async def connected(studio: Studio, **headers: str) -> AsyncIterator[WebSocketCl
 
 async def closed(connection: WebSocketClientConnection) -> None:
     """Wait until a connection is closed."""
-    while await asyncio.wait_for(connection.read_message(), 30) is not None:
+    while await asyncio.wait_for(connection.read_message(), 60) is not None:
         pass
 
 
@@ -49,7 +49,7 @@ async def answer(
 ) -> dict[str, Any]:
     """The next message of some types with a property: a slow reader receives only the newest."""
     while True:
-        text = await asyncio.wait_for(connection.read_message(), 30)
+        text = await asyncio.wait_for(connection.read_message(), 60)
         assert text is not None, "the connection was closed"
         message = json.loads(text)
         if message["type"] in kinds and wanted(message):

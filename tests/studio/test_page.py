@@ -88,7 +88,7 @@ def opened(tab: Page, errors: list[str]) -> Iterator[Show]:
     assert errors == []
 
 
-def wait(page: Page, expression: str, seconds: float = 30.0) -> None:
+def wait(page: Page, expression: str, seconds: float = 60.0) -> None:
     """Wait until an expression is true in the page."""
     end = time.monotonic() + seconds
     while not page.evaluate(expression):
