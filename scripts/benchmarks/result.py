@@ -42,6 +42,12 @@ class Result:
         return None if self.baseline is None else self.baseline / self.seconds
 
     @property
+    def required(self) -> str:
+        """The required ratio and duration in words."""
+        bounds = [f"at least {self.wanted:.3g} ×"] if self.wanted else []
+        return ", ".join(bounds + ([f"at most {self.limit:g} s"] if self.limit else []))
+
+    @property
     def met(self) -> bool:
         fast = self.wanted is None or self.ratio is None or self.ratio >= self.wanted
         return fast and (self.limit is None or self.seconds <= self.limit)
@@ -99,7 +105,7 @@ def ratio_text(ratio: float | None) -> str:
 
 
 def markdown(computer: str, results: Sequence[Result]) -> str:
-    """Table in Markdown."""
+    """Table in Markdown; a requirement that is missed is in bold beside the ratio."""
     lines = [
         f"| on {computer} | time | compared with | its time | ratio |",
         "|---|---|---|---|---|",
@@ -109,6 +115,8 @@ def markdown(computer: str, results: Sequence[Result]) -> str:
         baseline = "" if result.baseline is None else duration_text(result.baseline)
         ratio = ratio_text(result.ratio)
         seconds = duration_text(result.seconds)
+        if not result.met:
+            ratio = f"{ratio} **({result.required} required)**".strip()
         lines.append(f"| {what} | {seconds} | {result.against} | {baseline} | {ratio} |")
     return "\n".join(lines)
 
@@ -119,8 +127,7 @@ def table(results: Sequence[Result]) -> Table:
     for column in ("what", "time", "compared with", "its time", "ratio", "required", "remark"):
         made.add_column(column)
     for result in results:
-        bounds = [f">= {result.wanted:g}"] if result.wanted else []
-        wanted = ", ".join(bounds + ([f"<= {result.limit:g} s"] if result.limit else []))
+        wanted = result.required
         made.add_row(
             result.what, duration_text(result.seconds), result.against,
             "" if result.baseline is None else duration_text(result.baseline),
