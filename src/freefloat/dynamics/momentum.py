@@ -17,12 +17,9 @@ from scipy.linalg.lapack import dgesv, dgetrf
 
 from freefloat.dynamics.tasks import Task, applicable, prescribed_rows
 from freefloat.errors import InputError, require_type
-from freefloat.robot.joint_values import configuration_vector, finite_after
+from freefloat.robot.joint_values import INERTIAL, configuration_vector, finite_after
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import UPRIGHT, Array
-
-_BASE = np.append(np.zeros(3), UPRIGHT)
-"""Position and attitude of a spacecraft whose frame is the inertial one."""
 
 
 def momentum_map(
@@ -238,7 +235,7 @@ def _configuration(
     """Pinocchio's configuration vector with the root link at the inertial frame's origin."""
     require_type("model", model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
     if attitude is UPRIGHT:
-        return finite_after(_BASE, "joints", joints, model.dof)
+        return finite_after(INERTIAL, "joints", joints, model.dof)
     return configuration_vector(attitude, joints, model.dof)
 
 

@@ -15,12 +15,11 @@ import pinocchio as pin
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.limits.collision import CollisionShape
 from freefloat.robot.description import RobotDescription
+from freefloat.robot.joint_values import INERTIAL
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.rigid_bodies import body_of, build_model, se3_of
 from freefloat.so3 import Array
 
-BASE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
-"""Coordinates in Pinocchio of a spacecraft whose frame is the inertial one."""
 _CONFIGURATIONS = 1024
 """Sampled configurations; pairs that are too near in all of them are left out."""
 _Pairs = tuple[tuple[int, int], ...]
@@ -118,7 +117,7 @@ def sampled_configurations(lower: Array, upper: Array) -> Iterator[Array]:
     low, high = (np.where(np.isfinite(ends), ends, full)
                  for ends, full in ((lower, -np.pi), (upper, np.pi)))  # fmt: skip
     for fraction in low_discrepancy(_CONFIGURATIONS, len(low)):
-        yield np.concatenate([BASE, low + fraction * (high - low)])
+        yield np.concatenate([INERTIAL, low + fraction * (high - low)])
 
 
 def _joints_above(robot: RobotDescription) -> dict[str, frozenset[str]]:

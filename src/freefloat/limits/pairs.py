@@ -14,13 +14,13 @@ import pinocchio as pin
 from freefloat.errors import ModelError
 from freefloat.limits.collision import CollisionShape, collision_shapes, scene_shapes
 from freefloat.limits.held_pairs import (
-    BASE,
     HeldPairs,
     always_near,
     connected_links,
     held_pairs,
     sampled_configurations,
 )
+from freefloat.robot.joint_values import INERTIAL
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.rigid_bodies import se3_of
 from freefloat.scene.scene import Scene
@@ -131,7 +131,7 @@ class CollisionPairs:
         Returns:
             [m], shape (K,); of shapes that overlap, minus the penetration depth.
         """
-        q = np.concatenate([BASE, np.asarray(joints)])
+        q = np.concatenate([INERTIAL, np.asarray(joints)])
         if poses:
             q = self.model.configuration(attitude, joints)
             self._move_scene(list(map(se3_of, poses)))
@@ -162,7 +162,7 @@ class CollisionPairs:
             nearest points [m], shape (K, 2, 3).
         """
         model, (shapes, data) = self.model, self._geometry
-        configurations = np.hstack([np.tile(BASE, (len(joints), 1)), joints])
+        configurations = np.hstack([np.tile(INERTIAL, (len(joints), 1)), joints])
         distances = np.empty(len(pairs))
         normals, points = np.zeros((len(pairs), 3)), np.zeros((len(pairs), 2, 3))
         last, each = -1, zip(rows.tolist(), self._numbers[pairs].tolist(), below, strict=True)

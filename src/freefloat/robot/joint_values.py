@@ -9,9 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.errors import InputError, finite_vector
-from freefloat.so3 import Array, unit_quaternion
+from freefloat.so3 import UPRIGHT, Array, frozen, unit_quaternion
 
 _ORIGIN = np.zeros(3)
+INERTIAL = frozen(np.append(_ORIGIN, UPRIGHT))
+"""Coordinates in Pinocchio of a spacecraft whose frame is the inertial one."""
 _ROUNDING = 1e-9
 """Deviation of the square of a unit quaternion's norm from one."""
 
