@@ -51,17 +51,15 @@ def deepest_contact(motion: Motion, results: Iterable[LimitResult] = ()) -> Cont
 
     Args:
         motion: The motion.
-        results: Limits along it; the result of a clearance saves the search.
+        results: Limits along it; a clearance that excludes contact saves the search.
     """
-    known = next((entry for entry in results if entry.limit == ClearanceLimit.name), None)
-    if known is not None:
-        first, _, second = known.where.partition(" - ")
-        depth, time, bodies = -known.worst, known.time, (first, second)
-    else:
-        try:
-            depth, time, bodies = _deepest(motion)
-        except ModelError:
-            return None
+    clearances = (entry.worst for entry in results if entry.limit == ClearanceLimit.name)
+    if any(worst > -TOLERANCE for worst in clearances):
+        return None
+    try:
+        depth, time, bodies = _deepest(motion)
+    except ModelError:
+        return None
     if depth < TOLERANCE:
         return None
     return Contact(bodies, depth, time, motion.problem.path.timing.s(time))
