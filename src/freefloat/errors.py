@@ -220,7 +220,8 @@ def finite_number(
     """The value as a finite float within bounds; else an InputError."""
     import numpy as np
 
-    number = isinstance(value, int | float | np.integer | np.floating)
+    value = float(value) if isinstance(value, np.floating) else value  # of the bounds' precision
+    number = isinstance(value, int | float | np.integer)
     if not number or isinstance(value, bool) or not minimum <= value <= maximum:
         raise InputError(key, f"{value!r} was given", accepted)
     return float(value)

@@ -76,7 +76,8 @@ def _rate_at_rest(scenario: Scenario) -> str:
         attitude, joints = np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(system.model.dof)
     else:
         where = "in the present state"
-        attitude, joints = search.present_state(system.model)
+        with scenario.error_context():
+            attitude, joints = search.present_state(system.model)
     rate = math.degrees(math.hypot(*system.base_rate(attitude, joints, 0.0 * joints)))
     return f"  {where} the spacecraft turns at {rate:.4g} deg/s while the joints rest"
 

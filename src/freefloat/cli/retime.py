@@ -43,6 +43,7 @@ def retime(
     Example: freefloat retime plan.h5 -o fast.h5
     """
     from freefloat.io.records.results import load
+    from freefloat.io.scenario.yaml import error_context
     from freefloat.planning.plan import Plan
     from freefloat.planning.timing.retiming import retime as find_timing
 
@@ -54,7 +55,8 @@ def retime(
         problem = f"{plan} is the result of a {loaded.kind}"
         accepted = "a plan of a path alone; motions to goals are as short as their search finds"
         raise InputError("plan", problem, accepted)
-    with console.progress("planning again") as progress:
+    named = error_context(plan, options=("threads",))
+    with named, console.progress("planning again") as progress:
         result = find_timing(loaded, threads=threads, progress=progress)
     tables = _tables(str(plan), loaded, result)
     delivery.deliver(result.plan, tables, str(plan), document=result.to_dict())

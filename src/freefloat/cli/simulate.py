@@ -89,7 +89,7 @@ def simulate(
     delivery = Delivery(console, output, html)
     delivery.prepare(loaded.source)
     problem = loaded.problem()
-    limits = loaded.limits()
+    limits, phases = loaded.limits(), loaded.phases()
     start = problem.attitude(attitude, heading=None if heading is None else math.radians(heading))
     near: npt.ArrayLike | None = None if joints is None else comma_separated("joints", joints)
     mark = " (*)"
@@ -104,7 +104,7 @@ def simulate(
             stop_at_margin=stop_at_margin,
         )  # fmt: skip
     delivery.deliver(simulation, _tables(scenario, simulation, mark), scenario, loaded)
-    if loaded.content.phases:
+    if phases:
         console.tables(["The first path alone is simulated; plan finds the phases after it, too."])
     kept = not violated(simulation.limit_results)
     raise typer.Exit(DONE if kept and simulation.chosen.motion.completed else NEGATIVE)

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from freefloat.dynamics.momentum import end_effector_jacobian, mass_matrix, momentum_map
 from freefloat.dynamics.system import System
-from freefloat.errors import finite_vector, require_type
+from freefloat.errors import InputError, finite_vector, require_type
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.parts import Mount, Payload
 from freefloat.so3 import Array, frozen, rotation_matrix, unit_quaternion, zeros
@@ -55,7 +55,10 @@ class Client:
         for name in ("angular_velocity", "velocity", "com"):
             values = frozen(finite_vector(f"client.{name}", getattr(self, name), 3))
             object.__setattr__(self, name, values)
-        body = Payload(self.mass, self.inertia, self.com, name=self.name)  # which checks them
+        try:
+            body = Payload(self.mass, self.inertia, self.com, name=self.name)  # which checks them
+        except InputError as error:
+            raise error.with_key(error.key.replace("payload", "client", 1)) from None
         object.__setattr__(self, "inertia", body.inertia)
 
     @property
@@ -83,9 +86,9 @@ class Capture:
         velocity: Velocity of the common centre of mass [m/s], shape (3,).
         centre_of_mass: The common one, from that of the robot before [m], shape (3,).
         locked_rate: Angular velocity of the whole system once its joints are locked [rad/s], (3,).
-        smallest_rate: Smallest rate of the locked system's rotation about its axis of largest
-            inertia [rad/s]: no rotation in these joints with this momentum is slower.
-        largest_rate: Largest rate about its axis of smallest inertia: none is faster.
+        smallest_rate: No rotation of the locked system with this momentum is slower [rad/s].
+        largest_rate: None is faster [rad/s]. Without wheels the rotations about the axes of largest
+            and smallest inertia have these rates.
         wheel_momentum: Stored in wheels, spacecraft frame [N m s], shape (3,).
     """
 

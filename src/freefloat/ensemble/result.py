@@ -114,6 +114,8 @@ class BranchResults:
         widths = {values.shape[2] for values in (motions.rates, motions.lower, motions.upper)}
         if self.attitudes.shape != (shape[0], 4) or shapes != {(*shape,)} or widths != {n}:
             raise InputError("results", f"shapes {shapes} were given", "a table of motions")
+        for values in (self.joints, *motions):
+            values.setflags(write=False)
 
     @property
     def exist(self) -> npt.NDArray[np.bool_]:

@@ -69,7 +69,13 @@ class ArmCurve:
         return spline, spline.derivative(), spline.derivative(2)
 
     def at(self, t: npt.ArrayLike, order: int = 0) -> Array:
-        """Joint values (..., n) at times (...) [s], or their derivatives of order 1 or 2."""
+        """Joint values (..., n) at times (...) [s], or their derivatives of order 1 or 2.
+
+        Raises:
+            InputError: If there is no such order.
+        """
+        if order not in (0, 1, 2):
+            raise InputError("order", f"{order!r} was given", "0, 1 or 2")
         inside = np.clip(np.asarray(t, dtype=float), 0.0, self.duration)
         return np.asarray(self._derivatives[order](inside))
 

@@ -58,6 +58,9 @@ class HeldAttitude:
     torques: Array = field(repr=False)
     drift_turn: float | None
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "attitude", frozen(self.attitude))
+
     @property
     def largest_momentum(self) -> float:
         """Largest magnitude of the wheel momentum [N m s]."""

@@ -136,7 +136,9 @@ class Motion:
     @property
     def panel_nodes(self) -> IntArray:
         """Indices of the nodes of every panel, shape (panels, 9)."""
-        return np.asarray(DEGREE * np.arange(self.panels)[:, None] + np.arange(DEGREE + 1))
+        nodes = DEGREE * np.arange(self.panels)[:, None] + np.arange(DEGREE + 1)
+        nodes.setflags(write=False)
+        return nodes
 
     @property
     def completed(self) -> bool:

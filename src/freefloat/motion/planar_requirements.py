@@ -40,19 +40,18 @@ def require_planar(system: System, path: TimedPath, task: Task) -> None:
 def _require_level_path(key: str, virtual: VirtualManipulator, path: TimedPath, task: Task) -> None:
     """Raise an InputError that names a key unless a path stays in the plane of an arm."""
     straight = virtual.pose(np.zeros(len(virtual.axes)))
-    level = float(straight.position[2])
-    heights = [path.path.curve(float(s))[2] for s in np.linspace(0.0, 1.0, 21)]
-    if np.abs(np.array(heights) - level).max() > 1e-6:
-        raise InputError(
-            key,
-            f"it leaves the plane of the end-effector, z = {level:g} m",
-            f"a path with z = {level:g} m everywhere",
-        )
+    level = round(float(straight.position[2]), 9)
+    for s in np.linspace(0.0, 1.0, 21):
+        height = float(path.path.curve(float(s))[2])
+        if abs(height - level) > 1e-6:
+            problem = f"z = {height:.6g} m at s = {s:.2g}, out of the plane of the end-effector"
+            raise InputError(key, problem, f"a path with z = {level:g} m everywhere")
     for s in np.linspace(0.0, 1.0, 21) if task.prescribes_orientation else ():
         upright = path.path.orientation.rotation(float(s)) @ straight.rotation.T
         if upright[2, 2] < 1.0 - 1e-9:
+            axis = ", ".join(f"{entry:.4g}" for entry in straight.rotation[2].round(9) + 0.0)
             raise InputError(
                 f"{key}.attitude",
                 f"the end-effector would leave the plane at s = {s:.2g}",
-                "orientations about z only",
+                f"orientations in which ({axis}) of its frame points along z",
             )

@@ -30,6 +30,8 @@ _CLOSEST = 1e-9
 """Smallest distance of stops in s and in t over the duration."""
 _ROUNDING = 1e-13
 """Rounding error of times at the ends of a motion, relative to its duration."""
+_ORDERS = 0, 1, 2
+"""Orders of derivatives by time."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +136,12 @@ class Timing:
             t: Time [s]; without ``segment``, at rest before 0 and after the end, but for rounding.
             order: 0, 1 or 2.
             segment: Use this segment of the law, also a little beyond its ends.
+
+        Raises:
+            InputError: If there is no such order.
         """
+        if order not in _ORDERS:
+            raise InputError("order", f"{order!r} was given", "0, 1 or 2")
         if segment is None:
             slack = _ROUNDING * self.duration
             if order and not -slack <= t <= self.duration + slack:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from freefloat.records import Quaternions
-from freefloat.so3 import angle_between
+from freefloat.so3 import angle_between, frozen
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +23,9 @@ class Candidate:
 
     attitude: Quaternions
     branch: int | None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "attitude", frozen(self.attitude))
 
     def is_near(self, others: Sequence[Candidate], angle: float) -> bool:
         """Whether it is within an angle [rad] of any other candidate of the same arm branch."""

@@ -137,7 +137,9 @@ class Search:
             key = "search.from_attitude" if attitude is None else "search.joints"
             raise InputError(key, "it is missing, for a goal", "the present state")
         attitude = unit_quaternion("search.from_attitude", attitude)
-        return attitude, model.joint_vector(joints, "search.joints")
+        joints = model.joint_vector(joints, "search.joints")
+        require_radians(model, joints)
+        return attitude, joints
 
     def applied_to(self, problem: Problem) -> Problem:
         """The problem, with :attr:`joints` as those that the arm starts near.

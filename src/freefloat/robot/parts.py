@@ -190,7 +190,8 @@ def inertia_matrix(key: str, values: npt.ArrayLike) -> Array:
     moments = np.linalg.eigvalsh(matrix)
     shown = "principal moments " + ", ".join(f"{moment:.6g}" for moment in moments)
     if moments[0] <= 0.0:
-        raise InputError(key, f"{shown} are not all positive", "a positive definite inertia")
+        problem = f"{matrix.tolist()} has {shown}"
+        raise InputError(key, problem, f"a positive definite inertia; {INERTIA}")
     if breaks_triangle(moments):
         accepted = "moments of which the smaller two sum to the largest or more"
         raise InputError(key, f"{shown} violate the triangle inequality", accepted)

@@ -84,7 +84,7 @@ class Tumbling:
             (K, 3, 3).
 
         Raises:
-            InputError: If that is more than 1,000 revolutions.
+            InputError: If that is more than 1,000 revolutions, or times have both signs.
         """
         axes = self._principal[1]
         if isinstance(t, np.ndarray):
@@ -109,6 +109,8 @@ class Tumbling:
 
         Shape (7,), or (7, K).
         """
+        if not np.min(t) * np.max(t) >= 0.0:  # nan is no time
+            raise InputError("t", f"{t} was given", "a finite time, or times of one sign")
         last = float(np.ravel(t)[np.abs(t).argmax()])
         turns = self.revolutions(last)
         if turns > MOST_REVOLUTIONS:

@@ -36,12 +36,12 @@ def check(
     *,
     gravity: float | None = None,
 ) -> CheckReport:
-    """Verify a plan, the chosen motion of a simulation, another motion or a singularity map.
+    """Verify a plan, a manoeuvre, a simulation, a motion to a goal or a singularity map.
 
-    The motion is compared with the equations, the path and the robot, and integrated again by
-    another integrator; the closest approach, the limits, the ranges of headings, the robust radius
-    and the tolerances are recomputed. A singularity map is compared with det A of its robot at
-    random configurations.
+    The motion, of a simulation the chosen one, is compared with the equations, the path and the
+    robot, and integrated again by another integrator; the closest approach, the limits, the ranges
+    of headings, the robust radius and the tolerances are recomputed. A singularity map is compared
+    with det A of its robot at random configurations.
 
     Args:
         result: The record, computed or loaded from a file.
@@ -72,6 +72,6 @@ def check(
         raise InputError("gravity", "it needs another engine", f"engine {MUJOCO} or {BASILISK}")
     if orbit is not None and type(result) not in _IN_ORBIT:
         problem = f"a {type(result).__name__} was given"
-        raise InputError("gravity", problem, "for a Plan or a Simulation")
+        raise InputError("gravity", problem, "a plan or a simulation")
     report = _REPORTS[type(result)]
     return report(result, engine) if orbit is None else report(result, engine, orbit)

@@ -36,7 +36,7 @@ from freefloat.planning.balance_settings import BalanceSettings
 from freefloat.planning.goals.goal import Goal
 from freefloat.planning.objectives.objective import Objective
 from freefloat.planning.objectives.objectives import Weights, objective_of
-from freefloat.planning.phases.phase import Phase
+from freefloat.planning.phases.phase import Phase, checked_phases
 from freefloat.planning.settings import Search
 from freefloat.robot.bundled import find_scenario
 from freefloat.robot.model import FreeFloatingModel
@@ -220,7 +220,8 @@ class Scenario:
         See :func:`~freefloat.planning.phases.manoeuvre_planner.plan_manoeuvre`.
 
         Raises:
-            InputError: If a value is invalid; it names the file and the key.
+            InputError: If a value is invalid, or a phase cannot follow those before; it names the
+                file and the key.
         """
         if not self.content.phases:
             return ()
@@ -228,7 +229,8 @@ class Scenario:
         with self.error_context():
             resting = problem.with_arms_resting(problem.path.duration)
             folder, seed = self.source.parent, self.content.search.seed
-            return phases_of(self.content.phases, resting, folder, self.samples, seed)
+            following = phases_of(self.content.phases, resting, folder, self.samples, seed)
+            return checked_phases(problem, following)
 
     @property
     def has_phases(self) -> bool:

@@ -218,7 +218,8 @@ def _first_error(
         return keys, f"there is no such key{hint}", ", ".join(known)
     description = description_at(schema, location)
     if kind == "missing" and isinstance(location[-1], str):
-        return [*keys, location[-1]], "it is missing", description or "a value"
+        accepted = f"a value: {description}" if description else "a value"
+        return [*keys, location[-1]], "it is missing", accepted
     alternatives = [entry for entry, path in zip(errors, paths, strict=True) if path == keys]
     indices = [int(entry["loc"][-1]) for entry in alternatives if entry["type"] == "missing"]
     message = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")

@@ -99,7 +99,7 @@ class PathPhase(Phase):
                 path = transfer(state.pose, state.twist, end, duration, drift)
             return state.after(path, self.redundancy, end, np.zeros(6))
         if isinstance(given, RelativePath):
-            state.body(given.body.name, "path.frame")
+            state.body(given.body.name, "path.frame", FRAMES[:1])
         path = prescribed_path(given, state.bodies_now, np.zeros(3), drift)
         if state.pose is not None:
             require_continuous(path, state.pose, state.twist, state.problem.task)
