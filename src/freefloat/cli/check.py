@@ -65,7 +65,7 @@ def check(
     require_engine(engine or PINOCCHIO)
     radius = None if gravity is None else _metres(gravity)
     console = Console(as_json, quiet)
-    with console.progress("integrating the motion again"):
+    with console.progress("recomputing what the file states"):
         try:
             result: Any = load(file)
             with error_context(file, options=("engine", "gravity")):
