@@ -63,9 +63,6 @@ class Table:
         self.array[self.place(index)] = value
 
 
-# --- what the compiled functions of lanes.py, vectors.py and tables.py give -----------------------
-
-
 def _quadrant(turns: Lanes) -> tuple[Lanes, ...]:
     k = turns.astype(np.int64)
     return k & 1 != 0, k & 2 != 0, (k + 1) & 2 != 0

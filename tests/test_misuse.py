@@ -103,6 +103,11 @@ def test_joints_are_as_many_finite_numbers_as_move(function) -> None:
     assert error_key(generalized_determinant, model, np.zeros(6), "position") == "task"
 
 
+def test_numbers_of_single_precision_are_numbers() -> None:
+    """Comparing them with the largest double warns, which is an error in these tests."""
+    assert ff.Client(np.float32(5.0), [1.0, 1.0, 1.0]).mass == 5.0
+
+
 @pytest.mark.parametrize("count", [64.5, "64", True, float("nan"), [64], np.int64(0)])
 def test_counts_are_whole_numbers(problem: ff.Problem, count: object) -> None:
     assert error_key(lambda: ff.Search(samples=count)) == "search.samples"
@@ -140,5 +145,9 @@ def test_arguments_of_other_types_are_refused(problem: ff.Problem, simulation: S
         ("result", lambda: ff.figures(problem)),
         ("study", lambda: ff.run_study("planar_3dof/grid", "results")),
         ("scale_mass.link_1", lambda: LOAD(scale_mass={"link_1": "2"})),
+        ("order", lambda: TIMING.s(3.0, -1)),
+        ("order", lambda: ff.ArmCurve([[0.0], [1.0]], [0.0, 1.0]).at(0.3, 3)),
+        ("t", lambda: ff.Tumbling([9, 7, 4], [0.1, 0.3, 0.2]).rotation(np.array([5.0, -5.0]))),
+        ("client.mass", lambda: ff.Client(-1.0, [1.0, 1.0, 1.0])),
     ):
         assert error_key(call) == key

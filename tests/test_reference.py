@@ -61,9 +61,6 @@ def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-# --- scenario and study files -------------------------------------------------------------------
-
-
 @pytest.mark.slow
 def test_every_section_of_a_file_has_its_table(tables: ModuleType) -> None:
     pages = {"scenario": SCENARIO, "study": PAGES["docs/reference/studies.md"]}
@@ -114,9 +111,6 @@ def loaded(document: dict[str, Any]) -> ff.Problem:
     return ff.load_scenario(file).problem()
 
 
-# --- commands -----------------------------------------------------------------------------------
-
-
 def test_every_command_has_its_help_on_the_page(tables: ModuleType) -> None:
     page = PAGES["docs/reference/commands.md"]
     for name, command in tables.commands().items():
@@ -126,9 +120,6 @@ def test_every_command_has_its_help_on_the_page(tables: ModuleType) -> None:
         shown = tables.command_help(name)
         assert all(f"`{option}" in shown for option in {*options} - {*tables.EVERYWHERE}
                    if option.startswith("--"))  # fmt: skip
-
-
-# --- JSON documents -----------------------------------------------------------------------------
 
 
 def rows_of(section: str) -> set[str]:
@@ -231,9 +222,6 @@ def test_every_key_of_a_document_is_described(written: dict[str, list[dict[str, 
         assert " ".join(sorted(unknown)) == ""
         missing = {row for row in described if not any(related(key, row) for key in keys)}
         assert sorted(missing) == []
-
-
-# --- result files -------------------------------------------------------------------------------
 
 
 @pytest.mark.slow

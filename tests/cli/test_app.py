@@ -53,9 +53,6 @@ def test_every_command_has_an_example_and_help_of_its_options() -> None:
     assert "--stretch" in run("plan", "--help").stdout
 
 
-# --- errors -------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("words", "key", "suggestion"),
     [
@@ -121,9 +118,6 @@ def test_a_closed_or_full_stdout_gives_no_traceback(command: str, tmp_path: Path
     assert len(done.stderr.splitlines()) <= 1
 
 
-# --- output -------------------------------------------------------------------------------------
-
-
 def test_quiet_prints_errors_and_documents_only(tmp_path: Path) -> None:
     result = run(*SIMULATE, "-q", "-o", tmp_path / "a.h5")
     assert (result.exit_code, result.output) == (0, "")
@@ -163,9 +157,6 @@ def test_progress_is_shown_on_terminals(tmp_path: Path) -> None:
     os.close(leader)
     assert json.loads(stdout)["samples"] == 8
     assert b"integrating motions" in shown
-
-
-# --- completion ---------------------------------------------------------------------------------
 
 
 def completed(folder: Path, line: str) -> list[str]:

@@ -136,7 +136,9 @@ def test_a_phase_that_fails_ends_with_exit_code_1(file: Path, tmp_path: Path) ->
      "phases.1.capture.body"),
 ])  # fmt: skip
 def test_bad_phases_are_refused(file: Path, old: str, new: str, key: str) -> None:
-    assert error("plan", changed(file, old, new))["key"] == key
+    scenario = changed(file, old, new)
+    for words in (("plan", scenario), ("simulate", scenario, "--heading", "0")):
+        assert error(*words)["key"] == key
 
 
 def test_durations_of_phases_are_not_stretched(file: Path) -> None:

@@ -51,9 +51,6 @@ def test_dynamic_singularity_is_not_kinematic() -> None:
     assert count == 8
 
 
-# ----------------------------------------------------------------------------------------- laws
-
-
 def summed_momentum(
     model: ff.FreeFloatingModel, attitude: np.ndarray, joints: np.ndarray, v: np.ndarray
 ) -> np.ndarray:
@@ -134,9 +131,6 @@ def test_tasks_are_rows_of_the_twist(spatial_6dof: ff.FreeFloatingModel) -> None
     assert [task.rows for task in ff.Task] == [*space, *plane]
     assert [task.planar for task in ff.Task] == [False, False, False, True, True]
     assert [task.prescribes_orientation for task in ff.Task] == [True, True, False, True, False]
-
-
-# --------------------------------------------------------------------------------- the equation
 
 
 @given(data=st.data(), robot=robots(st.text("RC", min_size=6, max_size=8)), attitude=attitudes)

@@ -36,8 +36,6 @@ from tests.errors import error_key
 from tests.motions import BAD, GOOD, bundled, from_here, problem_with, simulated
 from tests.robots import planar_robot, random_robot
 
-# ------------------------------------------------------------------------------ the examples
-
 
 @pytest.mark.parametrize(("name", "seed", "count"), [
     ("spatial_6dof/line", 11, 1),
@@ -53,9 +51,6 @@ def test_random_attitudes_of_the_bundled_arms(name: str, seed: int, count: int) 
     assert len(cases) >= 5
     for case in cases:
         case.assert_same()
-
-
-# ------------------------------------------------------------ generated problems of all kinds
 
 
 def rotated(vector: list[float]) -> np.ndarray:
@@ -162,9 +157,6 @@ def test_planar_arms(joints: int, momentum: float) -> None:
         endings.append(case.motion.ending)
     assert endings[0] is Ending.COMPLETED
     assert endings[-1] is Ending.SINGULAR
-
-
-# ---------------------------------------------------------------------------------- the minimum
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
@@ -287,9 +279,6 @@ def test_states_that_kernels_could_not_read_are_refused(
     assert error_key(lambda: integrator.integrate(**given)) in {key, "attitudes"}
 
 
-# ------------------------------------------------------------------------- beginnings and ends
-
-
 @pytest.mark.parametrize(
     ("name", "attitude"),
     [("spatial_6dof/line", GOOD), ("planar_3dof/parabola", heading_quaternion(3.5)),
@@ -401,9 +390,6 @@ def test_margin_violations_precede_singularities(spatial: ff.Problem) -> None:
     first = np.abs([spatial.margin.measure(q) for q in joints])
     np.testing.assert_allclose(at_once.minimum, first, rtol=1e-10)
     assert not at_once.keeps(5.0).any()
-
-
-# ------------------------------------------------------------------------------- many at once
 
 
 def many(problem: ff.Problem, count: int = 300) -> tuple[np.ndarray, np.ndarray]:

@@ -160,9 +160,6 @@ def test_matrices_agree_with_pinocchio(arm: Arm) -> None:
         assert_equal_parts(arm.model, task, arm.joints)
 
 
-# ------------------------------------------------------------------------------ equation (4)
-
-
 def assert_same_rates(
     model: ff.FreeFloatingModel, task: ff.Task, joints: np.ndarray, rng: np.random.Generator
 ) -> None:
@@ -191,9 +188,6 @@ def test_rates_solve_equation_4(arm: Arm, rng: np.random.Generator) -> None:
     """With momentum: the unique rates, or those of minimum norm."""
     for task in arm.tasks:
         assert_same_rates(arm.model, task, arm.joints, rng)
-
-
-# ------------------------------------------------------------------------------- reflections
 
 
 @pytest.mark.parametrize(("m", "n"), [(2, 2), (3, 3), (6, 6), (2, 4), (3, 8), (6, 7), (6, 8)])
@@ -232,9 +226,6 @@ def test_sine_and_cosine_to_rounding(rng: np.random.Generator) -> None:
         sine, cosine = lanes.sine_cosine(x)
         np.testing.assert_allclose(sine, np.sin(x), rtol=0, atol=3e-16)
         np.testing.assert_allclose(cosine, np.cos(x), rtol=0, atol=3e-16)
-
-
-# ---------------------------------------------------------------------------------- measures
 
 
 def assert_same_measure(

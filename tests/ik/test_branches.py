@@ -80,9 +80,6 @@ def elbow_arm(rng: np.random.Generator) -> ff.FreeFloatingModel:
     )
 
 
-# ----------------------------------------------------------------------------- the paper's arm
-
-
 @given(q=joint_values(6))
 def test_closed_form_finds_the_configuration_a_pose_came_from(
     spatial_6dof: ff.FreeFloatingModel, q: np.ndarray
@@ -148,9 +145,6 @@ def test_branch_numbers_keep_their_meaning_at_every_attitude(
     assert {frozenset(signs) for signs in forwards.values()} == {frozenset([1]), frozenset([-1])}
 
 
-# ---------------------------------------------------------------------------- arms of any make
-
-
 def test_closed_form_and_newton_agree(rng: np.random.Generator) -> None:
     """Random elbow arms with spherical wrists, no two axes square: the same configurations."""
     counts = []
@@ -201,9 +195,6 @@ def test_newton_finds_the_configuration_a_pose_came_from(
         assert len(branches) == 1 if structure == "PPP" else len(branches) % 2 == 0
 
 
-# ---------------------------------------------------------------------------------- planar arms
-
-
 @given(seed=st.integers(0, 2**32 - 1), q=st.integers(2, 3).flatmap(joint_values))
 def test_planar_arms_have_two_elbows(seed: int, q: np.ndarray) -> None:
     """Elbow + and -, both at the pose; a stretched arm has both in one."""
@@ -226,9 +217,6 @@ def test_planar_arms_have_two_elbows(seed: int, q: np.ndarray) -> None:
             assert missed(virtual, target, branch.joints) < 1e-8
 
 
-# ------------------------------------------------------------------------------- out of reach
-
-
 def test_out_of_reach_there_are_none(
     spatial_6dof: ff.FreeFloatingModel, planar_3dof: ff.FreeFloatingModel, ur5: ff.FreeFloatingModel
 ) -> None:
@@ -243,9 +231,6 @@ def test_out_of_reach_there_are_none(
     assert arm_branches(planar_3dof, hole, ff.Task.PLANAR_POSE) == ()
     rim = Pose([0.424628 + 0.399575 + 0.9, 0.0, 0.0], np.eye(3))
     assert len(arm_branches(planar_3dof, rim, ff.Task.PLANAR_POSE)) == 2
-
-
-# ---------------------------------------------------------------------------- redundant arms
 
 
 @pytest.mark.parametrize(
@@ -271,9 +256,6 @@ def test_branches_of_redundant_arms_are_reproducible_and_spread(
     again = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
     for branch, other in zip(branches, arm_branches(again, target, task), strict=True):
         np.testing.assert_array_equal(branch.joints, other.joints)
-
-
-# ---------------------------------------------------------------------------------- joint ranges
 
 
 @given(

@@ -88,9 +88,6 @@ def test_a_file_suffices_when_scenario_robot_and_samples_are_gone(tmp_path, monk
     assert loaded.residuals().end_effector_position < 1e-7
 
 
-# --- broken files -----------------------------------------------------------------------------
-
-
 def attribute(name, value, group="/"):
     return lambda file: file[group].attrs.__setitem__(name, value)
 

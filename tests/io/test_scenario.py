@@ -73,9 +73,6 @@ def close(values: Any, wanted: Any, tolerance: float = 1e-12) -> bool:
     return bool(np.allclose(values, wanted, rtol=0.0, atol=tolerance))
 
 
-# --- the bundled scenarios and the public contract -------------------------------------------
-
-
 def test_what_is_left_out_has_its_default(folder: Path) -> None:
     found = problem(folder)
     assert close(found.momentum, [0, 0, 0])
@@ -83,9 +80,6 @@ def test_what_is_left_out_has_its_default(folder: Path) -> None:
     assert found.path.timing.law is TimeLaw.QUINTIC
     assert found.path.timing.stops == ()
     assert math.isclose(found.model.total_mass, 480.0, abs_tol=1e-4)
-
-
-# --- where the end-effector goes ---------------------------------------------------------------
 
 
 def test_samples_are_found_beside_the_scenario_and_not_in_the_working_folder(
@@ -107,9 +101,6 @@ def test_a_bad_row_after_blank_lines_is_refused_with_its_line_in_the_file(folder
     assert "5" in f"{caught.value.key} {caught.value.problem}", "the number of the line"
 
 
-# --- how it stands -------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("fixed", [
     "{quaternion: [0, 0, 0.7071067811865476, 0.7071067811865476]}",
     "[0, 0, 0.7071067811865476, 0.7071067811865476]",
@@ -123,8 +114,6 @@ def test_an_attitude_can_be_written_in_several_ways(fixed: str, folder: Path) ->
     for s in PLACES:
         assert close(path.pose(s).rotation, quarter, 1e-9)
 
-
-# --- how far from singularities -----------------------------------------------------------------
 
 PLANAR = {
     "path": f"line: {{from: [1, 0, 0], to: [0, 1, 0]}}, {UPRIGHT}",
@@ -142,9 +131,6 @@ def test_a_fraction_is_of_the_measures_largest_magnitude(measure: str, folder: P
     joints = np.array(np.meshgrid(angles, angles, angles)).reshape(3, -1).T
     swept = max(abs(margin.measure(q)) for q in joints)
     assert 0.25 * swept <= margin.threshold <= 1.05 * 0.25 * swept
-
-
-# --- which robot ----------------------------------------------------------------------------------
 
 
 def robot(folder: Path, rest: str) -> ff.FreeFloatingModel:
@@ -184,9 +170,6 @@ def test_limits_of_joints_are_a_number_a_map_or_the_urdfs(folder: Path) -> None:
     assert rated.clearance == 0.0
 
 
-# --- errors -------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("old", "new", "key", "line", "accepted"), [
     ("duration: 100", "duratoin: 100", "timing.duratoin", 4, "duration"),
     ("from: [1, 0, 0]", "from: [1, 0, x]", "path.line.from.2", 3, "number"),
@@ -212,9 +195,6 @@ def test_a_path_of_length_zero_needs_a_drift(folder: Path) -> None:
     path = f"line: {{from: [1, 0, 0], to: [1, 0, 0]}}, {UPRIGHT}"
     assert error_key(path_of, folder, path) == "path"
     assert path_of(folder, path, rest="drift: [0.1, 0, 0]").pose(1.0).position.tolist() == [1, 0, 0]
-
-
-# --- frames ---------------------------------------------------------------------------------------
 
 
 PRESENT = (
@@ -255,9 +235,6 @@ def test_a_path_in_a_frame_moves_with_it(path: str, frame: str, folder: Path) ->
         assert close(moved.pose(s).rotation, rotation)
     again = scenario_of(found.problem(), found.search())
     assert_same_problem(again.problem(), found.problem())
-
-
-# --- the inverse: a problem as a scenario ---------------------------------------------------------
 
 
 def assert_same_problem(found: ff.Problem, wanted: ff.Problem) -> None:

@@ -52,6 +52,7 @@ def test_torques_are_those_of_inverse_dynamics(name: str) -> None:
 def test_the_end_effector_keeps_the_direction_that_a_pointing_task_prescribes() -> None:
     problem = ff.load_scenario("servicing/inspect_client").problem()
     held = ff.hold_attitude(problem, [0.0, 0.0, 0.0, 1.0])
+    assert not held.attitude.flags.writeable
     for t, joints in zip(held.times[::50], held.joints[::50], strict=True):
         pose, prescribed = (
             problem.model.end_effector_pose(held.attitude, joints),

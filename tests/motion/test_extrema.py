@@ -35,9 +35,6 @@ def motions(spatial, planar, near):
     }
 
 
-# ------------------------------------------------------------------ the largest of functions
-
-
 def largest(motion, f):
     return maximum(at_nodes(motion, f), f)
 
@@ -45,9 +42,6 @@ def largest(motion, f):
 @pytest.fixture(scope="module")
 def straight():
     return prismatic_motion(prismatic_robot())
-
-
-# -------------------------------------------------------------------------- closest approach
 
 
 def brute_force(motion, measure):
@@ -145,9 +139,6 @@ def test_a_minimum_near_either_end(near, fraction, first):
     assert result.value == pytest.approx(1e-3, rel=1e-7)
 
 
-# ----------------------------------------------------------------------- stopping at the margin
-
-
 @pytest.mark.parametrize("fraction", [0.95, 0.5, 1e-4])
 @pytest.mark.parametrize("name", NAMES)
 def test_a_motion_stops_exactly_at_the_margin(spatial, name, fraction):
@@ -193,9 +184,6 @@ def test_first_crossing_has_the_required_magnitude(near):
         u = first_crossing(near, measure, value)
         assert abs(measure(near.evaluate(u)[2][0])) == pytest.approx(value, rel=1e-11)
     assert first_crossing(near, measure, smallest * (1 - 1e-9)) is None
-
-
-# --------------------------------------------------------------------------- extents of the joints
 
 
 @pytest.fixture(scope="module")

@@ -29,9 +29,6 @@ from tests.motions import (
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
 
-# --- Example 2 --------------------------------------------------------------------------------
-
-
 def test_the_singular_end_is_a_singularity(spatial):
     """|det S*| there is less than a millionth of its largest, and was not before."""
     measure = ff.singularity_measure(spatial.model, spatial.task, "gjm")
@@ -60,9 +57,6 @@ def test_a_motion_up_to_just_before_its_singularity_completes(spatial):
         assert motion.completed
         assert motion.final.time == final.time - before
         assert motion.residuals().end_effector_position < 1e-8
-
-
-# --- Example 1 --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -94,9 +88,6 @@ def test_example_1_passes_the_stop_at_rest(planar):
     assert 1e-4 < np.abs(rates).max() + drift < 5e-2
 
 
-# --- parts of a motion -----------------------------------------------------------------------
-
-
 def test_a_motion_may_begin_and_end_anywhere_on_its_way(spatial):
     """In two parts, forwards or backwards, it is the motion in one."""
     whole = simulated(spatial, GOOD, 2)
@@ -108,9 +99,6 @@ def test_a_motion_may_begin_and_end_anywhere_on_its_way(spatial):
         spatial, second.final.attitude, second.final.joints, start=100.0, end=37.0
     )
     assert_close(back.final.joints, first.final.joints, atol=1e-7)
-
-
-# --- redundant arms ----------------------------------------------------------------------------
 
 
 def test_a_redundant_arm_is_singular_where_it_is_stretched():
@@ -140,9 +128,6 @@ def test_a_redundant_arm_does_not_creep_along_a_singularity(spatial, monkeypatch
         ff.generalized_jacobian(problem.model, motion.final.joints, problem.task)
     )[1]
     assert values[-1] < 1e-4 * values[0]
-
-
-# --- the integrator ----------------------------------------------------------------------------
 
 
 def test_the_error_shrinks_with_the_tolerance(spatial):
@@ -179,9 +164,6 @@ def test_times_outside_the_path_raise(spatial, times):
     assert error_key(
         ff.integrate_motion, spatial, attitude, spatial.branches(attitude)[0].joints, **times
     ) == next(iter(times))
-
-
-# --- singularities passed at finite rates ------------------------------------------------------
 
 
 PITCH = np.array([0.0, 0.6, -1.3, 0.0, 0.3, 0.0])

@@ -51,9 +51,6 @@ def joints(rng: np.random.Generator, robot: Robot) -> np.ndarray:
     return rng.uniform(-2.0, 2.0, len(robot.joints))
 
 
-# ------------------------------------------------------------------------------- the spacecraft
-
-
 @given(seed=seeds)
 def test_a_mounted_arm_is_pinocchios_own_sum_of_two_models(seed: int) -> None:
     """The same masses and joints as ``appendModel`` of a fixed-base arm to a free body."""
@@ -72,9 +69,6 @@ def test_a_mounted_arm_is_pinocchios_own_sum_of_two_models(seed: int) -> None:
     theirs = pin.crba(whole, whole.createData(), q)
     scale = np.abs(theirs).max()
     assert np.allclose(np.triu(ours), np.triu(theirs), rtol=0, atol=1e-12 * scale)
-
-
-# ---------------------------------------------------------------------------------- the payload
 
 
 @given(seed=seeds)
@@ -109,9 +103,6 @@ def test_a_payload_adds_its_own_momentum(seed: int) -> None:
     assert not np.allclose(momentum_map(empty, q) @ v, momentum, rtol=0, atol=1e-6 * scale)
 
 
-# ------------------------------------------------------------------------------------ the names
-
-
 def test_names_that_are_taken_get_a_number() -> None:
     arm = '<robot name="a">' + link_text("spacecraft", inertial_text(1.0, np.eye(3)))
     arm += joint_text("spacecraft_2", "R", "spacecraft", "payload")
@@ -126,8 +117,6 @@ def test_names_that_are_taken_get_a_number() -> None:
     assert np.isclose(model.total_mass, 106.0, rtol=1e-12)
     assert np.isclose(model.bodies[0].mass, 101.0, rtol=1e-12)
 
-
-# ---------------------------------------------------------------------------------- bad input
 
 IMPOSSIBLE = {
     "negative mass": {"mass": -1.0},
@@ -146,9 +135,6 @@ def test_impossible_bodies_are_refused(name: str, part: type) -> None:
         part(**{"mass": 10.0, "inertia": [1.0, 1.0, 1.0], **changed})
     (key,) = changed
     assert caught.value.key == f"{part.__name__.lower()}.{key}"
-
-
-# ------------------------------------------------------------------------------ what is attached
 
 
 @given(seed=seeds)

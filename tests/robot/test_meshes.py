@@ -45,9 +45,6 @@ def saved(mesh: trimesh.Trimesh, path: Path) -> Path:
     return path
 
 
-# ------------------------------------------------------------------------------------- reading
-
-
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: f"{path.parts[-4]}-{path.stem}")
 def test_real_arms_have_the_bounds_that_pinocchio_finds(path: Path) -> None:
     """All nodes of the file in their places, in metres, scaled axis by axis."""
@@ -169,9 +166,6 @@ def test_instances_of_nodes_are_read(tmp_path: Path, suffix: str, text: str) -> 
     path = tmp_path / f"nested.{suffix}"
     path.write_text(text)
     assert read_mesh(path)
-
-
-# ------------------------------------------------------------------------------------- finding
 
 
 @pytest.fixture

@@ -47,9 +47,6 @@ ELBOW = chain_of(
 )  # fmt: skip
 
 
-# -------------------------------------------------------------------------------- which joints
-
-
 @given(robot=robots())
 def test_joints_run_from_the_spacecraft_to_the_end_effector(robot: Robot) -> None:
     """In chain order whatever their names; the second arm's joints do not count."""
@@ -100,9 +97,6 @@ def test_a_frame_fixed_to_the_spacecraft_is_refused(frame: str) -> None:
     )
 
 
-# ----------------------------------------------------------------------------- merged and fixed
-
-
 def test_fixed_joints_are_as_if_glued() -> None:
     """The mast fixed at 0.7 rad is the mast mounted at 0.7 rad."""
     fixed = ff.FreeFloatingModel.from_urdf(ELBOW, "fore", fixed_joints={"hinge": 0.7})
@@ -126,17 +120,11 @@ def test_joints_that_cannot_be_fixed_are_refused(fixed: dict[str, float], key: s
     assert error_key(ff.FreeFloatingModel.from_urdf, ELBOW, "fore", fixed_joints=fixed) == key
 
 
-# ---------------------------------------------------------------------------- joints by name
-
-
 def test_joint_vectors_come_by_name_or_in_order(planar_3dof: ff.FreeFloatingModel) -> None:
     """A map in any order and a sequence in chain order mean the same."""
     by_name = planar_3dof.joint_vector({"q3": 3, "q1": 1.0, "q2": np.float64(2)})
     np.testing.assert_array_equal(by_name, [1, 2, 3])
     np.testing.assert_array_equal(planar_3dof.joint_vector((1, 2, 3)), [1, 2, 3])
-
-
-# ------------------------------------------------------------------------------------- records
 
 
 def test_models_survive_pickling_and_copying(rng: np.random.Generator) -> None:
@@ -152,9 +140,6 @@ def test_models_survive_pickling_and_copying(rng: np.random.Generator) -> None:
         np.testing.assert_array_equal(momentum_map(copied, q), expected)
         assert copied.joint_names == model.joint_names
         assert copied.scratch is not model.scratch
-
-
-# -------------------------------------------------------------------------------- where things are
 
 
 def whole_robot(robot: Robot, fixed: dict[str, float], joints: np.ndarray) -> tuple[pin.Model, ...]:

@@ -66,9 +66,6 @@ def test_a_plan_is_verified_with_both_engines(request, name):
     json.dumps(report.to_dict(), allow_nan=False)
 
 
-# --- altered records ------------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 def test_ranges_of_headings_that_keep_limits_of_attitude_are_verified():
     problem = ff.load_scenario("planar_2dof/line").problem()
@@ -233,9 +230,6 @@ def test_mujoco_alone_finds_a_motion_that_violates_the_equations(spatial):
     } <= names  # fmt: skip
 
 
-# --- simulations ----------------------------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
 def simulated():
     """The paper's first example from a heading that leads into a singularity."""
@@ -295,9 +289,6 @@ def test_a_motion_that_ends_where_it_begins_is_verified_to_be_singular_there():
     stopped = regular.motion.cut(0.0, Ending.SINGULAR)
     chosen = replace(regular.chosen, motion=stopped)
     assert failed(replace(regular, chosen=chosen)) == {"singular start"}
-
-
-# --- the command ----------------------------------------------------------------------------------
 
 
 @pytest.fixture
