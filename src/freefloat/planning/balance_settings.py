@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from freefloat.errors import InputError, seed_number, whole_number
+from freefloat.errors import InputError, require_type, seed_number, whole_number
 
 AXES = {"xyz": [0, 1, 2], "xy": [0, 1], "yz": [1, 2], "zx": [2, 0]}
 """Components of the angular velocity that are balanced, spacecraft axes."""
@@ -33,6 +33,8 @@ class BalanceSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        require_type("balance.arm", self.arm, str, "the name of an arm")
+        require_type("balance.axes", self.axes, str, ", ".join(AXES))
         if self.axes not in AXES:
             raise InputError("balance.axes", f"{self.axes!r} was given", ", ".join(AXES))
         whole_number("balance.starts", self.starts, 1)

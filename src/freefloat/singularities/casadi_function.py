@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.errors import require_extra
+from freefloat.errors import require_extra, require_type
 from freefloat.singularities.joint_polynomial import JointBasis, JointPolynomial
 
 
@@ -20,6 +20,7 @@ def casadi_function(polynomial: JointPolynomial) -> Any:
         Function ``singularity`` with the input ``q`` (n) and the output ``S``.
 
     Raises:
+        InputError: If it is no polynomial.
         MissingExtraError: If CasADi is not installed.
 
     Example:
@@ -28,6 +29,7 @@ def casadi_function(polynomial: JointPolynomial) -> Any:
         >>> round(float(S([0.3, 0.7])), 6)
         3.753986
     """
+    require_type("polynomial", polynomial, JointPolynomial, "SingularityPolynomial.of(...)")
     require_extra("casadi", "casadi")
     import casadi
 

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
+from freefloat.errors import require_type
 from freefloat.ik.branches import arm_branches
 from freefloat.singularities.singularity_map import Kind, SingularityMap
 from freefloat.so3 import UPRIGHT, Array, IntArray
@@ -79,12 +80,16 @@ class SingularityComponents:
 def singularity_components(found: SingularityMap) -> SingularityComponents:
     """Connected parts of the joint space without singularities, and the arm branches in them.
 
+    Raises:
+        InputError: If it is no map of singularities.
+
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
         >>> found = ff.singularity_map(model, "planar-position", np.radians(1.0))
         >>> [part.branches for part in ff.singularity_components(found).components]
         [{'elbow-': 61, 'elbow+': 2}, {'elbow+': 60, 'elbow-': 1}]
     """
+    require_type("found", found, SingularityMap, "singularity_map(...)")
     nodes, centres, halves, weights = _free_boxes(found)
     label = _connected(found, nodes, centres, halves)
     volumes = np.bincount(label, weights)

@@ -168,6 +168,7 @@ def export(
         >>> problem = ff.load_scenario("planar_2dof/line").problem()
         >>> ff.export(ff.simulate(problem, heading=0.5), "motion.csv", rate=10.0)
     """
+    require_type("file", file, str | Path, f"a name in {SUFFIXES}")
     path = Path(file)
     kind = Format.of(path)
     if kind is None:
