@@ -11,12 +11,12 @@ import pytest
 
 import freefloat as ff
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ik.several_arms import newton_combination
+from freefloat.ik.nearest import newton_solutions
 from freefloat.io.formats.export import Format, trajectories
 from freefloat.io.formats.trajectory import Trajectory
 from freefloat.limits.limits import Limits
 from freefloat.motion.residuals import path_errors
-from freefloat.so3 import angle_between, rotation_matrix
+from freefloat.so3 import angle_between
 from freefloat.verification.engines.mujoco import forward_run
 from freefloat.verification.engines.mujoco_model import Engine
 from freefloat.visualization.scenes.scene import motion_scene
@@ -134,10 +134,10 @@ def test_combinations_of_branches_reach_both_poses_and_none_is_lost(seed, count,
     assert len({branch.index for branch in branches}) == count
     assert label in [branch.label for branch in branches]
     joints = np.array([branch.joints for branch in branches])
-    poses = [pose.seen_from(rotation_matrix(q0)) for pose in problem.path.poses(0.0)]
+    poses = problem.poses_seen_from(np.tile(q0, (200, 1)))
     assert path_errors(problem, np.zeros(count), np.tile(q0, (count, 1)), joints).max() < 1e-8
-    for q in np.random.default_rng(0).uniform(-np.pi, np.pi, (200, 12)):
-        found = newton_combination(problem.model, poses, problem.task, q)
+    starts = np.random.default_rng(0).uniform(-np.pi, np.pi, (200, 12))
+    for found in newton_solutions(problem.model, *poses, problem.task, starts):
         if np.isfinite(found).all():
             assert problem.model.joint_distance(joints, found).min() < 1e-6
 

@@ -167,7 +167,7 @@ def _distinct_starts(
         if not numbers[:, column].size:
             return _none(len(attitudes), problem.model.arm_dof)
         return Starts(sets.joints[:, column], numbers[:, column])
-    if problem.redundant and not problem.path.arms:
+    if problem.redundant:
         poses = problem.poses_seen_from(attitudes)
         sets = closest_branches(problem.chain(), *poses, problem.task, joints)
         return Starts(sets.joints, sets.names)

@@ -2,70 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import tau
 
 import numpy as np
-import numpy.typing as npt
 
-from freefloat.dynamics.tasks import Task
+from freefloat.dynamics.tasks import Task, prescribed_rows
 from freefloat.ik.branches import ArmBranch, BranchSets, many_arm_branches
 from freefloat.ik.chain import Chain
 from freefloat.ik.numbering import MAX_BRANCHES
 from freefloat.ik.numeric import solutions
-from freefloat.ik.several_arms import newton_combination
+from freefloat.ik.several_arms import newton_combinations, several_arm_branches
 from freefloat.robot.joint_ranges import revolutions
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, Pose, frozen
+from freefloat.so3 import Array, frozen
 
 
 def newton_configuration(
-    model: FreeFloatingModel, targets: Sequence[Pose], task: Task, joints: Array
+    model: FreeFloatingModel, positions: Array, rotations: Array, task: Task, joints: Array
 ) -> ArmBranch | None:
-    """The configuration to which Newton's method converges from joints (n,), None if it does not.
+    """The first of :func:`newton_solutions` from joints (n,), None if it does not converge.
 
-    For redundant arms, whose configurations at a pose form a continuum. There is a pose for each
-    arm that follows a path.
+    For redundant arms, whose configurations at a pose form a continuum.
     """
-    if model.path_arms:
-        q = newton_combination(model, targets, task, joints)
-    else:
-        position, rotation = targets[0].position, targets[0].rotation
-        q = newton_solutions(model, position[None], rotation[None], task, joints)[0]
+    q = newton_solutions(model, positions, rotations, task, joints)[0]
     return ArmBranch(MAX_BRANCHES, "given", frozen(q)) if np.isfinite(q).all() else None
 
 
 def closest_branches(
-    model: FreeFloatingModel,
-    positions: npt.ArrayLike,
-    rotations: npt.ArrayLike,
-    task: Task,
-    joints: Array,
+    model: FreeFloatingModel, positions: Array, rotations: Array, task: Task, joints: Array
 ) -> BranchSets:
     """Of the arm branches at each of K poses the one closest to joint values (n,) or (K, n).
 
     Distances are largest joint differences. Revolute joints are shifted by full rotations to the
     value in their range that is nearest. Of a redundant arm it is the configuration to which
     Newton's method converges from the joint values, if it lies inside the joint ranges, else the
-    closest one of :func:`many_arm_branches`.
+    closest one of all.
 
     Args:
         model: Robot.
-        positions: As for :func:`many_arm_branches`, shape (K, 3).
-        rotations: Likewise, shape (K, 3, 3).
+        positions: As for :func:`many_arm_branches`, shape (K, 3); where E arms follow paths, as for
+            :func:`several_arm_branches`, shape (E, K, 3).
+        rotations: Likewise, shape (K, 3, 3) or (E, K, 3, 3).
         task: Part of the poses that is prescribed.
         joints: Joint values [rad or m]; those of each pose, or of all.
 
     Returns:
         The branches, at most one at each pose; that of a redundant arm is in column 0.
     """
-    if model.dof <= len(task.rows):
-        return closest_of(model, many_arm_branches(model, positions, rotations, task), joints)
-    p, R = np.reshape(positions, (-1, 3)), np.reshape(rotations, (-1, 3, 3))
+    every = several_arm_branches if model.path_arms else many_arm_branches
+    if model.dof <= len(prescribed_rows(model, task)):
+        return _closest_of(model, every(model, positions, rotations, task), joints)
     lower, upper = model.joint_ranges
-    nearby = newton_solutions(model, p, R, task, joints)
+    nearby = newton_solutions(model, positions, rotations, task, joints)
     (others,) = np.nonzero(~((nearby >= lower) & (nearby <= upper)).all(axis=1))
-    spread = many_arm_branches(model, p[others], R[others], task).joints
+    poses = positions[..., others, :], rotations[..., others, :, :]
+    spread = every(model, *poses, task).joints
     candidates = np.concatenate([spread, nearby[others, None]], axis=1)
     near = np.broadcast_to(joints, nearby.shape)[others, None]
     shifted, distance = _distances(model, candidates, near)
@@ -76,7 +67,7 @@ def closest_branches(
     return BranchSets(nearby[:, None], names[:, None], ("closest",))
 
 
-def closest_of(model: FreeFloatingModel, sets: BranchSets, joints: Array) -> BranchSets:
+def _closest_of(model: FreeFloatingModel, sets: BranchSets, joints: Array) -> BranchSets:
     """Of K sets of arm branches the one closest to joint values (n,) or (K, n)."""
     shifted, distance = _distances(model, sets.joints, joints[..., None, :])
     closest = distance == distance.min(axis=1, keepdims=True)
@@ -91,11 +82,15 @@ def newton_solutions(
     """The configurations (K, n) to which Newton's method converges, else NaN.
 
     It starts from joints (n,), or from other ones at each of the K poses, (K, n). Revolute joints
-    are shifted by full rotations toward these, within their ranges.
+    are shifted by full rotations toward these, within their ranges. Positions and rotations are as
+    for :func:`closest_branches`.
     """
-    starts = np.broadcast_to(joints, (len(positions), model.dof)).T[:, None]
-    target = positions.T, rotations.transpose(1, 2, 0)
-    found = solutions(Chain.of(model), task, *target, starts)[:, 0].T
+    starts = np.broadcast_to(joints, (positions.shape[-2], model.dof))
+    if model.path_arms:
+        found = newton_combinations(model, positions, rotations, task, starts)
+    else:
+        target = positions.T, rotations.transpose(1, 2, 0)
+        found = solutions(Chain.of(model), task, *target, starts.T[:, None])[:, 0].T
     return _distances(model, found, joints)[0]
 
 

@@ -20,7 +20,7 @@ from freefloat.ik.branches import BranchSets, ClosedForm, many_arm_branches
 from freefloat.ik.numbering import numbered_branches
 from freefloat.ik.searched_combinations import searched_combinations
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, BoolArray, IntArray, Pose
+from freefloat.so3 import Array, BoolArray, IntArray
 
 _STEPS = 12
 """Largest number of Newton steps."""
@@ -66,15 +66,12 @@ def several_arm_branches(
     return BranchSets(joints, np.concatenate([part.names for part in parts]), parts[0].labels)
 
 
-def newton_combination(
-    model: FreeFloatingModel, poses: Sequence[Pose], task: Task, joints: Array
+def newton_combinations(
+    model: FreeFloatingModel, positions: Array, rotations: Array, task: Task, joints: Array
 ) -> Array:
-    """The joints (n,) to which Newton's method converges from others, else NaN."""
-    positions = np.array([pose.position for pose in poses])[:, None]
-    rotations = np.array([pose.rotation for pose in poses])[:, None]
-    first = np.zeros(1, dtype=int)
-    group = ArmGroup.of(model, task)
-    return np.asarray(group.solved(positions, rotations, first, joints[None], _STEPS)[0])
+    """The joints (K, n) to which Newton's method converges from others (K, n), else NaN."""
+    group, every = ArmGroup.of(model, task), np.arange(len(joints))
+    return np.asarray(group.solved(positions, rotations, every, joints, _STEPS))
 
 
 @dataclass(frozen=True, eq=False)

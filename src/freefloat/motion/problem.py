@@ -18,7 +18,7 @@ from freefloat.dynamics.tasks import Task, prescribed_rows, require_task
 from freefloat.dynamics.virtual_manipulator import reach_bound
 from freefloat.errors import InputError, require_type
 from freefloat.ik.branches import ArmBranch, BranchSets, arm_branches, many_arm_branches
-from freefloat.ik.nearest import closest_branches, closest_of, newton_configuration
+from freefloat.ik.nearest import closest_branches, newton_configuration
 from freefloat.ik.several_arms import several_arm_branches
 from freefloat.motion.arm_curves import ArmCurves
 from freefloat.motion.attitude_values import checked_attitude
@@ -289,29 +289,24 @@ class Problem:
 
         With the number of an arm branch, or of one for each attitude (K,), others may be missing.
         """
-        if self.path.arms:
-            return self._many_combinations(attitudes, t, branch)
-        poses = self.poses_seen_from(attitudes, t)
-        if self.start_joints is None or t != 0.0:
-            return many_arm_branches(self.chain(t), *poses, self.task)
-        return closest_branches(self.chain(t), *poses, self.task, self.start_joints)
+        at = self.chain(t), *self.poses_seen_from(attitudes, t), self.task
+        if self.start_joints is not None and t == 0.0:
+            return closest_branches(*at, self.start_joints)
+        if not self.path.arms:
+            return many_arm_branches(*at)
+        only = None if branch is None else np.broadcast_to(branch, len(attitudes))
+        return several_arm_branches(*at, only)
 
     def poses_seen_from(self, attitudes: Array, t: float = 0.0) -> tuple[Array, Array]:
-        """Positions (K, 3) and rotations (K, 3, 3) of the path relative to attitudes (K, 4)."""
-        return self.path.pose(t).seen_from_each(attitudes)
+        """Positions (K, 3) and rotations (K, 3, 3) of the path relative to attitudes (K, 4).
 
-    def _many_combinations(
-        self, attitudes: Array, t: float, branch: int | IntArray | None
-    ) -> BranchSets:
-        """The branches of several arms that follow paths; see also ``start_joints``."""
+        Where E arms follow paths, those of all, (E, K, 3) and (E, K, 3, 3).
+        """
         seen = [pose.seen_from_each(attitudes) for pose in self.path.poses(t)]
-        positions, rotations = (np.array(part) for part in zip(*seen, strict=True))
-        near = self.start_joints if t == 0.0 else None
-        only = None
-        if branch is not None and near is None:
-            only = np.broadcast_to(branch, len(attitudes))
-        sets = several_arm_branches(self.chain(t), positions, rotations, self.task, only)
-        return sets if near is None else closest_of(self.chain(t), sets, near)
+        if not self.path.arms:
+            return seen[0]
+        positions, rotations = zip(*seen, strict=True)
+        return np.array(positions), np.array(rotations)
 
     def closest_start(self, attitude: npt.ArrayLike) -> Array | None:
         """Joints (n,) at the start closest to ``start_joints``; None without, or out of reach."""
@@ -344,9 +339,8 @@ class Problem:
         values = self.model.joint_vector(joints)[: self.model.arm_dof]
         near = self.nearest(values, branches)
         if self.redundant:
-            R0 = rotation_matrix(attitude)
-            targets = [pose.seen_from(R0) for pose in self.path.poses(0.0)]
-            given = newton_configuration(self.chain(), targets, self.task, values)
+            poses = self.poses_seen_from(np.asarray(attitude)[None])
+            given = newton_configuration(self.chain(), *poses, self.task, values)
             if given is not None and self.nearest(values, [given]):
                 near = self.nearest(given.joints, branches, _SAME) or given
         if near is not None:
