@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,6 +15,8 @@ from freefloat.so3 import Array, frozen
 
 _SAMPLES, _REFINED = 4096, 8
 """Samples of the joint space, and those from which each extremum is refined."""
+Function = Callable[[Array], float]
+"""Of joint values of shape (n,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +42,9 @@ class Extremes:
 
 
 def joint_space_extremes(
-    model: FreeFloatingModel, function: Callable[[Array], float], samples: int = _SAMPLES
-) -> Extremes:
+    model: FreeFloatingModel, function: Function, samples: int = _SAMPLES,
+    smooth: Sequence[Function] = (),
+) -> Extremes:  # fmt: skip
     """The extremes of a function of the joints over the joint space, see :func:`joint_box`.
 
     The best of ``samples`` points of a low-discrepancy sequence are refined by a quasi-Newton
@@ -51,23 +54,25 @@ def joint_space_extremes(
         model: Robot.
         function: Of joint values (n,), such as a singularity measure.
         samples: Number of points.
+        smooth: Functions that approach it from below where it has kinks, see
+            :class:`SingularityMeasure`.
 
     Raises:
         InputError: If a prismatic joint has no finite range.
     """
     points, _ = _sorted_samples(model, function, samples)
-    smallest, smallest_at = _minimized(model, function, points[:_REFINED])
-    largest, largest_at = _minimized(model, lambda q: -function(q), points[-_REFINED:])
-    return Extremes(-largest, frozen(largest_at), smallest, frozen(smallest_at))
+    smallest, smallest_at = _extremum(model, function, points[:_REFINED])
+    largest, largest_at = _extremum(model, function, points[-_REFINED:], -1.0, smooth)
+    return Extremes(largest, frozen(largest_at), smallest, frozen(smallest_at))
 
 
 def largest_measure(model: FreeFloatingModel, measure: SingularityMeasure) -> float:
     """:attr:`Extremes.magnitude`, without the slow search for the minimum if none is negative."""
     points, values = _sorted_samples(model, measure, _SAMPLES)
-    largest = abs(_minimized(model, lambda q: -measure(q), points[-_REFINED:])[0])
+    largest = abs(_extremum(model, measure, points[-_REFINED:], -1.0, measure.smooth)[0])
     if values[0] >= 0.0:
         return largest
-    return max(largest, abs(_minimized(model, measure, points[:_REFINED])[0]))
+    return max(largest, abs(_extremum(model, measure, points[:_REFINED])[0]))
 
 
 def joint_box(
@@ -101,7 +106,7 @@ def optimizer_bounds(model: FreeFloatingModel) -> list[tuple[float | None, float
 
 
 def _sorted_samples(
-    model: FreeFloatingModel, function: Callable[[Array], float], samples: int
+    model: FreeFloatingModel, function: Function, samples: int
 ) -> tuple[Array, Array]:
     """Points of the joint space (K, n) and the function there (K,), in ascending order."""
     lower, upper = joint_box(model)
@@ -111,18 +116,24 @@ def _sorted_samples(
     return points[order], values[order]
 
 
-def _minimized(
-    model: FreeFloatingModel, function: Callable[[Array], float], starts: Array
-) -> tuple[float, Array]:
-    """The smallest local minimum of a function from several starts, and its joint values."""
+def _extremum(
+    model: FreeFloatingModel, function: Function, starts: Array, sign: float = 1.0,
+    smooth: Sequence[Function] = (),
+) -> tuple[float, Array]:  # fmt: skip
+    """The smallest local minimum of a function from several starts, and its joint values.
+
+    With the sign -1 the largest maximum. On a kink rounding decides where the optimizer ends, so
+    that smooth functions lead there.
+    """
     from scipy.optimize import minimize  # imported late: it takes a third of a second
 
-    scale = max(abs(function(start)) for start in starts) or 1.0
-    minima = [
-        # SLSQP: L-BFGS-B uses threaded BLAS for its tiny matrices, which takes ten times as long
-        minimize(lambda q: function(q) / scale, start, method="SLSQP",
-                 bounds=optimizer_bounds(model), options={"ftol": 1e-15})
-        for start in starts
-    ]  # fmt: skip
-    best = min(minima, key=lambda minimum: float(minimum.fun))
-    return float(function(best.x)), best.x
+    scale, ends = sign * (max(abs(function(start)) for start in starts) or 1.0), list(starts)
+    for stage in smooth or (function,):
+        ends = [
+            # SLSQP: L-BFGS-B uses threaded BLAS for its tiny matrices, which takes far longer
+            minimize(lambda q, f=stage: f(q) / scale, end, method="SLSQP",
+                     bounds=optimizer_bounds(model), options={"ftol": 1e-15}).x
+            for end in ends
+        ]  # fmt: skip
+    best = min(ends, key=lambda end: sign * function(end))
+    return float(function(best)), best

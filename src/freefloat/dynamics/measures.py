@@ -32,6 +32,8 @@ from freefloat.so3 import Array
 
 MeasureName = Literal["gjm", "system", "arm", "sigma"]
 NAMES: tuple[str, ...] = get_args(MeasureName)
+_POWERS = 8.0, 64.0, 512.0
+"""Of the norms that approach the smallest singular value."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +46,8 @@ class SingularityMeasure:
         unit: Unit, as printed in tables.
         function: Measure of joint values of shape (n,); signed where it is a determinant.
         mass_power: Power of a factor on all masses with which it grows.
+        smooth: Functions of the joints that approach it from below, each closer than the one
+            before, where it has kinks: its maximum is found by theirs.
     """
 
     name: str
@@ -51,6 +55,7 @@ class SingularityMeasure:
     unit: str
     function: Callable[[Array], float] = field(repr=False)
     mass_power: int = 0
+    smooth: tuple[Callable[[Array], float], ...] = field(default=(), repr=False)
 
     def __call__(self, joints: Array) -> float:
         """Value at joint values of shape (n,)."""
@@ -99,8 +104,9 @@ def singularity_measure(
     if name == "sigma":
         reach = unit_of_length(model)
         definition = f"smallest singular value of S* (7), in units of the reach {reach:.4g} m"
-        factors = unit_factors(model, task)
-        return SingularityMeasure(name, definition, "1", partial(_sigma, model, task, factors))
+        function = partial(_sigma, model, task, unit_factors(model, task))
+        smooth = tuple(partial(function, power=power) for power in _POWERS)
+        return SingularityMeasure(name, definition, "1", function, smooth=smooth)
     if name == "arm":
         plane_axes(model, task)
         function = partial(_arm, trigonometric_terms(model))
@@ -141,11 +147,15 @@ def unit_of_length(model: FreeFloatingModel) -> float:
 
 
 def _sigma(
-    model: FreeFloatingModel, task: Task, factors: tuple[Array, Array], joints: Array
-) -> float:
+    model: FreeFloatingModel, task: Task, factors: tuple[Array, Array], joints: Array,
+    power: float = np.inf,
+) -> float:  # fmt: skip
+    """The smallest singular value; with a power one over the norm of their inverses, smooth."""
     rows, columns = factors
     S = rows[:, None] * generalized_jacobian(model, joints, task) * columns
-    return float(np.linalg.svd(S, compute_uv=False)[-1])
+    values = np.linalg.svd(S, compute_uv=False)
+    smallest = float(values[-1])
+    return smallest / float(np.linalg.norm(smallest / values, power)) if smallest else 0.0
 
 
 _IN_PLANE, _OUT_OF_PLANE = [0, 4, 5], [1, 2, 3]

@@ -138,7 +138,7 @@ class RobotSummary:
             configuration = configuration_at(model, measures, joints, attitude)
         elif attitude is not None:
             raise InputError("attitude", "it was given without joints", "joints with it")
-        extremes = joint_space_extremes(model, measure)
+        extremes = joint_space_extremes(model, measure, smooth=measure.smooth)
         return cls(model, task, measure, extremes, diagnostics, configuration, contact_unchecked)
 
     def to_dict(self) -> dict[str, Any]:
