@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from freefloat.robot.bundled import find_robot
 from freefloat.robot.parts import Attachment, Mount
 from tests.commands import document, error
 from tests.errors import error_key
-from tests.motion.test_two_arms import LAW, PLANAR, _written, changed
+from tests.motion.test_two_arms import LAW, PLANAR, WAYPOINTS, _written, changed
 
 RATE, DURATION = 0.5, 20.0
 
@@ -62,9 +63,7 @@ def test_the_spacecraft_keeps_its_attitude(two_ur5, axes, seed):
     assert np.abs(found.curve.at(times)).max() < 2.0 * np.pi
     balanced = problem.replace(arms=ff.ArmCurves({"left": found.curve}))
     start = [0.0, 0.0, 0.0, 1.0]
-    branches = [branch.joints for branch in balanced.branches(start)]
-    nearest = min(branches, key=lambda q: problem.model.joint_distance(q, joints))
-    motion = ff.integrate_motion(balanced, start, nearest)
+    motion = ff.simulate(balanced, start, joints=found.joints).motion
     turns = Rotation.from_quat(motion.attitudes)
     if axes == "xyz":
         assert turns.magnitude().max() == pytest.approx(found.turn, rel=1e-6)
@@ -114,5 +113,20 @@ def test_an_arm_without_rates_or_of_another_name_is_refused(two_ur5):
 
 def test_an_axis_that_does_not_tilt_anyway_stays_as_it_is():
     problem, settings = ff.load_scenario(PLANAR).problem(), ff.BalanceSettings("left", "xy", 1)
-    found = ff.balance(problem, [0, 0, 0, 1], [0.5, 1.0], settings, ff.Limits(joint_rate=[1.0] * 4))
+    rest = settings, ff.Limits(joint_rate=[1.0] * 4)
+    found = ff.balance(problem, [0, 0, 0, 1], [1.9, -2.7], *rest)
     assert (found.turn, found.held_turn, found.ratio, found.tried) == (0.0, 0.0, 1.0, (1.0,))
+    assert error_key(ff.balance, problem, [0, 0, 0, 1], [0.5, 1.0], *rest) == "joints"  # far away
+
+
+def test_an_arm_that_reaches_the_end_only_as_the_other_moves_has_no_ratio():
+    problem, start = ff.load_scenario(PLANAR).problem(), [1.0, 0.5]
+    first = problem.model.end_effector_pose([0, 0, 0, 1], [*start, *WAYPOINTS[0]]).position
+    line = ff.EndEffectorPath(ff.paths.PolynomialCurve.line(first, 1.025 * first))
+    problem = problem.replace(path=ff.TimedPath(line, ff.Timing(20.0)), momentum=np.zeros(3))
+    limits, settings = ff.Limits(joint_rate=[1.0] * 4), ff.BalanceSettings("left", starts=1)
+    found = ff.balance(problem, [0, 0, 0, 1], start, settings, limits)
+    assert (found.held_turn, found.ratio, found.tried) == (None, None, (None,))
+    np.testing.assert_allclose(
+        json.loads(json.dumps(found.to_dict(), allow_nan=False))["joints"], start, atol=1e-9
+    )

@@ -130,12 +130,17 @@ def _balance_lines(balanced: Balance | None) -> Iterator[str]:
         return
     settings, axes = balanced.settings, balanced.settings.axes
     motion = "turns" if axes == "xyz" else f"tilts about {axes}"
+    held = "and cannot follow the path with the arm held"
+    if balanced.held_turn is not None:
+        held = (
+            f"by {math.degrees(balanced.held_turn):.4f} deg with the arm held, a ratio of "
+            f"{balanced.ratio:.4f}"
+        )
     yield (
         f"Arm {settings.arm} balances: the spacecraft {motion} by up to "
-        f"{math.degrees(balanced.turn):.4f} deg, by {math.degrees(balanced.held_turn):.4f} deg "
-        f"with the arm held, a ratio of {balanced.ratio:.4f}."
+        f"{math.degrees(balanced.turn):.4f} deg, {held}."
     )
-    tried = " ".join(f"{ratio:.3f}" for ratio in balanced.tried)
+    tried = " ".join("none" if ratio is None else f"{ratio:.3f}" for ratio in balanced.tried)
     yield (
         f"  {balanced.at_rate:.0%} of the time a joint is as fast as balancing permits, 90 % of "
         f"its limit; {balanced.at_range:.0%} it is slowed before the end of its range."

@@ -23,7 +23,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.balance_settings import BalanceSettings
-from freefloat.planning.balance_steps import BalanceRun, BalanceSteps, turn_back
+from freefloat.planning.balance_steps import NEAR, BalanceRun, BalanceSteps, turn_back
 from freefloat.planning.objectives.objectives import objective_of
 from freefloat.planning.plan import Plan
 from freefloat.planning.planner import plan
@@ -48,29 +48,32 @@ class Balance:
     Attributes:
         settings: What was asked for.
         curve: The joint curve.
+        joints: Joint values of the arm on the path at the start of the motion along it, (n,).
         turn: Largest turn of the spacecraft along the motion [rad], of two balanced axes the tilt
             of the third.
-        held_turn: The same with the arm held where its joint curve began.
+        held_turn: The same with the arm held where its joint curve began; None where the arm on
+            the path cannot follow it then.
         at_rate: Fraction of the time at which a joint of the arm is as fast as balancing permits,
             90 % of its limit.
         at_range: The same slowed before the end of its range.
-        tried: Turns over ``held_turn`` of all starts, as far as the steps tell; infinite where the
-            arm on the path cannot follow it.
+        tried: Turns over ``held_turn`` of all starts, as far as the steps tell; None where that is,
+            or where the arm on the path does not begin near the joints asked for or cannot follow.
         kept: Whether the motion keeps the margin and the limits.
     """
 
     settings: BalanceSettings
     curve: ArmCurve = field(repr=False)
+    joints: Array = field(repr=False)
     turn: float
-    held_turn: float
+    held_turn: float | None
     at_rate: float
     at_range: float
-    tried: tuple[float, ...]
+    tried: tuple[float | None, ...]
     kept: bool
 
     @property
-    def ratio(self) -> float:
-        """Turn over that with the arm held; 1 where the spacecraft does not turn anyway."""
+    def ratio(self) -> float | None:
+        """Turn over ``held_turn``, None where that is; 1 where both are zero."""
         return _ratio(self.turn, self.held_turn)
 
     def to_dict(self) -> dict[str, Any]:
@@ -78,11 +81,11 @@ class Balance:
         return {
             "arm": self.settings.arm, "axes": self.settings.axes,
             "turn_deg": float(np.degrees(self.turn)),
-            "held_turn_deg": float(np.degrees(self.held_turn)), "ratio": self.ratio,
+            "held_turn_deg": None if self.held_turn is None else float(np.degrees(self.held_turn)),
+            "ratio": self.ratio, "joints": self.joints.tolist(),
             "time_at_rate_limits": self.at_rate, "time_at_range_limits": self.at_range,
-            "tried": [ratio if np.isfinite(ratio) else None for ratio in self.tried],
-            "kept": self.kept, "waypoints": self.curve.waypoints.tolist(),
-            "times": self.curve.times.tolist(),
+            "tried": list(self.tried), "kept": self.kept,
+            "waypoints": self.curve.waypoints.tolist(), "times": self.curve.times.tolist(),
         }  # fmt: skip
 
 
@@ -144,7 +147,8 @@ def plan_balanced(
         where = f"as near as the limits permit to that of the plan with {settings.arm} at rest"
         stated = replace(search, joints=again.joints)  # attitudes are compared with the present one
         found = replace(found, search=stated, reason=f"{where}: {first.reason}")
-    return found, replace(balanced, turn=turn, kept=found.feasible)
+    joints = found.chosen.branch.joints
+    return found, replace(balanced, joints=joints, turn=turn, kept=found.feasible)
 
 
 def balance(
@@ -164,15 +168,14 @@ def balance(
     Args:
         problem: Robot and path, with a joint curve of the arm, of which the first state counts.
         attitude: Attitude of the spacecraft at the start, quaternion x, y, z, w.
-        joints: Joint values of the arm on the path, near which it begins.
+        joints: Joint values of the arm on the path: it begins within 0.6 rad or m of each.
         settings: Which arm balances, and how.
         limits: Limits of the motion; those of joint rates, else the URDF's, bound the arm's rates.
         progress: Called with the fraction done, in [0, 1].
 
     Raises:
-        InputError: If there is no such arm, its rates have no limits, or the limits do not suit the
-            robot.
-        UnreachableError: If the arm does not reach the start of the path.
+        InputError: If there is no such arm, its rates have no limits, the limits do not suit the
+            robot, or no motion that begins near the joints completes the path.
 
     Example:
         >>> import yaml
@@ -193,10 +196,11 @@ def balance(
     """
     require_type("settings", settings, BalanceSettings, "BalanceSettings(arm, axes)")
     limits, attitude = limits or Limits(), problem.attitude(attitude)
-    steps = BalanceSteps(problem, settings, limits)
     near = finite_vector("joints", joints, problem.model.arm_dof)
+    problem = problem.replace(start_joints=near)
+    steps = BalanceSteps(problem, settings, limits)
     held = _motion(steps.with_curve(steps.constant), attitude, near)
-    held_turn = np.inf if held is None else _turn(held, settings.axes)
+    held_turn = None if held is None else _turn(held, settings.axes)
     checker = LimitChecker(steps.with_curve(steps.constant), limits)
     runs: list[BalanceRun] = []
     for number, start in enumerate(steps.starts(attitude, near, checker.pairs)):
@@ -208,12 +212,10 @@ def balance(
             runs.append(run)
         if progress is not None:
             progress((number + 1) / settings.starts)
-    turns = [run.turn for run in runs] + [np.inf] * (settings.starts - len(runs))
+    tried = [_ratio(run.turn, held_turn) for run in runs] + [None] * (settings.starts - len(runs))
     best: Balance | None = None
     runs.sort(key=lambda run: (not run.clear, run.turn))
-    still = BalanceRun(
-        steps.constant, held_turn, 0.0, 0.0, True
-    )  # where no motion keeps the limits
+    still = BalanceRun(steps.constant, 0.0, 0.0, 0.0, True)  # where no motion keeps the limits
     for run in [*runs[:_CHECKED], still]:
         balanced = steps.with_curve(run.curve)
         motion = _motion(balanced, attitude, near)
@@ -222,31 +224,31 @@ def balance(
         approach = closest_approach(motion, problem.margin.measure)
         kept = verdict_on(motion, checker.results(motion), approach).feasible
         found = Balance(
-            settings, run.curve, _turn(motion, settings.axes), held_turn, run.at_rate,
-            run.at_range, tuple(_ratio(turn, held_turn) for turn in turns), kept,
+            settings, run.curve, motion.initial.joints[: len(near)], _turn(motion, settings.axes),
+            held_turn, run.at_rate, run.at_range, tuple(tried), kept,
         )  # fmt: skip
         if kept:
             return found
         best = best or found
     if best is None:
-        raise InputError("balance.arm", "no motion along the path was found", "another attitude")
+        text = f"no motion that begins within {NEAR} rad or m of {near.tolist()} was found"
+        raise InputError("joints", text, "those of an arm branch, or another attitude")
     return best
 
 
-def _ratio(turn: float, held_turn: float) -> float:
+def _ratio(turn: float, held_turn: float | None) -> float | None:
     """Turn over that with the arm held; 1 where neither turns the spacecraft."""
-    if np.isinf(turn):
-        return turn
+    if held_turn is None:
+        return None
     return turn / held_turn if held_turn > 0.0 else 1.0
 
 
 def _motion(problem: Problem, attitude: Array, near: Array) -> Motion | None:
-    """The motion of the arm branch closest to joint values; None without one."""
-    branches = problem.branches(attitude)
-    if not branches:
+    """The motion of the arm branch near joint values; None without one."""
+    branch = problem.nearest(near, problem.branches(attitude), NEAR)
+    if branch is None:
         return None
-    distances = [problem.model.joint_distance(branch.joints, near) for branch in branches]
-    motion = integrate_motion(problem, attitude, branches[int(np.argmin(distances))].joints)
+    motion = integrate_motion(problem, attitude, branch.joints)
     return motion if motion.completed else None
 
 

@@ -38,6 +38,8 @@ _SMALL_RATES, _STEADY_RATES = 1e-4, 3e-3
 _SPARE, _SPARE_RATES = 0.05, 0.1
 """Part of ranges, and of rates, left to what the spline adds between steps."""
 _AT_LIMIT = 0.999
+NEAR = 0.6
+"""Largest distance of the arm on the path from the joints near which it begins [rad or m]."""
 
 
 def turn_back(start: Rotation, now: Rotation, axes: str) -> Array:
@@ -130,17 +132,15 @@ class BalanceSteps:
     ) -> BalanceRun | None:  # fmt: skip
         """Steps from a start, no farther from it than an excursion of the joints [rad or m].
 
-        None where the arm on the path cannot follow it.
+        None where the arm on the path cannot begin near joints, or cannot follow it.
         """
         problem, n = self._problem, self._problem.model.arm_dof
         curve = ArmCurve.evenly(np.array([start, start]), problem.path.duration)
-        branches = self.with_curve(curve).branches(attitude)
-        if not branches:
+        branch = problem.nearest(near, self.with_curve(curve).branches(attitude), NEAR)
+        if branch is None:
             return None
-        arm = min((branch.joints for branch in branches),
-                  key=lambda q: problem.model.joint_distance(q, near))  # fmt: skip
         first = now = Rotation.from_quat(attitude)
-        joints = np.concatenate([arm, problem.arms.at(0.0)])
+        joints = problem.all_joints(branch.joints, 0.0)
         joints[n + self._own] = start
         rates, path, turns, limited = np.zeros(len(start)), [start], [0.0], []
         clear = pairs is None or self._room(0.0, attitude, joints, pairs) >= 0.0
