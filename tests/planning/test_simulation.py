@@ -22,14 +22,16 @@ def test_a_feasible_branch_that_keeps_the_limits_comes_first(planar):
     start = heading_quaternion(np.deg2rad(230.0))
     free = ff.simulate(planar, start)
     (other,) = (entry for entry in free.branches if entry is not free.chosen)
-    fast, slow = (
-        ff.check_limits(entry.motion, ff.Limits(base_rate=1.0))[0].worst
+    limits = ff.Limits(base_rate=1.0, base_turn=3.0)
+    (fast, far), (slow, near) = (
+        [result.worst for result in ff.check_limits(entry.motion, limits)]
         for entry in (free.chosen, other)
     )
-    chosen = ff.simulate(planar, start, limits=ff.Limits(base_rate=(fast + slow) / 2.0))
+    limits = ff.Limits(base_rate=(fast + slow) / 2.0, base_turn=(far + near) / 2.0)
+    chosen = ff.simulate(planar, start, limits=limits)
     assert (chosen.chosen.branch.index, chosen.limit_results[0].kept) == (other.branch.index, True)
     names = {branch: verdict.name for branch, verdict in chosen.verdicts.items()}
-    assert names == {other.branch.index: "", free.chosen.branch.index: "base_rate"}
+    assert names == {other.branch.index: "", free.chosen.branch.index: "base_rate and base_turn"}
     for base_rate in (0.9 * slow, 1.1 * fast):  # kept by none, by both
         same = ff.simulate(planar, start, limits=ff.Limits(base_rate=base_rate))
         assert same.chosen.branch.index == free.chosen.branch.index

@@ -132,6 +132,11 @@ def violated(results: Iterable[LimitResult]) -> tuple[LimitResult, ...]:
     return tuple(result for result in results if not result.kept)
 
 
+def all_violations(violations: Iterable[LimitResult]) -> str:
+    """Such as ``the joint rate of q1 is violated at t = 2 s, at most ... and the ...``."""
+    return " and ".join(entry.violation(f"at t = {entry.time:.4g} s") for entry in violations)
+
+
 def needed_stretch(results: Iterable[LimitResult]) -> float:
     """Factor on the duration, 1 or more, with which rates and torques just keep their limits.
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
 from freefloat.errors import UnreachableError
 from freefloat.limits.kinds.corridor import CorridorLimit
-from freefloat.limits.result import LimitResult, rounded_up, violated
+from freefloat.limits.result import LimitResult, all_violations, rounded_up, violated
 from freefloat.motion.extrema import ClosestApproach
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
@@ -48,16 +48,16 @@ class Cause(StrEnum):
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a motion is feasible, or what it violates first.
+    """Whether a motion is feasible, or what it violates.
 
     Attributes:
         cause: What decides; a motion is feasible where everything is kept.
-        name: Name of the measure or of the limit.
-        where: Joint, link or pair of links.
-        time: The instant [s].
+        name: Name of the measure, or of all limits that are violated: ``joint_range and pointing``.
+        where: Joint, link or pair of links of the first.
+        time: Its instant [s].
         value: Value at that instant.
         allowed: Bound of a measure.
-        sentence: How a limit is violated, or what is kept.
+        sentence: How limits are violated, or what is kept.
     """
 
     cause: Cause = Cause.KEPT
@@ -126,16 +126,13 @@ def verdict_on(
             Cause.MARGIN, approach.measure, "", approach.time, approach.value, margin.threshold
         )
     compared = tuple(results)
-    first = next(iter(violated(compared)), None)
-    if first is not None:
+    violations = violated(compared)
+    if violations:
+        first, names = violations[0], dict.fromkeys(result.limit for result in violations)
         return Verdict(
-            Cause.LIMIT,
-            first.limit,
-            first.where,
-            first.time,
-            first.worst,
-            sentence=first.violation(f"at t = {first.time:.4g} s"),
-        )
+            Cause.LIMIT, " and ".join(names), first.where, first.time, first.worst,
+            sentence=all_violations(violations),
+        )  # fmt: skip
     return Verdict(sentence="margin and limits are kept" if compared else "the margin is kept")
 
 
@@ -219,25 +216,28 @@ def none_completes(
         last: The singularity that ends the longest motion, where it is known.
     """
     within = " within its limits" if (endings == LIMITED).any() else ""
-    kind = ""
+    return f"{tried} none completes the path{within}: {ending_fractions(endings, last)}"
+
+
+def ending_fractions(endings: npt.NDArray[np.int8], last: SingularEvent | None = None) -> str:
+    """How attitudes fail: by the arm branch that gets farthest.
+
+    Arguments are those of :func:`none_completes`.
+    """
+    latest = ""
     if last is not None:
-        kind = f", at the latest at t = {last.time:.4g} s; its kind: {last.kind.description}"
-    return f"{tried} none completes the path{within}: {ending_fractions(endings)}{kind}"
-
-
-def ending_fractions(endings: npt.NDArray[np.int8]) -> str:
-    """How attitudes fail: by the arm branch that gets farthest; endings have the shape (K, B)."""
+        latest = f", at the latest at t = {last.time:.4g} s: {last.kind.description}"
     words = {
         UNREACHED: "have no arm configuration at the start",
         FAILED: "reach the step limit",
-        SINGULAR: "end in a singularity",
+        SINGULAR: f"end in a singularity{latest}",
         LIMITED: "violate a limit of pointing or turn",
         COMPLETED: "complete the path below the margin",
     }
     ranks = np.array([list(words).index(code) for code in endings.ravel().tolist()])
     best = ranks.reshape(endings.shape).max(axis=1)
     fractions = np.bincount(best, minlength=len(words)) / len(best)
-    return ", ".join(
+    return "; ".join(
         f"{100.0 * fraction:.3g} % {text}"
         for fraction, text in zip(fractions.tolist(), words.values(), strict=True)
         if fraction > 0.0

@@ -68,7 +68,7 @@ class Simulation(Answer):
 
     @property
     def reason(self) -> str:
-        """What the chosen motion violates first, if anything."""
+        """What the chosen motion violates, if anything."""
         return str(self.verdict)
 
     @property

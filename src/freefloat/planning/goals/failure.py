@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.limits.check import LimitChecker
-from freefloat.limits.result import LimitResult
-from freefloat.planning.goals.goal_motion import GoalMotion, all_violations, earlier
+from freefloat.limits.result import LimitResult, all_violations
+from freefloat.planning.goals.goal_motion import GoalMotion, earlier
 from freefloat.planning.goals.joint_paths import Course
 from freefloat.planning.goals.resting import violation_at_rest
 from freefloat.planning.goals.search import REACHED, GoalSearch

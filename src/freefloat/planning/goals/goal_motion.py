@@ -16,7 +16,7 @@ from freefloat.dynamics.tasks import Task, stays_in_plane
 from freefloat.errors import InputError
 from freefloat.limits.contact import Contact
 from freefloat.limits.limits import Limits
-from freefloat.limits.result import LimitResult, violated
+from freefloat.limits.result import LimitResult, all_violations, violated
 from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
@@ -117,11 +117,6 @@ class GoalMotion(Answer):
             "final": None if motion is None else motion.final.to_dict(),
             "limits": [result.to_dict() for result in self.limit_results],
         }
-
-
-def all_violations(violations: Sequence[LimitResult]) -> str:
-    """Such as ``the joint rate of q1 is violated at t = 2 s, at most ... and the ...``."""
-    return " and ".join(entry.violation(f"at t = {entry.time:.4g} s") for entry in violations)
 
 
 def last_state(motion: Motion) -> EndState:
