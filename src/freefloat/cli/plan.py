@@ -198,14 +198,16 @@ def _chosen_lines(plan: Plan) -> Iterator[str]:
     if plan.deviation is not None:
         yield f"Deviation from the present attitude: {math.degrees(plan.deviation):.4f} deg."
     alone = "margin, pointing and turn" if _limits_attitude(plan) else "the margin"
-    scope = f" for {alone} alone" if plan.limit_results else ""
+    scope = around = f" for {alone} alone" if plan.limit_results else ""
+    if plan.limit_results and plan.problem.redundant:
+        around = f" for {alone}, with starts inside the joint ranges"
     if plan.robust_radius is not None:
         spare = plan.search.required_radius
         less = plan.robust_radius < spare
         wanted = f", less than search.spare_deg {math.degrees(spare):g}" if less else ""
-        yield f"Attitude tolerance{scope}: {math.degrees(plan.robust_radius):.4f} deg{wanted}."
+        yield f"Attitude tolerance{around}: {math.degrees(plan.robust_radius):.4f} deg{wanted}."
         if plan.radius_effort is not None:
-            start = ", with starts near the joints below" if plan.problem.redundant else ""
+            start = ", with starts nearest to the joints below" if plan.problem.redundant else ""
             yield f"  {plan.radius_effort}{start}"
     tolerance = plan.tolerance
     if tolerance is not None:

@@ -46,7 +46,8 @@ class Plan(Answer):
             margin and comes nearest to keeping the limits; None where none keeps the margin.
         robust_radius: How far the attitude may deviate in any direction before the chosen arm
             branch violates the margin or nears another singularity [rad]; a redundant arm begins
-            in the configuration nearest to the chosen joints.
+            in the configuration nearest to the chosen joints, inside the joint ranges where it can:
+            where that is far from them, the radius often ends.
         radius_effort: Spatial tasks: what the robust radius was confirmed against.
         map: Spatial tasks: the map of sampled attitudes that the search began with.
         tolerance: Spatial tasks: tolerated deviations of momentum and duration.
