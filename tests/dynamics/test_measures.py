@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.dynamics.joint_space import largest_measure
 from freefloat.dynamics.momentum import inertia_matrices, system_matrix
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from tests.robots import in_units, joint_values, random_robot, robots
@@ -27,9 +28,7 @@ def test_gjm_and_system_are_the_determinants_of_6_and_5(data: st.DataObject, rob
     q = data.draw(joint_values(6))
     S, A = ff.generalized_jacobian(model, q), system_matrix(model, q)
     D, _ = inertia_matrices(model, q)
-    gjm, system = (
-        ff.singularity_measure(model, ff.Task.POSE, name)(q) for name in ("gjm", "system")
-    )
+    gjm, system = (ff.singularity_measure(model, "pose", name)(q) for name in ("gjm", "system"))
     size = np.prod(np.linalg.norm(S, axis=1))
     assert gjm == pytest.approx(np.linalg.det(S), abs=1e-12 * size)
     assert system == pytest.approx(np.linalg.det(D) * gjm, abs=1e-10 * np.linalg.det(D) * size)
@@ -86,19 +85,24 @@ def test_measures_scale_by_their_units(structure: str, name: str, rng: np.random
     robot = random_robot(rng, structure)
     feet, pounds = 3.28084, 2.20462
     metric = ff.FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
-    imperial = ff.FreeFloatingModel.from_urdf(
-        in_units(robot.text, feet, pounds), robot.end_effector
-    )
+    text = in_units(robot.text, feet, pounds)
+    imperial = ff.FreeFloatingModel.from_urdf(text, robot.end_effector)
     q = rng.uniform(-2.0, 2.0, metric.dof)
     same = q * np.where([body.prismatic for body in metric.bodies[1:]], feet, 1.0)
     measure = ff.singularity_measure(metric, ff.Task.POSE, name)
-    powers = {
-        unit: int(power or 1) for unit, power in re.findall(r"(m|kg)\b(?:\^(\d))?", measure.unit)
-    }
+    found = re.findall(r"(m|kg)\b(?:\^(\d))?", measure.unit)
+    powers = {unit: int(power or 1) for unit, power in found}
     factor = feet ** powers.get("m", 0) * pounds ** powers.get("kg", 0)
-    assert ff.singularity_measure(imperial, ff.Task.POSE, name)(same) == pytest.approx(
-        factor * measure(q), rel=1e-9
-    )
+    value = ff.singularity_measure(imperial, ff.Task.POSE, name)(same)
+    assert value == pytest.approx(factor * measure(q), rel=1e-9)
+
+
+@pytest.mark.slow
+def test_rounding_does_not_change_the_largest_sigma() -> None:
+    """With all masses three times as large S* is the same."""
+    models = [ff.FreeFloatingModel.from_urdf("ssrms", scale_mass=scale) for scale in (1.0, 3.0)]
+    largest = [largest_measure(m, ff.singularity_measure(m, "pose", "sigma")) for m in models]
+    assert largest[0] == pytest.approx(largest[1], rel=1e-7)
 
 
 def factors(model: ff.FreeFloatingModel, q: np.ndarray) -> tuple[float, float, float]:

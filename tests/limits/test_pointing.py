@@ -133,9 +133,8 @@ def test_an_axis_on_the_wrist_is_followed_along_every_branch() -> None:
     """Wrist-flipped branches have the same motion, but not of the bodies in the wrist."""
     problem = ff.load_scenario("spatial_6dof/line").problem()
     body = problem.model.body_names[4]
-    limits = AttitudeLimits(
-        pointing=(PointingLimit(body, [1.0, 0.5, 0.2], 1.5, direction=[0, 0, 1]),)
-    )
+    limit = PointingLimit(body, [1.0, 0.5, 0.2], 1.5, direction=[0, 0, 1])
+    limits = AttitudeLimits(pointing=(limit,))
     slacks = FeasibilityEvaluator(problem, limits=limits).evaluate(attitude_grid(16)).motions.slacks
     assert np.nanmax(np.abs(slacks[:, ::2] - slacks[:, 1::2])) > 0.1
 
@@ -156,6 +155,14 @@ def test_a_spatial_plan_keeps_limits_that_the_largest_margin_violates() -> None:
     endings = plan.map.to_dict()["endings"]
     assert endings["limited"] > 0
     assert endings["completed"] > 0
+
+
+@pytest.mark.slow
+def test_a_reason_states_the_last_singularity_beside_their_number() -> None:
+    problem = ff.load_scenario("ur5_servicer/arc").problem()
+    reason = ff.plan(problem, ff.Search(samples=64), Limits(base_turn=0.02)).reason
+    assert "% end in a singularity, at the latest at t = 30.36 s: boundary of reach" in reason
+    assert "; 17.2 % violate a limit of pointing or turn" in reason
 
 
 @pytest.mark.parametrize(("change", "key"), [

@@ -75,6 +75,9 @@ def test_motions_agree_with_an_integration_of_our_own_and_with_mujoco(seed, both
     problem, n = case.problem, case.problem.model.arm_dof
     motion = ff.integrate_motion(problem, case.attitude, case.joints)
     assert motion.completed
+    near = problem.replace(start_joints=case.joints)
+    for start in near.closest_start(case.attitude), ff.simulate_many(near, case.attitude).joints[0]:
+        np.testing.assert_allclose(start, case.joints, rtol=0, atol=1e-8)
     attitude, joints = own_motion(case)
     np.testing.assert_allclose(motion.final.joints[:n], joints, atol=1e-8)
     assert angle_between(motion.final.attitude, attitude) < 1e-8

@@ -86,17 +86,14 @@ def test_a_plan_while_an_arm_balances_is_saved_and_checked(tmp_path):
     assert ff.load(tmp_path / "plan.h5").problem.arms.curves["left"].waypoints.shape == (65, 2)
 
 
-@pytest.mark.parametrize(
-    ("law", "command", "key"),
-    [
-        ("balance", ("simulate", "--heading", 20), "robot.arms.left.law"),
-        ("balance", ("map",), "robot.arms.left.law"),
-        ("balance", ("plan", "--stretch"), "stretch"),
-        ({"balance": {"axes": "z"}}, ("plan",), "robot.arms.left.law.balance.axes"),
-        ({"balance": {"start": [1.0]}}, ("plan",), "robot.arms.left.law.balance.start"),
-        ({"balance": {"starts": 0}}, ("plan",), "robot.arms.left.law.balance.starts"),
-    ],
-)
+@pytest.mark.parametrize(("law", "command", "key"), [
+    ("balance", ("simulate", "--heading", 20), "robot.arms.left.law"),
+    ("balance", ("map",), "robot.arms.left.law"),
+    ("balance", ("plan", "--stretch"), "stretch"),
+    ({"balance": {"axes": "z"}}, ("plan",), "robot.arms.left.law.balance.axes"),
+    ({"balance": {"start": [1.0]}}, ("plan",), "robot.arms.left.law.balance.start"),
+    ({"balance": {"starts": 0}}, ("plan",), "robot.arms.left.law.balance.starts"),
+])  # fmt: skip
 def test_errors_name_the_key(tmp_path, law, command, key):
     word, *options = command
     assert error(word, _written(tmp_path, balancing(law)), *options)["key"] == key
@@ -127,6 +124,5 @@ def test_an_arm_that_reaches_the_end_only_as_the_other_moves_has_no_ratio():
     limits, settings = ff.Limits(joint_rate=[1.0] * 4), ff.BalanceSettings("left", starts=1)
     found = ff.balance(problem, [0, 0, 0, 1], start, settings, limits)
     assert (found.held_turn, found.ratio, found.tried) == (None, None, (None,))
-    np.testing.assert_allclose(
-        json.loads(json.dumps(found.to_dict(), allow_nan=False))["joints"], start, atol=1e-9
-    )
+    written = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    np.testing.assert_allclose(written["joints"], start, atol=1e-9)

@@ -88,14 +88,11 @@ def test_the_closest_branch_is_that_of_brute_force(name: str) -> None:
             assert np.abs(branch.joints - joints).max() == pytest.approx(min(best.values()))
 
 
-@pytest.mark.parametrize(
-    ("options", "key"),
-    [
-        ({"within": 0.2}, "search.from_attitude"),
-        ({"within": 4.0, "from_attitude": PRESENT}, "search.within"),
-        ({"joints": [10.0, 0.0, 90.0]}, "search.joints"),  # degrees
-    ],
-)
+@pytest.mark.parametrize(("options", "key"), [
+    ({"within": 0.2}, "search.from_attitude"),
+    ({"within": 4.0, "from_attitude": PRESENT}, "search.within"),
+    ({"joints": [10.0, 0.0, 90.0]}, "search.joints"),  # degrees
+])  # fmt: skip
 def test_unusable_searches(options: dict, key: str) -> None:
     problem = bundled("planar_3dof/parabola")
     assert error_key(lambda: ff.plan(problem, ff.Search(**options))) == key

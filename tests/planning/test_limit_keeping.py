@@ -83,14 +83,11 @@ def test_where_every_motion_collides_the_reason_has_the_links(attitudes: Plan) -
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("fewer")
-@pytest.mark.parametrize(
-    ("limits", "name"),
-    [
-        (ff.Limits(joint_rate=np.full(3, 0.02)), "joint_rate"),
-        (ff.Limits(base_rate=0.002), "base_rate"),
-        (ff.Limits(joint_torque=np.full(3, 1e-3)), "joint_torque"),
-    ],
-)
+@pytest.mark.parametrize(("limits", "name"), [
+    (ff.Limits(joint_rate=np.full(3, 0.02)), "joint_rate"),
+    (ff.Limits(base_rate=0.002), "base_rate"),
+    (ff.Limits(joint_torque=np.full(3, 1e-3)), "joint_torque"),
+])  # fmt: skip
 def test_each_limit_alone_can_make_a_plan_infeasible(
     headings: Plan, limits: ff.Limits, name: str
 ) -> None:

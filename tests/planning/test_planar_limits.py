@@ -27,14 +27,11 @@ def keeps(motion, limits: ff.Limits) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "limits", "cause"),
-    [
-        ("planar_3dof/parabola", ff.Limits(pointing=(ROOT,)), "pointing"),
-        ("planar_3dof/parabola", ff.Limits(pointing=(LINK,)), "pointing"),
-        ("planar_2dof/line", ff.Limits(base_turn=0.6), "base_turn"),
-    ],
-)
+@pytest.mark.parametrize(("name", "limits", "cause"), [
+    ("planar_3dof/parabola", ff.Limits(pointing=(ROOT,)), "pointing"),
+    ("planar_3dof/parabola", ff.Limits(pointing=(LINK,)), "pointing"),
+    ("planar_2dof/line", ff.Limits(base_turn=0.6), "base_turn"),
+])  # fmt: skip
 def test_ranges_end_where_a_limit_is_just_kept(name: str, limits: ff.Limits, cause: str) -> None:
     problem = ff.load_scenario(name).problem()
     free, plan = ff.plan(problem), ff.plan(problem, limits=limits)

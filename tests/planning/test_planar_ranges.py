@@ -64,16 +64,13 @@ def test_the_arm_reaches_the_path_from_one_side_of_a_reach_limit(radius):
         assert {bool(problem.branches(side, 0.0)) for side in sides} == {True, False}
 
 
-@pytest.mark.parametrize(
-    ("feasible", "ranges"),
-    [
-        ([True, True, True, False], [(1.0, 5.0, (REACH, REACH))]),
-        ([True, False, False, True], [(5.0, 2.0 + tau, (REACH, MARGIN))]),
-        ([False, True, True, False], [(2.0, 5.0, (MARGIN, REACH))]),
-        ([True, False, True, False], [(1.0, 2.0, (REACH, MARGIN)), (3.0, 5.0, (MARGIN, REACH))]),
-        ([False] * 4, []),
-    ],
-)
+@pytest.mark.parametrize(("feasible", "ranges"), [
+    ([True, True, True, False], [(1.0, 5.0, (REACH, REACH))]),
+    ([True, False, False, True], [(5.0, 2.0 + tau, (REACH, MARGIN))]),
+    ([False, True, True, False], [(2.0, 5.0, (MARGIN, REACH))]),
+    ([True, False, True, False], [(1.0, 2.0, (REACH, MARGIN)), (3.0, 5.0, (MARGIN, REACH))]),
+    ([False] * 4, []),
+])  # fmt: skip
 def test_neighbouring_feasible_arcs_are_one_range(feasible, ranges):
     """Also across zero; ranges are in order, and limits, which are in [0, 2 pi)."""
     arcs = [HeadingRange(1.0, 2.0, (REACH, MARGIN)), HeadingRange(2.0, 3.0, (MARGIN, MARGIN)),

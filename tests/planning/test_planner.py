@@ -106,15 +106,12 @@ def on_line(problem, start, end, value):
     return replace(problem, path=timed, momentum=[0, 0, 0], margin=margin)
 
 
-@pytest.mark.parametrize(
-    ("start", "end", "value"),
-    [
-        ([2.0, 0, 0], [5.0, 0, 0], 5.0),
-        ([2.0, 0, 0], [1.5, 1, 0], 400.0),
-        ([3.5735, 0, 0], [3.0, 0, 0], 5.0),
-        ([2.0, 0, 0], [-1.5, 1.9, 0], 100.0),
-    ],
-)
+@pytest.mark.parametrize(("start", "end", "value"), [
+    ([2.0, 0, 0], [5.0, 0, 0], 5.0),
+    ([2.0, 0, 0], [1.5, 1, 0], 400.0),
+    ([3.5735, 0, 0], [3.0, 0, 0], 5.0),
+    ([2.0, 0, 0], [-1.5, 1.9, 0], 100.0),
+])  # fmt: skip
 @pytest.mark.slow
 def test_infeasible_plans_have_the_place_and_the_reason(problem, start, end, value):
     """Beyond the reach, a margin above S_max, a start at full stretch where S = 0."""
