@@ -142,12 +142,11 @@ def plan_balanced(
     )
     if found.chosen is None:
         return found, balanced
-    turn = _turn(found.chosen.motion, settings.axes)
+    turn, joints = _turn(found.chosen.motion, settings.axes), found.chosen.branch.joints
     if found.feasible:
         where = f"as near as the limits permit to that of the plan with {settings.arm} at rest"
         stated = replace(search, joints=again.joints)  # attitudes are compared with the present one
         found = replace(found, search=stated, reason=f"{where}: {first.reason}")
-    joints = found.chosen.branch.joints
     return found, replace(balanced, joints=joints, turn=turn, kept=found.feasible)
 
 
