@@ -37,7 +37,7 @@ print(f"at rate limits {balance.at_rate:.0%}, at ends of ranges {balance.at_rang
 
 # What was found is a joint curve like any other: integrate it, check it, show it.
 balanced = problem.replace(arms=ff.ArmCurves({"left": balance.curve}))
-result = ff.simulate(balanced, attitude, joints=joints, limits=limits)
+result = ff.simulate(balanced, attitude, joints=balance.joints, limits=limits)
 ff.save(result, "balanced.h5")
 print(f"verified: {ff.check(ff.load('balanced.h5'), 'mujoco').passed}")
 ff.playback(result, "two_arms").save("two_arms.html")
