@@ -7,6 +7,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.so3 import angle_between, heading_quaternion
+from tests.redundant import redundant
 
 ROOT = ff.PointingLimit("spacecraft", [0.0, 1.0, 0.0], 1.4, "outside", direction=[1.0, 0.5, 0.3])
 LINK = ff.PointingLimit("link_1", [1.0, 0.0, 0.2], 1.6, point=[1.0, 4.0, 0.5])
@@ -60,3 +61,19 @@ def test_no_heading_within_limits() -> None:
     plan = ff.plan(ff.load_scenario("planar_2dof/line").problem(), limits=ff.Limits(base_turn=0.01))
     assert not plan.feasible
     assert not any(entry.ranges for entry in plan.ranges)
+
+
+@pytest.mark.slow
+def test_the_starts_of_a_redundant_arm_are_followed_through_samples() -> None:
+    """A limit ends its ranges; the tolerance is that of the chosen start; a map has one branch."""
+    start = redundant("3", ff.Task.PLANAR_POSITION, None, seed=1)
+    measure, limits = start.problem.margin.measure, ff.Limits(base_turn=0.12)
+    problem = start.problem.replace(margin=ff.Margin(measure, 0.3 * measure(start.joints)))
+    plan, samples = ff.plan(problem, limits=limits), ff.attitude_map(problem, 90, limits=limits)
+    assert [part.causes for part in plan.ranges[0].ranges] == [("margin", "base_turn")]
+    near = problem.replace(start_joints=plan.motion.initial.joints)
+    for turn, kept in ((0.99, True), (4.0, False)):
+        headings = plan.heading + turn * plan.robust_radius * np.array([-1.0, 1.0])
+        motions = [ff.simulate(near, heading=heading).motion for heading in headings]
+        assert all(keeps(motion, limits) for motion in motions) is kept
+    assert {region.branch for region in (*samples.regions, samples.best)} == {None}

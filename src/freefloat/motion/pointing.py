@@ -166,3 +166,9 @@ class AttitudeLimits:
     def number(self) -> int:
         """Number of these limits, those of axes first."""
         return len(self.pointing) + (self.base_turn is not None)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of each limit in results, in the same order."""
+        turn = () if self.base_turn is None else ("base_turn",)
+        return ("pointing",) * len(self.pointing) + turn

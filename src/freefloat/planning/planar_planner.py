@@ -19,12 +19,13 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.diagnostics import infeasible_distance_message, no_feasible_heading_message
 from freefloat.planning.domain import SearchDomain
+from freefloat.planning.evaluator import evaluator_near
 from freefloat.planning.plan import Plan
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.choices import RangeChoices
 from freefloat.planning.plane.limits import limited_ranges
 from freefloat.planning.plane.ranges import heading_ranges, limits_of_spans
-from freefloat.planning.plane.search import searched_ranges
+from freefloat.planning.plane.search import depth_of_start, searched_ranges
 from freefloat.planning.plane.segment import Segment
 from freefloat.planning.reasons import NO_HEADING_WITHIN_LIMITS, margin_text, not_confirmed
 from freefloat.planning.settings import HEADINGS, Search
@@ -73,16 +74,27 @@ def plan_in_plane(
         return Plan(problem, search, False, reason, ranges, segments)
     if states_margin:
         reason = f"{reason}, {margin_text(chosen.closest_approach)}"
-    depth = heading_depth(ranges, chosen)
+    depth = heading_depth(evaluator, search.domain, ranges, chosen)
     return Plan(problem, search, True, reason, ranges, segments, chosen, depth)
 
 
-def heading_depth(ranges: Sequence[BranchRanges], chosen: SimulatedBranch) -> float:
-    """Distance of a motion's heading from the nearer end of its range, 0 outside [rad]."""
-    initial, redundant = chosen.motion.initial, chosen.motion.problem.redundant
-    heading = heading_of(initial.attitude)
-    entries = (entry for entry in ranges if redundant or entry.branch == chosen.branch.index)
-    return max([0.0, *(entry.depth(heading) for entry in entries)])
+def heading_depth(
+    evaluator: FeasibilityEvaluator,
+    domain: SearchDomain,
+    ranges: Sequence[BranchRanges],
+    chosen: SimulatedBranch,
+) -> float:
+    """Distance of a motion's heading from the nearer end of its range, 0 outside [rad].
+
+    At the other headings a redundant arm begins in the configuration nearest to that of the motion.
+    """
+    heading, problem = heading_of(chosen.motion.initial.attitude), evaluator.problem
+    entries = (e for e in ranges if problem.redundant or e.branch == chosen.branch.index)
+    depth = max([0.0, *(entry.depth(heading) for entry in entries)])
+    near = evaluator_near(evaluator, chosen.branch.joints)
+    if near is evaluator or not depth:
+        return depth
+    return min(depth, depth_of_start(near, heading, domain))
 
 
 def _exact_ranges(

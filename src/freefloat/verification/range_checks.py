@@ -60,7 +60,7 @@ def robustness_checks(plan: Plan, chosen: SimulatedBranch) -> Iterator[Check]:
     evaluator = evaluator_for(plan.problem, limits=plan.limits)
     if plan.problem.task.planar:
         yield _heading_check(plan, evaluator)
-        yield _depth_check(plan, chosen)
+        yield _depth_check(plan, evaluator, chosen)
         return
     if plan.robust_radius:  # a radius of zero: nothing to check
         yield _ball_check(evaluator, plan, chosen)
@@ -145,9 +145,9 @@ def _keeps_margin(problem: Problem, limits: AttitudeLimits, attitude: Array, joi
     return all(limit.decide(motion).kept for limit in attitude_limits(problem, limits))
 
 
-def _depth_check(plan: Plan, chosen: SimulatedBranch) -> Check:
+def _depth_check(plan: Plan, evaluator: FeasibilityEvaluator, chosen: SimulatedBranch) -> Check:
     """The robust radius is the distance of the heading from the end of its range."""
-    depth = heading_depth(plan.ranges, chosen)
+    depth = heading_depth(evaluator, plan.search.domain, plan.ranges, chosen)
     return comparison_check("robust radius", plan.robust_radius, depth, _ANGLE, "rad")
 
 

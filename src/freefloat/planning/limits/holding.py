@@ -30,7 +30,7 @@ def held_plan(
     reason = f"{HELD}, {margin_text(chosen.closest_approach)}"
     if evaluator.problem.task.planar:
         plan = plan_in_plane(evaluator, search, limits, progress)
-        depth = heading_depth(plan.ranges, chosen)
+        depth = heading_depth(evaluator, search.domain, plan.ranges, chosen)
         plan = replace(plan, feasible=True, robust_radius=depth)
     else:
         samples = sample_attitudes(evaluator, search.samples or PLAN_ATTITUDES, search, progress)

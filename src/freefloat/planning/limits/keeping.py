@@ -133,7 +133,7 @@ def _with_candidate(plan: Plan, trials: Trials, passed: PassedTrial) -> Plan:
         chosen=chosen,
         limit_results=results,
         excluded=dict(trials.violations),
-        robust_radius=_heading_depth(plan, chosen),
+        robust_radius=_heading_depth(trials, plan, chosen),
     )
     reason = search.objective.limited_reason(plan.deviation, margin_text(chosen.closest_approach))
     return replace(plan, reason=reason)
@@ -160,7 +160,7 @@ def _without_candidate(plan: Plan, trials: Trials) -> Plan:
         feasible=False,
         reason=none_within_limits(excluded, results, count, stretch, longer_tried),
         chosen=nearest,
-        robust_radius=_heading_depth(plan, nearest),
+        robust_radius=_heading_depth(trials, plan, nearest),
         limit_results=results,
         excluded=excluded,
         needed_stretch=stretch,
@@ -168,11 +168,11 @@ def _without_candidate(plan: Plan, trials: Trials) -> Plan:
     )
 
 
-def _heading_depth(plan: Plan, chosen: SimulatedBranch | None) -> float | None:
+def _heading_depth(trials: Trials, plan: Plan, chosen: SimulatedBranch | None) -> float | None:
     """Distance of a heading from the limits of its range [rad]; None for spatial tasks."""
     if plan.map is not None or chosen is None:
         return None
-    return heading_depth(plan.ranges, chosen)
+    return heading_depth(trials.evaluator, plan.search.domain, plan.ranges, chosen)
 
 
 def _moved_nearer(trials: Trials, present: Array, spare: float, passed: PassedTrial) -> PassedTrial:

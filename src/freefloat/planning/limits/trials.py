@@ -36,6 +36,7 @@ class Trials:
 
     Attributes:
         problem: The problem.
+        evaluator: Evaluator of the problem.
         checker: The limits, prepared for its robot.
         violations: How many candidates violate which limit first.
         count: Number of precise motions.
@@ -47,7 +48,7 @@ class Trials:
     def __init__(self, evaluator: FeasibilityEvaluator, limits: Limits) -> None:
         problem = evaluator.problem
         self.problem = problem
-        self._threads = evaluator.integrator.threads
+        self.evaluator = evaluator
         self._limits = limits
         self.checker = LimitChecker(problem, limits)
         self.violations: Counter[str] = Counter()
@@ -145,7 +146,7 @@ class Trials:
         for _ in range(_STRETCHES):
             factor = rounded_up(factor)
             stretched = self.problem.stretched(factor)
-            evaluator = evaluator_for(stretched, self._threads, self._limits)
+            evaluator = evaluator_for(stretched, self.evaluator.threads, self._limits)
             results = evaluator.evaluate(attitudes)
             ratios = results.motions.rate_usage(joint_rate)
             ratios[~self.problem.margin.keeps(results.margins)] = np.inf

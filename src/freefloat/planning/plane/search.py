@@ -1,24 +1,35 @@
 """Feasible ranges of heading by search, for planar problems whose ranges have no closed form.
 
 Headings are sampled on the whole circle, more of them where a gap may hide, and the limits of
-ranges are bisected. The configurations of a redundant arm that are tried at a heading are a choice
-of infinitely many, which jumps from one heading to the next; between samples those near their best
-configurations are followed.
+ranges are bisected. The configurations of a redundant arm that are tried at a sample are a choice
+of infinitely many, which jumps from one heading to the next; those that are feasible are followed
+to all other headings, samples included, until none of them is feasible.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from math import tau
 
 import numpy as np
 
 from freefloat.concurrency import Progress
+from freefloat.ensemble.endings import LIMITED, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.result import BranchResults, EnsembleResult
+from freefloat.ensemble.result import EnsembleResult
+from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 from freefloat.planning.domain import SearchDomain
-from freefloat.planning.plane.arcs import MARGIN, SEARCH, BranchRanges, arcs_between, branch_ranges
-from freefloat.planning.plane.continuation import continued_motions
+from freefloat.planning.plane.arcs import (
+    MARGIN,
+    REACH,
+    SEARCH,
+    BranchRanges,
+    arcs_between,
+    branch_ranges,
+)
+from freefloat.planning.plane.continuation import FollowedStarts
 from freefloat.planning.plane.ranges import reach_limits
 from freefloat.planning.searches.line_search import Function, Samples, resolved
 from freefloat.planning.searches.pattern_search import Flags
@@ -33,6 +44,10 @@ _WIDEST, _NARROWEST = np.radians(1.0 + 1e-6), 1e-6
 """Largest distance of headings tried inside a range, and that of the closest ones [rad]."""
 _EXACT, _LEVELS = 1e-8, 8
 """Accuracy of the limits of ranges [rad], and how often an interval is divided in a round."""
+_JUST = 1e-5
+"""Largest violation of a limit of attitude, a difference of cosines, at the end that it decides."""
+_AROUND = 361
+"""Headings around one whose distance from infeasible ones is searched for."""
 
 
 def searched_ranges(
@@ -45,7 +60,7 @@ def searched_ranges(
 
     Inside ranges, headings are added where the margin or det S* may vanish between neighbours.
     Ranges are those of each arm branch; of a redundant arm a heading is feasible when any of the
-    starting configurations tried keeps the margin.
+    starting configurations tried at the samples, or followed from there, keeps everything.
     """
     problem, domain = evaluator.problem, domain or SearchDomain()
     evaluator.require_memory(samples)
@@ -63,65 +78,72 @@ def searched_ranges(
     if not labels:
         return ()
     indices = np.array(list(labels))
+    followed = FollowedStarts(evaluator, headings, results) if _is_followed(problem) else None
 
-    function: Function
-    if problem.redundant:
-        function = _Followed(evaluator, headings, results)
-    else:
-
-        def function(headings: Array, columns: IntArray) -> tuple[Array, Flags]:
-            motions = evaluator.motions(heading_quaternion(headings), indices[columns])
-            return _slacks(problem, motions)
+    def motions(headings: Array, columns: IntArray) -> EnsembleResult:
+        if followed is not None:
+            return followed(headings)
+        return evaluator.motions(heading_quaternion(headings), indices[columns])
 
     def within(headings: Array, columns: IntArray) -> tuple[Array, Flags]:
-        slacks, kept = function(headings, columns)
+        slacks, kept = _slacks(problem, motions(headings, columns))
         return slacks, kept & domain.contains(heading_quaternion(headings))
 
     round_circle = np.append(headings, headings[0] + tau)
-    contained = domain.contains(heading_quaternion(round_circle))
+    contained = domain.contains(heading_quaternion(headings))
     closed = np.append(np.arange(len(headings)), 0)
     every = np.arange(results.exist.shape[1])
     lines = []
     for index in indices:
         columns = every if problem.redundant else np.array([index])
         slacks, kept = _slacks(problem, results.motions.columns(columns))
-        lines.append(Samples(round_circle, slacks[closed], kept[closed] & contained))
+        kept &= contained
+        if followed is not None:
+            _follow(within, headings, slacks, kept)
+        lines.append(Samples(round_circle, slacks[closed], kept[closed]))
     lines = resolved(within, lines, _WIDEST, _NARROWEST, _EXACT, _LEVELS)
+
+    def causes(outside: Array, column: int) -> list[str]:
+        results = motions(outside, np.full(len(outside), column))
+        return _causes(evaluator.limits, outside, results, domain)
+
     return tuple(
-        _ranges_of(line, index, label, domain)
-        for line, (index, label) in zip(lines, labels.items(), strict=True)
+        _ranges_of(line, index, labels[index], partial(causes, column=column))
+        for column, (line, index) in enumerate(zip(lines, labels, strict=True))
     )
 
 
-class _Followed:
-    """Motions of a redundant arm from configurations near the best of neighbouring headings."""
+def depth_of_start(evaluator: FeasibilityEvaluator, heading: float, domain: SearchDomain) -> float:
+    """Distance of a heading from the nearest infeasible one [rad].
 
-    def __init__(
-        self, evaluator: FeasibilityEvaluator, headings: Array, results: BranchResults
-    ) -> None:
-        self._evaluator = evaluator
-        threshold = evaluator.problem.margin.threshold
-        kept = results.motions.keeps(threshold)
-        (rows,) = np.nonzero(kept.any(axis=1))
-        best = np.where(kept, results.motions.minimum, -1.0)[rows].argmax(axis=1)
-        self._headings, self._joints = headings[rows], results.joints[rows, best]
+    The evaluator is that of a redundant arm with ``start_joints``.
+    """
 
-    def __call__(self, headings: Array, _: IntArray) -> tuple[Array, Flags]:
-        """See :data:`~freefloat.planning.searches.line_search.Function`."""
-        above = np.searchsorted(self._headings, headings % tau) % len(self._headings)
-        neighbours = np.stack([above - 1, above], axis=1).ravel()
-        attitudes = heading_quaternion(np.repeat(headings, 2))
-        starts, motions = continued_motions(self._evaluator, attitudes, self._joints[neighbours])
-        pairs = EnsembleResult._make(v.reshape(len(headings), 2, *v.shape[1:]) for v in motions)
-        slacks, kept = _slacks(self._evaluator.problem, pairs)
-        best = np.where(pairs.keeps(self._evaluator.problem.margin.threshold), pairs.minimum, -1.0)
-        starts = starts.reshape(len(headings), 2, -1)
-        starts = starts[np.arange(len(headings)), best.argmax(axis=1)]
-        known = np.concatenate([self._headings, headings[kept] % tau])
-        order = np.argsort(known, kind="stable")
-        self._headings = known[order]
-        self._joints = np.concatenate([self._joints, starts[kept]])[order]
-        return slacks, kept
+    def within(headings: Array, columns: IntArray) -> tuple[Array, Flags]:
+        attitudes = heading_quaternion(headings)
+        slacks, kept = _slacks(evaluator.problem, evaluator.motions(attitudes, columns))
+        return slacks, kept & domain.contains(attitudes)
+
+    headings = heading + np.linspace(-np.pi, np.pi, _AROUND)
+    first = Samples(headings, *within(headings, np.zeros(_AROUND, np.int64)))
+    (line,) = resolved(within, [first], _WIDEST, _NARROWEST, _EXACT, _LEVELS)
+    return float(np.abs(line.points[~line.kept] - heading).min(initial=np.pi))
+
+
+def _is_followed(problem: Problem) -> bool:
+    """Whether configurations are followed: those near ``start_joints`` are given at any heading."""
+    return problem.redundant and problem.start_joints is None
+
+
+def _follow(function: Function, headings: Array, slacks: Array, kept: Flags) -> None:
+    """Follow configurations to the samples beside feasible ones, in place, as far as they are."""
+    while True:
+        (beside,) = np.nonzero(~kept & (np.roll(kept, 1) | np.roll(kept, -1)))
+        if not len(beside):
+            return
+        slacks[beside], kept[beside] = function(headings[beside], np.zeros_like(beside))
+        if not kept[beside].any():
+            return
 
 
 def _slacks(problem: Problem, motions: EnsembleResult) -> tuple[Array, Flags]:
@@ -139,26 +161,39 @@ def _slacks(problem: Problem, motions: EnsembleResult) -> tuple[Array, Flags]:
     return np.column_stack([margins[best], ratios[best]]), kept[best]
 
 
-def _ranges_of(line: Samples, index: int, label: str, domain: SearchDomain) -> BranchRanges:
+def _ranges_of(
+    line: Samples, index: int, label: str, causes: Callable[[Array], list[str]]
+) -> BranchRanges:
     """The ranges that samples round the circle show."""
     (changes,) = np.nonzero(line.kept[:-1] != line.kept[1:])
     opening = line.kept[changes + 1]
     headings = line.points[changes + opening] % tau
-    order = np.argsort(headings)
-    ends = [(float(heading), _cause(heading, domain)) for heading in headings[order]]
-    arcs = [*arcs_between(ends)]
-    if not ends:
-        return branch_ranges(index, label, arcs, [bool(line.kept.all())])
-    opens = dict(zip(headings[order].tolist(), opening[order].tolist(), strict=True))
-    return branch_ranges(index, label, arcs, [opens[arc.low] for arc in arcs])  # some have no width
+    if not len(headings):
+        return branch_ranges(index, label, [*arcs_between([])], [bool(line.kept.all())])
+    named = dict(zip(headings.tolist(), causes(line.points[changes + ~opening]), strict=True))
+    closings = headings[~opening].tolist()
+    arcs = [*arcs_between(sorted(named.items()))]
+    return branch_ranges(index, label, arcs, [arc.low not in closings for arc in arcs])
 
 
-def _cause(heading: float, domain: SearchDomain) -> str:
-    """Why a searched range ends."""
-    for limit in () if domain.whole else domain.heading_limits:
-        if abs(wrapped(heading - limit)) < _END:
-            return SEARCH
-    return MARGIN
+def _causes(
+    limits: AttitudeLimits, outside: Array, motions: EnsembleResult, domain: SearchDomain
+) -> list[str]:
+    """Why ranges end next to headings (K,) outside, with the motions from there, shape (K, B)."""
+    least = motions.slacks.min(axis=2, initial=np.inf)
+    limited = (motions.endings == LIMITED) & (least > -_JUST)
+    causes = []
+    for row, heading in enumerate(outside.tolist()):
+        at_end = [abs(wrapped(heading - end)) < _END for end in domain.heading_limits]
+        if not domain.whole and any(at_end):
+            causes.append(SEARCH)
+        elif limited[row].any():
+            slacks = motions.slacks[row, limited[row]][0]
+            causes.append(limits.names[int(slacks.argmin())])
+        else:
+            unreached = (motions.endings[row] == UNREACHED).all()
+            causes.append(REACH if unreached else MARGIN)
+    return causes
 
 
 def _headings(problem: Problem, samples: int, domain: SearchDomain) -> Array:

@@ -43,9 +43,10 @@ class Samples:
     kept: Flags
 
     def and_others(self, points: Array, slacks: Array, kept: Flags) -> Samples:
-        """These and other samples."""
+        """These and other samples, which replace those at the same points."""
         together = np.concatenate([self.points, points])
         order = np.argsort(together, kind="stable")
+        order = order[np.append(np.diff(together[order]) > 0.0, True)]
         both = (
             np.concatenate([self.slacks, slacks])[order],
             np.concatenate([self.kept, kept])[order],
