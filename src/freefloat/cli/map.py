@@ -120,7 +120,8 @@ def _heading_tables(name: str, result: HeadingMap) -> Iterator[RenderableType]:
     from freefloat.planning.reasons import reach_message
 
     yield f"{name}: feasible headings of {len(result.headings)}"
-    names = {k: f"{k} {short_label(label)}" for k, label in result.branch_labels().items()}
+    labels = result.branch_labels().items()
+    names = {k: f"{_number(k)} {short_label(label)}".rstrip() for k, label in labels}
     regions = table("branch", "size [deg]", "centre [deg]")
     for region in result.regions:
         size, centre = math.degrees(region.size), math.degrees(region.centre)
@@ -133,7 +134,7 @@ def _heading_tables(name: str, result: HeadingMap) -> Iterator[RenderableType]:
     yield from _start_lines(result)
     best = result.best
     if best is not None:
-        place = f"{math.degrees(best.heading):.3f} deg, branch {names[best.branch]}".rstrip()
+        place = f"{math.degrees(best.heading):.3f} deg, branch {names[best.branch]}"
         yield f"best: {place}, minimum margin {best.minimum_margin:.6g}"
     reach = reach_message(result.problem)
     if reach is not None:

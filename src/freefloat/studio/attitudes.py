@@ -74,12 +74,14 @@ def dial(
     reasons: list[str] = []
     labels = result.branch_labels()
     known = {entry.branch: entry.degrees for entry in ranges or ()}
-    shared = known.get(0, []) if result.problem.redundant else []
-    for column, branch in enumerate(result.branches):
-        columns = np.full(result.samples, column)
+    rows: list[tuple[int | None, IntArray]]
+    rows = [(b, np.full(result.samples, k)) for k, b in enumerate(result.branches)]
+    if rows and result.problem.redundant:
+        rows = [(None, best_columns(result.results))]
+    for branch, columns in rows:
         branches.append({
             "label": labels[branch],
-            "ranges": known.get(branch, shared) if ranges is not None else None,
+            "ranges": known.get(branch or 0, []) if ranges is not None else None,
             **_colours(result.problem, result.results, columns, _scale(result)),
         })  # fmt: skip
         reasons += _reasons(result.problem, result.results, columns)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from freefloat.errors import InputError
 from freefloat.planning.margin_map import MarginMap
@@ -14,18 +15,20 @@ from freefloat.planning.reasons import reach_message
 from freefloat.records import Angles
 from freefloat.so3 import degrees, heading_quaternion
 
+_Value = TypeVar("_Value", np.float64, np.bool_)
+
 
 @dataclass(frozen=True)
 class HeadingCandidate:
     """A heading among the samples.
 
     Attributes:
-        branch: Number of the arm branch.
+        branch: Number of the arm branch; None for the best start of a redundant arm.
         heading: Heading [rad].
         minimum_margin: Minimum margin of its motion.
     """
 
-    branch: int
+    branch: int | None
     heading: float
     minimum_margin: float
 
@@ -44,12 +47,12 @@ class HeadingRegion:
     """A run of feasible headings of an arm branch.
 
     Attributes:
-        branch: Number of the arm branch.
+        branch: Number of the arm branch; None for any start of a redundant arm.
         size: Width [rad].
         centre: Middle [rad], in [0, 2 pi).
     """
 
-    branch: int
+    branch: int | None
     size: float
     centre: float
 
@@ -95,18 +98,30 @@ class HeadingMap(MarginMap):
     @property
     def best(self) -> HeadingCandidate | None:
         """The sample with the largest minimum margin; None where all motions become singular."""
-        margins = self.margins.T
-        if not margins.max(initial=0.0) > 0.0:
+        if not self.margins.max(initial=0.0) > 0.0:
             return None
-        b, n = np.unravel_index(int(np.argmax(margins)), margins.shape)
-        return HeadingCandidate(self.branches[b], float(self.headings[n]), float(margins[b, n]))
+        branch, margins = max(self.by_branch(self.margins), key=lambda pair: pair[1].max())
+        n = int(np.argmax(margins))
+        return HeadingCandidate(branch, float(self.headings[n]), float(margins[n]))
+
+    def by_branch(
+        self, values: npt.NDArray[_Value]
+    ) -> list[tuple[int | None, npt.NDArray[_Value]]]:
+        """Columns of values (N, B) with the numbers of their arm branches.
+
+        The starts of a redundant arm, which jump from heading to heading, are one column without a
+        number: the largest value.
+        """
+        if self.problem.redundant:
+            return [(None, np.fmax.reduce(values, axis=1))] if self.branches else []
+        return list(zip(self.branches, values.T, strict=True))
 
     @property
     def regions(self) -> tuple[HeadingRegion, ...]:
         """Runs of feasible headings, where all were searched round the circle, by arm branch."""
         step, whole = self.step, self.search.domain.whole
         regions = []
-        for branch, row in zip(self.branches, self.feasible.T, strict=True):
+        for branch, row in self.by_branch(self.feasible):
             if row.all() and whole:
                 regions.append(HeadingRegion(branch, math.tau, 0.0))
                 continue
@@ -123,9 +138,11 @@ class HeadingMap(MarginMap):
         """The widest of the regions; None where there is none."""
         return max(self.regions, key=lambda region: region.size, default=None)
 
-    def branch_labels(self) -> dict[int, str]:
-        """Labels of the arm branches, by number."""
-        labels = {}
+    def branch_labels(self) -> dict[int | None, str]:
+        """Labels of the arm branches, by number; of a redundant arm, "any"."""
+        if self.problem.redundant:
+            return {None: "any"} if self.branches else {}
+        labels: dict[int | None, str] = {}
         for branch, exists in zip(self.branches, self.results.exist.T, strict=True):
             heading = float(self.headings[np.argmax(exists)])
             there = self.problem.branches(heading_quaternion(heading))
@@ -147,7 +164,7 @@ class HeadingMap(MarginMap):
             "regions": regions,
             "branches": [
                 {"branch": index, "least": [None if np.isnan(v) else v for v in row.tolist()]}
-                for index, row in zip(self.branches, self.results.existing_margins.T, strict=True)
+                for index, row in self.by_branch(self.results.existing_margins)
             ],
             "headings_deg": np.degrees(self.headings).tolist(),
             "margin": self.problem.margin.threshold,

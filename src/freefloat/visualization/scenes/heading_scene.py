@@ -42,16 +42,17 @@ def heading_scene(result: HeadingMap, title: str = "freefloat") -> Scene:
     places = {tick: _points(radius, np.radians(tick)) for tick, radius in ticks.items()}
     labels = [Label(f"{tick}°", place.tolist(), CIRCLE) for tick, place in places.items()]
     colours = MarginColours.over(result.problem.margin, result.margins, result.limited)
-    edges = np.linspace(1.0, _INNERMOST, len(result.branches) + 1)
+    shown = np.where(result.feasible, result.margins, np.where(result.results.exist, -1.0, np.nan))
+    rings = result.by_branch(shown)
+    edges = np.linspace(1.0, _INNERMOST, len(rings) + 1)
     items, best = [CIRCLE, BEST], result.best
     names = [branch_name(label) for label in result.branch_labels().values()]
-    for number, branch in enumerate(result.branches):
+    for number, (branch, margins) in enumerate(rings):
         outer = edges[number]
         radii = np.array([outer + _FILLED * (edges[number + 1] - outer), outer])
-        reached = result.results.exist[:, number]
-        values = np.where(result.feasible, result.margins, -1.0)[reached, number]
+        reached = np.isfinite(margins)
         vertices, faces = _sectors(radii, result.headings[reached], result.step / 2.0)
-        shades = np.repeat(colours(values), 4, axis=0)
+        shades = np.repeat(colours(margins[reached]), 4, axis=0)
         items.append(names[number])
         builder.coloured_mesh(f"{root}/{items[-1]}", vertices, faces, shades)
         place = _points(radii.mean(), np.radians(280.0))
@@ -61,10 +62,13 @@ def heading_scene(result: HeadingMap, title: str = "freefloat") -> Scene:
             builder.mesh(f"{root}/{BEST}", tube(line, 0.006), _WHITE, shaded=False, overlay=True)
             labels.append(Label("best", line[1].tolist(), BEST))
     scene = TitledScene("all arm branches", NODE, labels, lines=tuple(_lines(result)))
-    shown = dict.fromkeys(items, True)
-    margins = np.nan_to_num(result.results.existing_margins, nan=-1.0)
+    visible = dict.fromkeys(items, True)
+    columns = [values for _, values in result.by_branch(result.results.existing_margins)]
+    margins = np.nan_to_num(np.reshape(columns, (len(columns), result.samples)).T, nan=-1.0)
     samples = Samples(_points(1.0, result.headings), margins, tuple(names))
-    return builder.scene(SceneDescription(title, (scene,), shown, colours, _VIEW, samples=samples))
+    return builder.scene(
+        SceneDescription(title, (scene,), visible, colours, _VIEW, samples=samples)
+    )
 
 
 def _points(radii: Any, angles: Any) -> Array:
@@ -90,5 +94,5 @@ def _lines(result: HeadingMap) -> Iterator[str]:
         degrees = f"{np.degrees(best.heading):.4g}°"
         name = branch_name(result.branch_labels()[best.branch])
         yield f"best: {degrees}, {name}, {measure} {best.minimum_margin:.6g}"
-    if not result.results.exist.all():
+    if any(np.isnan(row).any() for _, row in result.by_branch(result.results.existing_margins)):
         yield "gaps: start of the path not reached"
