@@ -94,8 +94,8 @@ def test_a_plan_parses_one_urdf_and_builds_one_model_and_one_evaluator(
 @pytest.mark.slow
 def test_a_plan_that_violates_limits_alone_has_a_motion_and_a_page(folder: Path) -> None:
     """Everything that is written says that it is infeasible; check does not verify it."""
-    line = (models_folder() / "planar_2dof" / "line.yaml").read_text("utf-8")
-    path, _, _ = line.partition("limits:")
+    text = (models_folder() / "planar_3dof" / "parabola.yaml").read_text("utf-8")
+    path, _, _ = text.partition("limits:")
     (folder / "fast.yaml").write_text(path + "limits: {joint_rate: 0.001}")
     result = run("plan", "fast.yaml", "-o", "plan.h5", "--html", "page.html")
     plan = ff.load("plan.h5")
@@ -103,6 +103,7 @@ def test_a_plan_that_violates_limits_alone_has_a_motion_and_a_page(folder: Path)
     assert not plan.feasible
     assert plan.chosen.feasible
     assert plan.violation in result.stdout
+    assert result.stdout.count(" s (limits not considered):") == len(plan.segments) == 2
     assert plan.violation in (folder / "page.html").read_text("utf-8")
     assert plan.violation in run("export", "plan.h5", "-o", "plan.json").stdout
     assert json.loads((folder / "plan.json").read_text("utf-8"))["reason"] == plan.reason

@@ -66,3 +66,12 @@ def test_shaded_spans_are_the_ranges() -> None:
         (curve,) = [item for item in axes.lines if len(item.get_xdata()) == 8]
         assert np.array_equal(curve.get_ydata(), row, equal_nan=True)
         assert line(axes, "margin 5")[:, 1].tolist() == [5.0, 5.0]
+
+
+@pytest.mark.slow
+def test_where_only_a_limit_is_violated_figures_show_the_margin_and_name_the_limit() -> None:
+    sun = ff.PointingLimit("spacecraft", [0.0, 1.0, 0.0], 1.4, "outside", direction=[1.0, 0.5, 0.3])
+    drawn = ff.figures(ff.plan(PLANAR, limits=ff.Limits(pointing=(sun,))))
+    assert labels(drawn["joint_space"].axes[0])[-1].endswith("violates pointing")
+    first = ff.simulate(PLANAR, heading=0.0, branch=0).chosen.closest_approach
+    assert line(drawn["headings"].axes[0], "elbow+")[0] == pytest.approx([0.0, first.value])

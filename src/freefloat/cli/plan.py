@@ -165,6 +165,11 @@ def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
             ranges.add_row(number, _ranges(entry))
         if plan.ranges:
             yield ranges
+            if plan.problem.redundant and plan.problem.start_joints is None:
+                yield (
+                    "The arm is redundant: a range holds for starting configurations that are "
+                    "followed from heading to heading; those that simulate tries may all fail."
+                )
     else:
         feasible = plan.map.feasible_percentage
         yield f"{name}: {feasible} of {plan.map.samples:,} initial attitudes are feasible{scope}"
@@ -222,9 +227,10 @@ def _chosen_lines(plan: Plan) -> Iterator[str]:
 
 
 def _segment_lines(plan: Plan) -> Iterator[str]:
+    note = " (limits not considered)" if plan.limit_results else ""
     for segment in plan.segments:
         first, last = segment.span
-        yield f"  Feasible headings at the end of the segment from {first:g} to {last:g} s:"
+        yield f"  Feasible headings at the end of the segment from {first:g} to {last:g} s{note}:"
         scopes = {"this segment alone": segment.at_end,
                   "to the end of the path": segment.joined_at_end}  # fmt: skip
         for scope, branches in scopes.items():

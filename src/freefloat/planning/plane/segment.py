@@ -13,6 +13,8 @@ from freefloat.planning.plane.ranges import RangeLimit, Span
 class Segment:
     """A part of the path between stops, considered alone as in the paper's Fig. 5.
 
+    Its headings consider the margin alone.
+
     Attributes:
         span: First and last time [s].
         limits: Range limits: motions along the segment that are tangent to the margin.

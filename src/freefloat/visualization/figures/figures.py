@@ -11,7 +11,9 @@ from matplotlib.figure import Figure
 
 from freefloat.concurrency import Progress
 from freefloat.errors import InputError, UnreachableError
+from freefloat.limits.check import attitude_limits
 from freefloat.limits.limits import Limits
+from freefloat.limits.result import violated
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
@@ -216,7 +218,7 @@ def _planar_figures(plan: Plan, threads: int | None, progress: Progress | None) 
     problem, chosen = plan.problem, plan.chosen
     drawings: dict[str, Callable[[], Figure]] = {}
     if has_two_angle_form(problem.model, problem.task):
-        drawings["joint_space"] = lambda: joint_space_figure(problem, _compared_motions(plan))
+        drawings["joint_space"] = lambda: _joint_space(plan)
     evaluator = evaluator_for(problem, threads, plan.limits)
     headings = sample_headings(evaluator, _HEADINGS, progress=progress)
     if headings.branches:
@@ -233,14 +235,19 @@ def _angles(motion: Motion, limits: Limits | None) -> Figures:
     return Figures({"angles": partial(angles_figure, motion, limits)})
 
 
-def _compared_motions(plan: Plan) -> list[Motion]:
-    """The chosen motion and an infeasible motion of the same arm branch."""
-    if plan.chosen is None:
-        return []
-    branch = plan.chosen.branch.index
-    ranges = next((entry for entry in plan.ranges if entry.branch == branch), None)
-    other = None if ranges is None else _infeasible_motion(plan.problem, ranges)
-    return [plan.chosen.motion] if other is None else [plan.chosen.motion, other]
+def _joint_space(plan: Plan) -> Figure:
+    """The chosen motion and an infeasible one of its arm branch, and which limit that violates."""
+    motions, reasons = [], []
+    if plan.chosen is not None:
+        branch = plan.chosen.branch.index
+        ranges = next((entry for entry in plan.ranges if entry.branch == branch), None)
+        other = None if ranges is None else _infeasible_motion(plan.problem, ranges)
+        motions = [plan.chosen.motion] if other is None else [plan.chosen.motion, other]
+    for motion in motions:
+        limits = attitude_limits(plan.problem, plan.limits or Limits()) if motion.completed else ()
+        broken = violated(limit.worst(motion) for limit in limits)
+        reasons.append(f"violates {broken[0].label}" if broken else "")
+    return joint_space_figure(plan.problem, motions, reasons)
 
 
 def _infeasible_motion(problem: Problem, entry: BranchRanges) -> Motion | None:

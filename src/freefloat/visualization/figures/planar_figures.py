@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from freefloat.ensemble.endings import LIMITED
 from freefloat.ik.branches import branch_name
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
@@ -41,12 +42,15 @@ _FEASIBLE = "#CFE3EF"
 
 
 @styled
-def joint_space_figure(problem: Problem, motions: Sequence[Motion]) -> Figure:
+def joint_space_figure(
+    problem: Problem, motions: Sequence[Motion], reasons: Sequence[str] = ()
+) -> Figure:
     """The figure of S = 0, S = +-S0, radii of point 3 and motions (Fig. 3).
 
     Args:
         problem: Planar problem whose S depends on two joint angles.
         motions: Motions, the chosen motion first.
+        reasons: What each violates besides the margin, for the legend; empty for nothing.
     """
     figure = new_figure(COLUMN, 3.6)
     axes = figure.subplots()
@@ -61,8 +65,9 @@ def joint_space_figure(problem: Problem, motions: Sequence[Motion]) -> Figure:
         shown = amount(value, margin.measure.unit) if value else "0 (singular)"
         axes.plot(*rows.T, color=BLACK, linestyle=dashes, linewidth=width, label=f"$S$ = {shown}")
     _draw_distances(axes, problem, arm)
-    for number, (motion, (colour, dashes)) in enumerate(zip(motions, STROKES, strict=False)):
-        _draw_motion(axes, motion, colour, dashes, named=number == 0)
+    drawn = zip(motions, STROKES, [*reasons, "", ""], strict=False)
+    for number, (motion, (colour, dashes), reason) in enumerate(drawn):
+        _draw_motion(axes, motion, colour, dashes, reason, named=number == 0)
     axes.set(xlim=(-180.0, 180.0), ylim=(-180.0, 180.0), aspect="equal")
     axes.set(xticks=np.arange(-180, 181, 90), yticks=np.arange(-180, 181, 90))
     axes.set_xlabel(axis_label("$q_1$", "deg"))
@@ -95,7 +100,9 @@ def _draw_distances(axes: Any, problem: Problem, arm: PlanarArm) -> None:
             )
 
 
-def _draw_motion(axes: Any, motion: Motion, colour: str, dashes: Any, named: bool) -> None:
+def _draw_motion(
+    axes: Any, motion: Motion, colour: str, dashes: Any, reason: str, *, named: bool
+) -> None:
     """Draw the first two joints of a motion, wrapped to 360 degrees, from an open circle.
 
     The markers of its ends are in the legend if ``named``, that of a singularity always.
@@ -104,10 +111,8 @@ def _draw_motion(axes: Any, motion: Motion, colour: str, dashes: Any, named: boo
     places = np.linspace(0.0, motion.panels, 12 * motion.panels + 1)
     q = np.degrees(motion.evaluate(places)[2][:, :2])
     rows = wrapped(q)
-    axes.plot(
-        *rows.T, color=colour, linestyle=dashes, linewidth=1.6, label=f"heading {digits(heading)}°",
-        zorder=4,
-    )  # fmt: skip
+    label = f"heading {digits(heading)}°" + (f",\n{reason}" if reason else "")
+    axes.plot(*rows.T, color=colour, linestyle=dashes, linewidth=1.6, label=label, zorder=4)
     style: Any = {"color": colour, "zorder": 5}
     begins, ends = ("begins", "ends") if named else (None, None)
     draw_point(axes, rows[0], "o", 4.5, markerfacecolor="white", label=begins, **style)
@@ -168,22 +173,27 @@ def _curves(
     result: HeadingMap, ranges: Sequence[BranchRanges]
 ) -> list[tuple[int | None, str, Array, list[list[float]]]]:
     """Branch, name, minimum margins and feasible ranges [deg] per axes."""
-    margins = result.results.existing_margins
-    if ranges and result.problem.redundant:
-        with np.errstate(invalid="ignore"):
-            best = np.fmax.reduce(margins, axis=1)
-        return [(None, "best branch", best, ranges[0].degrees)]
+    motions = result.results.motions
+    margins = np.where(motions.endings == LIMITED, motions.minimum, result.results.existing_margins)
+    labels = result.branch_labels()
+    if result.problem.redundant:
+        ((_, best),) = result.by_branch(margins)
+        spans = ranges[0].degrees if ranges else _sampled_spans(result, None)
+        if ranges:  # others, which are followed to these headings, keep the margin there
+            inside = np.array([ranges[0].depth(heading) > 0.0 for heading in result.headings])
+            best = np.where(inside & ~result.problem.margin.keeps(best), np.nan, best)
+        return [(None, "best start tried", best, spans)]
+    known: dict[int | None, tuple[str, list[list[float]]]]
     known = {entry.branch: (branch_name(entry.label), entry.degrees) for entry in ranges}
     curves: list[tuple[int | None, str, Array, list[list[float]]]] = []
-    labels = result.branch_labels()
-    for branch, values in zip(result.branches, margins.T, strict=True):
+    for branch, values in result.by_branch(margins):
         sampled = branch_name(labels[branch]), _sampled_spans(result, branch)
         name, spans = known.get(branch, sampled)
         curves.append((branch, name, values, spans))
     return curves
 
 
-def _sampled_spans(result: HeadingMap, branch: int) -> list[list[float]]:
+def _sampled_spans(result: HeadingMap, branch: int | None) -> list[list[float]]:
     """Runs of feasible samples in [0, 360] deg, those across zero split in two."""
     spans = []
     for region in result.regions:
