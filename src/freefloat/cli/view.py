@@ -162,7 +162,8 @@ def view(
     if (html, snapshots, video, picture) == (None, None, None, None):
         _serve(console, playback, port, open_page=not (no_open or as_json))
         return
-    if playback.scene_duration(scene) == 0.0 and (video or (snapshots or 1) > 1):
+    begin, end = playback.scene_times(scene)
+    if begin == end and (video or (snapshots or 1) > 1):
         key = "snapshots" if video is None else "video"
         raise InputError(key, "the scene has no motion", "--snapshots 1 or --html")
     shown = _Shown(playback)

@@ -132,7 +132,7 @@ def save_snapshots(
         playback: Scene and page.
         count: Number of pictures.
         folder: Output folder, created if missing.
-        name: Prefix of the file names; number and time follow.
+        name: Prefix of the file names; number and time, that of the picture's clock, follow.
         size: Width and height [pixels].
         scene: Title of the scene, or ``"side by side"``; the first by default.
         progress: Called with the fraction done, in [0, 1].
@@ -140,13 +140,16 @@ def save_snapshots(
     Raises:
         InputError: If pictures cannot be taken or written.
     """
-    times = np.linspace(0.0, playback.scene_duration(scene), count).tolist()
-    shots = take_pictures(playback.html(), times, size or SIZE, scene=scene, progress=progress)
+    times = np.linspace(*playback.scene_times(scene), count)
+    clocks = np.round(times + playback.scene.description.start, 2) + 0.0  # without -0
+    shots = take_pictures(
+        playback.html(), times.tolist(), size or SIZE, scene=scene, progress=progress
+    )
     plain, digits, files = re.sub(r"[^\w.+-]+", "_", name), len(str(count)), []
     make_folder("output", folder)
     with closing(shots):
-        for number, (time, picture) in enumerate(zip(times, shots, strict=True), start=1):
-            file = folder / f"{plain}_{number:0{digits}}_{time:.2f}s.png"
+        for number, (clock, picture) in enumerate(zip(clocks, shots, strict=True), start=1):
+            file = folder / f"{plain}_{number:0{digits}}_{clock:.2f}s.png"
             with written_beside(file) as temporary:
                 temporary.write_bytes(picture)
             files.append(file)
@@ -157,6 +160,7 @@ def save_picture(
     playback: Playback, file: Path, *, size: tuple[int, int] | None = None, scene: str | None = None
 ) -> None:
     """Write a picture of the start of a scene, see :func:`save_snapshots`."""
-    shots = take_pictures(playback.html(), [0.0], size or SIZE, scene=scene, key="output")
+    begin, _ = playback.scene_times(scene)
+    shots = take_pictures(playback.html(), [begin], size or SIZE, scene=scene, key="output")
     with closing(shots), written_beside(file) as temporary:
         temporary.write_bytes(next(shots))

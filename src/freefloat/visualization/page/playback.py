@@ -69,21 +69,24 @@ class Playback:
         titles = [title for title in self.titles if title.endswith(f" {name}")]
         return titles[0] if len(titles) == 1 and name not in self.titles else name
 
-    def scene_duration(self, title: str | None = None) -> float:
-        """The duration [s] of a motion by its title; of the first by default.
+    def scene_times(self, title: str | None = None) -> tuple[float, float]:
+        """Times of the page [s] from which to which a motion lasts, by default the first.
+
+        The clocks show them after the ``start`` of the scene's description.
 
         Raises:
             InputError: If the title is unknown.
         """
-        ends = {scene.title: scene.end for scene in self.scene.description.scenes}
+        scenes, every = self.scene.description.scenes, (0.0, self.duration)
+        times = {scene.title: (scene.begin, scene.end) for scene in scenes}
         if self.scene.description.sequence:
-            ends = {ALL_PHASES: self.duration, **ends}
-        elif len(ends) > 1:
-            ends[SIDE_BY_SIDE] = self.duration
-        title = next(iter(ends)) if title is None else title
-        if title not in ends:
-            raise InputError("scene", f"there is no {title!r}", ", ".join(ends))
-        return ends[title]
+            times = {ALL_PHASES: every, **times}
+        elif len(times) > 1:
+            times[SIDE_BY_SIDE] = every
+        title = next(iter(times)) if title is None else title
+        if title not in times:
+            raise InputError("scene", f"there is no {title!r}", ", ".join(times))
+        return times[title]
 
     def html(self, opens: str | None = None) -> str:
         """The page as HTML text; its content security policy forbids all requests.

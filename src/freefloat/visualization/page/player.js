@@ -177,7 +177,7 @@ class Player {
     const now = table => ended ? table.at(-1) : interpolated(times, table, this.time);
     const value = now(values) < 1e-9 * about.scale.largest ? 0 : now(values); // singular
     const lines = [
-      `t = ${clock(Math.min(this.time, scene.end))} s`,
+      `t = ${clock(Math.min(Math.max(this.time, scene.begin), scene.end))} s`,
       ...fractions ? [`s = ${now(fractions).toFixed(3)}`] : [],
       `|${measure}| = ${shortened(value)}` + (scene.margin > 0 ? `, margin ${shortened(scene.margin)}` : ""),
       ...scene.lines.map(warning => ({ verdict: warning, feasible: false })),

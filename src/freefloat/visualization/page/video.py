@@ -38,7 +38,7 @@ class FrameTimes:
     """Frame times of a video.
 
     Attributes:
-        times: Times of the motion [s].
+        times: Times since the beginning of the motion [s].
         rate: Frames per second.
         speed: Seconds of the motion per second of the video.
     """
@@ -126,11 +126,13 @@ def save_video(
     Raises:
         InputError: If pictures cannot be taken, the file cannot be written or ffmpeg fails.
     """
-    frames = frame_times(file, playback.scene_duration(scene), rate, speed)
+    begin, end = playback.scene_times(scene)
+    frames = frame_times(file, end - begin, rate, speed)
     gif = file.suffix.lower() == ".gif"
     size = size or (_GIF_SIZE if gif else SIZE)
+    times = [*(begin + time for time in frames.times[:-1]), end]
     shots = take_pictures(
-        playback.html(), frames.times, size, scene=scene, progress=progress, key="video"
+        playback.html(), times, size, scene=scene, progress=progress, key="video"
     )
     with closing(shots), written_beside(file) as temporary:
         (write_gif if gif else write_mp4)(temporary, shots, frames.rate)
