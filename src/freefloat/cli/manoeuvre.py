@@ -110,7 +110,7 @@ def _turn(phase: PhaseResult) -> str:
 
 
 def _margin(phase: PhaseResult) -> str:
-    chosen = getattr(phase.result, "chosen", None)
+    chosen = phase.chosen
     return f"{chosen.closest_approach.measure} {chosen.minimum_margin:.5g}" if chosen else ""
 
 

@@ -13,6 +13,9 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, frozen, zeros
 
+if TYPE_CHECKING:
+    from freefloat.planning.simulated_branch import SimulatedBranch
+
 
 class Finding(Protocol):
     """What a phase found: its motion, the verdict, and whatever is special to its kind."""
@@ -66,6 +69,11 @@ class PhaseResult:
     def motion(self) -> Motion | None:
         """Its motion; None for a capture, and where none was found."""
         return self.result.motion
+
+    @property
+    def chosen(self) -> SimulatedBranch | None:
+        """The motion of a path with its minimum margin, which other phases do not have."""
+        return getattr(self.result, "chosen", None)
 
     @property
     def shown_motion(self) -> Motion | None:

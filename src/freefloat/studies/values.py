@@ -112,10 +112,14 @@ def _goal_values(found: GoalMotion) -> dict[str, Any]:
 
 
 def _manoeuvre_values(manoeuvre: Manoeuvre) -> dict[str, Any]:
-    """The values of a manoeuvre, those of its first path but for verdict and limits."""
+    """The values of a manoeuvre: limits and margin of all phases, others of its first path."""
     duration = manoeuvre.duration if manoeuvre.feasible else None
     limits = _limit_values([result for _, result in manoeuvre.worst_results])
-    return _plan_values(manoeuvre.path) | _verdict(manoeuvre) | {"duration": duration} | limits
+    paths = [(phase.chosen, phase.start) for phase in manoeuvre.phases]
+    margins = [_margin_values(chosen, start) for chosen, start in paths if chosen is not None]
+    smallest = min(margins, key=lambda values: values["margin"], default={})
+    first = _plan_values(manoeuvre.path)
+    return first | smallest | _verdict(manoeuvre) | {"duration": duration} | limits
 
 
 def _verdict(answer: Answer) -> dict[str, Any]:
@@ -159,21 +163,29 @@ def _map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
 
 def _motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
     motion = chosen.motion
-    margin = chosen.closest_approach
     attitude = motion.initial.attitude.tolist()
     planar = motion.problem.task.planar
     return {
-        "completed": motion.completed,
-        "measure": margin.measure,
-        "margin": chosen.minimum_margin,
-        "margin_time": margin.time,
-        "margin_required": motion.problem.margin.threshold,
-        "singular_time": motion.final.time if motion.ending is Ending.SINGULAR else None,
+        **_margin_values(chosen),
         "branch": chosen.branch.index,
         **_attitude(attitude),
         "heading_deg": math.degrees(heading_of(attitude)) if planar else None,
         **_family("joints", dict(enumerate(motion.initial.joints.tolist()))),
         **_family("residuals", motion.residuals().to_dict()),
+    }
+
+
+def _margin_values(chosen: SimulatedBranch, start: float = 0.0) -> dict[str, Any]:
+    """How far a motion that begins at a time [s] gets, and how near to a singularity."""
+    motion, margin = chosen.motion, chosen.closest_approach
+    singular = motion.ending is Ending.SINGULAR
+    return {
+        "completed": motion.completed,
+        "measure": margin.measure,
+        "margin": chosen.minimum_margin,
+        "margin_time": start + margin.time,
+        "margin_required": motion.problem.margin.threshold,
+        "singular_time": start + motion.final.time if singular else None,
     }
 
 
