@@ -39,12 +39,8 @@ def test_values_are_drawn_for_each_combination(combine: str, count: int, tmp_pat
 
 def test_a_run_is_the_base_with_its_values(tmp_path: Path) -> None:
     study = a_study(tmp_path, {"momentum.2": {"list": [1.5]}, "limits.base_rate": {"list": [0.1]}})
-    document = study.document(0)
-    assert document["momentum"] == [0, 0, 1.5]
-    assert document["limits"] == {"base_rate": 0.1}
-    assert {key: document[key] for key in ("robot", "path")} == {
-        key: BASE[key] for key in ("robot", "path")
-    }
+    own = {"momentum": [0, 0, 1.5], "limits": {"base_rate": 0.1}}
+    assert study.document(0) == BASE | own
     assert study.base == BASE
 
 
@@ -96,6 +92,8 @@ RANDOM, LISTED = {"momentum.2": {"uniform": [0, 1]}}, {"momentum.2": {"list": [0
         (LISTED, {"cases": 3}, "cases"),
         (LISTED, {"command": "dance"}, "command"),
         (LISTED, {"base": BASE | {"goal": {"joints": [0.1, 0.2, 0.3]}}}, "command"),
+        ({"phases.0.duration": {"list": [9]}}, {}, "vary.phases.0.duration"),
+        ({"search.seed": {"list": [1, 2]}}, {}, "vary.search.seed"),
         (LISTED, {"command": "plan"}, "heading_deg"),
         (LISTED, {"command": "plan", "heading_deg": None, "branch": 1}, "branch"),
         (LISTED, {"heading_deg": None}, "heading_deg"),

@@ -42,6 +42,7 @@ def load_study(name: str | Path) -> Study:
         _check_values(study)
         _check_goal(study)
         _check_start(study)
+        _check_use(study)
         _check_tracking(study)
         _check_runs(study)
         _check_branch(study)
@@ -114,6 +115,19 @@ def _check_start(study: Study) -> None:
         raise InputError(expected, given, f"one of {expected} and vary.{expected}")
     if starts[0].endswith("heading_deg") and not planar and "task" not in content.vary:
         raise InputError("heading_deg", f"the task {task} is not planar", "attitude")
+
+
+def _check_use(study: Study) -> None:
+    """Check that the command uses the varied keys; a simulation has neither search nor phases."""
+    command = study.content.command
+    users = {"phases": [Command.PLAN], "search": [Command.PLAN, Command.MAP]}
+    if not study.start(0):  # track, which follows the plan then
+        users["search"].append(Command.TRACK)
+    for key in study.content.vary:
+        used_by = users.get(key.partition(".")[0], [command])
+        if command not in used_by:
+            problem = f"command {command} does not use it"
+            raise InputError(f"vary.{key}", problem, f"command: {' or '.join(used_by)}")
 
 
 def _check_tracking(study: Study) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 from freefloat.errors import InputError, UnreachableError, finite_number
 from freefloat.io.scenario.planned import answer_of
 from freefloat.motion.problem import Problem
+from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation, chosen_joints, simulate
 from freefloat.so3 import Array
@@ -59,7 +60,7 @@ def computed_record(
 
 @lru_cache(maxsize=8)
 def followed_motion(inputs: str, source: Path) -> Plan | Simulation:
-    """What the command track follows: a simulation from a start, without one a plan.
+    """What the command track follows: a simulation from a start, else the plan of the first path.
 
     Args:
         inputs: Arguments of :func:`computed_record` as JSON text: those of many runs are the same.
@@ -67,8 +68,9 @@ def followed_motion(inputs: str, source: Path) -> Plan | Simulation:
     """
     arguments = json.loads(inputs)
     command = Command.SIMULATE if arguments["start"] else Command.PLAN
-    record: Plan | Simulation = computed_record(command, source, **arguments)
-    return record
+    record = computed_record(command, source, **arguments)
+    followed: Plan | Simulation = record.path if record.kind == Manoeuvre.kind else record
+    return followed
 
 
 def branch_choice(
