@@ -131,9 +131,7 @@ def save_video(
     gif = file.suffix.lower() == ".gif"
     size = size or (_GIF_SIZE if gif else SIZE)
     times = [*(begin + time for time in frames.times[:-1]), end]
-    shots = take_pictures(
-        playback.html(), times, size, scene=scene, progress=progress, key="video"
-    )
+    shots = take_pictures(playback.html(), times, size, scene=scene, progress=progress, key="video")
     with closing(shots), written_beside(file) as temporary:
         (write_gif if gif else write_mp4)(temporary, shots, frames.rate)
     return frames
