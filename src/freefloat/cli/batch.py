@@ -19,7 +19,6 @@ from freefloat.io.files import make_folder, require_writable, written_beside
 if TYPE_CHECKING:
     from freefloat.studies.estimate import StudyEstimate
     from freefloat.studies.results import Combination, StudyResult
-    from freefloat.studies.sensitivity import Sensitivity
     from freefloat.studies.study import Study
 
 _MAX_ROWS = 20
@@ -121,7 +120,7 @@ def batch(
         console.json(result.to_dict())
     console.tables(_result_lines(result))
     if not (as_json or quiet):  # the indices take a moment
-        console.tables(_sensitivity_tables(result.sensitivities))
+        console.tables(_sensitivity_tables(result))
         console.tables(_combination_tables(result.combinations))
     if result.errors:
         number, error = next(iter(result.errors.items()))
@@ -216,16 +215,18 @@ def _result_lines(result: StudyResult) -> Iterator[str]:
         yield f"not written: cases.parquet; {MissingExtraError.of('parquet')}"
 
 
-def _sensitivity_tables(sensitivities: list[Sensitivity]) -> Iterator[RenderableType]:
+def _sensitivity_tables(result: StudyResult) -> Iterator[RenderableType]:
     """Sobol indices with their intervals."""
     from freefloat.studies.names import readable_name
 
     rows = table("Sobol indices of", "for", "first order (95 %)", "total (95 %)")
-    for entry in sensitivities:
+    for entry in result.sensitivities:
         indices = map(str, (entry.first_order, entry.total))
-        rows.add_row(readable_name(entry.key), entry.quantity, *indices)
-    if sensitivities:
+        rows.add_row(readable_name(entry.key), entry.quantity_name, *indices)
+    if result.sensitivities:
         yield rows
+    if result.sensitivity_remark:
+        yield result.sensitivity_remark
 
 
 def _combination_tables(combinations: list[Combination]) -> Iterator[RenderableType]:

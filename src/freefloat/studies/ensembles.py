@@ -81,10 +81,10 @@ def _columns(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str,
     margin_kept, completed, singular = (
         values[decided] for values in (motions.feasible, motions.completed, motions.singular)
     )
-    feasible, reasons = margin_kept, np.where(completed, MARGIN_REASON, Ending.SINGULAR.value)
+    feasible = group.are_feasible(motions)[decided]
+    reasons = np.where(completed, MARGIN_REASON, Ending.SINGULAR.value)
     if group.ranges:
         ratios = range_ratios(group.problem, motions)[decided]
-        feasible = margin_kept & (ratios <= 1.0)
         reasons = np.where(margin_kept, LIMITS_REASON.format(JointRangeLimit.name), reasons)
     attitudes, joints = motions.attitudes[decided], motions.joints[decided]
     columns: dict[str, Column] = {

@@ -33,7 +33,13 @@ from freefloat.studies.robot_values import (
 )
 from freefloat.studies.run_values import arrays_of, fits_ensembles
 from freefloat.studies.study import START_KEYS, Study
-from freefloat.studies.unvaried import Unvaried, has_ranges_and_limits, keeps_ranges, leaves_ranges
+from freefloat.studies.unvaried import (
+    Unvaried,
+    has_ranges_and_limits,
+    keeps_ranges,
+    leaves_ranges,
+    range_ratios,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +114,11 @@ class Group:
             stricter=self.stricter,
         )
         return places + first, motions
+
+    def are_feasible(self, motions: ManyMotions) -> BoolArray:
+        """Whether motions keep the margin and, at the steps, joint ranges, shape (K,)."""
+        kept = range_ratios(self.problem, motions) <= 1.0 if self.ranges else True
+        return np.asarray(motions.feasible & kept)
 
     def are_decided(self, motions: ManyMotions) -> BoolArray:
         """Whether motions have a verdict; those of others need a precise motion, shape (K,)."""

@@ -9,22 +9,22 @@ from freefloat.io.scenario.yaml import description_at
 from freefloat.studies.study import StudyFile
 from freefloat.studies.track_section import TRACK
 
-_VECTORS = {"momentum": "h", "wheels.momentum": "wheel h", "drift": "drift", "attitude": "attitude"}
-"""Names of keys whose entries are components."""
+_VECTORS = ("momentum", "wheels.momentum", "drift", "attitude")
+"""Keys whose entries are components."""
 _NAMES = {
     "wheels.momentum": "wheel momentum",
     "timing.duration": "duration",
     "robot.scale_mass": "mass factor",
-    "margin.value": "margin",
+    "margin.value": "required margin",
     "heading_deg": "heading [deg]",
 }
 
 
 def readable_name(key: str) -> str:
-    """The name of a varied key or of an entry of it: ``h x`` of ``momentum.0``; else the key."""
+    """The name of a varied key, or of an entry: ``momentum x`` of ``momentum.0``; else the key."""
     vector, _, entry = key.rpartition(".")
     if vector in _VECTORS and entry in ("0", "1", "2", "3"):
-        return f"{_VECTORS[vector]} {'xyzw'[int(entry)]}"
+        return f"{_NAMES.get(vector, vector)} {'xyzw'[int(entry)]}"
     if vector == "robot.scale_mass":
         return f"mass factor of {entry}"
     return _NAMES.get(key, key.removeprefix(TRACK).replace("_", " ") if TRACK in key else key)

@@ -14,7 +14,7 @@ import numpy as np
 from freefloat.statistics import confidence_interval, percentage
 from freefloat.studies.columns import ERROR, FEASIBLE, INFEASIBLE, NUMBER, VERDICTS
 from freefloat.studies.rows import StudyRows
-from freefloat.studies.sensitivity import Sensitivity, sensitivities
+from freefloat.studies.sensitivity import MARGIN, Sensitivity, sensitivities
 from freefloat.studies.study import Study
 from freefloat.studies.track_section import TRACK_SEED
 
@@ -166,6 +166,14 @@ class StudyResult:
     def sensitivities(self) -> list[Sensitivity]:
         """Sobol indices of the varied keys, see :func:`.sensitivity.sensitivities`."""
         return sensitivities(self.study)
+
+    @property
+    def sensitivity_remark(self) -> str:
+        """Why there are indices of the margin alone; empty where that is not so."""
+        quantities = {entry.quantity for entry in self.sensitivities}
+        if quantities != {MARGIN}:
+            return ""
+        return "no Sobol indices for feasibility: limits need precise motions, or it does not vary"
 
     @property
     def run_seconds(self) -> float:

@@ -14,6 +14,8 @@ from freefloat.studies.run_values import group_numbers
 from freefloat.studies.study import Study
 from freefloat.studies.variation import Values, Variation
 
+MARGIN, FEASIBILITY = "margin", "feasible"
+"""Quantities that have indices."""
 _PAIRS = 2048
 """Pairs of independent draws."""
 _QUANTILE = 1.959963984540054
@@ -39,7 +41,7 @@ class Sensitivity:
 
     Attributes:
         key: The key; a list of numbers counts as one.
-        quantity: ``"margin"``, the minimum margin, or ``"feasible"``, 1 or 0.
+        quantity: ``"margin"``, the minimum margin, or ``"feasible"``, feasibility, 1 or 0.
         first_order: Fraction of the variance that the key explains alone.
         total: Fraction that is left if all other keys are known.
     """
@@ -48,6 +50,11 @@ class Sensitivity:
     quantity: str
     first_order: Estimate
     total: Estimate
+
+    @property
+    def quantity_name(self) -> str:
+        """The name of the quantity for people."""
+        return "minimum margin" if self.quantity == MARGIN else "feasibility"
 
     def to_dict(self) -> dict[str, Any]:
         """The indices as a JSON document."""
@@ -88,7 +95,8 @@ def sensitivities(study: Study) -> list[Sensitivity]:
     """Sobol indices of the keys of a study, for the minimum margin and for feasibility.
 
     They are those of 2,048 pairs of draws and their mixtures, integrated beside the runs of the
-    study. Empty for studies that ensembles do not decide, or that list values; without those of
+    study. Those so near to margin or joint range that a precise motion would decide count as they
+    are. Empty for studies that ensembles do not decide, or that list values; without those of
     feasibility where limits need precise motions, and of what does not vary.
     """
     if study.variation.listed or group_numbers(study)[0] < 0:
@@ -101,17 +109,17 @@ def sensitivities(study: Study) -> list[Sensitivity]:
         return []
     count = (len(keys) + 2) * _PAIRS
     numbers, motions = group.integrate(np.arange(count), available_cores())
-    known, decided = np.zeros((2, count), dtype=bool)
+    known = np.zeros(count, dtype=bool)
     known[numbers] = motions.reached & ~motions.failed
-    decided[numbers] = group.are_decided(motions)
     used = known.reshape(-1, _PAIRS).all(axis=0)
+    quantities = {MARGIN: motions.minimum_margins}
+    if not group.limited:
+        quantities[FEASIBILITY] = group.are_feasible(motions).astype(float)
     results = []
-    for quantity, found in (("margin", motions.minimum_margins), ("feasible", motions.feasible)):
+    for quantity, found in quantities.items():
         values = np.zeros(count)
         values[numbers] = found
-        if quantity == "margin" or decided[known].all():
-            blocks = values.reshape(-1, _PAIRS)[:, used]
-            results += _sensitivities(keys, quantity, blocks)
+        results += _sensitivities(keys, quantity, values.reshape(-1, _PAIRS)[:, used])
     return results
 
 
