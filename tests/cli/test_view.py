@@ -180,9 +180,7 @@ def test_simulate_writes_all_branches_on_a_page_the_chosen_one_first(elsewhere: 
 
 
 @pytest.mark.slow
-def test_plan_writes_a_page_and_figures_into_a_new_folder(
-    elsewhere: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_plan_writes_a_page_and_figures_into_a_new_folder(elsewhere: Path, monkeypatch) -> None:
     monkeypatch.setattr(figures, "figures", lambda *_, **__: {"name": new_figure()})
     plan = document("plan", "planar_2dof/line", "--html", "page.html", "--plots", "b")
     assert plan["html"] == "page.html"

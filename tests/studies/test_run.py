@@ -11,14 +11,17 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+import yaml
 
 import freefloat as ff
 from freefloat.io.records.results import load
 from freefloat.io.scenario.scenario import load_scenario
 from freefloat.planning.simulation import simulate
+from freefloat.robot.bundled import find_scenario
 from freefloat.robot.mjcf_writer import robot_mjcf
 from freefloat.so3 import heading_quaternion
 from freefloat.studies.portable import PortableStudy, study_files
+from freefloat.studies.records import followed_motion
 from freefloat.studies.run import RunResult, execute
 from tests.example_studies import BASE, HEADINGS, a_study
 
@@ -53,27 +56,15 @@ def test_a_simulation_has_the_results_of_simulate_and_its_file(tmp_path: Path) -
         (tmp_path / "run.h5").write_bytes(result.content)
         assert load(tmp_path / "run.h5").chosen.minimum_margin == row["margin"]
     assert [result.values["verdict"] for result in simulated] == [
-        "feasible",
-        "infeasible",
-        "feasible",
-    ]
+        "feasible", "infeasible", "feasible",
+    ]  # fmt: skip
     assert simulated[1].values["singular_time"] == pytest.approx(simulated[1].values["margin_time"])
     assert simulated[1].values["reason"] == "The arm became singular."
 
 
 def test_a_run_in_space_has_no_heading(tmp_path: Path) -> None:
     """Not even from an attitude that is a rotation about z."""
-    base = {
-        "robot": {"urdf": "spatial_6dof", "end_effector": "end_effector"},
-        "task": "pose",
-        "momentum": [0.5, 0.3, 0.1],
-        "path": {
-            "line": {"from": [1, 0, 0], "to": [-0.5, 0.8, 0.33]},
-            "attitude": {"fixed": {"axes": {"x": [0.4683, 1.1683, -0.7], "z": [1.5, -0.8, -0.33]}}},
-        },
-        "timing": {"law": "quintic"},
-        "margin": {"measure": "arm", "value": 5},
-    }
+    base = yaml.safe_load(find_scenario("spatial_6dof/line").read_text())
     keys = {"base": base, "heading_deg": None, "attitude": [0.0, 0.0, 0.0, 1.0], "branch": "best"}
     (row,) = rows(tmp_path, {"timing.duration": {"list": [100]}}, **keys)
     assert row["completed"]
@@ -110,7 +101,8 @@ def test_goals_and_manoeuvres_have_the_results_of_plan(tmp_path: Path) -> None:
     goal = robot | {"search": state, "goal": {"joints": [0.6, 0.2]}, "limits": {"joint_rate": 0.1}}
     line = {"line": {"from": [1.6, 0.4, 0], "to": [1.5, 0.5, 0]}}
     path = {"task": "planar-position", "path": line}
-    berth = {"timing": {"duration": 20}, "phases": [{"joints": [0.6, 0.6], "duration": 30}]}
+    away = {"to": {"position": [0.02, 0, 0], "frame": "end_effector"}, "duration": 20}
+    berth = {"timing": {"duration": 20}, "phases": [{"joints": [0.6, 0.6], "duration": 30}, away]}
     for base, key, values in (
         (goal, "goal.joints.0", [0.6, 0.5]),
         (robot | path | berth | {"limits": {"joint_rate": 0.1}}, "phases.0.duration", [60, 1]),
@@ -124,6 +116,12 @@ def test_goals_and_manoeuvres_have_the_results_of_plan(tmp_path: Path) -> None:
         assert first.values["verdict"] == "feasible"
         assert second.values["verdict"] == ("feasible" if base is goal else "infeasible")
         assert first.values["limits.joint_rate"] <= 1.0
+    keys["command"] = "track"
+    study = a_study(tmp_path, {"track.seed": {"list": [1]}}, base=base, **keys)
+    assert followed_motion(json.dumps(study.inputs(0)), study.base_source).kind == "plan"
+    end = document["phases"][2]["min_margin"]
+    assert end["value"] < document["phases"][0]["min_margin"]["value"] / 2
+    assert (first.values["margin"], first.values["margin_time"]) == (end["value"], end["time"] + 80)
 
 
 def test_a_map_has_the_results_of_map(tmp_path: Path) -> None:
@@ -145,9 +143,8 @@ def test_simulations_follow_the_branch_of_the_undisturbed_motion(tmp_path: Path)
     assert [row["branch"] for row in undisturbed] == [1, 0]
     default, best = rows(tmp_path, vary), rows(tmp_path, vary, branch="best")
     assert [(row["branch"], row["verdict"]) for row in default] == [
-        (1, "infeasible"),
-        (0, "infeasible"),
-    ]
+        (1, "infeasible"), (0, "infeasible"),
+    ]  # fmt: skip
     assert [(row["branch"], row["verdict"]) for row in best] == [(0, "feasible"), (1, "feasible")]
     for row, start in zip(default, undisturbed, strict=True):
         assert joints(row) == pytest.approx(joints(start))
@@ -188,9 +185,7 @@ def test_an_error_becomes_a_row(vary: dict[str, Any], key: str, tmp_path: Path) 
     assert result.content is None
 
 
-def test_an_error_of_a_solver_becomes_a_row(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_error_of_a_solver_becomes_a_row(tmp_path: Path, monkeypatch) -> None:
     def fails(*_: object, **__: object) -> None:
         raise np.linalg.LinAlgError("Singular\nmatrix")
 

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from freefloat.studies.results import StudyResult
 from freefloat.studies.sensitivity import sensitivities, sobol_indices
-from tests.example_studies import SHORT, a_study
+from tests.example_studies import SHORT, a_study, finished
+from tests.samples import bundled
 
 
 def ishigami(x: np.ndarray) -> np.ndarray:
@@ -44,10 +46,20 @@ def test_indices_are_those_of_scipy_and_intervals_contain_the_known_ones() -> No
 @pytest.mark.slow
 @pytest.mark.usefixtures("kernels")
 def test_a_key_without_effect_has_no_index_and_listed_values_have_none(tmp_path: Path) -> None:
+    """The margin is kept; the first joint leaves its range, or nearly, if the momentum is large."""
     vary = {"momentum.2": {"uniform": [-1, 1]}, "margin.value": {"uniform": [1, 2]}}
-    study = a_study(tmp_path, vary, base=SHORT, cases=20, files="none")
-    first, second = (entry for entry in sensitivities(study) if entry.quantity == "margin")
-    assert first.first_order.value == pytest.approx(1.0, abs=0.05)
-    assert (second.key, second.total.value) == ("margin.value", 0.0)
+    joint, limit = b'"q1" type="', b'<limit lower="-2.994" upper="3" effort="9" velocity="9"/>'
+    text = bundled("planar_3dof")[0].replace(joint + b'continuous">', joint + b'revolute">' + limit)
+    (tmp_path / "arm.urdf").write_bytes(text)
+    base = SHORT | {"robot": SHORT["robot"] | {"urdf": "arm.urdf"}}
+    study = a_study(tmp_path, vary, base=base, cases=20, files="none")
+    assert [entry.quantity for entry in sensitivities(study)] == 2 * ["margin"] + 2 * ["feasible"]
+    for first, second in np.reshape(sensitivities(study), (2, 2)):
+        assert first.first_order.value == pytest.approx(1.0, abs=0.1)
+        assert (second.key, second.total.value) == ("margin.value", 0.0)
+    base["limits"] = {"base_rate": 1.0}
+    limited = a_study(tmp_path, vary, base=base, cases=20, files="none")
+    remark = StudyResult(limited, finished(limited, tmp_path), tmp_path).sensitivity_remark
+    assert remark.startswith("no Sobol indices for feasibility: limits")
     listed = a_study(tmp_path, vary | {"timing.duration": {"list": [5, 6]}}, base=SHORT, cases=20)
     assert sensitivities(listed) == []

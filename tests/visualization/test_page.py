@@ -14,6 +14,7 @@ import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.plan import Plan
 from freefloat.planning.space.mapping import sample_attitudes
+from freefloat.visualization.page import pictures
 from freefloat.visualization.scenes.map_scene import BACK, BALL, BEST_BRANCH, FRONT
 from tests.browser import differing, opened
 
@@ -64,8 +65,8 @@ def test_a_page_plays_motions(browser: Browser, spatial: ff.Problem, tmp_path: P
 
 
 @pytest.mark.slow
-def test_a_page_plays_phases_one_after_another(browser: Browser, tmp_path: Path) -> None:
-    """The phase shown is that of the time, with the robot where the motion has it."""
+def test_a_page_plays_phases_in_turn(browser: Browser, tmp_path: Path, monkeypatch) -> None:
+    """The phase shown is that of the time; pictures, their names and the clock have its times."""
     problem = ff.load_scenario("planar_2dof/line").problem()
     phases = [
         ff.GoalPhase(ff.Goal(joints=joints, duration=duration), name)
@@ -75,7 +76,8 @@ def test_a_page_plays_phases_one_after_another(browser: Browser, tmp_path: Path)
     assert manoeuvre.feasible, manoeuvre.reason
     earlier = [replace(phase, start=phase.start - 7.0) for phase in manoeuvre.phases]
     manoeuvre = replace(manoeuvre, phases=tuple(earlier))  # as after a reorientation
-    file = ff.playback(manoeuvre, "phases").save(tmp_path / "page.html")
+    playback = ff.playback(manoeuvre, "phases")
+    file = playback.save(tmp_path / "page.html")
     with opened(browser, file) as page:
         assert page.ask("freefloat.about.duration") == pytest.approx(60.0)
         for title, phase in zip(("1 path", "2 rest", "3 berth"), manoeuvre.phases, strict=True):
@@ -92,7 +94,16 @@ def test_a_page_plays_phases_one_after_another(browser: Browser, tmp_path: Path)
                     assert shown == pytest.approx(pose.position, abs=1e-3)
         page.page.locator("#motion").select_option("2 rest")
         assert page.ask("freefloat.state().shown") == ["2 rest"]
+        page.ask("freefloat.seek(0)")
+        assert page.page.locator("#states p").first.inner_text() == "t = 23.00 s"
         assert page.errors == []
+    shots: list[float] = []
+    monkeypatch.setattr(pictures, "take_pictures", lambda _, times, *__, **___: (
+        shots.append(time) or b"" for time in times))  # fmt: skip
+    pictures.save_picture(playback, tmp_path / "p.png", scene="2 rest")
+    files = pictures.save_snapshots(playback, 2, tmp_path, "m", scene="2 rest")
+    assert shots == pytest.approx([30.0, 30.0, 50.0])
+    assert [file.name for file in files] == ["m_1_23.00s.png", "m_2_43.00s.png"]
 
 
 @pytest.mark.slow
