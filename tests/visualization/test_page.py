@@ -60,7 +60,8 @@ def test_a_page_plays_motions(browser: Browser, spatial: ff.Problem, tmp_path: P
         assert page.visible("feasible")
         assert page.visible("singular")
         page.page.locator("#play").click()
-        page.page.wait_for_function("freefloat.state().time > 0.3")
+        while page.ask("freefloat.state().time") <= 0.3:
+            page.page.wait_for_timeout(50)
         assert page.errors == []
 
 
