@@ -116,7 +116,8 @@ def markdown(computer: str, results: Sequence[Result]) -> str:
         ratio = ratio_text(result.ratio)
         seconds = duration_text(result.seconds)
         if not result.met:
-            ratio = f"{ratio} **({result.required} required)**".strip()
+            exact = "" if result.ratio is None else f"{result.ratio:.3g} × "
+            ratio = f"{exact}**({result.required} required)**"
         lines.append(f"| {what} | {seconds} | {result.against} | {baseline} | {ratio} |")
     return "\n".join(lines)
 
