@@ -124,6 +124,6 @@ def _capture(capture: Capture) -> str:
     locked = math.degrees(math.hypot(*capture.locked_rate))
     return (
         f"impulse {impulse:.3g} N s, momentum {momentum} N m s; with locked joints the system "
-        f"turns at {locked:.4f} deg/s now, in any attitude at {low:.4f} deg/s or more and at "
-        f"{high:.4f} deg/s or less"
+        f"turns at {locked:.4f} deg/s now, in any attitude between {low:.4f} and "
+        f"{high:.4f} deg/s"
     )
