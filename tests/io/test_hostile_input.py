@@ -5,13 +5,19 @@
 
 from __future__ import annotations
 
+import hashlib
 import html
 import os
+import subprocess
+import sys
 import time
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
+import h5py
 import lxml.html
 import numpy as np
 import pytest
@@ -108,6 +114,69 @@ def test_invalid_meshes_are_refused(name: str, content: bytes, tmp_path: Path) -
     (tmp_path / name).write_bytes(content)
     with pytest.raises(MeshFileError):
         read_mesh(tmp_path / name)
+
+
+# Result files
+
+
+def sealed(path: Path, write: Callable[[h5py.File], object]) -> Path:
+    """An HDF5 file of any content with the digest that result files have."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        write(file)
+    content = path.read_bytes()[512:]
+    block = f"freefloat SHA-256 {hashlib.sha256(content).hexdigest()}\n".encode()
+    path.write_bytes(block.ljust(512, b"\0") + content)
+    return path
+
+
+def many_paths(file: h5py.File) -> None:
+    """14 groups, each with 11 names of the next one: 11^13 paths."""
+    groups = [file.create_group(f"group {k}") for k in range(14)]
+    for outer, inner in pairwise(groups):
+        for name in range(11):
+            outer[str(name)] = inner
+
+
+def many_bytes(file: h5py.File) -> None:
+    """3,000 datasets that state 50 MB each, and hold nothing."""
+    for name in range(3000):
+        file.create_dataset(str(name), (6_000_000,), float, chunks=(6_000_000,))
+
+
+def many_texts(file: h5py.File) -> None:
+    """3,000 references to one text of 4 MB."""
+    file["text"] = np.array(["x" * 4_000_000, *3000 * ["y"]], dtype=object)
+    place = file["text"].id.get_offset()
+    file.flush()
+    with open(file.filename, "r+b") as raw:
+        raw.seek(place)  # of 16 bytes for each text: length, address and index in the heap
+        reference = raw.read(16)
+        raw.write(3000 * reference)
+
+
+LOAD = """
+import resource, sys
+import freefloat as ff
+resource.setrlimit(resource.RLIMIT_AS, (3 << 30, 3 << 30))
+try:
+    ff.load(sys.argv[1])
+except ff.InputError:
+    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+"""Prints the largest memory of a process that refuses a file [kB]."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("write", [many_paths, many_bytes, many_texts])
+def test_small_result_files_that_expand_are_refused(
+    write: Callable[[h5py.File], object], tmp_path: Path
+) -> None:
+    file = sealed(tmp_path / "small.h5", write)
+    done = subprocess.run(
+        [sys.executable, "-c", LOAD, str(file)], timeout=60, capture_output=True, text=True
+    )
+    assert done.stderr == ""
+    assert int(done.stdout) < 1_000_000
 
 
 # Pages

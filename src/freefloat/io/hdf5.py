@@ -27,7 +27,9 @@ _UNREADABLE = (OSError, KeyError, ValueError, TypeError, AttributeError, Runtime
 _MAX_DEPTH = 16
 """Nested groups; result files have ten."""
 _MAX_RATIO, _MAX_SMALL = 20, 50_000_000
-"""An array has at most so many bytes in memory for each byte on disk, or so many bytes."""
+"""Bytes that a file may take in memory: so many for each byte on disk, and so many more."""
+_NUMBERS, _STRINGS = "biuf", "O"
+"""Kinds of arrays in result files, as NumPy abbreviates them."""
 
 
 class AlteredFileError(InputError):
@@ -91,38 +93,79 @@ def read_hdf5(path: Path, accepted: str) -> Tree:
                 problem = "it was altered: its SHA-256 is not the stated one"
                 raise AlteredFileError("file", problem, accepted, str(path))
         with h5py.File(path, "r") as file:
-            _require_plain(file)
-            return _read(file, {})
+            return _Reader(path.stat().st_size).group(file)
     except _UNREADABLE as error:
         problem = f"it cannot be read ({' '.join(str(error).split())})"
         raise InputError("file", problem, accepted, str(path)) from None
 
 
-def _read(group: Any, known: dict[int, Tree]) -> Tree:
-    place = h5py.h5o.get_info(group.id).addr
-    if place not in known:
-        values = {name: group.attrs[name] for name in group.attrs}
-        known[place] = {k: v.item() if isinstance(v, np.generic) else v for k, v in values.items()}
-        for name, item in group.items():
-            if isinstance(item, h5py.Group):
-                known[place][name] = _read(item, known)
-            else:
-                text = h5py.check_string_dtype(item.dtype) is not None
-                known[place][name] = Quantity(np.asarray(item.asstr()[()] if text else item[()]))
-    return known[place]
+class _Reader:
+    """Objects of a file, each read once, however many names it has, within a bound of memory."""
 
+    def __init__(self, size: int) -> None:
+        """Prepare to read a file.
 
-def _require_plain(group: Any) -> None:
-    """Raise a ValueError for links, arrays in other files and arrays larger than the file holds."""
-    for name in group:
+        Args:
+            size: Its size [bytes].
+        """
+        self._size = size
+        self._left = _MAX_SMALL + _MAX_RATIO * size
+        self._known: dict[int, Any] = {}
+
+    def group(self, group: Any, depth: int = 0) -> Tree:
+        """The tree of a group; a ValueError for what :func:`write_hdf5` does not write."""
+        if depth > _MAX_DEPTH:
+            raise ValueError(f"its group {group.name} is nested too deeply")
+        place = h5py.h5o.get_info(group.id).addr
+        if place not in self._known:
+            self._known[place] = {name: self._attribute(group, name) for name in group.attrs}
+            for name in group:
+                self._known[place][name] = self._item(group, name, depth)
+        tree: Tree = self._known[place]
+        return tree
+
+    def _item(self, group: Any, name: str, depth: int) -> Any:
         if not isinstance(group.get(name, getlink=True), h5py.HardLink):
             raise ValueError(f"its part {name} is a link")
         item = group[name]
         if isinstance(item, h5py.Group):
-            if item.name.count("/") > _MAX_DEPTH:
-                raise ValueError(f"its group {item.name} is nested too deeply")
-            _require_plain(item)
-        elif item.is_virtual or item.external:
+            return self.group(item, depth + 1)
+        place = h5py.h5o.get_info(item.id).addr
+        if place not in self._known:
+            self._known[place] = Quantity(self._values(item, name))
+        return self._known[place]
+
+    def _attribute(self, group: Any, name: str) -> Any:
+        scalar = group.attrs.get_id(name).shape == ()
+        value = group.attrs[name] if scalar else None
+        if not isinstance(value, str | np.generic):
+            raise ValueError(f"its part {name} is no number or text")
+        self._count(name, len(value) if isinstance(value, str) else 0)
+        return value.item() if isinstance(value, np.generic) else value
+
+    def _values(self, item: Any, name: str) -> Any:
+        text = h5py.check_string_dtype(item.dtype) is not None
+        if item.dtype.kind not in (_STRINGS if text else _NUMBERS):
+            raise ValueError(f"its part {name} contains no numbers or texts")
+        if item.is_virtual or item.external:
             raise ValueError(f"its part {name} is in another file")
-        elif (item.nbytes or 0) > max(_MAX_SMALL, _MAX_RATIO * item.id.get_storage_size()):
+        self._count(name, item.nbytes or 0)
+        return self._texts(item, name) if text else np.asarray(item[()])
+
+    def _texts(self, item: Any, name: str) -> Any:
+        """Texts of a dataset: each may be as long as the file, in which it is stored once."""
+        if item.shape == ():
+            self._count(name, len(text := item.asstr()[()]))
+            return np.asarray(text, dtype=object)
+        if len(item.shape) != 1:
+            raise ValueError(f"its part {name} is a table of texts")
+        values, step = np.empty(item.shape, dtype=object), 1 + _MAX_SMALL // self._size
+        for first in range(0, len(item), step):
+            values[first : first + step] = item.asstr()[first : first + step]
+            self._count(name, sum(map(len, values[first : first + step])))
+        return values
+
+    def _count(self, name: str, size: int) -> None:
+        self._left -= size
+        if self._left < 0:
             raise ValueError(f"its part {name} states a size that the file does not hold")
