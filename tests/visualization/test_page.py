@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, expect
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.plan import Plan
 from freefloat.planning.space.mapping import sample_attitudes
+from freefloat.so3 import heading_quaternion
 from freefloat.visualization.page import pictures
 from freefloat.visualization.scenes.map_scene import BACK, BALL, BEST_BRANCH, FRONT
 from tests.browser import differing, opened
@@ -105,6 +106,36 @@ def test_a_page_plays_phases_in_turn(browser: Browser, tmp_path: Path, monkeypat
     files = pictures.save_snapshots(playback, 2, tmp_path, "m", scene="2 rest")
     assert shots == pytest.approx([30.0, 30.0, 50.0])
     assert [file.name for file in files] == ["m_1_23.00s.png", "m_2_43.00s.png"]
+
+
+@pytest.mark.slow
+def test_button_and_slider_show_the_state(
+    browser: Browser, planar: ff.Problem, tmp_path: Path
+) -> None:
+    """Whatever moves the time: a click, a key on the page, a key on the slider."""
+    motion = ff.simulate(planar, heading_quaternion(np.radians(200.0))).chosen.motion
+    with opened(browser, ff.playback(motion).save(tmp_path / "page.html")) as page:
+        play, slider = page.page.locator("#play"), page.page.locator("#time")
+
+        def shows(word: str, time: float | None = None) -> None:
+            expect(play).to_have_text(word)
+            if time is not None:
+                expect(slider).to_have_js_property("value", f"{time:g}")
+                assert page.ask("freefloat.state().time") == pytest.approx(time)
+
+        play.click()
+        shows("Pause")
+        play.click()
+        shows("Play")
+        duration = motion.final.time
+        for place in (page.page.locator("body"), slider):
+            for key, word, time in (
+                ("Home", "Play", 0.0), ("ArrowRight", "Play", duration / 100),
+                ("End", "Play", duration), (" ", "Pause", None), (" ", "Play", None),
+            ):  # fmt: skip
+                place.press(key)
+                shows(word, time)
+        assert page.errors == []
 
 
 @pytest.mark.slow

@@ -157,9 +157,13 @@ class Player {
     if (this.time >= about.duration) this.seek(0);
     this.playing = about.duration > 0;
     this.before = performance.now();
+    this.viewer.set_dirty(); // the button shows the state
   }
 
-  pause() { this.playing = false; }
+  pause() {
+    this.playing = false;
+    this.viewer.set_dirty();
+  }
 
   // Steps are limited to 0.25 s, so that time does not jump after the tab was hidden.
   tick(now) {
@@ -461,12 +465,12 @@ class Panels {
   playOrPause() { if (this.player.playing) this.player.pause(); else this.player.play(); }
 
   key(event) {
-    const { player } = this;
-    if (["INPUT", "SELECT", "BUTTON", "SUMMARY"].includes(event.target.tagName) && event.key === " ") return;
+    const { player } = this, { tagName, id } = event.target;
+    if (["INPUT", "SELECT", "BUTTON", "SUMMARY"].includes(tagName) && id !== "time" && event.key === " ") return;
     const step = about.duration / 100;
     const jumps = { ArrowLeft: player.time - step, ArrowRight: player.time + step, Home: 0, End: about.duration };
     if (event.key === " ") { this.playOrPause(); event.preventDefault(); }
-    if (event.key in jumps && event.target.tagName !== "SELECT") {
+    if (event.key in jumps && tagName !== "SELECT") {
       player.pause();
       player.seek(jumps[event.key]);
       event.preventDefault();
@@ -476,7 +480,7 @@ class Panels {
   update() {
     const { player } = this;
     element("play").textContent = player.playing ? "Pause" : "Play";
-    if (document.activeElement !== element("time") || player.playing) element("time").value = player.time;
+    element("time").value = player.time;
     element("clock").textContent = `${clock(player.time)} / ${clock(about.duration)} s`;
     element("speed").value = player.speed;
     const one = player.follows ? ALL_PHASES : (player.shown[0] || {}).title;
