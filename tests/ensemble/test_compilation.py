@@ -47,14 +47,14 @@ print(kernel.scaled(3.0), sum(kernel.scaled.stats.cache_hits.values()), kernel.s
 """
 
 
-def run(folder: Path) -> list[str]:
-    """Result of the kernel in a new process, and the number of cache hits."""
+def run(folder: Path, caches: Path | None = None) -> list[str]:
+    """Result of the kernel in a new process, the number of cache hits, and warnings."""
     command = [sys.executable, "-c", RUN]
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "cache")}
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(caches or folder / "cache")}
     done = subprocess.run(
         command, cwd=folder, env=environment, capture_output=True, text=True, check=True
     )
-    return done.stdout.split()
+    return [*done.stdout.split(), *done.stderr.splitlines()]
 
 
 @pytest.mark.slow
@@ -66,6 +66,22 @@ def test_cached_kernels_are_compiled_again_when_a_called_kernel_changes(tmp_path
     assert run(tmp_path) == ["6.0", "1", "Scale."]
     (tmp_path / "helper.py").write_text(HELPER.format(value=5.0))
     assert run(tmp_path) == ["15.0", "0", "Scale."]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("open_to_all", [".", ".."])
+def test_a_cache_folder_that_others_may_write_to_is_not_used(
+    tmp_path: Path, open_to_all: str
+) -> None:
+    """Numba unpickles its files; the folders above count, too."""
+    (tmp_path / "kernel.py").write_text(KERNEL)
+    (tmp_path / "helper.py").write_text(HELPER.format(value=2.0))
+    (caches := tmp_path / "outer" / "caches").mkdir(parents=True)
+    assert run(tmp_path, caches) == ["6.0", "0", "Scale."]
+    assert run(tmp_path, caches) == ["6.0", "1", "Scale."]
+    (caches / open_to_all).chmod(0o777)
+    *result, sentence = run(tmp_path, caches)
+    assert (result, str(caches) in sentence) == (["6.0", "0", "Scale."], True)
 
 
 @pytest.mark.parametrize("suffix", [".nbi", ".nbc"])

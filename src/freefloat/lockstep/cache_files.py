@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import logging
+import os
 import pickle
+import stat
+import sys
 from contextlib import suppress
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -51,6 +55,46 @@ class CheckedCacheFile(IndexDataCacheFile):
 
     def _load_data(self, name: str) -> Any:
         return _checked(self._data_path(name))
+
+
+@cache
+def is_private(folder: Path, package: Path) -> bool:
+    """Whether the user, root and the owner of a package alone can write to a cache folder.
+
+    Cache files are unpickled, so whoever writes one runs code. Folders above it count, too, unless
+    they hold the package: who can replace it there can replace the package.
+
+    Args:
+        folder: The folder; a warning names it if others can write to it.
+        package: Folder of the package.
+    """
+    if sys.platform == "win32":
+        return True
+    place = folder.resolve()
+    above = (parent for parent in place.parents if not package.is_relative_to(parent))
+    trusted = {os.geteuid(), 0, package.stat().st_uid}
+    private = _is_closed(place, trusted) and all(
+        _is_closed(parent, trusted) or parent.stat().st_mode & stat.S_ISVTX for parent in above
+    )
+    if not private:
+        problem = "others may write to the kernel cache %s: it is not used, kernels are compiled"
+        _logger.warning(f"{problem} in each process; NUMBA_CACHE_DIR names another folder", folder)
+    return private
+
+
+def _is_closed(folder: Path, trusted: set[int]) -> bool:
+    """Whether trusted users alone own a folder and may write to it, with groups of their own."""
+    import grp
+    import pwd
+
+    entry = folder.stat()
+    if entry.st_uid not in trusted or entry.st_mode & stat.S_IWOTH:
+        return False
+    with suppress(KeyError):
+        user, group = pwd.getpwuid(entry.st_uid), grp.getgrgid(entry.st_gid)
+        if user.pw_gid == group.gr_gid and {*group.gr_mem} <= {user.pw_name}:
+            return True
+    return not entry.st_mode & stat.S_IWGRP
 
 
 def _checked(path: str) -> Any:

@@ -11,7 +11,7 @@ from typing import Any, TypeVar, cast
 from numba import njit
 
 from freefloat.errors import InputError
-from freefloat.lockstep.cache_files import CheckedCacheFile
+from freefloat.lockstep.cache_files import CheckedCacheFile, is_private
 from freefloat.lockstep.fragments import FragmentCompiler
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
@@ -28,7 +28,7 @@ def compiled(function: _Function) -> _Function:
     """Compile a function at its first call and cache the machine code on disk.
 
     The compiled function releases the global lock and divides by zero as NumPy does. Without a
-    writable cache folder, every process compiles it again.
+    writable cache folder that is the user's own, every process compiles it again.
 
     Raises:
         InputError: If Numba's compiler is switched off; kernels compute with its vectors.
@@ -39,6 +39,8 @@ def compiled(function: _Function) -> _Function:
         return cast(_Function, njit(**_OPTIONS)(function))
     if kernel is function:
         raise InputError("NUMBA_DISABLE_JIT", "it is set", "no such variable in the environment")
+    if not is_private(Path(kernel._cache.cache_path), _PACKAGE):
+        return cast(_Function, njit(**_OPTIONS)(function))
     # Numba compares the stamp of the kernel's own file only and would keep machine code of kernels
     # that it calls from other files: the stamp is extended by a digest of all kernels
     kernel._cache._cache_file = CheckedCacheFile.of(kernel._cache, _digest(_PACKAGE))
