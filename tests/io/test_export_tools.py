@@ -1,5 +1,7 @@
 """Exports read by the tools they are for: ROS 2, MCAP, CCSDS, MuJoCo and Basilisk."""
 
+import ast
+import csv
 import json
 import re
 import subprocess
@@ -39,6 +41,10 @@ GOAL = {
         "builtin_interfaces/Duration goal_time_tolerance",
 }  # fmt: skip
 """Definitions of control_msgs, without fields for planar joints."""
+QUANTITIES = (
+    ("position", "rad"), ("velocity", "rad/s"), ("acceleration", "rad/s^2"), ("torque", "N m"),
+)  # fmt: skip
+"""Columns of a revolute joint."""
 
 
 @pytest.fixture(scope="module")
@@ -171,6 +177,29 @@ def test_basilisk_arrives_at_the_same_attitude(name: str, tmp_path) -> None:
     found = json.loads(done.stdout.splitlines()[-1])
     assert found["attitude_rad"] < 1e-5
     assert found["joints"] < 1e-6
+
+
+@pytest.mark.slow
+def test_names_of_a_robot_stay_names_in_exports(tmp_path) -> None:
+    """Spreadsheets evaluate no cell, and a script's placeholders are filled once."""
+    problem = bundled("planar_2dof/line")
+    text = problem.model.description.text
+    for old, new in (("q1", "=1+1"), ("q2", "@x"), ("link_2", "__PLAN__ __MJCF__")):
+        assert f'"{old}"' in text
+        text = text.replace(f'"{old}"', f'"{new}"')
+    robot = ff.FreeFloatingModel.from_urdf(text, problem.model.end_effector)
+    named = first_motion(problem.replace(model=robot))
+    ff.export(named, tmp_path / "motion.csv")
+    with open(tmp_path / "motion.csv", newline="") as stream:
+        heads, cells = next(rows := csv.reader(stream)), next(rows)
+    assert [head for head in heads if head[0] in "=+-@'"] == [
+        f"'{name} {quantity} [{unit}]" for quantity, unit in QUANTITIES for name in ("=1+1", "@x")
+    ]
+    assert all(np.isfinite(float(cell)) for cell in cells)
+    ff.export(named, tmp_path / "named.py")
+    ff.export(first_motion(problem), tmp_path / "plain.py")
+    scripts = [ast.parse((tmp_path / name).read_text()) for name in ("named.py", "plain.py")]
+    assert len({len(list(ast.walk(script))) for script in scripts}) == 1
 
 
 @pytest.mark.slow

@@ -67,6 +67,16 @@ def test_a_database_returns_the_rows_that_were_added(study: Study, tmp_path: Pat
     assert rows.column("margin", "WHERE margin > 5").tolist() == [7.5]
 
 
+def test_spreadsheets_evaluate_no_cell(study: Study, tmp_path: Path) -> None:
+    """Texts that begin like a formula have an apostrophe in CSV files, and none in Parquet."""
+    reasons = ["=1+1", "-2", "@x", "+3"]
+    runs = [INFEASIBLE | {"number": n, "reason": text} for n, text in enumerate(reasons)]
+    files = save_tables(tmp_path, finished(study, tmp_path, *runs))
+    with open(files["csv"], newline="") as stream:
+        assert [row["reason"] for row in csv.DictReader(stream)] == [f"'{r}" for r in reasons]
+    assert pyarrow.parquet.read_table(files["parquet"])["reason"].to_pylist() == reasons
+
+
 @pytest.mark.parametrize(
     ("vary", "keys"),
     [

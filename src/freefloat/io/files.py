@@ -21,6 +21,8 @@ _ABANDONED = 3600.0
 _FILE = "a file in an existing, writable folder with enough space"
 _RESULTS = (".h5", ".hdf5")
 """Suffixes of result files."""
+_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
+"""Beginnings of cells that spreadsheets evaluate."""
 _FOLDER = "a writable folder, or the name of one in an existing, writable folder"
 
 
@@ -30,6 +32,11 @@ def require_result_name(path: Path) -> None:
         raise InputError(
             "output", f"{str(path)!r} was given", f"a name with {' or '.join(_RESULTS)}"
         )
+
+
+def cell_text(text: str) -> str:
+    """A text as the cell of a CSV file; an apostrophe keeps spreadsheets from evaluating it."""
+    return f"'{text}" if text.startswith(_FORMULA) else text
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from typing import Any
 from pydantic_core import to_json
 
 from freefloat.errors import MissingExtraError, require_extra
-from freefloat.io.files import written_beside
+from freefloat.io.files import cell_text, written_beside
 from freefloat.studies.columns import BOOLEAN, INTEGER, NUMBER, REAL, TEXT
 from freefloat.studies.rows import StudyRows
 
@@ -19,6 +19,9 @@ _CASE = "case"
 """Name of the column of numbers in tables."""
 _SPECIAL = re.compile('[,"\r\n]')
 """What a CSV cell has in quotes alone."""
+
+_QUOTED = r"^'([=+\-@\t\r\n])"
+"""Beginning of a text to which :func:`cell_text` added an apostrophe."""
 
 
 def save_tables(folder: Path, rows: StudyRows) -> dict[str, Path | None]:
@@ -64,25 +67,29 @@ def _cell(value: Any, kind: str) -> str:
         return ""
     if kind == BOOLEAN:
         return "true" if value else "false"
-    text = str(value)
+    text = cell_text(str(value))
     return '"{}"'.format(text.replace('"', '""')) if _SPECIAL.search(text) else text
 
 
 def _save_parquet(file: Path, table: Path, kinds: Mapping[str, str]) -> None:
     """Write a CSV table as a Parquet file, with types of its columns; empty cells are null."""
     import pyarrow
+    from pyarrow import compute, parquet
     from pyarrow import csv as reader
-    from pyarrow import parquet
 
     arrow = {TEXT: pyarrow.string(), INTEGER: pyarrow.int64(), BOOLEAN: pyarrow.bool_()}
     fields = [(name, arrow.get(kind, pyarrow.float64())) for name, kind in kinds.items()]
     schema, texts = pyarrow.schema(fields), [name for name, kind in kinds.items() if kind == TEXT]
     cells = reader.ConvertOptions(column_types=schema, null_values=[""], strings_can_be_null=True)
+    names = reader.ReadOptions(column_names=list(kinds), skip_rows=1)
     lines = reader.ParseOptions(newlines_in_values=True)
     with (
-        reader.open_csv(table, parse_options=lines, convert_options=cells) as batches,
+        reader.open_csv(table, names, lines, cells) as batches,
         written_beside(file) as beside,
         parquet.ParquetWriter(beside, schema, use_dictionary=texts) as writer,
     ):
         for batch in batches:
+            for name in texts:  # as they were before cell_text
+                plain = compute.replace_substring_regex(batch[name], _QUOTED, r"\1")
+                batch = batch.set_column(schema.get_field_index(name), schema.field(name), plain)
             writer.write_batch(batch)

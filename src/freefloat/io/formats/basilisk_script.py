@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -63,9 +64,9 @@ def basilisk_text(trajectory: Trajectory) -> str:
         "initial_angular_velocity": trajectory.angular_velocities[0].tolist(),
         "final_attitude": trajectory.attitudes[-1].tolist(),
     }
+    texts = {"MJCF": mjcf_text(trajectory), "PLAN": json.dumps(values, indent=1)}
     script = _TEMPLATE.read_text("utf-8")
-    script = script.replace("__MJCF__", mjcf_text(trajectory))
-    return script.replace("__PLAN__", json.dumps(values, indent=1))
+    return re.sub("__(MJCF|PLAN)__", lambda place: texts[place[1]], script)
 
 
 def _inertias(trajectory: Trajectory) -> Array:

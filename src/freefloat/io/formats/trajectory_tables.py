@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from freefloat.io.files import cell_text
 from freefloat.io.formats.trajectory import Trajectory
 from freefloat.so3 import Array
 
@@ -111,7 +112,7 @@ def csv_text(trajectory: Trajectory) -> str:
     groups = _groups(trajectory)
     stream = io.StringIO(newline="")
     rows = csv.writer(stream, lineterminator="\n")
-    rows.writerow([f"{name} [{unit}]" for group in groups
+    rows.writerow([cell_text(f"{name} [{unit}]") for group in groups
                    for name, unit in zip(group.names, group.units, strict=True)])  # fmt: skip
     rows.writerows(np.hstack([group.values for group in groups]).tolist())
     return stream.getvalue()
