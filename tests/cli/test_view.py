@@ -163,6 +163,9 @@ def test_a_page_is_served_until_it_is_stopped(files: Path) -> None:
             assert '"title": "good"' in page
             assert ask(port, "evil.example")[0] == 403
             assert ask(port, f"127.0.0.1:{port}", "/etc/passwd")[0] == 404
+            with socket.create_connection(("127.0.0.1", port), timeout=60) as half:
+                half.sendall(b"GET / HT")
+                assert half.recv(1) == b""  # closed: it would keep a thread
             process.send_signal(signal.SIGINT)
             rest, errors = process.communicate(timeout=60)
     assert (process.returncode, rest, without_progress(errors)) == (0, "", "")

@@ -17,6 +17,8 @@ from freefloat.errors import InputError
 HOST = "127.0.0.1"
 """The only address that pages are served on."""
 _PORTS_TRIED = 20
+_PATIENCE = 5.0
+"""Time for which a request may send nothing [s]."""
 _Bound = TypeVar("_Bound")
 
 
@@ -56,6 +58,7 @@ class _Server(ThreadingHTTPServer):
 
 class _Handler(BaseHTTPRequestHandler):
     server: _Server
+    timeout = _PATIENCE
 
     def do_GET(self) -> None:
         """Send the page."""
