@@ -33,7 +33,7 @@ def evaluator_for(
 def evaluator_near(evaluator: FeasibilityEvaluator, joints: Array) -> FeasibilityEvaluator:
     """The evaluator of motions like one that begins with joints (n,), to which tolerances belong.
 
-    A redundant arm begins in the configuration nearest to them; other arms in that of their branch.
+    A redundant arm begins where Newton's method leads from them; other arms in their branch.
     """
     problem = evaluator.problem
     if not problem.redundant or problem.start_joints is not None:

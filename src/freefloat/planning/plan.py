@@ -46,8 +46,9 @@ class Plan(Answer):
             margin and comes nearest to keeping the limits; None where none keeps the margin.
         robust_radius: How far the attitude may deviate in any direction before the chosen arm
             branch violates the margin or nears another singularity [rad]; a redundant arm begins
-            in the configuration nearest to the chosen joints, inside the joint ranges where it can:
-            where that is far from them, the radius often ends.
+            where Newton's method leads from the chosen joints, as with ``joints`` of
+            :func:`~freefloat.ensemble.simulate_many.simulate_many`: other configurations, nearer
+            ones among them, may violate the margin.
         radius_effort: Spatial tasks: what the robust radius was confirmed against.
         map: Spatial tasks: the map of sampled attitudes that the search began with.
         tolerance: Spatial tasks: tolerated deviations of momentum and duration.
