@@ -109,7 +109,8 @@ class System:
             rates: Joint rates, shape (n,).
 
         Returns:
-            [linear; angular] at the root link's origin, spacecraft axes [m/s; rad/s], shape (6,).
+            ``[linear; angular]`` at the root link's origin [m/s; rad/s], spacecraft axes,
+            shape (6,).
 
         Raises:
             InputError: If joints or rates are not those of the robot, or the attitude is no unit

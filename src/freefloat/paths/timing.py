@@ -305,7 +305,7 @@ class TimedPath:
     def twist(self, t: float, segment: int | None = None) -> Array:
         """End-effector twist relative to the centre of mass, inertial axes.
 
-        [linear; angular] [m/s; rad/s], shape (6,). Time [s] and segment are those of
+        ``[linear; angular]`` [m/s; rad/s], shape (6,). Time [s] and segment are those of
         :meth:`Timing.s`.
         """
         return self.twist_and_speed(t, segment)[0]

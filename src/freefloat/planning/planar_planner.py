@@ -86,7 +86,7 @@ def heading_depth(
 ) -> float:
     """Distance of a motion's heading from the nearer end of its range, 0 outside [rad].
 
-    At the other headings a redundant arm begins where Newton's method leads from the motion's start.
+    At other headings a redundant arm begins where Newton's method leads from the motion's start.
     """
     heading, problem = heading_of(chosen.motion.initial.attitude), evaluator.problem
     entries = (e for e in ranges if problem.redundant or e.branch == chosen.branch.index)
