@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -56,6 +56,7 @@ class Delivery:
             document: Its JSON document; by default its own.
         """
         document = result.to_dict() if document is None else document
+        self.console.tables(_not_read(name, scenario))
         self.console.tables(tables)
         if self.output is not None:
             self._save(result, self.output, scenario)
@@ -96,3 +97,11 @@ class Delivery:
         names = ", ".join(dict.fromkeys(file.stem for file in files))
         self.console.tables([f"Figures in {folder}, as PDF and PNG: {names}"])
         return [str(file) for file in files]
+
+
+def _not_read(name: str, scenario: Scenario | None) -> Iterator[str]:
+    """One line on how much of a robot file freefloat does not use."""
+    count = 0 if scenario is None else len(scenario.model().not_read)
+    if count:
+        entries = "entry of its robot file is" if count == 1 else "entries of its robot file are"
+        yield f"{name}: {count} {entries} not used; freefloat info {name} lists what"

@@ -20,6 +20,7 @@ from freefloat.cli.robots import (
     Root,
     diagnostic_lines,
     load_robot,
+    not_read_lines,
 )
 from freefloat.errors import InputError
 
@@ -182,6 +183,7 @@ def _remarks(summary: RobotSummary) -> Iterator[RenderableType]:
         carrier = summary.model.moving_joints[0].parent
         yield from _configuration_lines(summary.configuration, carrier)
     yield from diagnostic_lines(summary.diagnostics)
+    yield from not_read_lines(summary.model.not_read)
 
 
 def _configuration_lines(configuration: Configuration, carrier: str) -> Iterator[RenderableType]:

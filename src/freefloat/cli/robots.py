@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from freefloat.io.scenario.scenario import Scenario
     from freefloat.robot.description import UrdfDiagnostic
     from freefloat.robot.model import FreeFloatingModel
+    from freefloat.robot.not_read import NotRead
     from freefloat.robot.source import RobotSource
 
 _SHOWN = 3
@@ -152,6 +153,24 @@ def _require_no_error(
     console.json({"findings": [asdict(entry) for entry in diagnostics], "error": first})
     say("\n".join(map(str, diagnostic_lines(diagnostics))))
     raise typer.Exit(BAD_INPUT)
+
+
+def not_read_lines(entries: Sequence[NotRead]) -> Iterator[RenderableType]:
+    """What a robot file says and freefloat does not use: a line for each kind, with its number."""
+    alike: dict[tuple[str, str, str], list[NotRead]] = {}
+    for entry in entries:
+        kind, _, _ = entry.element.partition(" of ")
+        alike.setdefault((kind, entry.attribute, entry.meaning), []).append(entry)
+    if entries:
+        yield f"Not used by freefloat, {len(entries)} in all (--json names each):"
+    for (kind, attribute, meaning), group in alike.items():
+        owners = [entry.element.removeprefix(f"{kind} of ") for entry in group]
+        more = f" and {len(group) - _SHOWN} more" if len(group) > _SHOWN else ""
+        named = f" of {', '.join(owners[:_SHOWN])}{more}" if owners[0] != kind else ""
+        lines = ", ".join(str(entry.line) for entry in group[:_SHOWN] if entry.line is not None)
+        where = f" (line{'s' if len(group) > 1 else ''} {lines})" if lines else ""
+        what = f"{attribute} of <{kind}>" if attribute else f"<{kind}>"
+        yield f"  {what}{named}{where}: {meaning}"
 
 
 def diagnostic_lines(diagnostics: Sequence[UrdfDiagnostic]) -> Iterator[RenderableType]:

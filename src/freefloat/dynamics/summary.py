@@ -180,6 +180,7 @@ class RobotSummary:
                 str(entry) for entry in self.diagnostics if entry.severity == Severity.WARNING
             ],
             "findings": [asdict(entry) for entry in self.diagnostics],
+            "not_read": [asdict(entry) for entry in model.not_read],
         }  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from lxml import etree
 from freefloat.errors import InputError, ModelError, did_you_mean, require_type
 from freefloat.robot.description import RobotDescription, rpy_rotation
 from freefloat.robot.mesh_files import MeshFileError, find_mesh
+from freefloat.robot.not_read import NotRead
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
 from freefloat.robot.source import RobotSource
 from freefloat.robot.urdf import MAGNITUDE, MOMENTS, Element, decode, rename_meshes
@@ -71,9 +72,10 @@ def assemble(
         carrier = _add_body(robot, "spacecraft", spacecraft, np.zeros(3))
         _mount_root(robot, root, carrier, spacecraft.mount, _free_name(robot, "spacecraft_mount"))
         root = carrier
+    unread: list[NotRead] = []
     for index, attachment in enumerate(attached):
         try:
-            _attach(robot, attachment, root, arm.source)
+            unread += _attach(robot, attachment, root, arm.source)
         except InputError as error:
             if error.source is not None:
                 raise
@@ -82,7 +84,10 @@ def assemble(
         holder = end_effector_link(decode(robot, arm.source), end_effector)
         link = _add_body(robot, payload.name, payload, payload.com)
         _fix(robot, holder, link, _free_name(robot, "payload_grasp"), Mount())
-    return replace(decode(robot, arm.source), diagnostics=arm.diagnostics, altered=True)
+    return replace(
+        decode(robot, arm.source), diagnostics=arm.diagnostics, altered=True,
+        not_read=(*arm.not_read, *unread),
+    )  # fmt: skip
 
 
 def scaled(robot: RobotDescription, scale_mass: float | Mapping[str, float]) -> RobotDescription:
@@ -111,7 +116,10 @@ def scaled(robot: RobotDescription, scale_mass: float | Mapping[str, float]) -> 
             name=name,
         ):
             moment.getparent().set(moment.attrname, repr(float(moment) * factor))
-    return replace(decode(root, robot.source), diagnostics=robot.diagnostics, altered=True)
+    return replace(
+        decode(root, robot.source), diagnostics=robot.diagnostics, altered=True,
+        not_read=robot.not_read,
+    )  # fmt: skip
 
 
 def end_effector_link(robot: RobotDescription, end_effector: str | None) -> str:
@@ -132,8 +140,8 @@ def end_effector_link(robot: RobotDescription, end_effector: str | None) -> str:
     return robot.leaves[0]
 
 
-def _attach(robot: Element, attachment: Attachment, root: str, source: str) -> None:
-    """Add the links and joints of another URDF and fix its root to a link."""
+def _attach(robot: Element, attachment: Attachment, root: str, source: str) -> tuple[NotRead, ...]:
+    """Add the links and joints of another URDF and fix its root to a link; what is not read."""
     link, prefix = attachment.link, attachment.prefix
     carrier = root if link is None else _link(decode(robot, source), "link", link)
     part = read_urdf(attachment.urdf)
@@ -157,6 +165,7 @@ def _attach(robot: Element, attachment: Attachment, root: str, source: str) -> N
         problem = f"{prefix!r} leaves names that are taken: {', '.join(sorted(clash))}"
         raise ModelError("prefix", problem, "one that makes names unique, such as second_")
     robot.extend(other.xpath("link | joint | material"))
+    return part.not_read
 
 
 def _relocated(source: str, name: str, other: str) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.errors import ModelError
+from freefloat.robot.not_read import NotRead
 from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
 from freefloat.so3 import Array, Pose
 
@@ -188,6 +189,7 @@ class RobotDescription:
         diagnostics: Errors, then warnings by line.
         files: Further files that a xacro or MJCF file reads.
         altered: Whether it has parts or masses that the file has not.
+        not_read: What the files of the robot and its parts say and freefloat does not use.
     """
 
     name: str
@@ -199,6 +201,7 @@ class RobotDescription:
     diagnostics: tuple[UrdfDiagnostic, ...] = field(default=(), repr=False)
     files: tuple[str, ...] = field(default=(), repr=False)
     altered: bool = field(default=False, repr=False)
+    not_read: tuple[NotRead, ...] = field(default=(), repr=False)
     tag = "robot"
 
     @property

@@ -58,7 +58,7 @@ def with_flat_links(robot: RobotDescription) -> RobotDescription:
             inertia.set("iyy", half)
     return replace(
         decode(root, robot.source), diagnostics=robot.diagnostics, files=robot.files,
-        altered=robot.altered,
+        altered=robot.altered, not_read=robot.not_read,
     )  # fmt: skip
 
 

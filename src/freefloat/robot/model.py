@@ -18,6 +18,7 @@ from freefloat.robot.assembly import assemble, end_effector_link, scaled
 from freefloat.robot.bundled import find_robot
 from freefloat.robot.description import Joint, RobotDescription, UrdfDiagnostic
 from freefloat.robot.joint_values import configuration_vector
+from freefloat.robot.not_read import NotRead
 from freefloat.robot.parts import Attachment, Payload, Spacecraft
 from freefloat.robot.rigid_bodies import (
     Body,
@@ -283,6 +284,11 @@ class FreeFloatingModel:
     def warnings(self) -> tuple[UrdfDiagnostic, ...]:
         """Diagnostics of severity WARNING."""
         return self.description.warnings
+
+    @property
+    def not_read(self) -> tuple[NotRead, ...]:
+        """What the files of the robot say and freefloat does not use."""
+        return self.description.not_read
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:

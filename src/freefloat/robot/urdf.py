@@ -62,7 +62,7 @@ def parse_urdf(urdf: str | Path | RobotSource) -> RobotDescription:
     warnings = (UrdfDiagnostic(Severity.WARNING, source, None, element, problem, remedy)
                 for problem, remedy in read.warnings)  # fmt: skip
     diagnostics = (*description.diagnostics, *warnings)
-    return replace(description, diagnostics=diagnostics, files=read.files)
+    return replace(description, diagnostics=diagnostics, files=read.files, not_read=read.not_read)
 
 
 def rename_meshes(robot: Element, rename: Callable[[str], str]) -> None:

@@ -1,8 +1,8 @@
 """A process of its own for readers of files that are programs: xacro, and models of MuJoCo.
 
 The process ends after a time. On Linux it cannot use more than an amount of memory, and ends with
-its parent. Of freefloat it imports only errors, this module, the reader and what the reader
-imports.
+its parent. Of freefloat it imports only errors, records of what is not read, this module, the
+reader and what the reader imports.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ import resource
 import signal
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from freefloat.errors import ModelError
+from freefloat.robot.not_read import NotRead
 
 SECONDS: float = 30
 """Time that a reader may take [s]."""
@@ -40,12 +41,14 @@ class UrdfText:
         text: The URDF.
         warnings: Problems with their remedies.
         files: Further files that were read: included ones, meshes, parameters.
+        not_read: What the file says and the URDF does not.
         converted: Whether it was made of another format, so that its lines are not the file's.
     """
 
     text: str
     warnings: tuple[tuple[str, str], ...] = ()
     files: tuple[str, ...] = ()
+    not_read: tuple[NotRead, ...] = ()
     converted: bool = False
 
 
@@ -85,7 +88,8 @@ def run_reader(module: str, file: Path, **arguments: Any) -> UrdfText:
         own = source is None or source == path
         raise ModelError(key, problem, accepted, str(file) if own else source, line)
     warnings = tuple((first, second) for first, second in answer["warnings"])
-    return UrdfText(answer["text"], warnings, tuple(answer["files"]), converted=True)
+    not_read = tuple(NotRead(*entry) for entry in answer["not_read"])
+    return UrdfText(answer["text"], warnings, tuple(answer["files"]), not_read, converted=True)
 
 
 def main() -> None:
@@ -119,4 +123,7 @@ def _answer(module: str, arguments: dict[str, Any]) -> dict[str, Any]:
     except MemoryError:
         problem = f"it takes more than {MEMORY / 1e9:g} GB of memory to read"
         return {"error": ["urdf", problem, accepted, None, None]}
-    return {"text": urdf.text, "warnings": urdf.warnings, "files": urdf.files}
+    not_read = [astuple(entry) for entry in urdf.not_read]
+    return {
+        "text": urdf.text, "warnings": urdf.warnings, "files": urdf.files, "not_read": not_read
+    }  # fmt: skip
