@@ -159,18 +159,18 @@ def not_read_lines(entries: Sequence[NotRead]) -> Iterator[RenderableType]:
     """What a robot file says and freefloat does not use: a line for each kind, with its number."""
     alike: dict[tuple[str, str, str], list[NotRead]] = {}
     for entry in entries:
-        kind, _, _ = entry.element.partition(" of ")
-        alike.setdefault((kind, entry.attribute, entry.meaning), []).append(entry)
+        tag, _, _ = entry.element.partition(" ")
+        alike.setdefault((tag, entry.attribute, entry.meaning), []).append(entry)
     if entries:
-        yield f"Not used by freefloat, {len(entries)} in all (--json names each):"
-    for (kind, attribute, meaning), group in alike.items():
-        owners = [entry.element.removeprefix(f"{kind} of ") for entry in group]
-        more = f" and {len(group) - _SHOWN} more" if len(group) > _SHOWN else ""
-        named = f" of {', '.join(owners[:_SHOWN])}{more}" if owners[0] != kind else ""
-        lines = ", ".join(str(entry.line) for entry in group[:_SHOWN] if entry.line is not None)
-        where = f" (line{'s' if len(group) > 1 else ''} {lines})" if lines else ""
-        what = f"{attribute} of <{kind}>" if attribute else f"<{kind}>"
-        yield f"  {what}{named}{where}: {meaning}"
+        yield f"not used, {len(entries)} in all:"
+    for (tag, attribute, meaning), group in alike.items():
+        shown = group[:_SHOWN]
+        names = (entry.element.removeprefix(f"{tag} ").removeprefix("of ") for entry in shown)
+        lines = ", ".join(str(entry.line) for entry in shown if entry.line is not None)
+        where = f", line{'s' if len(shown) > 1 else ''} {lines}" if lines else ""
+        more = f" and {len(group) - _SHOWN} more (--json)" if len(group) > _SHOWN else ""
+        what = f"{attribute} of <{tag}>" if attribute else f"<{tag}>"
+        yield f"  {what}{where}, {', '.join(names)}{more}: {meaning}"
 
 
 def diagnostic_lines(diagnostics: Sequence[UrdfDiagnostic]) -> Iterator[RenderableType]:

@@ -17,7 +17,7 @@ from freefloat.errors import ModelError
 from freefloat.robot.description import LinkShape
 from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere, corners
+from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Sphere, corners
 from freefloat.scene.scene import Scene
 from freefloat.so3 import Array, IntArray, Pose
 
@@ -123,7 +123,9 @@ def _convex_shapes(
         try:
             solids = _solids(shape, source, most)
         except MeshFileError as error:
-            accepted = "a box, cylinder or sphere of positive size, or a readable mesh file"
+            accepted = (
+                "a box, cylinder, sphere or capsule of positive size, or a readable mesh file"
+            )
             mesh = shape.geometry
             file = f" from {mesh.filename}" if isinstance(mesh, MeshFile) else ""
             problem = f"no collision shape{file}: {error}"
@@ -139,6 +141,8 @@ def _solids(shape: LinkShape, source: str, most: int) -> tuple[_Solid, ...]:
             return ((coal.Box(*size), corners(shape.geometry)),)
         case Cylinder(radius=radius, length=length):
             return ((coal.Cylinder(radius, length), corners(shape.geometry)),)
+        case Capsule(radius=radius, length=length):
+            return ((coal.Capsule(radius, length), corners(shape.geometry)),)
         case Sphere(radius=radius):
             return ((coal.Sphere(radius), corners(shape.geometry)),)
         case MeshFile(filename=name, scale=scale):

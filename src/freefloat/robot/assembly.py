@@ -19,7 +19,10 @@ from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.not_read import NotRead
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
 from freefloat.robot.source import RobotSource
-from freefloat.robot.urdf import MAGNITUDE, MOMENTS, Element, decode, rename_meshes
+from freefloat.robot.urdf import MOMENTS, decode, rename_meshes
+from freefloat.robot.urdf_numbers import MAGNITUDE
+from freefloat.robot.urdf_text import Element
+from freefloat.robot.urdf_versions import require_version
 from freefloat.robot.validation import read_urdf
 from freefloat.so3 import Array, Pose
 
@@ -164,6 +167,7 @@ def _attach(robot: Element, attachment: Attachment, root: str, source: str) -> t
     if clash:
         problem = f"{prefix!r} leaves names that are taken: {', '.join(sorted(clash))}"
         raise ModelError("prefix", problem, "one that makes names unique, such as second_")
+    require_version(robot, other.get("version", ""))
     robot.extend(other.xpath("link | joint | material"))
     return part.not_read
 

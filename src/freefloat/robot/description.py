@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.errors import ModelError
 from freefloat.robot.not_read import NotRead
-from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
+from freefloat.robot.shapes import Shape
 from freefloat.so3 import Array, Pose
 
 MOVING = ("revolute", "continuous", "prismatic")
@@ -75,7 +75,7 @@ class LinkShape:
 
     kind: Literal["visual", "collision"]
     origin: Pose
-    geometry: Box | Cylinder | Sphere | MeshFile | None
+    geometry: Shape | None
     colour: Colour | None
     line: int
 

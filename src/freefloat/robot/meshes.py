@@ -16,6 +16,7 @@ from lxml import etree
 
 from freefloat.robot.description import Colour
 from freefloat.robot.mesh_files import MeshFileError
+from freefloat.robot.shapes import Capsule
 from freefloat.so3 import Array, IntArray, frozen
 
 _FORMATS = (".dae", ".stl", ".obj", ".ply", ".off", ".gltf", ".glb")
@@ -94,6 +95,14 @@ def read_mesh(path: Path, scale: npt.ArrayLike = 1.0) -> tuple[Part, ...]:
     if not parts:
         raise MeshFileError("it has no triangles")
     return parts
+
+
+def capsule_mesh(capsule: Capsule) -> Mesh:
+    """The triangles of a capsule."""
+    mesh = trimesh.creation.capsule(capsule.length, capsule.radius, count=[16, 32])
+    mesh.apply_translation(-mesh.bounds.mean(axis=0))  # releases differ in its origin
+    smooth = trimesh.graph.smooth_shade(mesh, angle=_SMOOTH, facet_minarea=None)
+    return Mesh(smooth.vertices, smooth.faces, smooth.vertex_normals)
 
 
 class _Resolver(trimesh.resolvers.FilePathResolver):

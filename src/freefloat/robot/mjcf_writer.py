@@ -13,7 +13,7 @@ from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.meshes import Mesh, read_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.rigid_bodies import Body
-from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
+from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Sphere
 from freefloat.so3 import Pose
 
 _LIGHTEST = "1e-9"
@@ -113,6 +113,8 @@ def _geometries(
             yield {"type": "box", "size": attribute(size / 2.0)}
         case Cylinder(radius, length):
             yield {"type": "cylinder", "size": attribute([radius, length / 2.0])}
+        case Capsule(radius, length):
+            yield {"type": "capsule", "size": attribute([radius, length / 2.0])}
         case Sphere(radius):
             yield {"type": "sphere", "size": attribute([radius])}
         case MeshFile(filename, scale):

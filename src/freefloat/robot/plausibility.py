@@ -12,6 +12,7 @@ from freefloat.robot.description import Joint, Link, RigidGroup, RobotDescriptio
 from freefloat.robot.flat_links import flat_links
 from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.shapes import MeshFile, corners
+from freefloat.robot.urdf_numbers import ROUNDED
 from freefloat.so3 import Array
 
 LONG = 0.2
@@ -24,8 +25,6 @@ GYRATION = 3.0
 2.1 (Panda's last), links with inertias a hundredfold too large 4.5 and more."""
 _TINY = 1e-15
 """Moments of inertia that are zero but for rounding [kg m²]: those of a milligram at 0.03 mm."""
-ROUNDED = 1e-3
-"""Error of a unit axis written with three digits."""
 
 
 class Fault(NamedTuple):

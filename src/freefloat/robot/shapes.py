@@ -1,4 +1,4 @@
-"""Geometries of the shapes of links: boxes, cylinders, spheres, mesh files."""
+"""Geometries of the shapes of links: boxes, cylinders, spheres, capsules, mesh files."""
 
 from __future__ import annotations
 
@@ -51,6 +51,19 @@ class Sphere:
 
 
 @dataclass(frozen=True)
+class Capsule:
+    """A cylinder about the z axis, centred on the origin, with a half sphere on each end.
+
+    Attributes:
+        radius: Radius of the cylinder and the half spheres [m].
+        length: Length of the cylinder [m]; the capsule is longer by two radii.
+    """
+
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True)
 class MeshFile:
     """A mesh file as the URDF names it, and its scale along x, y, z."""
 
@@ -58,13 +71,19 @@ class MeshFile:
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
-def corners(shape: Box | Cylinder | Sphere) -> Array:
+Shape = Box | Cylinder | Sphere | Capsule | MeshFile
+"""Geometries of links."""
+
+
+def corners(shape: Box | Cylinder | Sphere | Capsule) -> Array:
     """Corners of the box around a shape in its frame [m], shape (8, 3); z changes fastest."""
     match shape:
         case Box(size=size):
             half = size / 2.0
         case Cylinder(radius=radius, length=length):
             half = np.array([radius, radius, length / 2.0])
+        case Capsule(radius=radius, length=length):
+            half = np.array([radius, radius, length / 2.0 + radius])
         case Sphere(radius=radius):
             half = np.full(3, radius)
     return np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half

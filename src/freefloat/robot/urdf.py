@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from lxml import etree
@@ -25,22 +23,21 @@ from freefloat.robot.description import (
     UrdfDiagnostic,
     rpy_rotation,
 )
-from freefloat.robot.formats.reader_process import UrdfText
-from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
+from freefloat.robot.free_base import with_free_base
+from freefloat.robot.not_read import what_is_not_read
+from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Shape, Sphere
 from freefloat.robot.source import RobotSource
-from freefloat.so3 import Array, Pose, frozen
+from freefloat.robot.urdf_numbers import AttributeReader, are_numbers
+from freefloat.robot.urdf_text import Element, robot_element
+from freefloat.robot.urdf_versions import read_version
+from freefloat.so3 import Pose, frozen
 
-Element = Any
-"""An lxml element."""
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 UNLIMITED = 1e9
 """Limits of this magnitude [rad, m, N, ...] stand for none."""
-MAGNITUDE = 1e12
-"""Largest accepted number: squares of larger ones overflow."""
 _LIMIT = '<limit lower=".." upper=".." effort=".." velocity=".."/>'
 _MOST = 1000
 """Number of links and joints that a robot may have."""
-_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 
 
 def parse_urdf(urdf: str | Path | RobotSource) -> RobotDescription:
@@ -55,60 +52,26 @@ def parse_urdf(urdf: str | Path | RobotSource) -> RobotDescription:
         read = robot_source.read()
     except ValueError as error:
         raise ModelError("urdf", f"{source}: {error}", "a readable URDF file") from None
-    robot = _element(read, source)
+    robot = robot_element(read, source)
     rename_meshes(robot, robot_source.mesh_name)
-    description = decode(robot, source)
+    not_read = (*read.not_read, *what_is_not_read(robot))
+    reader = AttributeReader(source)
+    read_version(robot, reader)
+    description = with_free_base(replace(decode(robot, source), not_read=not_read), robot)
     element = f"robot {description.name}".strip()
     warnings = (UrdfDiagnostic(Severity.WARNING, source, None, element, problem, remedy)
                 for problem, remedy in read.warnings)  # fmt: skip
-    diagnostics = (*description.diagnostics, *warnings)
-    return replace(description, diagnostics=diagnostics, files=read.files, not_read=read.not_read)
+    return replace(
+        description,
+        diagnostics=(*reader.diagnostics, *description.diagnostics, *warnings),
+        files=read.files,
+    )
 
 
 def rename_meshes(robot: Element, rename: Callable[[str], str]) -> None:
     """Rename every mesh file of a ``<robot>`` element."""
     for mesh in robot.iter("mesh"):
         mesh.set("filename", rename(mesh.get("filename", "")))
-
-
-def _element(read: UrdfText, source: str) -> Element:
-    """The ``<robot>`` element of a text; without lines where it was converted."""
-    text = read.text
-    declaration = text.find("<!DOCTYPE")
-    if declaration >= 0:  # entities can expand without bound
-        line = text.count("\n", 0, declaration) + 1
-        raise ModelError("urdf", "it declares a DTD", "XML without <!DOCTYPE>", source, line)
-    parser = etree.XMLParser(
-        encoding="utf-8", no_network=True, resolve_entities=False, remove_comments=True,
-        remove_pis=True,
-    )  # fmt: skip
-    try:
-        robot = etree.fromstring(text.encode(), parser)
-    except etree.XMLSyntaxError as error:
-        if "prefix xacro" in error.msg:  # which is not declared
-            raise _xacro_error(source, error.lineno) from None
-        problem = f"not well-formed XML ({error.msg})"
-        raise ModelError("urdf", problem, "a URDF file", source, error.lineno) from None
-    for element in robot.iter():
-        if read.converted:
-            element.sourceline = 0  # lxml has None then
-        expressions = any("${" in value for value in element.attrib.values())
-        if expressions or "xacro" in (etree.QName(element).namespace or ""):
-            raise _xacro_error(source, element.sourceline)
-    lines = text.split("\n")
-    for element in () if read.converted else robot.iter():  # lxml has the line of a start tag's end
-        while element.sourceline > 1 and f"<{element.tag}" not in lines[element.sourceline - 1]:
-            element.sourceline -= 1
-    if robot.tag != "robot":
-        problem = f"its root element is <{robot.tag}>"
-        raise ModelError("urdf", problem, "<robot>", source, robot.sourceline)
-    return robot
-
-
-def _xacro_error(source: str, line: int | None) -> ModelError:
-    problem = "it is xacro, macros and expressions from which a URDF is made"
-    remedy = "a file whose name ends in .xacro, or what `xacro FILE > robot.urdf` writes"
-    return ModelError("urdf", problem, remedy, source, line)
 
 
 def decode(robot: Element, source: str) -> RobotDescription:
@@ -132,12 +95,12 @@ def decode(robot: Element, source: str) -> RobotDescription:
     )
 
 
-class _Decoder:
+class _Decoder(AttributeReader):
     """Decodes links and joints; collects what is wrong with their attributes."""
 
     def __init__(self, source: str, palette: dict[str, Colour]) -> None:
-        self.diagnostics: list[UrdfDiagnostic] = []
-        self._source, self._palette = source, palette
+        super().__init__(source)
+        self._palette = palette
 
     def link(self, element: Element) -> Link:
         inertial = element.find("inertial")
@@ -223,7 +186,7 @@ class _Decoder:
         line = (element if body is None else body).sourceline or 0
         return LinkShape(element.tag, self._origin(element), self._geometry(body), colour, line)
 
-    def _geometry(self, element: Element) -> Box | Cylinder | Sphere | MeshFile | None:
+    def _geometry(self, element: Element) -> Shape | None:
         match None if element is None else element.tag:
             case "mesh":
                 x, y, z = self.numbers(element, "scale", "1 1 1").tolist()
@@ -231,9 +194,10 @@ class _Decoder:
             case "box":
                 size = self.numbers(element, "size", "0 0 0")
                 return Box(size) if size.min() > 0.0 else None
-            case "cylinder":
+            case "cylinder" | "capsule" as kind:
                 radius, length = self.number(element, "radius"), self.number(element, "length")
-                return Cylinder(radius, length) if min(radius, length) > 0.0 else None
+                shape = Cylinder if kind == "cylinder" else Capsule
+                return shape(radius, length) if min(radius, length) > 0.0 else None
             case "sphere":
                 radius = self.number(element, "radius")
                 return Sphere(radius) if radius > 0.0 else None
@@ -252,35 +216,6 @@ class _Decoder:
         rotated = np.isfinite(rpy).all() and rpy.any()
         return Pose(np.nan_to_num(xyz), rpy_rotation(rpy) if rotated else np.eye(3))
 
-    def number(self, element: Element, key: str) -> float:
-        """The number of an attribute; zero where it is missing, NaN where it is wrong."""
-        return float(self.numbers(element, key, "0")[0])
-
-    def numbers(self, element: Element, key: str, default: str) -> Array:
-        """The numbers of an attribute, as many as the default has; NaN where they are wrong."""
-        text = default if element is None else element.get(key, default)
-        words = text.split()
-        count = len(default.split())
-        accepted = "a finite number" if count == 1 else f"{count} finite numbers"
-        if len(words) == count and all(map(_is_number, words)):
-            values = frozen([float(word) for word in words])
-            if np.abs(values).max() <= MAGNITUDE or element.tag == "limit":
-                return values
-            accepted += f" of at most {MAGNITUDE:g}"
-        problem = f'<{element.tag} {key}="{text}"> is not {accepted}'
-        remedy = f"{accepted}; expressions are not evaluated"
-        self.report(Severity.ERROR, element, problem, remedy)
-        return np.full(count, np.nan)
-
-    def report(self, severity: Severity, element: Element, problem: str, remedy: str) -> None:
-        """Collect a diagnostic about the link or joint that an element belongs to."""
-        owner = element
-        while owner.getparent().tag != "robot":
-            owner = owner.getparent()
-        name = f"{owner.tag} {owner.get('name', '')}".strip()
-        line = element.sourceline
-        self.diagnostics.append(UrdfDiagnostic(severity, self._source, line, name, problem, remedy))
-
 
 def _lines(parts: Element, owner: Element) -> dict[str, int]:
     """Lines of a link or joint and of parts of it, by tag."""
@@ -289,11 +224,7 @@ def _lines(parts: Element, owner: Element) -> dict[str, int]:
 
 def _rgba(material: Element) -> Colour | None:
     words = str(material.xpath("string(color/@rgba)")).split()
-    if len(words) != 4 or not all(map(_is_number, words)):
+    if len(words) != 4 or not are_numbers(words):
         return None
     red, green, blue, opacity = np.clip([float(word) for word in words], 0.0, 1.0).tolist()
     return red, green, blue, opacity
-
-
-def _is_number(word: str) -> bool:
-    return bool(_NUMBER.fullmatch(word)) and math.isfinite(float(word))

@@ -9,13 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from freefloat.errors import ModelError
-from freefloat.robot.description import MOVING, RobotDescription, Severity, UrdfDiagnostic
+from freefloat.robot.description import MOVING, Joint, RobotDescription, Severity, UrdfDiagnostic
 from freefloat.robot.flat_links import with_flat_links
+from freefloat.robot.free_base import floating_problem, virtual_joints
 from freefloat.robot.plausibility import WARNINGS, Fault, Faults, missing_meshes, root_masses
 from freefloat.robot.source import RobotSource
 from freefloat.robot.urdf import parse_urdf
 
 _TREE = "one root link, every other link the child of exactly one joint, unique names"
+_GIMBALS = 2
+"""Most revolute joints in a row on links without mass that are no virtual base."""
 
 
 def read_urdf(urdf: str | Path | RobotSource, mounted: bool = False) -> RobotDescription:
@@ -68,7 +71,7 @@ def _diagnostics(
     robot: RobotDescription, mounted: bool, *more: Callable[[RobotDescription], Faults]
 ) -> tuple[UrdfDiagnostic, ...]:
     """Errors of the decoder and of the rules in their order, then warnings by line."""
-    errors = _ERRORS if mounted else (*_ERRORS, _total_mass)
+    errors = _ERRORS if mounted else (*_ERRORS, _virtual_base, _total_mass)
     warnings = (*WARNINGS, *more) if mounted else (*WARNINGS, *more, root_masses)
     diagnostics = list(robot.diagnostics)
     for severity, rules in ((Severity.ERROR, errors), (Severity.WARNING, warnings)):
@@ -134,8 +137,7 @@ def _joints(robot: RobotDescription) -> Faults:
     for joint in robot.joints:
         if not joint.moving:
             if joint.type != "fixed":
-                problem = f"its type is {joint.type}" if joint.type else "it has no type"
-                yield Fault(joint, "joint", problem, f"{', '.join(MOVING)} or fixed")
+                yield Fault(joint, "joint", *_refused_type(robot, joint))
             continue
         rated = {"effort": joint.effort, "velocity": joint.velocity}
         for key, value in rated.items():
@@ -144,6 +146,35 @@ def _joints(robot: RobotDescription) -> Faults:
                 yield Fault(joint, "limit", problem, "zero or more")
         if np.linalg.norm(joint.axis) == 0.0:  # also that of 1e-200
             yield Fault(joint, "axis", "its <axis> has no direction", 'xyz="0 0 1"')
+
+
+def _refused_type(robot: RobotDescription, joint: Joint) -> tuple[str, str]:
+    """Why a joint of a type that does not move is refused, and what is accepted."""
+    types = f"{', '.join(MOVING)} or fixed"
+    if joint.type == "floating":
+        problem = f"its type is floating, and {floating_problem(robot, joint)}"
+        return problem, f"{types}; floating from a massless root to the spacecraft alone"
+    if joint.type == "planar":
+        problem = "its type is planar; a base that moves in a plane alone is not planned"
+        return problem, f"{types}; a spacecraft that is free in six directions needs no joint"
+    return f"its type is {joint.type}" if joint.type else "it has no type", types
+
+
+def _virtual_base(robot: RobotDescription) -> Faults:
+    """A base that moves by virtual joints, and not as a free one."""
+    joints = virtual_joints(robot)
+    sliding = sum(joint.type == "prismatic" for joint in joints)
+    if sliding > 1 or len(joints) > _GIMBALS:
+        names = ", ".join(joint.name for joint in joints)
+        problem = (
+            f"{names} carry {joints[-1].child} on links with no or negligible mass: they are "
+            "virtual joints of a base, which moves by itself"
+        )
+        remedy = (
+            "no joint above the spacecraft; or a floating joint, or three prismatic and three "
+            "revolute ones between links without mass and shapes, which mean the same"
+        )
+        yield Fault(joints[0], "joint", problem, remedy)
 
 
 def _masses(robot: RobotDescription) -> Faults:

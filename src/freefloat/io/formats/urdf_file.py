@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import shutil
+from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,8 @@ from freefloat.io.files import written_beside
 from freefloat.robot.description import Joint
 from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.urdf import Element, rename_meshes
+from freefloat.robot.urdf import rename_meshes
+from freefloat.robot.urdf_text import Element
 from freefloat.so3 import UPRIGHT, Array
 
 
@@ -122,7 +124,11 @@ def write_urdf(model: FreeFloatingModel, file: Path, copy_meshes: bool = False) 
 
 
 def _require_readable(robot: Element) -> None:
-    """Raise a ModelError unless yourdfpy loads the robot, too."""
+    """Raise a ModelError unless yourdfpy loads the robot, too; it does not know capsules."""
+    robot = deepcopy(robot)
+    for capsule in robot.findall("link/*/geometry/capsule"):
+        shape = capsule.getparent().getparent()
+        shape.getparent().remove(shape)
     try:
         loaded: Any = yourdfpy.URDF.load(
             io.BytesIO(etree.tostring(robot)), load_meshes=False, build_scene_graph=True

@@ -13,8 +13,8 @@ from freefloat.motion.problem import Problem
 from freefloat.motion.scene_poses import corridor_pose, scene_poses
 from freefloat.robot.description import Colour
 from freefloat.robot.mesh_files import MeshFileError, find_mesh
-from freefloat.robot.meshes import read_mesh
-from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
+from freefloat.robot.meshes import capsule_mesh, read_mesh
+from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Sphere
 from freefloat.scene.scene import Corridor
 from freefloat.scene.scene_body import SceneBody
 from freefloat.scene.tumbling import Tumbling
@@ -59,7 +59,7 @@ def body_visuals(number: int, body: SceneBody) -> BodyVisuals:
 
 
 def _parts(
-    geometry: Box | Cylinder | Sphere | MeshFile | None, source: str
+    geometry: Box | Cylinder | Sphere | Capsule | MeshFile | None, source: str
 ) -> list[tuple[Shape, Colour | None]]:
     """Geometries that are drawn, with their colours where they have some."""
     if geometry is None:
@@ -67,6 +67,8 @@ def _parts(
     if isinstance(geometry, MeshFile):
         file = find_mesh(geometry.filename, source)
         return [(part.mesh, part.colour) for part in read_mesh(file, geometry.scale)]
+    if isinstance(geometry, Capsule):
+        return [(capsule_mesh(geometry), None)]
     return [(geometry, None)]
 
 

@@ -12,9 +12,9 @@ import numpy as np
 from freefloat.motion.motion import Motion
 from freefloat.robot.description import Colour
 from freefloat.robot.mesh_files import MeshFileError, find_mesh
-from freefloat.robot.meshes import Mesh, Part, read_mesh
+from freefloat.robot.meshes import Mesh, Part, capsule_mesh, read_mesh
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere, corners
+from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Sphere, corners
 from freefloat.so3 import Array, Pose, axes_rotation
 
 _SPACECRAFT: Colour = (0.75, 0.77, 0.80, 1.0)
@@ -146,6 +146,8 @@ def robot_visuals(model: FreeFloatingModel) -> RobotVisuals:
             colour = visual.colour or (_SPACECRAFT if body == 0 else _LINK)
             if geometry is None or geometry == MeshFile(""):
                 problems.append(f"link {link.name}: its <{visual.kind}> {number} cannot be read")
+            elif isinstance(geometry, Capsule):
+                parts.append((at, capsule_mesh(geometry), colour))
             elif not isinstance(geometry, MeshFile):
                 parts.append((at, geometry, colour))
             else:

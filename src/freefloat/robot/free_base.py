@@ -1,0 +1,159 @@
+"""Bases that a URDF describes as free: by a floating joint, or by six virtual joints."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import replace
+
+import numpy as np
+from lxml import etree
+from scipy.spatial.transform import Rotation
+
+from freefloat.robot.description import IDENTITY, Joint, RobotDescription
+from freefloat.robot.not_read import NotRead
+from freefloat.robot.urdf_text import Element
+from freefloat.so3 import Pose
+
+_FREE = 6
+"""Number of the freedoms of a free base."""
+_NEGLIGIBLE = 1e-4
+"""Mass of links between virtual joints, over that of the robot, which some programs require."""
+_ANYWHERE = 0.4
+"""Value of virtual joints at which their axes are independent if they are anywhere [rad, m]."""
+_INDEPENDENT = 1e-6
+"""Smallest singular value of axes that are independent."""
+
+
+def with_free_base(robot: RobotDescription, element: Element) -> RobotDescription:
+    """The robot without what says that its base is free, which is removed from the element, too.
+
+    That is a massless part, such as ``world``, with a floating joint to the spacecraft, or with
+    three prismatic and three revolute joints in a row that let it move in all directions.
+    """
+    joint = _floating(robot)
+    if joint is not None:
+        kept = _below(robot, joint.child)
+        not_read = tuple(_placement(joint))
+    else:
+        virtual = virtual_joints(robot)
+        if not _is_free(robot, virtual):
+            return robot
+        kept = _below(robot, virtual[-1].child)
+        not_read = tuple(_ranges(virtual))
+    links = {link.name for link in robot.links} - kept
+    joints = {joint.name for joint in robot.joints if joint.parent not in kept}
+    for child in element.xpath("link | joint | *[@reference]"):
+        named = child.get("reference", child.get("name"))
+        if named in (joints if child.tag == "joint" else links):
+            element.remove(child)
+    gone = {*(f"link {name}" for name in links), *(f"joint {name}" for name in joints)}
+    return replace(
+        robot,
+        links=tuple(link for link in robot.links if link.name in kept),
+        joints=tuple(joint for joint in robot.joints if joint.name not in joints),
+        text=etree.tostring(element, encoding="unicode"),
+        diagnostics=tuple(entry for entry in robot.diagnostics if entry.element not in gone),
+        not_read=(
+            *not_read,
+            *(entry for entry in robot.not_read if entry.element.rpartition(" of ")[2] not in gone),
+        ),
+    )
+
+
+def floating_problem(robot: RobotDescription, joint: Joint) -> str:
+    """Why a floating joint is not the one between a massless part and the spacecraft."""
+    if sum(other.type == "floating" for other in robot.joints) > 1:
+        return "the robot has several floating joints, and would be several robots"
+    kept = _below(robot, joint.child)
+    heavy = [link.name for link in robot.links
+             if link.name not in kept and (link.mass or link.shapes)]  # fmt: skip
+    if heavy:
+        return f"it floats from a part with mass or shapes ({heavy[0]})"
+    return f"other joints of {joint.parent} move"
+
+
+def virtual_joints(robot: RobotDescription) -> tuple[Joint, ...]:
+    """Joints in a row from a massless root to the first link with mass, if another follows it."""
+    if len(robot.roots) != 1:
+        return ()
+    total = sum(link.mass for link in robot.links)
+    at, joints = robot.roots[0], list[Joint]()
+    while _mass(robot, at) <= _NEGLIGIBLE * total:
+        children = [*robot.rigid_groups[at].joints]
+        if len(children) != 1 or children[0] not in robot.rigid_groups or len(joints) > _FREE:
+            return ()
+        at = children[0]
+        joints.append(robot.parent_joints[at])
+    return tuple(joints) if robot.rigid_groups[at].joints else ()
+
+
+def _floating(robot: RobotDescription) -> Joint | None:
+    """The floating joint that carries the spacecraft on a massless part without shapes."""
+    floating = [joint for joint in robot.joints if joint.type == "floating"]
+    if len(floating) != 1 or floating[0].child not in robot.links_by_name:
+        return None
+    kept = _below(robot, floating[0].child)
+    bare = all(link.name in kept or not (link.mass or link.shapes) for link in robot.links)
+    still = all(joint.parent in kept or joint is floating[0] or joint.type == "fixed"
+                for joint in robot.joints)  # fmt: skip
+    return floating[0] if bare and still and floating[0].parent not in kept else None
+
+
+def _is_free(robot: RobotDescription, joints: Collection[Joint]) -> bool:
+    """Whether six virtual joints without mass and shapes move their base in all directions."""
+    kinds = [joint.type == "prismatic" for joint in joints]
+    if (len(kinds), sum(kinds)) != (_FREE, _FREE // 2):
+        return False
+    above = {link.name for link in robot.links} - _below(robot, [*joints][-1].child)
+    if any(robot.links_by_name[name].mass or robot.links_by_name[name].shapes for name in above):
+        return False
+    pose, columns = IDENTITY, []
+    for joint in joints:
+        pose = pose @ _placed(robot, joint)
+        axis = pose.rotation @ joint.axis
+        if joint.type == "prismatic":
+            columns.append(np.concatenate([axis, np.zeros(3)]))
+            pose = pose @ Pose(_ANYWHERE * joint.axis, np.eye(3))
+        else:
+            columns.append(np.concatenate([np.cross(pose.position, axis), axis]))
+            turn = Rotation.from_rotvec(_ANYWHERE * joint.axis).as_matrix()
+            pose = pose @ Pose(np.zeros(3), turn)
+    if not np.isfinite(columns).all():
+        return False
+    return bool(np.linalg.svd(columns, compute_uv=False).min() > _INDEPENDENT)
+
+
+def _placed(robot: RobotDescription, joint: Joint) -> Pose:
+    """The frame of a joint in the first link of the group that carries it."""
+    group = next(group for group in robot.rigid_groups.values() if joint.parent in group.links)
+    return group.links[joint.parent] @ joint.origin
+
+
+def _mass(robot: RobotDescription, first: str) -> float:
+    return sum(robot.links_by_name[name].mass for name in robot.rigid_groups[first].links)
+
+
+def _below(robot: RobotDescription, first: str) -> set[str]:
+    """A link and those that it carries."""
+    names, waiting = {first}, [first]
+    for name in waiting:
+        more = [joint.child for joint in robot.children.get(name, ()) if joint.child not in names]
+        names.update(more)
+        waiting += more
+    return names
+
+
+def _placement(joint: Joint) -> Iterator[NotRead]:
+    """What the origin of a floating joint says."""
+    if not (np.allclose(joint.origin.rotation, np.eye(3)) and not joint.origin.position.any()):
+        line = joint.lines.get("origin") or None
+        meaning = "where the spacecraft is in the world; attitudes are given to commands"
+        yield NotRead(f"origin of joint {joint.name}", "", line, meaning)
+
+
+def _ranges(joints: Collection[Joint]) -> Iterator[NotRead]:
+    """What virtual joints say beside that the base is free."""
+    for joint in joints:
+        meaning = "one of six virtual joints; the spacecraft is free without them"
+        line = joint.lines["joint"] or None
+        yield NotRead(f"joint {joint.name}", "", line, meaning)

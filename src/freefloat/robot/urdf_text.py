@@ -1,0 +1,108 @@
+"""URDF text to its ``<robot>`` element; what is no URDF is refused by name."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from lxml import etree
+
+from freefloat.errors import ModelError
+from freefloat.robot.formats.reader_process import UrdfText
+from freefloat.robot.not_read import shown_tag
+
+Element = Any
+"""An lxml element."""
+ACCEPTED = "a URDF, xacro or MJCF (MuJoCo) file"
+_DECLARATION = re.compile(r"(?>\s*+(?:<!--.*?-->\s*+)*+)<\?xml\s.*?\?>", re.DOTALL)
+"""The XML declaration with what precedes it, where XML permits nothing."""
+_FORMATS = {
+    "sdf": "SDF, the format of Gazebo",
+    "gazebo": "SDF, the format of Gazebo",
+    "mujoco": "MJCF, which is read from a file, not as text",
+    "COLLADA": "a COLLADA mesh",
+    "package": "the package.xml of a package of ROS",
+    "launch": "a launch file of ROS",
+    "html": "an HTML page",
+    "Robot": "a robot of OpenRAVE",
+    "KinBody": "a body of OpenRAVE",
+}
+"""Files that are given in place of a URDF, by their root element."""
+_SRDF = {"group", "group_state", "disable_collisions", "virtual_joint", "passive_joint"}
+"""Elements of SRDF, whose root element is that of URDF."""
+
+
+def robot_element(read: UrdfText, source: str) -> Element:
+    """The ``<robot>`` element of a text, its namespace removed; without lines if converted.
+
+    Raises:
+        ModelError: If the text is not XML, declares a DTD, or is no URDF.
+    """
+    text = read.text.removeprefix("\ufeff")
+    if (declared := _DECLARATION.match(text)) is not None:  # it says nothing that is not known
+        text = "\n" * declared[0].count("\n") + text[declared.end() :]
+    robot = _parsed(text, source)
+    lines = text.split("\n")
+    for element in robot.iter():
+        if read.converted:
+            element.sourceline = 0  # lxml has None then
+        expressions = any("${" in value for value in element.attrib.values())
+        if expressions or "xacro" in (etree.QName(element).namespace or ""):
+            raise _xacro_error(source, element.sourceline)
+        tag = f"<{shown_tag(element)}"  # lxml has the line of a start tag's end
+        while element.sourceline > 1 and tag not in lines[element.sourceline - 1]:
+            element.sourceline -= 1
+    _remove_namespace(robot)
+    line = robot.sourceline
+    if robot.tag != "robot":
+        known = _FORMATS.get(robot.tag)
+        problem = f"it is {known}" if known else f"its root element is <{shown_tag(robot)}>"
+        raise ModelError("urdf", problem, f"{ACCEPTED}; a URDF begins with <robot>", source, line)
+    if robot.find("link") is None:
+        srdf = any(child.tag in _SRDF for child in robot)
+        problem = "it is SRDF, which has groups of joints and no link" if srdf else "it has no link"
+        raise ModelError("urdf", problem, "a URDF with a <link>", source, line)
+    return robot
+
+
+def _parsed(text: str, source: str) -> Element:
+    first = text.lstrip()
+    if not first.startswith("<"):
+        raise ModelError("urdf", "it is not XML" if first else "it is empty", ACCEPTED, source)
+    declaration = re.search("<!DOCTYPE", text, re.IGNORECASE)
+    if declaration is not None:  # entities can expand without bound
+        line = text.count("\n", 0, declaration.start()) + 1
+        page = text[declaration.end() :].lstrip().lower().startswith("html")
+        problem = "it is an HTML page" if page else "it declares a DTD"
+        accepted = "the file itself" if page else "XML without <!DOCTYPE>"
+        raise ModelError("urdf", problem, accepted, source, line)
+    parser = etree.XMLParser(
+        encoding="utf-8", no_network=True, resolve_entities=False, remove_comments=True,
+        remove_pis=True,
+    )  # fmt: skip
+    try:
+        return etree.fromstring(text.encode(), parser)
+    except etree.XMLSyntaxError as error:
+        if "prefix xacro" in error.msg:  # which is not declared
+            raise _xacro_error(source, error.lineno) from None
+        problem = f"not well-formed XML ({error.msg})"
+        raise ModelError("urdf", problem, "a URDF file", source, error.lineno) from None
+
+
+def _remove_namespace(robot: Element) -> None:
+    """Remove the namespace of the root from it and from all elements and attributes in it."""
+    namespace = etree.QName(robot).namespace
+    if namespace is None:
+        return
+    own = f"{{{namespace}}}"
+    for element in robot.iter():
+        element.tag = element.tag.removeprefix(own)
+        for key in [key for key in element.attrib if key.startswith(own)]:
+            element.set(key.removeprefix(own), element.attrib.pop(key))
+    etree.cleanup_namespaces(robot)
+
+
+def _xacro_error(source: str, line: int | None) -> ModelError:
+    problem = "it is xacro, macros and expressions from which a URDF is made"
+    remedy = "a file whose name ends in .xacro, or what `xacro FILE > robot.urdf` writes"
+    return ModelError("urdf", problem, remedy, source, line)
