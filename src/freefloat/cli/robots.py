@@ -100,6 +100,8 @@ def load_robot(
         loaded = load_scenario(robot)
         mounted = loaded.content.robot.spacecraft is not None
         diagnostics = _require_no_error(console, examine(loaded.robot_source(), mounted))
+        parts = (entry for entry in loaded.model().warnings if entry not in diagnostics)
+        diagnostics = (*diagnostics, *parts)
         if loaded.content.goal is None:
             problem = loaded.problem_at_rest()
             measure = problem.margin.measure
@@ -176,14 +178,14 @@ def not_read_lines(entries: Sequence[NotRead]) -> Iterator[RenderableType]:
 def diagnostic_lines(diagnostics: Sequence[UrdfDiagnostic]) -> Iterator[RenderableType]:
     """Two lines for each kind of problem: how many have it, the first links or joints, one case.
 
-    Warnings that differ in numbers alone are of one kind. Errors are all named.
+    Warnings that differ in numbers or files alone are of one kind. Errors are all named.
     """
     alike: dict[tuple[str, str, str], list[UrdfDiagnostic]] = {}
     for entry in diagnostics:
         kind, _, _ = entry.element.partition(" ")
         problem = entry.problem
         if entry.severity == "warning":
-            problem = re.sub(r"[-+.e\d]*\d", "", problem)
+            problem = re.sub(r"[-+.e\d]*\d", "", re.sub(r"\S+(/|\.[a-zA-Z])\S*", "", problem))
         alike.setdefault((entry.severity, kind, problem), []).append(entry)
     if diagnostics:
         counts = Counter(entry.severity for entry in diagnostics)

@@ -16,14 +16,13 @@ from lxml import etree
 from freefloat.errors import InputError, ModelError, did_you_mean, require_type
 from freefloat.robot.description import RobotDescription, rpy_rotation
 from freefloat.robot.mesh_files import MeshFileError, find_mesh
-from freefloat.robot.not_read import NotRead
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
 from freefloat.robot.source import RobotSource
 from freefloat.robot.urdf import MOMENTS, decode, rename_meshes
 from freefloat.robot.urdf_numbers import MAGNITUDE
 from freefloat.robot.urdf_text import Element
 from freefloat.robot.urdf_versions import require_version
-from freefloat.robot.validation import read_urdf
+from freefloat.robot.validation import part_warnings, read_urdf
 from freefloat.so3 import Array, Pose
 
 _NAMED = {"link": "name", "parent": "link", "child": "link", "joint": "name", "mimic": "joint",
@@ -54,7 +53,7 @@ def assemble(
 
     Returns:
         The assembly. Its mesh files are named relative to the arm's URDF, or by absolute paths
-        where they belong to other URDFs; its warnings are those of the arm's URDF.
+        where they belong to other URDFs; its warnings are those of all URDFs and of the parts.
 
     Raises:
         InputError: If a part has another type.
@@ -71,14 +70,15 @@ def assemble(
         return arm
     robot = etree.fromstring(arm.text)
     root = arm.roots[0]
+    files, bodies = [arm], list[str]()
     if spacecraft is not None:
         carrier = _add_body(robot, "spacecraft", spacecraft, np.zeros(3))
+        bodies.append(carrier)
         _mount_root(robot, root, carrier, spacecraft.mount, _free_name(robot, "spacecraft_mount"))
         root = carrier
-    unread: list[NotRead] = []
     for index, attachment in enumerate(attached):
         try:
-            unread += _attach(robot, attachment, root, arm.source)
+            files.append(_attach(robot, attachment, root, arm.source))
         except InputError as error:
             if error.source is not None:
                 raise
@@ -86,11 +86,17 @@ def assemble(
     if payload is not None:
         holder = end_effector_link(decode(robot, arm.source), end_effector)
         link = _add_body(robot, payload.name, payload, payload.com)
+        bodies.append(link)
         _fix(robot, holder, link, _free_name(robot, "payload_grasp"), Mount())
+    assembly = decode(robot, arm.source)
+    warnings = dict.fromkeys(entry for file in files for entry in file.diagnostics)
+    not_read = dict.fromkeys(entry for file in files for entry in file.not_read)
     return replace(
-        decode(robot, arm.source), diagnostics=arm.diagnostics, altered=True,
-        not_read=(*arm.not_read, *unread),
-    )  # fmt: skip
+        assembly,
+        diagnostics=(*warnings, *part_warnings(assembly, bodies)),
+        altered=True,
+        not_read=tuple(not_read),
+    )
 
 
 def scaled(robot: RobotDescription, scale_mass: float | Mapping[str, float]) -> RobotDescription:
@@ -143,8 +149,8 @@ def end_effector_link(robot: RobotDescription, end_effector: str | None) -> str:
     return robot.leaves[0]
 
 
-def _attach(robot: Element, attachment: Attachment, root: str, source: str) -> tuple[NotRead, ...]:
-    """Add the links and joints of another URDF and fix its root to a link; what is not read."""
+def _attach(robot: Element, attachment: Attachment, root: str, source: str) -> RobotDescription:
+    """Add the links and joints of another URDF and fix its root to a link; that URDF."""
     link, prefix = attachment.link, attachment.prefix
     carrier = root if link is None else _link(decode(robot, source), "link", link)
     part = read_urdf(attachment.urdf)
@@ -169,7 +175,7 @@ def _attach(robot: Element, attachment: Attachment, root: str, source: str) -> t
         raise ModelError("prefix", problem, "one that makes names unique, such as second_")
     require_version(robot, other.get("version", ""))
     robot.extend(other.xpath("link | joint | material"))
-    return part.not_read
+    return part
 
 
 def _relocated(source: str, name: str, other: str) -> str:

@@ -22,10 +22,16 @@ NAMED_PACKAGE = "--package {0}=FOLDER (robot.packages in a scenario)"
 
 
 class MeshFileError(Exception):
-    """A mesh file that does not exist or cannot be read; the message is one line."""
+    """A mesh file that does not exist or cannot be read; the message is one line.
 
-    def __init__(self, reason: str) -> None:
-        super().__init__(one_line(reason))
+    Attributes:
+        reason: What is wrong with it.
+        remedy: What to do, where that is known.
+    """
+
+    def __init__(self, reason: str, remedy: str = "") -> None:
+        super().__init__(one_line(f"{reason}; {remedy}" if remedy else reason))
+        self.reason, self.remedy = one_line(reason), one_line(remedy)
 
 
 def find_mesh(name: str, urdf: str) -> Path:
@@ -54,11 +60,11 @@ def find_mesh(name: str, urdf: str) -> Path:
     for place in places:
         if is_file(place):
             return place
-    hint = ""
+    remedy = ""
     if split.scheme in ("package", "model"):
         named = NAMED_PACKAGE.format(split.netloc)
-        hint = f" in a folder {split.netloc} {PACKAGES}; {named} names one"
-    raise MeshFileError(f"no such file{hint}")
+        remedy = f"{named}; or a folder {split.netloc} {PACKAGES}"
+    raise MeshFileError("no such file", remedy)
 
 
 def _in_package(package: str, rest: str, urdf: Path) -> Iterator[Path]:

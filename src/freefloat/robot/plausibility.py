@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.robot.description import Joint, Link, RigidGroup, RobotDescription
+from freefloat.robot.description import IDENTITY, Joint, Link, RigidGroup, RobotDescription
 from freefloat.robot.flat_links import flat_links
 from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.shapes import MeshFile, corners
@@ -23,6 +23,13 @@ ON_JOINT = 0.02
 GYRATION = 3.0
 """Largest gyration radius over the known extent of a link, its joints and shapes: sound links reach
 2.1 (Panda's last), links with inertias a hundredfold too large 4.5 and more."""
+COMPACT = 0.1
+"""Smallest gyration radius over the extent of the shapes of a link: stock robots have 0.13."""
+DENSITIES = (0.01, 7850.0)
+"""Mean densities of balls with the mass and the inertia of a link [kg/m³]: the Space Station has 3,
+the densest links of stock robots 4,000; 7,850 is steel."""
+PLACEHOLDER = 1.0
+"""Mass up to which stock robots have links with any inertia [kg]."""
 _TINY = 1e-15
 """Moments of inertia that are zero but for rounding [kg m²]: those of a milligram at 0.03 mm."""
 
@@ -124,7 +131,7 @@ def _mass(robot: RobotDescription, group: RigidGroup) -> float:
 
 
 def _moving_links(robot: RobotDescription) -> Faults:
-    """Links without mass, or with their centre of mass or their inertia where it cannot be."""
+    """Links without mass, or with their centre of mass where it cannot be."""
     arm_length = max((_reach(robot, root) for root in robot.roots), default=0.0)
     for first, group in robot.rigid_groups.items():
         if first in robot.roots:
@@ -135,8 +142,6 @@ def _moving_links(robot: RobotDescription) -> Faults:
             yield Fault(robot.links_by_name[first], "link", "it moves but has no mass", remedy)
         elif mass > 0.0:
             yield from _centre_of_mass(robot, group, mass, arm_length)
-        for name in group.links:
-            yield from _gyration(robot, robot.links_by_name[name])
 
 
 def _centre_of_mass(
@@ -169,31 +174,54 @@ def _centre_of_mass(
     yield Fault(link, "origin" if "origin" in link.lines else "inertial", problem, remedy)
 
 
-def _gyration(robot: RobotDescription, link: Link) -> Faults:
-    """A gyration radius that the extent of the link, its joints and shapes, does not explain."""
-    moments = _principal_moments(link)
-    inertial = link.inertial
-    if inertial is None or moments is None or not min(link.mass, moments[2]) > 0.0:
+def inertia_sizes(robot: RobotDescription, names: Collection[str] | None = None) -> Faults:
+    """Links, all or some, whose inertia does not fit their mass or their extent."""
+    for first, group in robot.rigid_groups.items():
+        for name in group.links:
+            link = robot.links_by_name[name]
+            moments = _principal_moments(link)
+            meant = names is None or name in names
+            if meant and moments is not None and min(link.mass, moments[2]) > 0.0:
+                yield from _inertia_size(robot, link, float(moments[2]), first in robot.roots)
+
+
+def _inertia_size(robot: RobotDescription, link: Link, moment: float, root: bool) -> Faults:
+    """A largest moment that neither mass nor extent explain: shapes, of moving links joints too."""
+    radius = float(np.sqrt(moment / link.mass))
+    heavy = link.mass > PLACEHOLDER
+    density = link.mass / (4.0 / 3.0 * np.pi * (np.sqrt(2.5) * radius) ** 3)
+    if heavy and not DENSITIES[0] <= density <= DENSITIES[1]:
+        problem = (
+            f"its largest moment {moment:.6g} kg m² is that of a ball of {link.mass:.6g} kg with "
+            f"a density of {density:.2g} kg/m³"
+        )
+        bounds = (0.4 * link.mass * (link.mass / (4.0 / 3.0 * np.pi * bound)) ** (2.0 / 3.0)
+                  for bound in reversed(DENSITIES))  # fmt: skip
+        least, most = bounds
+        yield Fault(link, "inertia", problem, f"{least:.3g} to {most:.3g} kg m²; mass in kg")
         return
-    radius = float(np.sqrt(moments[2]) / np.sqrt(link.mass))
-    points = [joint.origin.position for joint in robot.children.get(link.name, ())]
+    shapes: list[Array] = []
     for shape in link.shapes:
         if shape.geometry is not None and not isinstance(shape.geometry, MeshFile):
             at = shape.origin
-            points += list(at.position + corners(shape.geometry) @ at.rotation.T)
-    if not np.any(points) and link.name in robot.parent_joints:
-        origin = robot.parent_joints[link.name].origin
-        points = [-origin.rotation.T @ origin.position]
-    points.append(np.zeros(3))
-    farthest = max(float(np.linalg.norm(point - inertial.origin.position)) for point in points)
-    if np.any(points) and radius > GYRATION * farthest:
+            shapes += list(at.position + corners(shape.geometry) @ at.rotation.T)
+    points = list(shapes)
+    if not root:
+        points += [joint.origin.position for joint in robot.children.get(link.name, ())]
+        if not np.any(points):
+            origin = robot.parent_joints[link.name].origin
+            points = [-origin.rotation.T @ origin.position]
+    centre = IDENTITY.position if link.inertial is None else link.inertial.origin.position
+    farthest = max(float(np.linalg.norm(point - centre)) for point in (*points, np.zeros(3)))
+    small = heavy and bool(shapes) and radius < COMPACT * farthest
+    large = (heavy or not root) and radius > GYRATION * farthest
+    if np.any(points) and (small or large):
         problem = (
-            f"its gyration radius is {radius:.3g} m (largest moment {moments[2]:.6g} kg m² of "
+            f"its gyration radius is {radius:.3g} m (largest moment {moment:.6g} kg m² of "
             f"{link.mass:.6g} kg), but it reaches {farthest:.3g} m from its centre of mass"
         )
         rod = link.mass * (2.0 * farthest) ** 2 / 12.0
-        remedy = f"moments in kg m²; a rod of this mass has {rod:.3g}"
-        yield Fault(link, "inertia", problem, remedy)
+        yield Fault(link, "inertia", problem, f"moments in kg m²; a rod of this mass has {rod:.3g}")
 
 
 def _span(group: RigidGroup) -> Array:
@@ -219,18 +247,21 @@ def _reach(robot: RobotDescription, root: str) -> float:
 
 
 def missing_meshes(robot: RobotDescription) -> Faults:
-    """Mesh files that are not there."""
+    """Mesh files that are not there, each once."""
+    seen: set[str] = set()
     for link in robot.links:
         for shape in link.shapes:
-            if isinstance(shape.geometry, MeshFile):
-                name = shape.geometry.filename
-                try:
-                    find_mesh(name, robot.source)
-                except MeshFileError as error:
-                    problem = f"the mesh {name or 'without a name'} of its <{shape.kind}>: {error}"
-                    remedy = "a file name relative to the URDF, or a shape such as <box>"
-                    yield Fault(link, shape.line, problem, remedy)
+            mesh = shape.geometry
+            if not isinstance(mesh, MeshFile) or mesh.filename in seen:
+                continue
+            seen.add(mesh.filename)
+            try:
+                find_mesh(mesh.filename, robot.source)
+            except MeshFileError as error:
+                problem = f"mesh {mesh.filename or 'without a name'}: {error.reason}"
+                remedy = error.remedy or "a name relative to the URDF, or a shape such as <box>"
+                yield Fault(link, shape.line, problem, remedy)
 
 
-WARNINGS = (_inertias, _joint_values, _moving_links)
+WARNINGS = (_inertias, _joint_values, _moving_links, inertia_sizes)
 """Rules for every robot."""

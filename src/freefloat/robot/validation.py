@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +12,14 @@ from freefloat.errors import ModelError
 from freefloat.robot.description import MOVING, Joint, RobotDescription, Severity, UrdfDiagnostic
 from freefloat.robot.flat_links import with_flat_links
 from freefloat.robot.free_base import floating_problem, virtual_joints
-from freefloat.robot.plausibility import WARNINGS, Fault, Faults, missing_meshes, root_masses
+from freefloat.robot.plausibility import (
+    WARNINGS,
+    Fault,
+    Faults,
+    inertia_sizes,
+    missing_meshes,
+    root_masses,
+)
 from freefloat.robot.source import RobotSource
 from freefloat.robot.urdf import parse_urdf
 
@@ -67,6 +74,18 @@ def examine(urdf: str | Path | RobotSource, mounted: bool = False) -> tuple[Urdf
     return _diagnostics(robot, mounted, missing_meshes)
 
 
+def part_warnings(robot: RobotDescription, links: Collection[str]) -> tuple[UrdfDiagnostic, ...]:
+    """Warnings about the masses of links that an assembly adds."""
+    faults = inertia_sizes(robot, links)
+    return tuple(_diagnostic(Severity.WARNING, robot, fault) for fault in faults)
+
+
+def _diagnostic(severity: Severity, robot: RobotDescription, fault: Fault) -> UrdfDiagnostic:
+    element = f"{fault.element.tag} {fault.element.name}".strip()
+    line = fault.line or None
+    return UrdfDiagnostic(severity, robot.source, line, element, fault.problem, fault.remedy)
+
+
 def _diagnostics(
     robot: RobotDescription, mounted: bool, *more: Callable[[RobotDescription], Faults]
 ) -> tuple[UrdfDiagnostic, ...]:
@@ -75,11 +94,8 @@ def _diagnostics(
     warnings = (*WARNINGS, *more) if mounted else (*WARNINGS, *more, root_masses)
     diagnostics = list(robot.diagnostics)
     for severity, rules in ((Severity.ERROR, errors), (Severity.WARNING, warnings)):
-        for fault in (fault for rule in rules for fault in rule(robot)):
-            element = f"{fault.element.tag} {fault.element.name}".strip()
-            diagnostics.append(UrdfDiagnostic(
-                severity, robot.source, fault.line or None, element, fault.problem, fault.remedy
-            ))  # fmt: skip
+        faults = (fault for rule in rules for fault in rule(robot))
+        diagnostics += [_diagnostic(severity, robot, fault) for fault in faults]
     first = [entry for entry in diagnostics if entry.severity is Severity.ERROR]
     last = [entry for entry in diagnostics if entry.severity is Severity.WARNING]
     return (*first, *sorted(last, key=lambda entry: entry.line or 0))
