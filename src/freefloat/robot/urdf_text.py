@@ -42,16 +42,11 @@ def robot_element(read: UrdfText, source: str) -> Element:
     if (declared := _DECLARATION.match(text)) is not None:  # it says nothing that is not known
         text = "\n" * declared[0].count("\n") + text[declared.end() :]
     robot = _parsed(text, source)
-    lines = text.split("\n")
+    _set_lines(robot, [] if read.converted else text.split("\n"))
     for element in robot.iter():
-        if read.converted:
-            element.sourceline = 0  # lxml has None then
         expressions = any("${" in value for value in element.attrib.values())
         if expressions or "xacro" in (etree.QName(element).namespace or ""):
             raise _xacro_error(source, element.sourceline)
-        tag = f"<{shown_tag(element)}"  # lxml has the line of a start tag's end
-        while element.sourceline > 1 and tag not in lines[element.sourceline - 1]:
-            element.sourceline -= 1
     _remove_namespace(robot)
     line = robot.sourceline
     if robot.tag != "robot":
@@ -87,6 +82,17 @@ def _parsed(text: str, source: str) -> Element:
             raise _xacro_error(source, error.lineno) from None
         problem = f"not well-formed XML ({error.msg})"
         raise ModelError("urdf", problem, "a URDF file", source, error.lineno) from None
+
+
+def _set_lines(robot: Element, lines: list[str]) -> None:
+    """Set the lines of elements to those on which they begin; to none where there are no lines."""
+    for element in robot.iter():
+        if not lines:
+            element.sourceline = 0  # lxml has None then
+            continue
+        tag = f"<{shown_tag(element)}"  # lxml has the line of a start tag's end
+        while element.sourceline > 1 and tag not in lines[element.sourceline - 1]:
+            element.sourceline -= 1
 
 
 def _remove_namespace(robot: Element) -> None:
