@@ -159,20 +159,24 @@ def _require_no_error(
 
 def not_read_lines(entries: Sequence[NotRead]) -> Iterator[RenderableType]:
     """What a robot file says and freefloat does not use: a line for each kind, with its number."""
-    alike: dict[tuple[str, str, str], list[NotRead]] = {}
+    alike: dict[tuple[str, str, str, str], list[tuple[NotRead, str]]] = {}
     for entry in entries:
-        tag, _, _ = entry.element.partition(" ")
-        alike.setdefault((tag, entry.attribute, entry.meaning), []).append(entry)
+        tag, _, owner = entry.element.partition(" ")
+        kind, name = "", owner
+        if owner.startswith("of "):
+            kind, _, name = owner.removeprefix("of ").partition(" ")
+        alike.setdefault((tag, kind, entry.attribute, entry.meaning), []).append((entry, name))
     if entries:
         yield f"not used, {len(entries)} in all:"
-    for (tag, attribute, meaning), group in alike.items():
+    for (tag, kind, attribute, meaning), group in alike.items():
         shown = group[:_SHOWN]
-        names = (entry.element.removeprefix(f"{tag} ").removeprefix("of ") for entry in shown)
-        lines = ", ".join(str(entry.line) for entry in shown if entry.line is not None)
-        where = f", line{'s' if len(shown) > 1 else ''} {lines}" if lines else ""
+        plural = "s" if len(group) > 1 else ""
+        names = f"{kind}{plural * bool(kind)} {', '.join(name for _, name in shown)}".strip()
+        lines = ", ".join(str(entry.line) for entry, _ in shown if entry.line is not None)
+        where = [f"line{plural} {lines}" * bool(lines), names]
         more = f" and {len(group) - _SHOWN} more (--json)" if len(group) > _SHOWN else ""
         what = f"{attribute} of <{tag}>" if attribute else f"<{tag}>"
-        yield f"  {what}{where}, {', '.join(names)}{more}: {meaning}"
+        yield f"  {', '.join(filter(None, [what, *where]))}{more}: {meaning}"
 
 
 def diagnostic_lines(diagnostics: Sequence[UrdfDiagnostic]) -> Iterator[RenderableType]:

@@ -109,6 +109,8 @@ def _of_element(element: Any) -> Iterator[NotRead]:
             meaning = _MEANINGS.get((element.tag, key), _unknown(key, attributes))
         if meaning:
             yield _entry(element, key, meaning)
+    if (element.text or "").strip():
+        yield _entry(element, "", "text in place of attributes")
     if element.tag in _SOLIDS:
         for key in attributes:
             if key not in element.attrib:

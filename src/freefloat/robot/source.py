@@ -58,7 +58,7 @@ class RobotSource:
     @property
     def is_text(self) -> bool:
         """Whether it is XML text and not the name of a file."""
-        return isinstance(self.urdf, str) and self.urdf.lstrip().startswith("<")
+        return isinstance(self.urdf, str) and self.urdf.lstrip("\ufeff \t\r\n").startswith("<")
 
     @property
     def exists(self) -> bool:

@@ -1,0 +1,120 @@
+"""Bases that a URDF describes as free: a floating joint from a massless world, virtual joints."""
+
+from __future__ import annotations
+
+import itertools
+import re
+
+import numpy as np
+import pytest
+
+import freefloat as ff
+from freefloat.robot.validation import examine, read_urdf
+from tests.errors import error_key
+from tests.robots import Robot, inertial_text, joint_text, link_text, random_robot
+
+FLOATING = joint_text("virtual", "F", "world", "bus").replace("fixed", "floating")
+TINY = inertial_text(1e-6, 1e-9 * np.eye(3))
+X, Y, Z = "1 0 0", "0 1 0", "0 0 1"
+
+
+def robot() -> Robot:
+    return random_robot(np.random.default_rng(5), "RRPR", "R", on_bus=True)
+
+
+def within(more: str) -> str:
+    """The robot with more links and joints."""
+    return robot().text.replace("</robot>", f"{more}</robot>")
+
+
+def virtual(kinds: str, axes: list[str], content: str = "", at: str = "0 0 0") -> str:
+    """A massless world and joints in a row from it to the spacecraft."""
+    names = ["world", *(f"v{number}" for number in range(1, len(kinds))), "bus"]
+    links = [link_text("world"), *(link_text(name, content) for name in names[1:-1])]
+    pairs = zip(kinds, itertools.pairwise(names), axes, strict=True)
+    joints = [joint_text(f"j{child}", kind, parent, child, at, axis=axis)
+              for kind, (parent, child), axis in pairs]  # fmt: skip
+    return "".join([*links, *joints])
+
+
+FREE = {
+    "a floating joint": link_text("world") + FLOATING,
+    "frames above it": link_text("map") + link_text("world") + joint_text("m", "F", "map", "world")
+    + FLOATING,
+    "with a placement": link_text("world") + FLOATING.replace('"0 0 0"', '"1 2 3"', 1),
+    "six virtual joints": virtual("PPPRRR", [X, Y, Z, X, Y, Z]),
+    "continuous ones, about z, y and x": virtual("PPPCCC", [Y, X, Z, Z, Y, X]),
+    "rotations first": virtual("RRRPPP", [X, Y, Z, X, Y, Z], at="0.1 0 0"),
+    "Euler angles z, x, z": virtual("PPPRRR", [X, Y, Z, Z, X, Z]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("base", FREE.values(), ids=FREE)
+def test_a_free_base_is_that_of_the_robot_without_it(base: str) -> None:
+    plain = ff.FreeFloatingModel.from_urdf(robot().text, robot().end_effector)
+    free = ff.FreeFloatingModel.from_urdf(within(base), robot().end_effector)
+    assert repr(free.description.links) == repr(plain.description.links)
+    assert free.joint_names == plain.joint_names
+    assert free.warnings == plain.warnings
+    again = ff.FreeFloatingModel.from_urdf(free.description.text, robot().end_effector)
+    assert again.joint_names == plain.joint_names
+
+
+def test_what_a_free_base_says_beside_that_is_listed() -> None:
+    counts = {name: len(read_urdf(within(base)).not_read) for name, base in FREE.items()}
+    assert list(counts.values()) == [0, 0, 1, 6, 6, 6, 6]
+
+
+def test_an_arm_with_a_free_base_is_mounted_by_its_base() -> None:
+    spacecraft = ff.Spacecraft(200.0, 30.0 * np.eye(3))
+    plain, free = (ff.FreeFloatingModel.from_urdf(text, robot().end_effector, spacecraft=spacecraft)
+                   for text in (robot().text, within(FREE["a floating joint"])))  # fmt: skip
+    assert free.joint_names == plain.joint_names
+    np.testing.assert_array_equal(free.bodies[0].inertia, plain.bodies[0].inertia)
+
+
+MASSIVE = link_text("world", inertial_text(3.0, np.eye(3)))
+BALL = "<visual><geometry><sphere radius='1'/></geometry></visual>"
+REFUSED = {
+    "a world with mass": (MASSIVE + FLOATING, "joint virtual"),
+    "a world with shapes": (link_text("world", BALL) + FLOATING, "joint virtual"),
+    "two floating joints": (
+        link_text("world") + link_text("client") + FLOATING
+        + FLOATING.replace("virtual", "other").replace('"bus"', '"client"'), "joint virtual"),
+    "a joint beside it": (
+        link_text("world") + link_text("door") + joint_text("hinge", "R", "world", "door")
+        + FLOATING, "joint virtual"),
+    "a planar joint": (
+        link_text("world") + FLOATING.replace("floating", "planar"), "joint virtual"),
+    "a planar base of virtual joints": (virtual("PPC", [X, Y, Z]), "joint jv1"),
+    "a base that turns only": (virtual("RRR", [X, Y, Z]), "joint jv1"),
+    "virtual joints that do not span": (virtual("PPPRRR", [X, Y, X, X, Y, Z]), "joint jv1"),
+    "virtual joints with tiny masses": (virtual("PPPRRR", [X, Y, Z, X, Y, Z], TINY), "joint jv1"),
+    "virtual joints with shapes": (virtual("PPPRRR", [X, Y, Z, X, Y, Z], BALL), "joint jv1"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("base", "element"), REFUSED.values(), ids=REFUSED)
+def test_another_base_is_refused(base: str, element: str) -> None:
+    assert examine(within(base))[0].element == element
+    assert error_key(ff.FreeFloatingModel.from_urdf, within(base), robot().end_effector) == element
+
+
+def test_a_floating_joint_within_the_arm_is_refused() -> None:
+    name = robot().joints[1]
+    text = robot().text.replace(f'name="{name}" type="revolute"', f'name="{name}" type="floating"')
+    assert error_key(read_urdf, text) == f"joint {name}"
+
+
+def test_a_massless_shoulder_is_no_virtual_base() -> None:
+    """An arm whose first two joints cross, on a massless link; its root has no mass, either."""
+    arm = (
+        robot()
+        .text.replace('<link name="bus">', '<link name="cross">')
+        .replace('parent link="bus"', 'parent link="cross"')
+    )
+    arm = re.sub(r'(<link name="cross">).*?(</link>)', r"\1\2", arm)
+    shoulder = link_text("bus") + joint_text("yaw", "R", "bus", "cross")
+    text = arm.replace("</robot>", f"{shoulder}</robot>")
+    model = ff.FreeFloatingModel.from_urdf(text, robot().end_effector)
+    assert model.joint_names == ("yaw", *robot().joints)

@@ -1,0 +1,133 @@
+"""What a URDF says and freefloat does not use: nothing is left out silently."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import freefloat as ff
+from freefloat.robot.parts import Attachment
+from freefloat.robot.validation import read_urdf
+from tests.broken_robots import VALID
+from tests.commands import document, run
+from tests.robots import inertial_text, joint_text, link_text
+
+LIMIT = '<limit lower="-2" upper="2" effort="100" velocity="0.1"/>'
+SHAPE = "<visual><geometry>{}</geometry></visual>"
+UNUSED = {
+    "damping": ("shoulder", '<dynamics damping="0.5" friction="0"/>', "damping"),
+    "friction": ("shoulder", '<dynamics friction="0.5"/>', "friction"),
+    "a soft limit": ("shoulder", '<safety_controller soft_upper_limit="1"/>', "soft_upper_limit"),
+    "calibration": ("shoulder", '<calibration rising="0"/>', ""),
+    "mimic": ("shoulder", '<mimic joint="elbow" multiplier="2"/>', ""),
+    "an unknown element of a joint": ("shoulder", "<hardware/>", ""),
+    "a second limit": ("shoulder", '<limit lower="-1" upper="1"/>', ""),
+    "a misspelt inertial": ("hand", '<intertial><mass value="3"/></intertial>', ""),
+    "an origin of a link": ("hand", '<origin xyz="0 0 1"/>', ""),
+    "contact": ("hand", '<contact><stiffness value="1e4"/></contact>', ""),
+    "an unknown geometry": ("hand", SHAPE.format('<cone radius="1"/>'), ""),
+    "a second geometry": (
+        "hand", SHAPE.format('<sphere radius="1"/><box size="1 1 1"/>'), ""),
+    "a flat box": ("hand", SHAPE.format('<box size="1 0 1"/>'), "size"),
+    "a sphere without radius": ("hand", SHAPE.format("<sphere/>"), "radius"),
+    "a misspelt attribute": (
+        "hand", '<visual><origin xzy="0 0 1"/><geometry><sphere radius="1"/></geometry></visual>',
+        "xzy"),
+    "text": (
+        "hand", "<visual><origin>0 0 1</origin><geometry><sphere radius='1'/></geometry></visual>",
+        ""),
+    "of another program": ("hand", '<d:rotor xmlns:d="http://drake.mit.edu" inertia="3"/>', ""),
+    "a transmission": ("", '<transmission name="t"><joint name="shoulder"/></transmission>', ""),
+    "Gazebo": ("", '<gazebo reference="upper"><mu1>0.2</mu1></gazebo>', ""),
+    "a sensor": ("", '<sensor name="camera"/>', ""),
+}  # fmt: skip
+HARMLESS = {
+    "a colour": ("hand", "<visual><geometry><sphere radius='1'/></geometry><material name='red'>"
+                 "<color rgba='1 0 0 1'/><texture filename='a.png'/></material></visual>"),
+    "no damping": ("shoulder", '<dynamics damping="0.0" friction="0"/>'),
+    "a colour of Gazebo": ("", '<gazebo reference="upper"><material>Red</material></gazebo>'),
+    "the axis and limit of a fixed joint": ("tool", f"<axis xyz='0 0 1'/>{LIMIT}"),
+    "a schema": ("hand", '<visual xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" '
+                 'xsi:schemaLocation="a b"><geometry><sphere radius="1"/></geometry></visual>'),
+}  # fmt: skip
+
+
+def with_content(owner: str, content: str) -> str:
+    """The valid robot with more in a link or joint, or, without owner, in the robot."""
+    if not owner:
+        return VALID.replace("</robot>", f"{content}\n</robot>")
+    text = VALID.replace('<link name="hand"/>', '<link name="hand"></link>')
+    tag = "link" if owner == "hand" else "joint"
+    return re.sub(rf'(<{tag} name="{owner}".*?)(</{tag}>)', rf"\1\n{content}\2", text, count=1,
+                  flags=re.DOTALL)  # fmt: skip
+
+
+@pytest.mark.parametrize(("owner", "content", "attribute"), UNUSED.values(), ids=UNUSED)
+def test_what_is_not_used_is_listed_once(owner: str, content: str, attribute: str) -> None:
+    text = with_content(owner, content)
+    (entry,) = read_urdf(text).not_read
+    assert entry.attribute == attribute
+    assert entry.line == text[: text.index(content)].count("\n") + 1
+    assert owner in entry.element
+    assert entry.meaning
+
+
+@pytest.mark.parametrize(("owner", "content"), HARMLESS.values(), ids=HARMLESS)
+def test_pictures_and_fixed_joints_lose_nothing(owner: str, content: str) -> None:
+    assert read_urdf(with_content(owner, content)).not_read == ()
+
+
+def test_limits_that_are_not_used_are_listed() -> None:
+    for old, new, keys in (
+        ('velocity="0.1"', 'velocity="0.1" acceleration="2" jerk="9"', ["acceleration", "jerk"]),
+        ('effort="100"', 'effort="0"', ["effort"]),
+        ('type="revolute"', 'type="continuous"', ["lower", "upper"]),
+    ):
+        entries = read_urdf(VALID.replace(old, new, 1)).not_read
+        assert [entry.attribute for entry in entries] == keys
+        assert {entry.element for entry in entries} == {"limit of joint shoulder"}
+
+
+def test_parts_of_an_assembly_are_listed_with_it(tmp_path: Path) -> None:
+    damped = with_content("shoulder", '<dynamics damping="0.5"/>')
+    (tmp_path / "tool.urdf").write_text(with_content("hand", '<intertial mass="1"/>'))
+    tool = Attachment(tmp_path / "tool.urdf", "hand", prefix="tool_")
+    model = ff.FreeFloatingModel.from_urdf(damped, "hand", attached=[tool])
+    elements = [entry.element for entry in model.not_read]
+    assert elements == ["dynamics of joint shoulder", "intertial of link hand"]
+    assert model.scaled(2.0).not_read == model.not_read
+
+
+@pytest.mark.slow
+def test_info_lists_and_simulate_counts_them(tmp_path: Path) -> None:
+    inertial = inertial_text(100.0, 10.0 * np.eye(3))
+    arm = [link_text("a", inertial_text(5.0, np.eye(3))), joint_text("q", "R", "bus", "a"),
+           link_text("b", inertial_text(5.0, np.eye(3))), joint_text("r", "R", "a", "b", "1 0 0"),
+           link_text("tip"), joint_text("end", "F", "b", "tip", "1 0 0")]  # fmt: skip
+    text = f"<robot name='r'>{link_text('bus', inertial)}{''.join(arm)}</robot>"
+    damped = text.replace('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1"/><dynamics damping="3"/>')
+    scenario = {
+        "robot": {"urdf": "robot.urdf", "end_effector": "tip"},
+        "task": "planar-position",
+        "path": {"line": {"from": [1.4, 0.5, 0], "to": [1.3, 0.7, 0]}},
+        "timing": {"duration": 60},
+        "margin": {"measure": "gjm", "value": 0.01},
+    }
+    (tmp_path / "s.yaml").write_text(yaml.safe_dump(scenario))
+    for robot, lines in ((text, 0), (damped, 1)):
+        (tmp_path / "robot.urdf").write_text(robot)
+        shown = run("simulate", tmp_path / "s.yaml", "--heading", 0).stdout
+        assert len(re.findall(r"2 entries of its robot file are not used", shown)) == lines
+        printed = document("info", tmp_path / "robot.urdf")["not_read"]
+        assert len(printed) == 2 * lines
+    assert json.loads(json.dumps(printed[0])) == {
+        "element": "dynamics of joint q", "attribute": "damping", "line": printed[0]["line"],
+        "meaning": printed[0]["meaning"],
+    }  # fmt: skip
+    (line,) = re.findall("damping of <dynamics>.*", run("info", tmp_path / "robot.urdf").stdout)
+    assert "joints q, r" in line

@@ -1,0 +1,143 @@
+"""URDF 1.1 and 1.2: rotations as quaternions, and capsules."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+
+import freefloat as ff
+from freefloat.errors import ModelError
+from freefloat.robot.parts import Attachment
+from freefloat.robot.shapes import Capsule
+from freefloat.robot.validation import examine, read_urdf
+from tests.commands import document
+from tests.robots import Robot, numbers, random_robot
+
+UP = [0.0, 0.0, 0.0, 1.0]
+CAPSULE = '<collision><geometry><capsule radius="0.2" length="1.5"/></geometry></collision>'
+
+
+def with_quaternions(robot: Robot, rng: np.random.Generator) -> str:
+    """The robot with a random ``quat_xyzw`` in every origin, some at a pitch of 90 degrees."""
+
+    def quaternion(_: object) -> str:
+        right = [rng.uniform(-3, 3), np.pi / 2, rng.uniform(-3, 3)]
+        random = [Rotation.random(rng=rng), Rotation.from_euler("xyz", right)]
+        return f'quat_xyzw="{numbers(random[rng.integers(2)].as_quat())}"'
+
+    text = robot.text.replace("<robot ", '<robot version="1.1" ')
+    return re.sub(r'rpy="[^"]*"', quaternion, text)
+
+
+def assert_same_robot(model: ff.FreeFloatingModel, file: Path, rng: np.random.Generator) -> None:
+    """End-effector and inertia are those of what Pinocchio itself reads from a file."""
+    theirs = pin.buildModelFromUrdf(str(file), pin.JointModelFreeFlyer())
+    data = theirs.createData()
+    joints = rng.uniform(-2.0, 2.0, model.dof)
+    q = pin.neutral(theirs)
+    for name, value in zip(model.joint_names, joints, strict=True):
+        joint = theirs.joints[theirs.getJointId(name)]
+        q[joint.idx_q : joint.idx_q + joint.nq] = (
+            value if joint.nq == 1 else [np.cos(value), np.sin(value)]
+        )
+    pin.framesForwardKinematics(theirs, data, q)
+    placed = data.oMf[theirs.getFrameId(model.end_effector_link)]
+    pose = model.body_poses(UP, joints)[0].inverse() @ model.end_effector_pose(UP, joints)
+    np.testing.assert_allclose(pose.position, placed.translation, atol=1e-12)
+    np.testing.assert_allclose(pose.rotation, placed.rotation, atol=1e-12)
+    pin.ccrba(theirs, data, q, np.zeros(theirs.nv))
+    ours = model.scratch
+    pin.ccrba(model.pin_model, ours, model.configuration(UP, joints),
+              np.zeros(model.pin_model.nv))  # fmt: skip
+    np.testing.assert_allclose(ours.Ig.inertia, data.Ig.inertia, rtol=1e-11)
+
+
+@pytest.mark.parametrize("version", ["1.1", "1.2"])
+@pytest.mark.parametrize("seed", range(3))
+def test_quaternions_are_read_as_pinocchio_reads_them(
+    seed: int, version: str, tmp_path: Path
+) -> None:
+    """In joints, fixed joints and inertials; and the same in the file that assemble writes."""
+    rng = np.random.default_rng(seed)
+    robot = random_robot(rng, "RFRRPRR").with_frame("tip", "0.1 0 0.1", "0.1 0.2 0.3")
+    text = with_quaternions(robot, rng).replace("1.1", version, 1)
+    (tmp_path / "robot.urdf").write_text(text)
+    model = ff.FreeFloatingModel.from_urdf(tmp_path / "robot.urdf", "tip")
+    assert_same_robot(model, tmp_path / "robot.urdf", rng)
+    written = tmp_path / "written.urdf"
+    words = ("--end-effector", "tip", "--payload-mass", 5, "--payload-inertia", "1,1,1")
+    document("assemble", tmp_path / "robot.urdf", *words, "-o", written)
+    assert_same_robot(ff.FreeFloatingModel.from_urdf(written, "tip"), written, rng)
+
+
+def test_a_quaternion_is_not_read_before_version_1_1(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    text = with_quaternions(random_robot(rng, "RRR"), rng)
+    for version in ("", 'version="1.0"'):
+        old = text.replace('version="1.1"', version)
+        (tmp_path / "robot.urdf").write_text(old)
+        model = ff.FreeFloatingModel.from_urdf(tmp_path / "robot.urdf")
+        assert len(model.warnings) == old.count("quat_xyzw")
+        assert_same_robot(model, tmp_path / "robot.urdf", rng)
+
+
+def one_origin(attributes: str) -> str:
+    robot = random_robot(np.random.default_rng(0), "R").text.replace(
+        "<robot", '<robot version="1.1"'
+    )
+    return re.sub(r"<origin [^>]*/>", f"<origin {attributes}/>", robot)
+
+
+@pytest.mark.parametrize(
+    "attributes",
+    ['quat_xyzw="0 0 0 0"', 'quat_xyzw="0 0 1"', 'quat_xyzw=""', 'quat_xyzw="0 0 0 a"',
+     'quat_xyzw="0 0 0 1 0"', 'quat_xyzw="0 0 0 nan"', 'rpy="0 0 0" quat_xyzw="0 0 0 1"'],
+)  # fmt: skip
+def test_what_is_no_rotation_is_refused_once(attributes: str) -> None:
+    text = one_origin(attributes)
+    errors = [entry for entry in examine(text) if entry.severity == "error"]
+    assert len(errors) == text.count("<origin")
+    with pytest.raises(ModelError) as caught:
+        ff.FreeFloatingModel.from_urdf(text)
+    assert caught.value.line is not None
+
+
+def test_a_long_quaternion_is_normalized_with_a_warning() -> None:
+    long, unit = (read_urdf(one_origin(f'quat_xyzw="{q}"')) for q in ("0 3 0 4", "0 0.6 0 0.8"))
+    np.testing.assert_allclose(long.joints[0].origin.rotation, unit.joints[0].origin.rotation)
+    assert (len(long.warnings), len(unit.warnings)) == (3, 0)
+
+
+def test_an_unknown_version_is_warned_of_and_not_written() -> None:
+    robot = read_urdf(one_origin('quat_xyzw="0 0.6 0 0.8"').replace('"1.1"', '"2.0"'))
+    assert len(robot.warnings) == 1
+    assert robot.joints[0].origin.rotation[0, 0] == pytest.approx(0.28)
+    pin.buildModelFromXML(robot.text)
+
+
+@pytest.mark.parametrize("version", ["", 'version="1.0"', 'version="1.1"'])
+def test_a_capsule_stays_one_in_files_that_are_written(version: str, tmp_path: Path) -> None:
+    """Also of a tool on an arm whose file is of an older version."""
+    rng = np.random.default_rng(3)
+    arm = random_robot(rng, "RRR")
+    (tmp_path / "arm.urdf").write_text(arm.text)
+    tool = f"<robot name='t' {version}><link name='ball'>{CAPSULE}</link></robot>"
+    (tmp_path / "tool.urdf").write_text(
+        tool.replace("</link>", "<inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' "
+                     "iyy='1' iyz='0' izz='1'/></inertial></link>"))  # fmt: skip
+    part = Attachment(tmp_path / "tool.urdf", arm.end_effector)
+    model = ff.FreeFloatingModel.from_urdf(tmp_path / "arm.urdf", arm.end_effector, attached=[part])
+    (shape,) = model.description.links_by_name["ball"].collisions
+    assert shape.geometry == Capsule(0.2, 1.5)
+    assert len(model.warnings) == (0 if "1.1" in version else 1)
+    words = ("--end-effector", arm.end_effector, "--tool", tmp_path / "tool.urdf")
+    document("assemble", tmp_path / "arm.urdf", *words, "-o", tmp_path / "out.urdf")
+    text = (tmp_path / "out.urdf").read_text()
+    theirs = pin.buildGeomFromUrdfString(pin.buildModelFromXML(text), text, pin.COLLISION)
+    (capsule,) = [entry.geometry for entry in theirs.geometryObjects]
+    assert (capsule.radius, capsule.halfLength) == (0.2, 0.75)
