@@ -9,6 +9,7 @@ from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import Rotation
 
 from freefloat.limits.collision import collision_shapes, convex_parts, scene_shapes
+from freefloat.limits.pairs import CollisionPairs
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import read_urdf
 from freefloat.scene.scene import Scene
@@ -74,6 +75,20 @@ def test_shapes_are_those_of_all_links_and_bodies(tmp_path):
                                    atol=1e-6)  # fmt: skip
         names = [(shape.link, shape.body) for shape in scene_shapes(scene, 4, hulls)]
         assert names == [("rake", 4)] * count + [("wall", 5)] * 6
+
+
+@pytest.mark.parametrize("height", [0.0, 0.9, 1.4])
+def test_distances_of_capsules_are_those_of_a_segment(height):
+    """Beside the cylinder, at its end, and beyond it; length is that of the cylinder alone."""
+    capsule = shape_text('<capsule radius="0.2" length="1.8"/>')
+    ball = shape_text('<sphere radius="0.1"/>', f"0 0 {height}")
+    model = FreeFloatingModel.from_urdf(prismatic_robot(capsule, ball), "hand")
+    pairs = CollisionPairs(model)
+    (distance,) = pairs.distances(np.array([0.8, 0.0, 0.0]), np.arange(len(pairs.pairs)))
+    expected = np.hypot(0.8, max(height - 0.9, 0.0)) - 0.2 - 0.1
+    assert distance == pytest.approx(expected, abs=1e-6)
+    (shape,) = [shape for shape in collision_shapes(model) if shape.link == "bus"]
+    assert np.abs(shape.points).max(axis=0).tolist() == pytest.approx([0.2, 0.2, 1.1])
 
 
 def test_a_thousand_shapes_are_the_most():

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import pickle
+import re
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +20,7 @@ from freefloat.robot.robot_packages import example_robots
 from freefloat.robot.shapes import MeshFile
 from freefloat.robot.urdf import parse_urdf
 from freefloat.robot.validation import read_urdf
+from tests.commands import run
 from tests.robots import Robot, inertial_text, joint_text, link_text, robots
 
 BUS = link_text("bus", inertial_text(100.0, 10.0 * np.eye(3)))
@@ -46,6 +49,57 @@ def refused(urdf: str | Path) -> ModelError:
 def test_xml_that_is_not_a_robot_is_refused(text: str) -> None:
     error = refused(text)
     assert (error.source, error.line) == ("URDF text", 1)
+
+
+HEADS = {
+    "an empty line": "\n{}",
+    "a byte order mark": "\ufeff{}",
+    "both": "\ufeff \r\n\t{}",
+    "a comment before the declaration": "<!-- servicer\n  of 2026 -->\n{}",
+    "a comment after it": "{}<!-- servicer\n  of 2026 -->\n",
+}
+
+
+@pytest.mark.parametrize("head", HEADS.values(), ids=HEADS)
+def test_what_precedes_a_robot_is_no_matter(head: str, tmp_path: Path) -> None:
+    """Files and text; remarks keep their lines."""
+    text = head.format('<?xml version="1.0" encoding="utf-8"?>\n') + one_joint()
+    (tmp_path / "robot.urdf").write_bytes(text.encode())
+    for urdf in (text, tmp_path / "robot.urdf"):
+        assert read_urdf(urdf).links[1].mass == 5.0
+        wrong = text.replace("<mass value='5'", "<mass value='5 kg'")
+        (tmp_path / "wrong.urdf").write_bytes(wrong.encode())
+        for refusal in (refused(wrong), refused(tmp_path / "wrong.urdf")):
+            assert refusal.line == wrong[: wrong.index("5 kg")].count("\n") + 1
+
+
+@pytest.mark.parametrize("prefix", ["", "u:"])
+def test_a_namespace_of_all_elements_is_no_matter(prefix: str) -> None:
+    """A default one, or one with a prefix; elements of others are not read."""
+    other = '<d:rotor xmlns:d="http://drake.mit.edu/d" inertia="3"/>'
+    text = one_joint(more=other)
+    text = re.sub(r"<(/?)(?=[a-z]+[ />])", rf"<\1{prefix}", text)
+    name = "xmlns" + f":{prefix}".rstrip(":")
+    robot = read_urdf(text.replace("robot name", f'robot {name}="http://drake.mit.edu" name', 1))
+    plain = read_urdf(one_joint())
+    assert repr(robot.links) == repr(plain.links)
+    assert [entry.element for entry in robot.not_read] == ["d:rotor of link arm"]
+    assert yourdfpy.URDF.load(io.BytesIO(robot.text.encode())).validate()
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["<?xml version='1.0'?>\n<sdf version='1.7'><model name='m'/></sdf>", "<COLLADA/>", "",
+     "<!doctype html><html>404</html>", "robot: {urdf: a.urdf}",
+     "<robot><group name='arm'/></robot>"],
+    ids=["sdf", "dae", "empty", "html", "yaml", "srdf"],
+)  # fmt: skip
+def test_other_formats_are_refused_by_name(text: str, tmp_path: Path) -> None:
+    (tmp_path / "robot.sdf").write_text(text)
+    known = {"sdf": "SDF", "COLLADA": "COLLADA", "html": "HTML", "group": "SRDF"}
+    (name,) = [name for word, name in known.items() if f"<{word}" in text] or ["it is"]
+    assert name in refused(tmp_path / "robot.sdf").problem
+    assert run("info", tmp_path / "robot.sdf").exit_code == 2
 
 
 def test_files_that_cannot_be_read_are_refused(tmp_path: Path) -> None:

@@ -19,7 +19,8 @@ from freefloat.robot.bundled import models_folder
 from freefloat.robot.description import Severity
 from freefloat.robot.robot_packages import example_robots
 from freefloat.robot.validation import examine, read_urdf
-from tests.broken_robots import BUS, FAULTS, VALID, Fault
+from tests.broken_robots import BUS, FAULTS, VALID, Fault, link
+from tests.commands import run
 from tests.errors import error_key
 from tests.robots import Robot, inertial_text, joint_text, link_text, robots
 
@@ -180,3 +181,47 @@ EXPECTED = {
 def test_warnings_about_real_robots_are_true(name: str) -> None:
     bundled = {path.stem: path for path in models_folder().glob("*/*.urdf")}
     assert elements((bundled | example_robots())[name]) == EXPECTED.get(name, [])
+
+
+@pytest.mark.parametrize(
+    ("mass", "moments", "shape"),
+    [("450000", "450 450 450", ""), ("450", "450000 450000 450000", ""), ("450", "4 4 4", ""),
+     ("450", "14 14 14", '<box size="4 4 4"/>'),
+     ("450", "15000 15000 15000", '<box size="2 2 2"/>')],
+    ids=["tonnes", "as of tonnes", "steel", "small for its size", "large for its size"],
+)  # fmt: skip
+def test_an_inertia_that_does_not_fit_the_mass_is_reported(
+    mass: str, moments: str, shape: str
+) -> None:
+    """Of the spacecraft in a URDF, and of one on which an arm is mounted."""
+    visual = f"\n<visual><geometry>{shape}</geometry></visual>" if shape else ""
+    text = VALID.replace(BUS, link("bus", mass, "0 0 0", moments, visual))
+    assert elements(text) == ["link bus"]
+    size = None if not shape else np.array(shape.split('"')[1].split(), dtype=float)
+    spacecraft = ff.Spacecraft(float(mass), np.array(moments.split(), dtype=float), size=size)
+    model = ff.FreeFloatingModel.from_urdf(VALID, "hand", spacecraft=spacecraft)
+    assert [entry.element for entry in model.warnings] == ["link spacecraft"]
+
+
+@pytest.mark.parametrize(
+    ("mass", "moment"), [(2550.0, 7090.0), (450_000.0, 1.5e8), (4.0, 0.007), (300.0, 60.0)]
+)
+def test_inertias_of_spacecraft_are_plausible(mass: float, moment: float) -> None:
+    """ETS-VII, the Space Station, a CubeSat, a servicer."""
+    spacecraft = ff.Spacecraft(mass, moment * np.ones(3))
+    assert ff.FreeFloatingModel.from_urdf(VALID, "hand", spacecraft=spacecraft).warnings == ()
+
+
+def test_each_missing_mesh_is_reported_once(tmp_path: Path) -> None:
+    """However many shapes name it; those of one package take two lines in all."""
+    shapes = "".join(
+        f'\n<{kind}><geometry><mesh filename="package://gone/{name}"/></geometry></{kind}>'
+        for name in ("bus.stl", "plate.stl", "bus.stl") for kind in ("visual", "collision")
+    )  # fmt: skip
+    text = VALID.replace(BUS, link("bus", "300", "0 0 0", "50 50 50", shapes))
+    missing = examine(written(tmp_path, text))
+    assert [entry.problem.count("/bus.stl") for entry in missing] == [1, 0]
+    assert len({entry.remedy for entry in missing}) == 1
+    shown = run("info", written(tmp_path, text)).stdout
+    assert "2 warnings" in shown
+    assert "plate.stl" not in shown

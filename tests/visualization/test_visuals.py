@@ -71,6 +71,22 @@ RED = "<material name='paint'><color rgba='1 0 0 1'/></material>"
 BOX = "<geometry><box size='1 2 3'/></geometry>"
 
 
+def test_a_capsule_is_drawn_with_its_half_spheres() -> None:
+    """Outward triangles, all points at the radius from its segment, of the colour of the URDF."""
+    geometry = "<geometry><capsule radius='0.2' length='1.5'/></geometry>"
+    text = two_links(f"<visual><origin xyz='1 0 0'/>{geometry}{RED}</visual>")
+    model = ff.FreeFloatingModel.from_urdf(text.replace("<robot", "<robot version='1.1'"), "tip")
+    visual = named(robot_visuals(model), "arm")
+    assert isinstance(visual.shape, Mesh)
+    x, y, z = visual.shape.vertices.T
+    radii = np.hypot(np.hypot(x, y), np.maximum(np.abs(z) - 0.75, 0.0))
+    np.testing.assert_allclose(radii, 0.2, atol=1e-9)
+    assert (z.min(), z.max()) == pytest.approx((-0.95, 0.95))
+    solid = trimesh.Trimesh(visual.shape.vertices, visual.shape.faces)
+    assert solid.volume == pytest.approx(np.pi * 0.04 * (1.5 + 0.8 / 3.0), rel=0.03)
+    assert visual.colour == (1.0, 0.0, 0.0, 1.0)
+
+
 def test_a_relative_mesh_takes_place_scale_and_colour_from_the_urdf(tmp_path: Path) -> None:
     """The STL file has no colour; a mesh with colours keeps them."""
     trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.stl")
