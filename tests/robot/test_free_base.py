@@ -100,6 +100,13 @@ def test_another_base_is_refused(base: str, element: str) -> None:
     assert error_key(ff.FreeFloatingModel.from_urdf, within(base), robot().end_effector) == element
 
 
+def test_virtual_joints_with_masses_are_not_mounted_either() -> None:
+    base, element = REFUSED["virtual joints with tiny masses"]
+    spacecraft = ff.Spacecraft(200.0, 30.0 * np.eye(3))
+    arguments = (within(base), robot().end_effector)
+    assert error_key(ff.FreeFloatingModel.from_urdf, *arguments, spacecraft=spacecraft) == element
+
+
 def test_a_floating_joint_within_the_arm_is_refused() -> None:
     name = robot().joints[1]
     text = robot().text.replace(f'name="{name}" type="revolute"', f'name="{name}" type="floating"')

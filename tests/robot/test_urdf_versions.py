@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -12,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.errors import ModelError
+from freefloat.robot.mjcf_writer import robot_mjcf
 from freefloat.robot.parts import Attachment
 from freefloat.robot.shapes import Capsule
 from freefloat.robot.validation import examine, read_urdf
@@ -141,3 +144,16 @@ def test_a_capsule_stays_one_in_files_that_are_written(version: str, tmp_path: P
     theirs = pin.buildGeomFromUrdfString(pin.buildModelFromXML(text), text, pin.COLLISION)
     (capsule,) = [entry.geometry for entry in theirs.geometryObjects]
     assert (capsule.radius, capsule.halfLength) == (0.2, 0.75)
+
+
+def test_a_capsule_of_a_model_of_mujoco_is_that_of_the_urdf() -> None:
+    """MuJoCo states half the length of the cylinder."""
+    drawn = CAPSULE.replace("collision", "visual")
+    text = random_robot(np.random.default_rng(4), "RRR").text.replace(
+        "</link>", f"{drawn}</link>", 1
+    )
+    text = text.replace("<robot", '<robot version="1.1"')
+    written = ET.tostring(robot_mjcf(ff.FreeFloatingModel.from_urdf(text)), encoding="unicode")
+    model = mujoco.MjModel.from_xml_string(written)
+    assert model.geom_type.tolist() == [mujoco.mjtGeom.mjGEOM_CAPSULE]
+    np.testing.assert_allclose(model.geom_size[0, :2], [0.2, 0.75])

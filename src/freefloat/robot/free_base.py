@@ -14,7 +14,7 @@ from freefloat.robot.not_read import NotRead
 from freefloat.robot.urdf_text import Element
 from freefloat.so3 import Pose
 
-_FREE = 6
+FREE = 6
 """Number of the freedoms of a free base."""
 _NEGLIGIBLE = 1e-4
 """Mass of links between virtual joints, over that of the robot, which some programs require."""
@@ -80,7 +80,7 @@ def virtual_joints(robot: RobotDescription) -> tuple[Joint, ...]:
     at, joints = robot.roots[0], list[Joint]()
     while _mass(robot, at) <= _NEGLIGIBLE * total:
         children = [*robot.rigid_groups[at].joints]
-        if len(children) != 1 or children[0] not in robot.rigid_groups or len(joints) > _FREE:
+        if len(children) != 1 or children[0] not in robot.rigid_groups or len(joints) > FREE:
             return ()
         at = children[0]
         joints.append(robot.parent_joints[at])
@@ -102,7 +102,7 @@ def _floating(robot: RobotDescription) -> Joint | None:
 def _is_free(robot: RobotDescription, joints: Collection[Joint]) -> bool:
     """Whether six virtual joints without mass and shapes move their base in all directions."""
     kinds = [joint.type == "prismatic" for joint in joints]
-    if (len(kinds), sum(kinds)) != (_FREE, _FREE // 2):
+    if (len(kinds), sum(kinds)) != (FREE, FREE // 2):
         return False
     above = {link.name for link in robot.links} - _below(robot, [*joints][-1].child)
     if any(robot.links_by_name[name].mass or robot.links_by_name[name].shapes for name in above):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from freefloat.errors import ModelError
 from freefloat.robot.description import MOVING, Joint, RobotDescription, Severity, UrdfDiagnostic
 from freefloat.robot.flat_links import with_flat_links
-from freefloat.robot.free_base import floating_problem, virtual_joints
+from freefloat.robot.free_base import FREE, floating_problem, virtual_joints
 from freefloat.robot.plausibility import (
     WARNINGS,
     Fault,
@@ -90,7 +91,8 @@ def _diagnostics(
     robot: RobotDescription, mounted: bool, *more: Callable[[RobotDescription], Faults]
 ) -> tuple[UrdfDiagnostic, ...]:
     """Errors of the decoder and of the rules in their order, then warnings by line."""
-    errors = _ERRORS if mounted else (*_ERRORS, _virtual_base, _total_mass)
+    virtual = partial(_virtual_base, mounted=mounted)
+    errors = (*_ERRORS, virtual) if mounted else (*_ERRORS, virtual, _total_mass)
     warnings = (*WARNINGS, *more) if mounted else (*WARNINGS, *more, root_masses)
     diagnostics = list(robot.diagnostics)
     for severity, rules in ((Severity.ERROR, errors), (Severity.WARNING, warnings)):
@@ -176,11 +178,11 @@ def _refused_type(robot: RobotDescription, joint: Joint) -> tuple[str, str]:
     return f"its type is {joint.type}" if joint.type else "it has no type", types
 
 
-def _virtual_base(robot: RobotDescription) -> Faults:
-    """A base that moves by virtual joints, and not as a free one."""
+def _virtual_base(robot: RobotDescription, mounted: bool) -> Faults:
+    """A base that moves by virtual joints, six of them if it is mounted, and not as a free one."""
     joints = virtual_joints(robot)
     sliding = sum(joint.type == "prismatic" for joint in joints)
-    if sliding > 1 or len(joints) > _GIMBALS:
+    if len(joints) == FREE or (not mounted and (sliding > 1 or len(joints) > _GIMBALS)):
         names = ", ".join(joint.name for joint in joints)
         problem = (
             f"{names} carry {joints[-1].child} on links with no or negligible mass: they are "
