@@ -18,7 +18,7 @@ from freefloat.robot.description import RobotDescription, rpy_rotation
 from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
 from freefloat.robot.source import RobotSource
-from freefloat.robot.urdf import MOMENTS, decode, rename_meshes
+from freefloat.robot.urdf import MOMENTS, decode, rename_meshes, revised
 from freefloat.robot.urdf_numbers import MAGNITUDE
 from freefloat.robot.urdf_text import Element
 from freefloat.robot.urdf_versions import require_version
@@ -84,11 +84,11 @@ def assemble(
                 raise
             raise error.with_key(f"attached.{index}.{error.key}") from None
     if payload is not None:
-        holder = end_effector_link(decode(robot, arm.source), end_effector)
+        holder = end_effector_link(revised(arm, robot), end_effector)
         link = _add_body(robot, payload.name, payload, payload.com)
         bodies.append(link)
         _fix(robot, holder, link, _free_name(robot, "payload_grasp"), Mount())
-    assembly = decode(robot, arm.source)
+    assembly = revised(arm, robot)
     warnings = dict.fromkeys(entry for file in files for entry in file.diagnostics)
     not_read = dict.fromkeys(entry for file in files for entry in file.not_read)
     return replace(
@@ -125,10 +125,7 @@ def scaled(robot: RobotDescription, scale_mass: float | Mapping[str, float]) -> 
             name=name,
         ):
             moment.getparent().set(moment.attrname, repr(float(moment) * factor))
-    return replace(
-        decode(root, robot.source), diagnostics=robot.diagnostics, altered=True,
-        not_read=robot.not_read,
-    )  # fmt: skip
+    return replace(revised(robot, root), altered=True)
 
 
 def end_effector_link(robot: RobotDescription, end_effector: str | None) -> str:

@@ -189,6 +189,7 @@ class RobotDescription:
         diagnostics: Errors, then warnings by line.
         files: Further files that a xacro or MJCF file reads.
         altered: Whether it has parts or masses that the file has not.
+        frames: Links that are mere frames, sites of a model of MuJoCo.
         not_read: What the files of the robot and its parts say and freefloat does not use.
     """
 
@@ -201,6 +202,7 @@ class RobotDescription:
     diagnostics: tuple[UrdfDiagnostic, ...] = field(default=(), repr=False)
     files: tuple[str, ...] = field(default=(), repr=False)
     altered: bool = field(default=False, repr=False)
+    frames: frozenset[str] = field(default=frozenset(), repr=False)
     not_read: tuple[NotRead, ...] = field(default=(), repr=False)
     tag = "robot"
 
@@ -237,8 +239,9 @@ class RobotDescription:
 
     @cached_property
     def leaves(self) -> tuple[str, ...]:
-        """Links that no joint leaves."""
-        return tuple(link.name for link in self.links if link.name not in self.children)
+        """Links that no joint leaves, except to frames; frames themselves are none."""
+        carriers = {joint.parent for joint in self.joints if joint.child not in self.frames}
+        return tuple(link.name for link in self.links if link.name not in carriers | self.frames)
 
     @cached_property
     def rigid_groups(self) -> Mapping[str, RigidGroup]:

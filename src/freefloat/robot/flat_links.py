@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from lxml import etree
 
 from freefloat.robot.description import IDENTITY, RobotDescription
-from freefloat.robot.urdf import decode
+from freefloat.robot.urdf import revised
 
 _PARALLEL = 1e-9
 """Sine of the angle within which directions are parallel."""
@@ -56,10 +54,7 @@ def with_flat_links(robot: RobotDescription) -> RobotDescription:
             half = repr(float(inertia.get("izz")) / 2.0)
             inertia.set("ixx", half)
             inertia.set("iyy", half)
-    return replace(
-        decode(root, robot.source), diagnostics=robot.diagnostics, files=robot.files,
-        altered=robot.altered, not_read=robot.not_read,
-    )  # fmt: skip
+    return revised(robot, root)
 
 
 def _along_z(direction: np.ndarray) -> bool:

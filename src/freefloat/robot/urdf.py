@@ -65,6 +65,7 @@ def parse_urdf(urdf: str | Path | RobotSource) -> RobotDescription:
         description,
         diagnostics=(*reader.diagnostics, *description.diagnostics, *warnings),
         files=read.files,
+        frames=frozenset(read.frames),
     )
 
 
@@ -92,6 +93,14 @@ def decode(robot: Element, source: str) -> RobotDescription:
         source=source,
         lines=_lines([], robot),
         diagnostics=tuple(decoder.diagnostics),
+    )
+
+
+def revised(robot: RobotDescription, element: Element) -> RobotDescription:
+    """A robot with the records of an element that was made of its own; its file stays."""
+    new = decode(element, robot.source)
+    return replace(
+        robot, name=new.name, links=new.links, joints=new.joints, text=new.text, lines=new.lines
     )
 
 

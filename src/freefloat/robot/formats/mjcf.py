@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -12,57 +12,65 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.errors import ModelError, did_you_mean, one_line
+from freefloat.errors import ModelError, one_line
 from freefloat.robot.bundled import is_file
+from freefloat.robot.formats.mjcf_bodies import (
+    SLIDE,
+    bodies_in_world,
+    body_name,
+    body_names,
+    joint_name,
+    line,
+    moving_joint,
+    root_body,
+)
 from freefloat.robot.formats.reader_process import MEMORY, UrdfText
 
-_WORLD = 0
-"""Number of MuJoCo's world body."""
 _EFFORT, _VELOCITY = "1e9", "1e9"
 """Limits that MJCF does not have."""
 _MOST = 1000
 """Number of bodies that a model may have."""
-_FREE, _SLIDE, _HINGE = 0, 2, 3
-"""Types of joints in MuJoCo."""
 
 Array = npt.NDArray[np.float64]
 
 
 def read(file: str, root: str | None = None) -> UrdfText:
-    """A URDF with the bodies, inertias, joints and simple shapes of one robot of a model.
+    """A URDF with the bodies, inertias, joints, sites and simple shapes of one robot of a model.
 
-    Frames of links are those of their joints. Joints of the root, meshes, and all other bodies in
-    the world are left out.
+    Frames of links are those of their joints. Named sites become links without mass. The free joint
+    of the root, meshes, and all other bodies in the world are left out.
 
     Args:
         file: The file.
-        root: The body that becomes the root link; default: see :func:`_root_body`.
+        root: The body that becomes the root link; default: see :func:`root_body`.
 
     Raises:
-        ModelError: If MuJoCo refuses the model, no body or several could be the
-            root, or a body has several joints or a ball joint.
+        ModelError: If MuJoCo refuses the model, no body or several could be the root, the root is
+            not free, or a body has several joints or a ball joint.
     """
     model = _load(file)
     if model.nbody > _MOST:
         raise ModelError("urdf", f"it has {model.nbody:,} bodies", f"at most {_MOST:,}", file)
-    start = _root_body(model, root, file)
-    bodies = [body for body in range(1, model.nbody) if start in _line(model, body)]
+    start = root_body(model, root, file)
+    bodies = [body for body in range(1, model.nbody) if start in line(model, body)]
     robot = ET.Element("robot", name=Path(file).stem)
-    joints = {body: _joint_of(model, body, start, file) for body in bodies}
+    joints = {body: None if body == start else moving_joint(model, body, file) for body in bodies}
     anchors = {body: np.zeros(3) if joint is None else model.jnt_pos[joint].copy()
                for body, joint in joints.items()}  # fmt: skip
     for body in bodies:
-        link = ET.SubElement(robot, "link", name=_name(model, body))
+        link = ET.SubElement(robot, "link", name=body_name(model, body))
         _add_inertial(link, model, body, anchors[body])
         _add_shapes(link, model, body, anchors[body])
         if body != start:
             parent = anchors[int(model.body_parentid[body])]
             at = model.body_pos[body] + _matrix(model.body_quat[body]) @ anchors[body] - parent
             _add_joint(robot, model, body, joints[body], at)
+    sites = _add_sites(robot, model, anchors)
     ET.indent(robot)
     text = ET.tostring(robot, encoding="unicode")
-    warnings = tuple(_warnings(model, start, named=root is not None))
-    return UrdfText(text, warnings, tuple(sorted(map(str, _files(Path(file))))))
+    warnings = (*_warnings(model, start, named=root is not None), *_renamed(sites))
+    files = tuple(sorted(map(str, _files(Path(file)))))
+    return UrdfText(text, warnings, files, frames=tuple(sites.values()))
 
 
 def _files(model: Path) -> set[Path]:
@@ -88,10 +96,17 @@ def _files(model: Path) -> set[Path]:
 
 def _warnings(model: Any, start: int, *, named: bool) -> Iterator[tuple[str, str]]:
     """What of the model the URDF lacks, and remedies; ``named`` is whether the root was."""
-    others = [name for name in _names(model, _children(model)) if name != _name(model, start)]
+    in_world = body_names(model, bodies_in_world(model))
+    _, *carriers = body_names(model, line(model, start))
+    if carriers:
+        problem = (
+            f"its root is {body_name(model, start)}; left out: {one_line(', '.join(carriers))}"
+        )
+        yield problem, f"--root {carriers[-1]} (robot.root in a scenario) for the whole robot"
+    others = [name for name in in_world if name != body_name(model, start)]
     if others and not named:
         left_out = one_line(", ".join(others))
-        problem = f"its root is {_name(model, start)}; left out of the world: {left_out}"
+        problem = f"its root is {body_name(model, start)}; left out of the world: {left_out}"
         yield problem, "--root BODY (robot.root in a scenario) for another root"
     if model.neq:
         problem = f"equality constraints are ignored: {model.neq}; their joints are held or free"
@@ -111,74 +126,6 @@ def _load(file: str) -> Any:
         problem = f"MuJoCo refuses it ({one_line(' '.join(str(error).split()))})"
         accepted = f"a valid MJCF file that takes less than {MEMORY / 1e9:g} GB of memory"
         raise ModelError("urdf", problem, accepted, file) from None
-
-
-def _root_body(model: Any, root: str | None, source: str) -> int:
-    """Number of the body of a name, else of the only one in the world that can be the spacecraft.
-
-    That is the only body in the world, else the only one with a free joint and bodies that move on
-    it, else, where no body has these, the only one with bodies that move on it.
-    """
-    names = _names(model, range(1, model.nbody))
-    if root is not None:
-        if root not in names:
-            problem = f"the model has no body {root!r}{did_you_mean(root, names)}"
-            raise ModelError("root", problem, f"one of {', '.join(names)}", source)
-        return names.index(root) + 1
-    in_world = _children(model)
-    carriers = {_line(model, body)[-1] for body in range(1, model.nbody)
-                if model.body_parentid[body] != _WORLD and model.body_jntnum[body]}  # fmt: skip
-    arms = [body for body in in_world if body in carriers]
-    free = [body for body in arms if _FREE in _kinds(model, body)]
-    candidates = in_world if len(in_world) == 1 else free or arms
-    if len(candidates) == 1:
-        return candidates[0]
-    known = ", ".join(_names(model, candidates or in_world))
-    problem = f"{len(candidates)} of its {len(in_world)} bodies in the world could be the root"
-    accepted = f"--root BODY (robot.root in a scenario), one of {known or 'its bodies'}"
-    raise ModelError("root", problem, accepted, source)
-
-
-def _children(model: Any) -> list[int]:
-    """Numbers of the bodies in the world."""
-    return [body for body in range(1, model.nbody) if model.body_parentid[body] == _WORLD]
-
-
-def _line(model: Any, body: int) -> list[int]:
-    """A body and those that carry it, up to the one in the world."""
-    line = [body]
-    while model.body_parentid[line[-1]] != _WORLD:
-        line.append(int(model.body_parentid[line[-1]]))
-    return line
-
-
-def _name(model: Any, body: int) -> str:
-    """Name of a body, or one made of its number."""
-    return str(model.body(body).name) or f"body_{body}"
-
-
-def _names(model: Any, bodies: Any) -> list[str]:
-    return [_name(model, body) for body in bodies]
-
-
-def _kinds(model: Any, body: int) -> list[int]:
-    """Types of the joints of a body."""
-    first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
-    return [int(kind) for kind in model.jnt_type[first : first + count]] if count else []
-
-
-def _joint_of(model: Any, body: int, root: int, source: str) -> int | None:
-    """Number of the joint that moves a body in its parent; None where there is none."""
-    kinds = _kinds(model, body)
-    if not kinds or body == root:
-        return None
-    if len(kinds) > 1 or kinds[0] not in (_SLIDE, _HINGE):
-        problem = (
-            f"the body {_name(model, body)} has {len(kinds)} joints, or one that is no hinge or "
-            "slide"
-        )
-        raise ModelError("urdf", problem, "one hinge or slide for each body", source)
-    return int(model.body_jntadr[body])
 
 
 def _add_inertial(link: ET.Element, model: Any, body: int, anchor: Array) -> None:
@@ -216,12 +163,12 @@ def _add_shapes(link: ET.Element, model: Any, body: int, anchor: Array) -> None:
 
 def _add_joint(robot: ET.Element, model: Any, body: int, joint: int | None, at: Array) -> None:
     """Add the joint between a body and its parent, at a position in the parent's link frame."""
-    name, kind = f"{_name(model, body)}_fixed", "fixed"
+    name, kind = f"{body_name(model, body)}_fixed", "fixed"
     if joint is not None:
         limited = bool(model.jnt_limited[joint])
-        name = model.joint(joint).name or f"{_name(model, body)}_joint"
+        name = joint_name(model, joint)
         turning = "revolute" if limited else "continuous"
-        kind = {_SLIDE: "prismatic", _HINGE: turning}[int(model.jnt_type[joint])]
+        kind = "prismatic" if int(model.jnt_type[joint]) == SLIDE else turning
     element = ET.SubElement(robot, "joint", name=name, type=kind)
     rotation = _matrix(model.body_quat[body])
     if joint is not None:  # the joint's value in the model's pose need not be zero
@@ -232,8 +179,8 @@ def _add_joint(robot: ET.Element, model: Any, body: int, joint: int | None, at: 
             half = np.concatenate([[np.cos(value / 2.0)], -np.sin(value / 2.0) * axis])
             rotation = rotation @ _matrix(half)
     _add_origin(element, at, rotation)
-    ET.SubElement(element, "parent", link=_name(model, int(model.body_parentid[body])))
-    ET.SubElement(element, "child", link=_name(model, body))
+    ET.SubElement(element, "parent", link=body_name(model, int(model.body_parentid[body])))
+    ET.SubElement(element, "child", link=body_name(model, body))
     if joint is not None:
         ET.SubElement(element, "axis", xyz=_text(model.jnt_axis[joint]))
         limits = {"effort": _EFFORT, "velocity": _VELOCITY}
@@ -243,6 +190,41 @@ def _add_joint(robot: ET.Element, model: Any, body: int, joint: int | None, at: 
         elif kind == "prismatic":
             limits |= {"lower": "-1e9", "upper": "1e9"}
         ET.SubElement(element, "limit", limits)
+
+
+def _add_sites(robot: ET.Element, model: Any, anchors: Mapping[int, Array]) -> dict[str, str]:
+    """Add links for the named sites of bodies, fixed to these; the links' names by site."""
+    names = {element.get("name", "") for element in robot}
+    sites: dict[str, str] = {}
+    for site in range(model.nsite):
+        body, name = int(model.site_bodyid[site]), str(model.site(site).name)
+        if not name or body not in anchors:
+            continue
+        sites[name] = _free_name(name, "_site", names)
+        ET.SubElement(robot, "link", name=sites[name])
+        joint_name = _free_name(f"{sites[name]}_fixed", "_site", names)
+        joint = ET.SubElement(robot, "joint", name=joint_name, type="fixed")
+        position = model.site_pos[site] - anchors[body]
+        _add_origin(joint, position, _matrix(model.site_quat[site]))
+        ET.SubElement(joint, "parent", link=body_name(model, body))
+        ET.SubElement(joint, "child", link=sites[name])
+    return sites
+
+
+def _free_name(name: str, suffix: str, names: set[str]) -> str:
+    """A name, with as many suffixes as it takes to be none of some names; it becomes one."""
+    while name in names:
+        name += suffix
+    names.add(name)
+    return name
+
+
+def _renamed(sites: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    """Problems and remedies of sites whose links have other names."""
+    for site, link in sites.items():
+        if link != site:
+            problem = f"the site {site} has the name of a body or joint: its link is {link}"
+            yield problem, f"{link} for the site, {site} for the other one"
 
 
 def _matrix(quaternion: Array) -> Array:

@@ -14,7 +14,7 @@ import resource
 import signal
 import subprocess
 import sys
-from dataclasses import astuple, dataclass
+from dataclasses import asdict, dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -43,6 +43,7 @@ class UrdfText:
         files: Further files that were read: included ones, meshes, parameters.
         not_read: What the file says and the URDF does not.
         converted: Whether it was made of another format, so that its lines are not the file's.
+        frames: Links that are mere frames, such as sites: none of them is meant as the last link.
     """
 
     text: str
@@ -50,6 +51,7 @@ class UrdfText:
     files: tuple[str, ...] = ()
     not_read: tuple[NotRead, ...] = ()
     converted: bool = False
+    frames: tuple[str, ...] = ()
 
 
 def run_reader(module: str, file: Path, **arguments: Any) -> UrdfText:
@@ -88,8 +90,9 @@ def run_reader(module: str, file: Path, **arguments: Any) -> UrdfText:
         own = source is None or source == path
         raise ModelError(key, problem, accepted, str(file) if own else source, line)
     warnings = tuple((first, second) for first, second in answer["warnings"])
-    not_read = tuple(NotRead(*entry) for entry in answer["not_read"])
-    return UrdfText(answer["text"], warnings, tuple(answer["files"]), not_read, converted=True)
+    not_read = tuple(NotRead(**entry) for entry in answer["not_read"])
+    files, frames = tuple(answer["files"]), tuple(answer["frames"])
+    return UrdfText(answer["text"], warnings, files, not_read, converted=True, frames=frames)
 
 
 def main() -> None:
@@ -123,7 +126,4 @@ def _answer(module: str, arguments: dict[str, Any]) -> dict[str, Any]:
     except MemoryError:
         problem = f"it takes more than {MEMORY / 1e9:g} GB of memory to read"
         return {"error": ["urdf", problem, accepted, None, None]}
-    not_read = [astuple(entry) for entry in urdf.not_read]
-    return {
-        "text": urdf.text, "warnings": urdf.warnings, "files": urdf.files, "not_read": not_read
-    }  # fmt: skip
+    return asdict(urdf)

@@ -1,0 +1,134 @@
+"""Bodies of a model of MuJoCo: their names, their joints, and the one that is the spacecraft."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from freefloat.errors import ModelError, did_you_mean
+
+FREE, BALL, SLIDE, HINGE = range(4)
+"""Types of joints in MuJoCo."""
+WORLD = 0
+"""Number of MuJoCo's world body."""
+_KINDS = ("free", "ball", "slide", "hinge")
+_ORTHOGONAL = 1e-6
+"""Largest difference of the determinant of three orthogonal axes from one."""
+
+
+def root_body(model: Any, root: str | None, source: str) -> int:
+    """Number of the body that is the spacecraft.
+
+    That is the body of a name, else the only body in the world, else the only one with a free joint
+    and bodies that move on it, else, where no body has these, the only one with bodies that move on
+    it.
+
+    Raises:
+        ModelError: If there is none of that name, several could be it, or joints connect it with
+            the world that do not leave it free.
+    """
+    found = _chosen(model, root, source)
+    joints = [joint for body in line(model, found) for joint in joints_of(model, body)]
+    if joints and not _is_free(model, joints):
+        problem = (
+            f"the root body {body_name(model, found)} moves in the world with "
+            f"{_joint_texts(model, joints)}; a base that is not free in all six directions, such "
+            "as a planar one, is not supported"
+        )
+        accepted = "a root body with a <freejoint/>, or without joints, which stands for free"
+        raise ModelError("root", problem, accepted, source)
+    return found
+
+
+def _chosen(model: Any, root: str | None, source: str) -> int:
+    names = body_names(model, range(1, model.nbody))
+    if root is not None:
+        if root not in names:
+            problem = f"the model has no body {root!r}{did_you_mean(root, names)}"
+            raise ModelError("root", problem, f"one of {', '.join(names)}", source)
+        return names.index(root) + 1
+    in_world = bodies_in_world(model)
+    carriers = {line(model, body)[-1] for body in range(1, model.nbody)
+                if model.body_parentid[body] != WORLD and model.body_jntnum[body]}  # fmt: skip
+    arms = [body for body in in_world if body in carriers]
+    free = [body for body in arms if _is_free(model, joints_of(model, body))]
+    candidates = in_world if len(in_world) == 1 else free or arms
+    if len(candidates) == 1:
+        return candidates[0]
+    known = ", ".join(body_names(model, candidates or in_world))
+    problem = f"{len(candidates)} of its {len(in_world)} bodies in the world could be the root"
+    accepted = f"--root BODY (robot.root in a scenario), one of {known or 'its bodies'}"
+    raise ModelError("root", problem, accepted, source)
+
+
+def _is_free(model: Any, joints: Iterable[int]) -> bool:
+    """Whether joints of a root are one free joint, or six that are as good as one.
+
+    Those are three slides, then three hinges, along and about orthogonal axes, without ranges.
+    """
+    numbers = list(joints)
+    kinds = [int(model.jnt_type[joint]) for joint in numbers]
+    if kinds != [SLIDE] * 3 + [HINGE] * 3 or len(set(model.jnt_bodyid[numbers])) != 1:
+        return kinds == [FREE]
+    axes = model.jnt_axis[numbers].reshape(2, 3, 3)
+    orthogonal = np.abs(np.abs(np.linalg.det(axes)) - 1.0).max() < _ORTHOGONAL
+    return bool(orthogonal) and not model.jnt_limited[numbers].any()
+
+
+def moving_joint(model: Any, body: int, source: str) -> int | None:
+    """Number of the joint that moves a body in its parent; None where there is none.
+
+    Raises:
+        ModelError: If the body has several joints, or one that is no hinge or slide.
+    """
+    joints = joints_of(model, body)
+    if not joints:
+        return None
+    if len(joints) > 1 or int(model.jnt_type[joints[0]]) not in (SLIDE, HINGE):
+        problem = f"the body {body_name(model, body)} moves with {_joint_texts(model, joints)}"
+        accepted = "one hinge or slide for each body that moves on the root"
+        raise ModelError("urdf", problem, accepted, source)
+    return joints[0]
+
+
+def bodies_in_world(model: Any) -> list[int]:
+    """Numbers of the bodies in the world."""
+    return [body for body in range(1, model.nbody) if model.body_parentid[body] == WORLD]
+
+
+def line(model: Any, body: int) -> list[int]:
+    """A body and those that carry it, up to the one in the world."""
+    bodies = [body]
+    while model.body_parentid[bodies[-1]] != WORLD:
+        bodies.append(int(model.body_parentid[bodies[-1]]))
+    return bodies
+
+
+def joints_of(model: Any, body: int) -> range:
+    """Numbers of the joints of a body."""
+    first = int(model.body_jntadr[body])
+    return range(first, first + int(model.body_jntnum[body]))
+
+
+def body_name(model: Any, body: int) -> str:
+    """Name of a body, or one made of its number."""
+    return str(model.body(body).name) or f"body_{body}"
+
+
+def body_names(model: Any, bodies: Iterable[int]) -> list[str]:
+    """Names of bodies."""
+    return [body_name(model, body) for body in bodies]
+
+
+def joint_name(model: Any, joint: int) -> str:
+    """Name of a joint, or one made of the name of its body."""
+    return str(model.joint(joint).name) or f"{body_name(model, int(model.jnt_bodyid[joint]))}_joint"
+
+
+def _joint_texts(model: Any, joints: Iterable[int]) -> str:
+    """Names and types of joints, as in ``the joints x (slide), t (hinge)``."""
+    texts = [f"{joint_name(model, joint)} ({_KINDS[int(model.jnt_type[joint])]})"
+             for joint in joints]  # fmt: skip
+    return f"the joint{'s' * (len(texts) > 1)} {', '.join(texts)}"
