@@ -12,7 +12,7 @@ from rich.console import RenderableType
 
 from freefloat.cli.console import Console, table
 from freefloat.cli.options import Json, Quiet, comma_separated, prepare_outputs, robot_names
-from freefloat.cli.robots import Packages, Root, robot_source
+from freefloat.cli.robots import FileOptions, Packages, Root, Xacro, robot_source
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
@@ -99,6 +99,7 @@ def assemble(
     end_effector: _EndEffector = None,
     root: Root = None,
     package: Packages = None,
+    xacro: Xacro = None,
     mass: _Mass = None,
     inertia: _Inertia = None,
     com: _Centre = None,
@@ -137,13 +138,14 @@ def assemble(
         tool={"urdf": tool, "mount": tool_mount},
         second_arm={"urdf": second_arm, "mount": second_mount},
     )  # fmt: skip
+    options = FileOptions(root, package, xacro)
     if is_scenario(robot):
-        if parts or end_effector is not None or root is not None or package:
+        if parts or end_effector is not None or options.given:
             accepted = "-o, --copy-meshes and --json"
             raise InputError("options", "the scenario has all parts of its robot", accepted)
         model = load_robot(robot)
     else:
-        model = _assembled(robot_source(robot, root, package), end_effector, parts)
+        model = _assembled(robot_source(robot, options), end_effector, parts)
     prepare_outputs(Path(model.description.source), results=False, output=output)
     written = write_urdf(model, output, copy_meshes)
     console = Console(as_json, quiet)

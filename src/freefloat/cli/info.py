@@ -15,9 +15,11 @@ from freefloat.cli.mission import mission_document, mission_tables
 from freefloat.cli.options import Attitude, Json, Quiet, comma_separated
 from freefloat.cli.robots import (
     EndEffector,
+    FileOptions,
     Packages,
     RobotName,
     Root,
+    Xacro,
     diagnostic_lines,
     load_robot,
     not_read_lines,
@@ -50,6 +52,7 @@ def info(
     end_effector: EndEffector = None,
     root: Root = None,
     package: Packages = None,
+    xacro: Xacro = None,
     joints: _Joints = None,
     attitude: Attitude = None,
     hold: _Hold = False,
@@ -78,7 +81,7 @@ def info(
     from freefloat.limits.contact import why_unchecked
 
     console = Console(as_json, quiet)
-    loaded = load_robot(console, robot, end_effector, root, package)
+    loaded = load_robot(console, robot, end_effector, FileOptions(root, package, xacro))
     scenario = loaded.scenario
     values = None if joints is None else comma_separated("joints", joints)
     summary = RobotSummary.of(
@@ -138,6 +141,10 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
     model, measure, extremes = summary.model, summary.measure, summary.extremes
     virtual = VirtualManipulator.of(model.with_arms_at_zero)
     yield f"{model.description.source}: {model.total_mass:.6g} kg"
+    if arguments := model.description.arguments:
+        texts = (f"{argument.name} {argument.value}{' (default)' * argument.default}"
+                 for argument in arguments)  # fmt: skip
+        yield f"xacro arguments: {', '.join(texts)}"
     bodies = table(
         "moved by", "mass [kg]", "range", "centre of mass [m]", "moments of inertia [kg m²]"
     )

@@ -49,6 +49,24 @@ Packages = Annotated[
     list[str] | None,
     typer.Option(metavar="NAME=FOLDER", help="Folder of a package of ROS; may be repeated."),
 ]
+Xacro = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME=VALUE", help="An argument of a xacro file; may be repeated."),
+]
+
+
+@dataclass(frozen=True)
+class FileOptions:
+    """What options say about how to read the file of a robot."""
+
+    root: str | None = None
+    package: Sequence[str] | None = None
+    xacro: Sequence[str] | None = None
+
+    @property
+    def given(self) -> dict[str, object]:
+        """Those that were given, by name."""
+        return {name: value for name, value in vars(self).items() if value}
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +92,7 @@ def load_robot(
     console: Console,
     robot: str,
     end_effector: str | None,
-    root: str | None = None,
-    packages: Sequence[str] | None = None,
+    file_options: FileOptions,
 ) -> LoadedRobot:
     """The robot of a scenario or a URDF; exits with its errors if it has some."""
     from freefloat.dynamics.measures import singularity_measure
@@ -93,8 +110,7 @@ def load_robot(
     from freefloat.robot.validation import examine
 
     if is_scenario(robot):
-        options = {"end_effector": end_effector, "root": root, "package": packages}
-        for option, value in options.items():
+        for option, value in {"end_effector": end_effector, **file_options.given}.items():
             if value:
                 raise InputError(option, "the scenario names it already", "a URDF with it")
         loaded = load_scenario(robot)
@@ -111,7 +127,7 @@ def load_robot(
         return LoadedRobot(loaded.model(), task, measure, diagnostics, loaded)
     named = robot.startswith((EXAMPLE, DESCRIPTIONS)) or robot in bundled_robots()
     if named or is_file(Path(robot)):
-        source = robot_source(robot, root, packages)
+        source = robot_source(robot, file_options)
         diagnostics = _require_no_error(console, examine(source))
         model = FreeFloatingModel.from_urdf(source, end_effector)
         task = natural_task(model)
@@ -123,23 +139,30 @@ def load_robot(
     raise unknown("robot", robot, names, "a URDF, a scenario file, or one of")
 
 
-def robot_source(robot: str, root: str | None, packages: Sequence[str] | None) -> RobotSource:
+def robot_source(robot: str, options: FileOptions) -> RobotSource:
     """The file of a robot with what the options say about it.
 
     Raises:
-        InputError: If there is no such robot, or a package is not ``NAME=FOLDER``.
+        InputError: If there is no such robot, a package is not ``NAME=FOLDER``, or an argument of a
+            xacro file is not ``NAME=VALUE`` or has two values.
     """
     from freefloat.robot.bundled import find_robot
     from freefloat.robot.source import RobotSource
 
     folders = {}
-    for text in packages or ():
+    for text in options.package or ():
         name, _, folder = text.partition("=")
         if not Path(folder).is_dir() or not name or not folder:
             problem = f"{text!r} was given"
             raise InputError("package", problem, "NAME=FOLDER with an existing folder")
         folders[name] = folder
-    return RobotSource(find_robot(robot, Path()), root, folders)
+    arguments: dict[str, str] = {}
+    for text in options.xacro or ():
+        name, equals, value = text.partition("=")
+        if not (name and equals) or name in arguments:
+            raise InputError("xacro", f"{text!r} was given", "NAME=VALUE, each name once")
+        arguments[name] = value
+    return RobotSource(find_robot(robot, Path()), options.root, folders, arguments)
 
 
 def _require_no_error(

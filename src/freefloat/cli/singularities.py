@@ -14,7 +14,15 @@ from rich.console import RenderableType
 from freefloat.cli.console import Console, decimals, short_label, table
 from freefloat.cli.delivery import Delivery
 from freefloat.cli.options import Json, Plots, Quiet, ResultFile, comma_separated
-from freefloat.cli.robots import EndEffector, Packages, RobotName, Root, load_robot
+from freefloat.cli.robots import (
+    EndEffector,
+    FileOptions,
+    Packages,
+    RobotName,
+    Root,
+    Xacro,
+    load_robot,
+)
 from freefloat.errors import InputError, finite_number
 
 if TYPE_CHECKING:
@@ -60,6 +68,7 @@ def singularities(
     end_effector: EndEffector = None,
     root: Root = None,
     package: Packages = None,
+    xacro: Xacro = None,
     resolution: _Resolution = None,
     fix: _Fix = None,
     output: ResultFile = None,
@@ -82,7 +91,7 @@ def singularities(
     from freefloat.singularities.singularity_map import singularity_map
 
     console = Console(as_json, quiet)
-    loaded = load_robot(console, robot, end_effector, root, package)
+    loaded = load_robot(console, robot, end_effector, FileOptions(root, package, xacro))
     model, task, measure = loaded.model, loaded.task, loaded.measure
     delivery = Delivery(console, output, html, plots)
     delivery.prepare()

@@ -147,6 +147,7 @@ class RobotSummary:
         virtual = VirtualManipulator.of(model.with_arms_at_zero)
         return {
             "urdf": model.description.source,
+            "arguments": [asdict(argument) for argument in model.description.arguments],
             "end_effector": model.end_effector,
             "total_mass": model.total_mass,
             "dof": model.dof,

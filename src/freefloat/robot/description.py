@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.errors import ModelError
+from freefloat.robot.formats.reader_process import Argument
 from freefloat.robot.not_read import NotRead
 from freefloat.robot.shapes import Shape
 from freefloat.so3 import Array, Pose
@@ -190,6 +191,7 @@ class RobotDescription:
         files: Further files that a xacro or MJCF file reads.
         altered: Whether it has parts or masses that the file has not.
         frames: Links that are mere frames, sites of a model of MuJoCo.
+        arguments: Arguments of a xacro file, with the values that were used.
         not_read: What the files of the robot and its parts say and freefloat does not use.
     """
 
@@ -203,6 +205,7 @@ class RobotDescription:
     files: tuple[str, ...] = field(default=(), repr=False)
     altered: bool = field(default=False, repr=False)
     frames: frozenset[str] = field(default=frozenset(), repr=False)
+    arguments: tuple[Argument, ...] = field(default=(), repr=False)
     not_read: tuple[NotRead, ...] = field(default=(), repr=False)
     tag = "robot"
 

@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from numbers import Real
 from pathlib import Path
 
 from freefloat.errors import InputError, ModelError, require_extra, require_type
@@ -27,6 +28,7 @@ class RobotSource:
         root: Body of a model of MuJoCo that is the spacecraft; default: the only body in the
             world, else the only one with a free joint and bodies that move on it.
         packages: Folders of packages of ROS, by name; others are looked for above the file.
+        arguments: Values of arguments of a xacro file, by name; others have their defaults.
 
     Raises:
         InputError: If a value has another type, or a folder does not exist.
@@ -40,6 +42,7 @@ class RobotSource:
     urdf: str | Path
     root: str | None = None
     packages: Mapping[str, str | Path] = field(default_factory=dict, hash=False)
+    arguments: Mapping[str, str | float | bool] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.urdf, os.PathLike):
@@ -49,6 +52,9 @@ class RobotSource:
         for name, folder in self.packages.items():
             if not Path(folder).is_dir():
                 raise InputError(f"packages.{name}", f"{folder} is no folder", "an existing folder")
+        require_type("arguments", self.arguments, Mapping, "a map from argument to value")
+        for name, value in self.arguments.items():
+            require_type(f"arguments.{name}", value, str | Real, "text, a number, true or false")
 
     @classmethod
     def of(cls, urdf: str | Path | RobotSource) -> RobotSource:
@@ -70,6 +76,11 @@ class RobotSource:
         """The file, or ``"URDF text"``."""
         return "URDF text" if self.is_text else str(Path(self.urdf))
 
+    @property
+    def altered(self) -> bool:
+        """Whether the robot is not the one that the file alone describes."""
+        return bool(self.root or self.arguments)
+
     def read(self) -> UrdfText:
         """Text of the URDF, also of what a xacro or MJCF file describes.
 
@@ -78,19 +89,26 @@ class RobotSource:
             ModelError: If the reader of a xacro or MJCF file refuses it.
             MissingExtraError: If this reader is not installed.
         """
-        if self.is_text:
-            return UrdfText(str(self.urdf))
-        file = Path(self.urdf)
-        text = read_text(file)
-        if self.root is not None and not _MJCF.match(text):
+        file = Path("." if self.is_text else self.urdf)
+        text = str(self.urdf) if self.is_text else read_text(file)
+        xacro = not self.is_text and file.suffix == ".xacro"
+        mjcf = not self.is_text and not xacro and _MJCF.match(text)
+        if self.root is not None and not mjcf:
             problem = f"{self.root} was given, but this is no model of MuJoCo"
             accepted = "nothing: its root is the link without parent"
-            raise ModelError("root", problem, accepted, str(file))
-        if file.suffix == ".xacro":
+            raise ModelError("root", problem, accepted, self.name)
+        if self.arguments and not xacro:
+            problem = f"{', '.join(self.arguments)} was given, but this is no xacro file"
+            accepted = "nothing, or a file whose name ends in .xacro"
+            raise ModelError("arguments", problem, accepted, self.name)
+        if xacro:
             require_extra("xacro", "xacro")
             folders = {name: os.path.abspath(folder) for name, folder in self.packages.items()}
-            return run_reader("freefloat.robot.formats.xacro", file, packages=folders)
-        if _MJCF.match(text):
+            arguments = {name: _text(value) for name, value in self.arguments.items()}
+            return run_reader(
+                "freefloat.robot.formats.xacro", file, packages=folders, arguments=arguments
+            )
+        if mjcf:
             require_extra("mujoco", "mujoco")
             return run_reader("freefloat.robot.formats.mjcf", file, root=self.root)
         return UrdfText(text)
@@ -102,3 +120,8 @@ class RobotSource:
             if name.startswith(prefix):
                 return f"{Path(folder).absolute().as_uri()}/{name.removeprefix(prefix)}"
         return name
+
+
+def _text(value: str | float | bool) -> str:
+    """The value of an argument as it is written in a file."""
+    return str(value).lower() if isinstance(value, bool) else str(value)

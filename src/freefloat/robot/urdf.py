@@ -66,6 +66,8 @@ def parse_urdf(urdf: str | Path | RobotSource) -> RobotDescription:
         diagnostics=(*reader.diagnostics, *description.diagnostics, *warnings),
         files=read.files,
         frames=frozenset(read.frames),
+        arguments=read.arguments,
+        altered=robot_source.altered,
     )
 
 

@@ -86,7 +86,7 @@ def study_files(study: Study) -> Files:
     names = set(_file_names(study.base))
     for key, section in study.content.vary.items():
         names |= set(_file_names(section.values, key.rpartition(".")[2]))
-    packages, root = _packages(study, folder), _robot_section(study).get("root")
+    packages, robot = _packages(study, folder), _robot_section(study)
     files = set[Path]()
     for key, name in names:
         path = Path(os.path.normpath(folder / name))
@@ -94,7 +94,10 @@ def study_files(study: Study) -> Files:
             files.add(path)
             if key == "urdf":
                 with suppress(InputError):  # which is an error of the runs
-                    files |= set(_robot_files(RobotSource(path, root, packages)))
+                    source = RobotSource(
+                        path, robot.get("root"), packages, robot.get("arguments", {})
+                    )
+                    files |= set(_robot_files(source))
     return tuple(sorted((str(file), _read(file)) for file in files))
 
 

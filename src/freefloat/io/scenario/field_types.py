@@ -24,6 +24,7 @@ Moments = tuple[Number, Number, Number, Number, Number, Number]
 Inertia = Vector | Moments | tuple[Vector, Vector, Vector]
 Size = tuple[Positive, Positive, Positive]
 Quaternion = tuple[Number, Number, Number, Number]
+ArgumentValue = str | bool | Annotated[int, Field(strict=True)] | Number
 Coefficients = Annotated[list[Number], Field(min_length=1, max_length=32)]
 
 

@@ -19,6 +19,7 @@ from freefloat.io.scenario.arms_section import (
     paths_of_arms,
 )
 from freefloat.io.scenario.field_types import (
+    ArgumentValue,
     Factor,
     Inertia,
     Name,
@@ -97,13 +98,16 @@ class AttachedSection(Section):
     """Pose of its root link in the frame of that link."""
     prefix: str = ""
     """Prefix of the names of its links and joints."""
+    arguments: dict[Name, ArgumentValue] = Field(default={}, max_length=100)
+    """Values of arguments of its xacro file, by name."""
 
     def to_attachment(
         self, scenario: Path, key: str, packages: Mapping[str, str | Path]
     ) -> Attachment:
         """The attachment; errors name the scenario file and begin with a key."""
         with error_context(scenario, key):
-            source = RobotSource(find_robot(self.urdf, scenario.parent), packages=packages)
+            file = find_robot(self.urdf, scenario.parent)
+            source = RobotSource(file, packages=packages, arguments=self.arguments)
         return Attachment(source, self.link, self.mount.to_mount(), self.prefix)
 
 
@@ -121,6 +125,9 @@ class RobotSection(Section):
     packages: dict[Name, Name] = Field(default={}, max_length=100)
     """Folders of packages of ROS, by name, relative to the scenario file; others are looked for
     above the file that needs them."""
+    arguments: dict[Name, ArgumentValue] = Field(default={}, max_length=100)
+    """Values of arguments of a xacro file, by name: text, numbers, true or false; others have their
+    defaults."""
     scale_mass: Factor | dict[str, Factor] = 1.0
     """Factor on mass and inertia of every link, or a map from link to factor."""
     spacecraft: SpacecraftSection | None = None
@@ -164,7 +171,8 @@ class RobotSection(Section):
         """
         folder = scenario.parent
         with error_context(scenario, "robot."):
-            return RobotSource(find_robot(self.urdf, folder), self.root, self._packages(folder))
+            file = find_robot(self.urdf, folder)
+            return RobotSource(file, self.root, self._packages(folder), self.arguments)
 
     def _packages(self, folder: Path) -> dict[str, Path]:
         return {name: folder / place for name, place in self.packages.items()}

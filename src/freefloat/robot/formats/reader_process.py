@@ -34,6 +34,15 @@ _END_WITH_PARENT = 1
 
 
 @dataclass(frozen=True)
+class Argument:
+    """An argument of a xacro file: its value, and whether that is its default."""
+
+    name: str
+    value: str
+    default: bool
+
+
+@dataclass(frozen=True)
 class UrdfText:
     """What a reader returns.
 
@@ -44,6 +53,7 @@ class UrdfText:
         not_read: What the file says and the URDF does not.
         converted: Whether it was made of another format, so that its lines are not the file's.
         frames: Links that are mere frames, such as sites: none of them is meant as the last link.
+        arguments: Arguments of a xacro file.
     """
 
     text: str
@@ -52,6 +62,7 @@ class UrdfText:
     not_read: tuple[NotRead, ...] = ()
     converted: bool = False
     frames: tuple[str, ...] = ()
+    arguments: tuple[Argument, ...] = ()
 
 
 def run_reader(module: str, file: Path, **arguments: Any) -> UrdfText:
@@ -91,8 +102,11 @@ def run_reader(module: str, file: Path, **arguments: Any) -> UrdfText:
         raise ModelError(key, problem, accepted, str(file) if own else source, line)
     warnings = tuple((first, second) for first, second in answer["warnings"])
     not_read = tuple(NotRead(**entry) for entry in answer["not_read"])
-    files, frames = tuple(answer["files"]), tuple(answer["frames"])
-    return UrdfText(answer["text"], warnings, files, not_read, converted=True, frames=frames)
+    return UrdfText(
+        answer["text"], warnings, tuple(answer["files"]), not_read, converted=True,
+        frames=tuple(answer["frames"]),
+        arguments=tuple(Argument(**argument) for argument in answer["arguments"]),
+    )  # fmt: skip
 
 
 def main() -> None:

@@ -1,15 +1,12 @@
 """URDF text of xacro files; runs in a process of its own.
 
 A xacro file is a program in a small language; it may read XML and YAML files, and nothing else. Its
-expressions are evaluated without a way to the rest of Python: only operators, literals, subscripts,
-calls and names are accepted. An attribute is an entry of a namespace or of a dictionary, or one of
-a few methods of text, lists and dictionaries: never an attribute of Python's objects. The functions
+expressions are evaluated by :mod:`~freefloat.robot.formats.xacro_expressions`, and the functions
 that can be called are xacro's.
 """
 
 from __future__ import annotations
 
-import ast
 import os
 import re
 import xml.dom.minidom
@@ -17,87 +14,57 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from freefloat.errors import ModelError, one_line
+from freefloat.errors import ModelError, did_you_mean, one_line
 from freefloat.robot.bundled import read_text
-from freefloat.robot.formats.reader_process import UrdfText
+from freefloat.robot.formats.reader_process import Argument, UrdfText
+from freefloat.robot.formats.xacro_confinement import confine, require_confinable
+from freefloat.robot.formats.xacro_expressions import evaluate
 from freefloat.robot.mesh_files import NAMED_PACKAGE, PACKAGES, find_package
 
-_ACCEPTED = (
-    ast.Expression, ast.BoolOp, ast.BinOp, ast.UnaryOp, ast.IfExp, ast.Compare, ast.Call,
-    ast.keyword, ast.Attribute, ast.Subscript, ast.Slice, ast.Name, ast.Constant, ast.List,
-    ast.Tuple, ast.Dict, ast.Set, ast.expr_context, ast.operator, ast.boolop, ast.unaryop,
-    ast.cmpop,
-)  # fmt: skip
-_METHODS = {
-    str: {"count", "endswith", "find", "index", "isdigit", "join", "lower", "lstrip", "replace",
-          "rfind", "rsplit", "rstrip", "split", "splitlines", "startswith", "strip", "title",
-          "upper", "zfill"},
-    list: {"append", "copy", "count", "extend", "index", "insert", "pop", "remove", "reverse"},
-    tuple: {"count", "index"},
-    dict: {"copy", "get", "items", "keys", "pop", "update", "values"},
-}  # fmt: skip
-"""Methods by type; ``format`` would reach attributes."""
-_ATTRIBUTE = "attribute of"
-"""Name of the function for attributes, which no expression can write."""
-
-
-class ExpressionError(Exception):
-    """An expression that is not accepted."""
-
-
-def evaluate(expression: str, symbols: dict[str, Any]) -> Any:
-    """The value of an expression.
-
-    Args:
-        expression: Text of the expression.
-        symbols: Values of names.
-
-    Raises:
-        ExpressionError: If it is more than an expression of numbers, text, lists and functions.
-    """
-    tree = ast.fix_missing_locations(_Checked().visit(ast.parse(expression.strip(), mode="eval")))
-    names = {"__builtins__": {}, _ATTRIBUTE: _attribute}
-    return eval(compile(tree, "<expression>", "eval"), names, symbols)
-
-
-class _Checked(ast.NodeTransformer):
-    """Refuses what is not accepted; attributes become calls of a function."""
-
-    def visit(self, node: ast.AST) -> Any:
-        if not isinstance(node, _ACCEPTED):
-            raise ExpressionError(f"{type(node).__name__} is not accepted in expressions")
-        return super().visit(node)
-
-    def visit_Name(self, node: ast.Name) -> ast.Name:
-        if node.id.startswith("__"):
-            raise ExpressionError(f"the name {node.id} is not accepted in expressions")
-        return node
-
-    def visit_Attribute(self, node: ast.Attribute) -> ast.Call:
-        if node.attr.startswith("_"):
-            raise ExpressionError(f"the attribute {node.attr} is not accepted in expressions")
-        function = ast.Name(_ATTRIBUTE, ast.Load())
-        return ast.Call(function, [self.visit(node.value), ast.Constant(node.attr)], [])
-
-
-def _attribute(value: object, name: str) -> Any:
-    """An entry of a dictionary or namespace, or a method of a literal."""
-    if isinstance(value, Mapping) and name in value:
-        return value[name]
-    plain = next((kind for kind in _METHODS if isinstance(value, kind)), None)
-    if plain is None or name not in _METHODS[plain]:
-        raise ExpressionError(f"{type(value).__name__} has no {name} that expressions can use")
-    return getattr(value, name)
-
-
-_REFUSED = ("type", "vars")
-"""Functions of xacro that reach Python's classes."""
 _PREFIX = re.compile(r"<class '[^']*'>: ")
 """Name of an exception's class in messages of xacro."""
 
 
-def read(file: str, packages: Mapping[str, str]) -> UrdfText:
-    """The URDF that a xacro file makes, all arguments at their defaults.
+class _Arguments(dict[str, str]):
+    """Values of arguments by name, and which of them the files declare or use."""
+
+    def __init__(self, given: Mapping[str, str]) -> None:
+        super().__init__(given)
+        self.given = frozenset(given)
+        self.known: dict[str, None] = {}
+
+    def __getitem__(self, name: str) -> str:
+        self.known[name] = None
+        return super().__getitem__(name)
+
+    def declare(self, document: xml.dom.minidom.Document) -> None:
+        """Note the arguments that a document declares.
+
+        Those without a default get one that fails where it is needed: xacro demands a default.
+        """
+        for element in document.getElementsByTagName("xacro:arg"):
+            name = element.getAttribute("name")
+            self.known[name] = None
+            if not element.hasAttribute("default"):
+                element.setAttribute("default", f"$(arg {name})")
+
+    def require_known(self, source: str) -> None:
+        """Raise a ModelError if one was given that no file declares or uses."""
+        for name in sorted(self.given - set(self.known)):
+            problem = f"the file has no argument {name!r}{did_you_mean(name, self.known)}"
+            accepted = ", ".join(self.known) or "nothing: the file declares no argument"
+            raise ModelError(f"arguments.{name}", problem, accepted, source)
+
+    def used(self) -> tuple[Argument, ...]:
+        """The arguments with the values that were used."""
+        return tuple(Argument(name, self.get(name, ""), name not in self.given)
+                     for name in self.known if name in self)  # fmt: skip
+
+
+def read(
+    file: str, packages: Mapping[str, str], arguments: Mapping[str, str] | None = None
+) -> UrdfText:
+    """The URDF that a xacro file makes.
 
     Files that it includes are relative to the file that includes them. ``$(find NAME)`` finds
     packages by name, else among the folders above the file and those of ROS.
@@ -105,29 +72,44 @@ def read(file: str, packages: Mapping[str, str]) -> UrdfText:
     Args:
         file: The file.
         packages: Folders of packages, by name.
+        arguments: Values of its arguments by name; others have their defaults.
 
     Raises:
-        ModelError: If the file has errors.
+        ModelError: If the file has errors, an argument without a default has no value, one is given
+            that it does not have, or this release of xacro cannot be confined.
     """
     import xacro
 
+    require_confinable(xacro)
     files: list[str] = []
-    _confine(xacro, Path(file), packages, files)
+    values = _Arguments(arguments or {})
+    confine(xacro, _functions(xacro, Path(file), packages, files, values))
     try:
-        text = xacro.process_file(file, mappings={}, verbosity=0).toxml()
-        return UrdfText(text, files=tuple(files))
+        text = xacro.process_file(file, mappings=values, verbosity=0).toxml()
     except MemoryError:
         raise
     except Exception as error:  # of any kind: macros evaluate expressions
-        causes = tuple(_causes(error))
-        for cause in causes:
-            if isinstance(cause, ModelError | MemoryError):
-                raise cause from None
-        text, reason = _PREFIX.sub("", str(error)), str(causes[-1])
-        text = text.replace(reason, "", text.count(reason) - 1) or type(causes[-1]).__name__
-        problem = f"xacro refuses it ({one_line(' '.join(text.split()))})"
         source = next((name for name in reversed(xacro.filestack) if name), file)
-        raise ModelError("urdf", problem, "a valid xacro file", source) from None
+        raise _refusal(error, source) from None
+    values.require_known(file)
+    return UrdfText(text, files=tuple(files), arguments=values.used())
+
+
+def _refusal(error: Exception, source: str) -> BaseException:
+    """The error of a file in place of one of xacro."""
+    causes = tuple(_causes(error))
+    for cause in causes:
+        if isinstance(cause, ModelError | MemoryError):
+            return cause
+        if type(cause).__name__ == "ArgException":
+            name = str(cause)
+            accepted = f"--xacro {name}=VALUE (robot.arguments in a scenario)"
+            problem = "this argument of the xacro file has neither a value nor a default"
+            return ModelError(f"arguments.{name}", problem, accepted, source)
+    text, reason = _PREFIX.sub("", str(error)), str(causes[-1])
+    text = text.replace(reason, "", text.count(reason) - 1) or type(causes[-1]).__name__
+    problem = f"xacro refuses it ({one_line(' '.join(text.split()))})"
+    return ModelError("urdf", problem, "a valid xacro file", source)
 
 
 def _causes(error: object) -> Iterator[object]:
@@ -137,12 +119,13 @@ def _causes(error: object) -> Iterator[object]:
         error = getattr(error, "exc", None)
 
 
-def _confine(xacro: Any, file: Path, packages: Mapping[str, str], files: list[str]) -> None:
-    """Replace what evaluates expressions, reads files or looks around on this machine.
+def _functions(
+    xacro: Any, file: Path, packages: Mapping[str, str], files: list[str], values: _Arguments
+) -> dict[str, Any]:
+    """What takes the place of xacro's functions, by name.
 
-    Files that are read are appended to the list.
+    Files that are read are appended to the list; arguments that they declare are noted.
     """
-    from xacro import substitution_args
 
     def parse(_: None, name: str) -> xml.dom.minidom.Document:
         path = Path(name)
@@ -151,7 +134,9 @@ def _confine(xacro: Any, file: Path, packages: Mapping[str, str], files: list[st
             problem = f"there is no file {name}"
             raise xacro.XacroException(exc=FileNotFoundError(problem))
         files.append(os.path.abspath(path))
-        return _document(path)
+        document = _document(path)
+        values.declare(document)
+        return document
 
     def find(package: str) -> str:
         folder = packages.get(package) or find_package(package, file)
@@ -178,17 +163,16 @@ def _confine(xacro: Any, file: Path, packages: Mapping[str, str], files: list[st
     def refuse_eval(text: str, context: object) -> None:
         raise refused(f"eval {text}")
 
-    xacro.safe_eval = evaluate
-    xacro.parse = parse
-    substitution_args._eval_find = find
-    substitution_args._eval_dirname = lambda _: str(Path(xacro.filestack[-1]).parent)
-    substitution_args._eval_env = refuse_env
-    substitution_args._eval = refuse_eval
-    substitution_args._eval_optenv = lambda name, default="": default
-    symbols = xacro._global_symbols
-    for name in _REFUSED:
-        symbols["python"].pop(name, None)
-    symbols["load_yaml"] = symbols["xacro"]["load_yaml"] = load_yaml
+    return {
+        "safe_eval": evaluate,
+        "parse": parse,
+        "load_yaml": load_yaml,
+        "_eval_find": find,
+        "_eval_dirname": lambda _: str(Path(xacro.filestack[-1]).parent),
+        "_eval_env": refuse_env,
+        "_eval_optenv": lambda name, default="": default,
+        "_eval": refuse_eval,
+    }
 
 
 def _document(path: Path) -> xml.dom.minidom.Document:
