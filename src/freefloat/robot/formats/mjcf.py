@@ -24,6 +24,7 @@ from freefloat.robot.formats.mjcf_bodies import (
     moving_joint,
     root_body,
 )
+from freefloat.robot.formats.mjcf_not_read import SHAPES, not_read
 from freefloat.robot.formats.reader_process import MEMORY, UrdfText
 
 _EFFORT, _VELOCITY = "1e9", "1e9"
@@ -53,7 +54,7 @@ def read(file: str, root: str | None = None) -> UrdfText:
         raise ModelError("urdf", f"it has {model.nbody:,} bodies", f"at most {_MOST:,}", file)
     start = root_body(model, root, file)
     bodies = [body for body in range(1, model.nbody) if start in line(model, body)]
-    robot = ET.Element("robot", name=Path(file).stem)
+    robot = ET.Element("robot", name=Path(file).stem, version="1.1")  # which has capsules
     joints = {body: None if body == start else moving_joint(model, body, file) for body in bodies}
     anchors = {body: np.zeros(3) if joint is None else model.jnt_pos[joint].copy()
                for body, joint in joints.items()}  # fmt: skip
@@ -69,8 +70,12 @@ def read(file: str, root: str | None = None) -> UrdfText:
     ET.indent(robot)
     text = ET.tostring(robot, encoding="unicode")
     warnings = (*_warnings(model, start, named=root is not None), *_renamed(sites))
-    files = tuple(sorted(map(str, _files(Path(file)))))
-    return UrdfText(text, warnings, files, frames=tuple(sites.values()))
+    files = sorted(_files(Path(file)))
+    documents = [Path(file), *(path for path in files if path.suffix == ".xml")]
+    return UrdfText(
+        text, warnings, tuple(map(str, files)), tuple(not_read(model, bodies, documents)),
+        frames=tuple(sites.values()),
+    )  # fmt: skip
 
 
 def _files(model: Path) -> set[Path]:
@@ -140,18 +145,17 @@ def _add_inertial(link: ET.Element, model: Any, body: int, anchor: Array) -> Non
 
 
 def _add_shapes(link: ET.Element, model: Any, body: int, anchor: Array) -> None:
-    """Add boxes, spheres, cylinders and, as cylinders, capsules."""
+    """Add boxes, spheres, cylinders and capsules."""
     first, count = int(model.body_geomadr[body]), int(model.body_geomnum[body])
     for geom in range(first, first + count):
         size = model.geom_size[geom].tolist()
-        match int(model.geom_type[geom]):
-            case 2:
-                shape, attributes = "sphere", {"radius": repr(size[0])}
-            case 3 | 5:
-                shape = "cylinder"
+        match shape := SHAPES.get(int(model.geom_type[geom])):
+            case "sphere":
+                attributes = {"radius": repr(size[0])}
+            case "cylinder" | "capsule":
                 attributes = {"radius": repr(size[0]), "length": repr(2.0 * size[1])}
-            case 6:
-                shape, attributes = "box", {"size": " ".join(repr(2.0 * edge) for edge in size)}
+            case "box":
+                attributes = {"size": " ".join(repr(2.0 * edge) for edge in size)}
             case _:
                 continue
         visual = ET.SubElement(link, "visual")
