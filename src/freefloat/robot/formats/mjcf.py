@@ -198,27 +198,29 @@ def _add_joint(robot: ET.Element, model: Any, body: int, joint: int | None, at: 
 
 def _add_sites(robot: ET.Element, model: Any, anchors: Mapping[int, Array]) -> dict[str, str]:
     """Add links for the named sites of bodies, fixed to these; the links' names by site."""
-    names = {element.get("name", "") for element in robot}
-    sites: dict[str, str] = {}
-    for site in range(model.nsite):
-        body, name = int(model.site_bodyid[site]), str(model.site(site).name)
-        if not name or body not in anchors:
-            continue
-        sites[name] = _free_name(name, "_site", names)
-        ET.SubElement(robot, "link", name=sites[name])
-        joint_name = _free_name(f"{sites[name]}_fixed", "_site", names)
-        joint = ET.SubElement(robot, "joint", name=joint_name, type="fixed")
+    taken = {element.get("name", "") for element in robot}
+    sites = {str(model.site(site).name): site for site in range(model.nsite)
+             if int(model.site_bodyid[site]) in anchors}  # fmt: skip
+    sites.pop("", None)
+    names = taken | set(sites)
+    links: dict[str, str] = {}
+    for name, site in sites.items():
+        body = int(model.site_bodyid[site])
+        links[name] = _free_name(f"{name}_site", names) if name in taken else name
+        ET.SubElement(robot, "link", name=links[name])
+        fixing = _free_name(f"{links[name]}_fixed", names)
+        joint = ET.SubElement(robot, "joint", name=fixing, type="fixed")
         position = model.site_pos[site] - anchors[body]
         _add_origin(joint, position, _matrix(model.site_quat[site]))
         ET.SubElement(joint, "parent", link=body_name(model, body))
-        ET.SubElement(joint, "child", link=sites[name])
-    return sites
+        ET.SubElement(joint, "child", link=links[name])
+    return links
 
 
-def _free_name(name: str, suffix: str, names: set[str]) -> str:
+def _free_name(name: str, names: set[str]) -> str:
     """A name, with as many suffixes as it takes to be none of some names; it becomes one."""
     while name in names:
-        name += suffix
+        name += "_site"
     names.add(name)
     return name
 

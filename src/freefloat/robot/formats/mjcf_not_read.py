@@ -18,8 +18,8 @@ from freefloat.robot.bundled import read_text
 from freefloat.robot.formats.mjcf_bodies import SLIDE, WORLD, body_name, joint_name, joints_of
 from freefloat.robot.not_read import NotRead
 
-Lines = Mapping[tuple[str, str], tuple[str, int]]
-"""Tag and line of an element, by the kind and the name of what it describes."""
+Lines = Mapping[tuple[str, str], int]
+"""Line of an element, by the kind and the name of what it describes."""
 SHAPES = {2: "sphere", 3: "capsule", 5: "cylinder", 6: "box"}
 """Types of geoms that are shapes of links."""
 _OTHER_SHAPES = {0: "plane", 1: "height field", 4: "ellipsoid", 7: "mesh", 8: "distance field"}
@@ -113,37 +113,37 @@ def _of_model(model: Any, bodies: Collection[int], lines: Lines) -> Iterator[Not
             yield from _of_body(model, plain, body, lines)
         elif model.body_parentid[body] == WORLD or model.body_parentid[body] in bodies:
             name = body_name(model, body)
-            yield NotRead(f"body {name}", "", _line(lines, "body", name), "it is left out")
+            yield NotRead(f"body {name}", "", lines.get(("body", name)), "it is left out")
     for geom in range(model.ngeom):
         if model.geom_bodyid[geom] == WORLD:
             name = str(model.geom(geom).name)
             element = f"geom {name}".strip() + " of the world"
             meaning = f"it {_UNSHAPED}; robot and scene of a scenario are"
-            yield NotRead(element, "", _line(lines, "geom", name), meaning)
+            yield NotRead(element, "", lines.get(("geom", name)), meaning)
     yield from _couplings(model, mujoco, lines)
 
 
 def _of_body(model: Any, plain: Any, body: int, lines: Lines) -> Iterator[NotRead]:
     """What is not used of a body, its joints and its geoms."""
     name = body_name(model, body)
-    element, line = f"body {name}", _line(lines, "body", name)
+    element, line = f"body {name}", lines.get(("body", name))
     yield from _properties(model, plain, ("body", body, 1), element, line)
     if model.body_mocapid[body] >= 0:
         yield NotRead(element, "mocap", line, "a body that is moved from outside; it floats freely")
     for joint in joints_of(model, body):
         label = joint_name(model, joint)
-        element, line = f"joint {label}", _line(lines, "joint", label)
+        element, line = f"joint {label}", lines.get(("joint", label))
         yield from _properties(model, plain, ("jnt", joint, 0), element, line)
         first, place = int(model.jnt_dofadr[joint]), int(model.jnt_qposadr[joint])
         last = first + 1 if model.jnt_type[joint] >= SLIDE else first + 6
         for dof in range(first, last):
             yield from _properties(model, plain, ("dof", dof, 0), element, line)
-        if last == first + 1 and model.qpos_spring[place] != model.qpos0[place]:
+        if last == first + 1 and model.qpos_spring[place] != 0.0:  # stated, also without stiffness
             yield NotRead(element, "springref", line, f"a spring; {_RIGID}")
     geoms = int(model.body_geomadr[body])
     for geom in range(geoms, geoms + int(model.body_geomnum[body])):
         label = str(model.geom(geom).name)
-        element, line = f"geom {label}".strip() + f" of body {name}", _line(lines, "geom", label)
+        element, line = f"geom {label}".strip() + f" of body {name}", lines.get(("geom", label))
         kind = int(model.geom_type[geom])
         if kind not in SHAPES:
             shape = _OTHER_SHAPES.get(kind, "shape")
@@ -194,9 +194,8 @@ def _couplings(model: Any, mujoco: Any, lines: Lines) -> Iterator[NotRead]:
     )  # fmt: skip
     for kind, number, count, meaning in groups:
         for index in range(count):
-            name = mujoco.mj_id2name(model, number, index) or str(index)
-            tag, line = lines.get((kind, name), (kind, None))
-            yield NotRead(f"{tag} {name}", "", line, meaning)
+            name = mujoco.mj_id2name(model, number, index) or f"number {index + 1}"
+            yield NotRead(f"{kind} {name}", "", lines.get((kind, name)), meaning)
 
 
 def _of_file(root: Any) -> Iterator[NotRead]:
@@ -228,17 +227,13 @@ def _parsed(path: Path) -> Any:
 
 
 def _lines(root: Any) -> Lines:
-    """Tags and lines of the named elements of a file, without those of defaults."""
-    found: dict[tuple[str, str], tuple[str, int]] = {}
+    """Lines of the named elements of a file, without those of defaults."""
+    found: dict[tuple[str, str], int] = {}
     for element in root.iter("*"):
         name, parent = element.get("name"), element.getparent()
         if name is None or parent is None or parent.tag == "default":
             continue
         kind = {"freejoint": "joint"}.get(element.tag, element.tag)
         kind = parent.tag if parent.tag in ("actuator", "tendon", "equality") else kind
-        found.setdefault((kind, name), (element.tag, element.sourceline))
+        found.setdefault((kind, name), element.sourceline)
     return found
-
-
-def _line(lines: Lines, kind: str, name: str) -> int | None:
-    return lines[kind, name][1] if (kind, name) in lines else None

@@ -1,0 +1,221 @@
+"""Models of MuJoCo: bases, sites, capsules, and what of them is not used."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+import yaml
+
+import freefloat as ff
+from tests.commands import document, error, run
+from tests.errors import error_key
+
+pytestmark = pytest.mark.slow
+ARM = """<body name="upper" pos="0.5 0 0" euler="10 20 30">
+  <joint name="q1" axis="0 0 1" pos="0.1 0 0" range="-180 180"/>
+  <geom type="capsule" size="0.05 0.3" pos="0.3 0 0" euler="0 90 0" mass="5"/>
+  <body name="lower" pos="0.6 0 0"><joint name="q2" axis="0 1 0" range="-180 180"/>
+    <geom type="capsule" fromto="0 0 0 0.5 0 0" size="0.04" mass="4"/>
+    <body name="hand" pos="0.5 0 0"><joint name="q3" axis="0 1 0" range="-180 180"/>
+      <geom size="0.1" mass="2"/>{more}
+    </body></body></body>"""
+BUS = '<geom name="box" type="box" size="0.5 0.5 0.5" mass="200" {box}/>'
+
+
+def written(folder: Path, root: str = "<freejoint/>", more: str = "", *, head: str = "",
+            tail: str = "", before: str = "", box: str = "") -> Path:  # fmt: skip
+    """A file with a bus that joints carry, an arm of three joints, and more in its last body."""
+    bus = f'<body name="bus">{root}{BUS.format(box=box)}{ARM.format(more=more)}</body>'
+    file = folder / "robot.xml"
+    file.write_text(f"<mujoco>{head}<worldbody>{before}{bus}</worldbody>{tail}</mujoco>")
+    return file
+
+
+SLIDES = [f'<joint name="{name}" type="slide" axis="{axis}"/>'
+          for name, axis in (("x", "1 0 0"), ("y", "0 1 0"), ("z", "0 0 1"))]  # fmt: skip
+HINGES = [text.replace("slide", "hinge").replace('name="', 'name="r') for text in SLIDES]
+BASES = {
+    "planar": [*SLIDES[:2], HINGES[2]],
+    "a hinge": HINGES[:1],
+    "two slides": SLIDES[:2],
+    "a ball": ['<joint name="b" type="ball"/>'],
+    "parallel slides": [*SLIDES[:2], SLIDES[0].replace('"x"', '"z"'), *HINGES],
+    "six with a range": [*SLIDES[:2], SLIDES[2].replace("/>", ' range="-1 1"/>'), *HINGES],
+}
+
+
+@pytest.mark.parametrize("name", BASES)
+def test_bases_that_are_not_free_are_refused_by_name(name: str, tmp_path: Path) -> None:
+    file = written(tmp_path, "".join(BASES[name]))
+    refusal = error("info", file, "--end-effector", "hand")
+    assert refusal["key"] == "root"
+    names = [text.split('"')[1] for text in BASES[name]]
+    assert all(f"{joint} (" in refusal["message"] for joint in names)
+    for root in ("bus", "lower"):
+        source = ff.RobotSource(file, root)
+        assert error_key(ff.FreeFloatingModel.from_urdf, source, "hand") == "root"
+
+
+@pytest.mark.parametrize("root", [
+    "", "<freejoint/>", '<joint type="free"/>', "".join([*SLIDES, *HINGES]),
+])  # fmt: skip
+def test_free_bases_are_the_same_robot(root: str, tmp_path: Path) -> None:
+    model = ff.FreeFloatingModel.from_urdf(written(tmp_path, root), "hand")
+    assert (model.body_names[0], model.joint_names) == ("bus", ("q1", "q2", "q3"))
+    assert model.total_mass == pytest.approx(211.0)
+
+
+def test_bases_on_massless_carriages_are_refused(tmp_path: Path) -> None:
+    light = '<inertial pos="0 0 0" mass="1e-6" diaginertia="1e-9 1e-9 1e-9"/>'
+    carriages = "".join(f'<body name="c{number}">{slide}{light}'
+                        for number, slide in enumerate(SLIDES[:2]))  # fmt: skip
+    text = written(tmp_path, HINGES[2]).read_text()
+    opened = text.replace('<body name="bus">', f'{carriages}<body name="bus">')
+    closed = opened.replace("</worldbody>", "</body></body></worldbody>")
+    (tmp_path / "a.xml").write_text(closed)
+    assert error_key(ff.FreeFloatingModel.from_urdf, tmp_path / "a.xml", "hand") == "root"
+    frame = closed.replace("<worldbody>", '<worldbody><body name="frame">')
+    (tmp_path / "b.xml").write_text(frame.replace("</worldbody>", "</body></worldbody>"))
+    with pytest.raises(ff.InputError, match="x, y, rz carry bus"):
+        ff.FreeFloatingModel.from_urdf(tmp_path / "b.xml", "hand")
+
+
+SITES = {
+    "tip": 'class="tip" pos="0.1 0.2 0.3"',
+    "quat": 'pos="0 0 1" quat="1 2 -1 0.5"',
+    "angles": 'euler="40 -20 70"',
+    "axis": 'axisangle="1 0 1 25"',
+    "axes": 'xyaxes="0 1 0 -1 0 0.2"',
+    "z": 'zaxis="1 1 0.3"',
+    "line": 'type="capsule" size="0.01" fromto="0 0 0 0.1 0.2 0.3"',
+}
+
+
+def test_sites_are_end_effectors_where_mujoco_has_them(tmp_path: Path) -> None:
+    sites = "".join(f'<site name="{name}" {pose}/>' for name, pose in SITES.items())
+    head = '<default><default class="tip"><site euler="5 30 20"/></default></default>'
+    nested = f'<site/><body name="flange" pos="0.1 0 0.1" euler="0 50 0">{sites}</body>'
+    file = written(tmp_path, more=nested, head=head)
+    robot = mujoco.MjModel.from_xml_path(str(file))
+    state, still = mujoco.MjData(robot), [0.0, 0.0, 0.0, 1.0]
+    models = {name: ff.FreeFloatingModel.from_urdf(file, name) for name in SITES}
+    for joints in np.random.default_rng(0).uniform(-2.0, 2.0, (5, 3)):
+        state.qpos[7:] = joints
+        mujoco.mj_kinematics(robot, state)
+        for name, model in models.items():
+            pose, site = model.end_effector_pose(still, joints), state.site(name)
+            away = pose.position - model.base_position(still, joints)
+            np.testing.assert_allclose(away, site.xpos, atol=1e-12)
+            np.testing.assert_allclose(pose.rotation.ravel(), site.xmat, atol=1e-12)
+
+
+def test_sites_are_offered_and_bodies_stay_the_default(tmp_path: Path) -> None:
+    file = written(tmp_path, more='<site name="tip" pos="0 0 1"/><site name="imu"/>')
+    assert document("info", file)["end_effector"] == "hand"
+    assert {"tip", "imu"} <= set(
+        error("info", file, "--end-effector", "tap")["accepted"].split(", ")
+    )
+    payload = ff.Payload(5.0, np.eye(3))
+    held = ff.FreeFloatingModel.from_urdf(file, payload=payload)
+    assert held.description.parent_joints["payload"].parent == "hand"
+
+
+def test_a_site_with_the_name_of_a_body_has_another(tmp_path: Path) -> None:
+    file = written(tmp_path, more='<site name="hand" pos="0 0 1"/><site name="hand_site"/>')
+    info = document("info", file, "--end-effector", "hand")
+    assert any("hand_site" in finding["problem"] for finding in info["findings"])
+    reach = {name: document("info", file, "--end-effector", name)["barycentric_lengths"][-1]
+             for name in ("hand", "hand_site", "hand_site_site")}  # fmt: skip
+    assert reach["hand_site"] == pytest.approx(reach["hand"])
+    assert reach["hand_site_site"] == pytest.approx(reach["hand"] + 1.0)
+
+
+def test_written_robots_keep_sites(tmp_path: Path) -> None:
+    file = written(tmp_path, more='<site name="tip" pos="0.1 0.2 0.3" euler="0 40 0"/>')
+    assert run("assemble", file, "-o", tmp_path / "robot.urdf").exit_code == 0
+    joints, still = [0.3, -0.4, 0.8], [0.0, 0.0, 0.0, 1.0]
+    model = ff.FreeFloatingModel.from_urdf(file, "tip")
+    other = pin.buildModelFromUrdf(str(tmp_path / "robot.urdf"), pin.JointModelFreeFlyer())
+    data = other.createData()
+    pin.framesForwardKinematics(other, data, model.configuration(still, joints))
+    placement = data.oMf[other.getFrameId("tip")]
+    pose = model.end_effector_pose(still, joints)
+    np.testing.assert_allclose(placement.translation, pose.position, atol=1e-12)
+    np.testing.assert_allclose(placement.rotation, pose.rotation, atol=1e-12)
+    start, end = pose.position.tolist(), (0.98 * pose.position).tolist()
+    scenario = {
+        "robot": {"urdf": "robot.xml", "end_effector": "tip"}, "task": "position",
+        "path": {"line": {"from": start, "to": end}}, "timing": {"duration": 60},
+        "margin": {"measure": "gjm", "value": 1e-4},
+    }  # fmt: skip
+    (tmp_path / "s.yaml").write_text(yaml.safe_dump(scenario))
+    plan = tmp_path / "p.h5"
+    assert run("simulate", tmp_path / "s.yaml", "--attitude", 0, 0, 0, 1, "-o", plan).exit_code == 0
+    assert ff.load(plan).problem.model.end_effector == "tip"
+    assert run("check", plan).exit_code == 0
+
+
+def test_capsules_stay_capsules(tmp_path: Path) -> None:
+    """A ball at the round end of a capsule is closer than to a cylinder of the same length."""
+    model = ff.FreeFloatingModel.from_urdf(written(tmp_path), "hand")
+    shapes = [link.shapes[0].geometry for link in model.description.links]
+    assert [type(shape).__name__ for shape in shapes] == ["Box", "Capsule", "Capsule", "Sphere"]
+    assert (shapes[1].radius, shapes[1].length) == (0.05, pytest.approx(0.6))
+    assert (shapes[2].radius, shapes[2].length) == (0.04, pytest.approx(0.5))
+
+
+HEAD = """
+<option timestep="0.001"
+  gravity="0 0 -9.81"/>
+<default><joint armature="0.1"/><default class="soft"><joint damping="2"/></default></default>
+<asset><mesh name="tet" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>"""
+MORE = """<body name="finger" gravcomp="1">
+<joint name="f" type="slide" class="soft" range="0 1" stiffness="3"
+  springref="0.2" frictionloss="0.5" actuatorfrcrange="-5 5"/>
+<geom name="shell" type="mesh"
+  mesh="tet" mass="1"/>
+<geom name="egg" type="ellipsoid" size="0.1 0.2 0.3" mass="1"/></body>"""
+TAIL = """<contact><exclude name="near" body1="bus" body2="upper"/></contact>
+<tendon><fixed name="cable"><joint joint="q1" coef="1"/></fixed></tendon>
+<equality><joint name="gear" joint1="q2" joint2="q3"/></equality>
+<actuator>
+<motor name="motor" joint="q1" gear="50" forcerange="-4 4"/></actuator>"""
+UNUSED = {
+    ("joint f", "damping"), ("joint f", "stiffness"), ("joint f", "springref"),
+    ("joint f", "frictionloss"), ("joint f", "actuatorfrcrange"), ("body finger", "gravcomp"),
+    *((f"joint {name}", "armature") for name in ("q1", "q2", "q3", "f")),
+    ("geom shell of body finger", "type"), ("geom egg of body finger", "type"),
+    ("geom box of body bus", "friction"), ("exclude near", ""), ("tendon cable", ""),
+    ("equality gear", ""), ("actuator motor", ""), ("option", "gravity"), ("option", "timestep"),
+    ("body target", ""), ("geom floor of the world", ""),
+}  # fmt: skip
+
+
+def test_what_is_not_used_is_listed_once(tmp_path: Path) -> None:
+    before = '<geom name="floor" type="plane" size="5 5 1"/><body name="target" mocap="true"/>'
+    file = written(
+        tmp_path, more=MORE, head=HEAD, tail=TAIL, before=before, box='friction="0.3 0.005 0.0001"'
+    )
+    listed = document("info", file, "--end-effector", "finger")["not_read"]
+    entries = [(entry["element"], entry["attribute"]) for entry in listed]
+    assert set(entries) == UNUSED
+    assert len(entries) == len(UNUSED)
+    text = file.read_text().split("\n")
+    lines = {entry["element"]: entry["line"] for entry in listed}
+    for element, begin in (("option", "<option"), ("joint f", '<joint name="f"'),
+                           ("geom shell of body finger", '<geom name="shell"'),
+                           ("actuator motor", "<motor")):  # fmt: skip
+        assert begin in text[lines[element] - 1]
+    shown = run("info", file, "--end-effector", "finger").stdout
+    assert "armature" in shown
+    assert "gravcomp" in shown
+
+
+def test_a_model_of_what_is_used_has_nothing_else(tmp_path: Path) -> None:
+    file = written(tmp_path, head='<compiler autolimits="true"/><option gravity="0 0 0"/>',
+                   more='<site name="tip"/>')  # fmt: skip
+    assert document("info", file)["not_read"] == []
