@@ -35,7 +35,10 @@ _Robot = Annotated[
 ]
 _Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The URDF to write.")]
 _EndEffector = Annotated[
-    str | None, typer.Option(metavar="LINK", help="The end-effector; default the only last link.")
+    str | None,
+    typer.Option(
+        metavar="LINK", help="The end-effector, a link or site; default the only last link."
+    ),
 ]
 _Mass = Annotated[float | None, typer.Option(metavar="KG", help="Mass of the spacecraft.")]
 _Inertia = Annotated[

@@ -39,7 +39,10 @@ RobotName = Annotated[
     ),
 ]
 EndEffector = Annotated[
-    str | None, typer.Option(metavar="LINK", help="For a URDF with several last links: which one.")
+    str | None,
+    typer.Option(
+        metavar="LINK", help="For several last links: which one; or a site of a MuJoCo model."
+    ),
 ]
 Root = Annotated[
     str | None,

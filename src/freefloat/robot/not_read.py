@@ -18,7 +18,7 @@ class NotRead:
         element: The element and the link, joint or body that it belongs to, as in
             ``"dynamics of joint elbow"``; ``"joint elbow"`` for the joint itself.
         attribute: The attribute, as in ``"damping"``; empty where the whole element is meant.
-        line: Line of the element, counted from 1; None where the file is no URDF.
+        line: Line of the element, counted from 1; None where it is not known.
         meaning: What it means and what freefloat does instead, a phrase.
     """
 

@@ -118,7 +118,7 @@ class RobotSection(Section):
     """A URDF, xacro or MJCF file, relative to the scenario file, the name of a bundled robot,
     ``example-robot-data:NAME`` or ``robot_descriptions:NAME``."""
     end_effector: Name
-    """The link that follows the path, or the name of its arm."""
+    """The link, or site of a model of MuJoCo, that follows the path, or the name of its arm."""
     root: Name | None = None
     """Of a model of MuJoCo, the body that is the spacecraft; default: the only body in the world,
     else the only one with a free joint and bodies that move on it."""
