@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 import freefloat as ff
+from freefloat.robot.parts import Attachment
 from tests.commands import document, error, run
 from tests.errors import error_key
 
@@ -122,6 +123,9 @@ def test_sites_are_offered_and_bodies_stay_the_default(tmp_path: Path) -> None:
     payload = ff.Payload(5.0, np.eye(3))
     held = ff.FreeFloatingModel.from_urdf(file, payload=payload)
     assert held.description.parent_joints["payload"].parent == "hand"
+    tool = Attachment(file, "end_effector", prefix="tool_")
+    longer = ff.FreeFloatingModel.from_urdf("planar_2dof", attached=[tool])
+    assert longer.end_effector == "tool_hand"
 
 
 def test_a_site_with_the_name_of_a_body_has_another(tmp_path: Path) -> None:

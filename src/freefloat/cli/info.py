@@ -24,7 +24,7 @@ from freefloat.cli.robots import (
     load_robot,
     not_read_lines,
 )
-from freefloat.errors import InputError
+from freefloat.errors import InputError, one_line
 
 if TYPE_CHECKING:
     from freefloat.dynamics.summary import Configuration, RobotSummary
@@ -142,7 +142,7 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
     virtual = VirtualManipulator.of(model.with_arms_at_zero)
     yield f"{model.description.source}: {model.total_mass:.6g} kg"
     if arguments := model.description.arguments:
-        texts = (f"{argument.name} {argument.value}{' (default)' * argument.default}"
+        texts = (f"{argument.name} {one_line(argument.value)}{' (default)' * argument.default}"
                  for argument in arguments)  # fmt: skip
         yield f"xacro arguments: {', '.join(texts)}"
     bodies = table(

@@ -78,11 +78,13 @@ def assemble(
         root = carrier
     for index, attachment in enumerate(attached):
         try:
-            files.append(_attach(robot, attachment, root, arm.source))
+            part = _attach(robot, attachment, root, arm.source)
         except InputError as error:
             if error.source is not None:
                 raise
             raise error.with_key(f"attached.{index}.{error.key}") from None
+        files.append(part)
+        arm = replace(arm, frames=arm.frames | {attachment.prefix + name for name in part.frames})
     if payload is not None:
         holder = end_effector_link(revised(arm, robot), end_effector)
         link = _add_body(robot, payload.name, payload, payload.com)

@@ -89,10 +89,10 @@ class RobotSource:
             ModelError: If the reader of a xacro or MJCF file refuses it.
             MissingExtraError: If this reader is not installed.
         """
-        file = Path("." if self.is_text else self.urdf)
+        file = Path("URDF text" if self.is_text else self.urdf)
         text = str(self.urdf) if self.is_text else read_text(file)
-        xacro = not self.is_text and file.suffix == ".xacro"
-        mjcf = not self.is_text and not xacro and _MJCF.match(text)
+        xacro = file.suffix == ".xacro"
+        mjcf = not (self.is_text or xacro) and _MJCF.match(text)
         if self.root is not None and not mjcf:
             problem = f"{self.root} was given, but this is no model of MuJoCo"
             accepted = "nothing: its root is the link without parent"

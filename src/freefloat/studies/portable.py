@@ -83,19 +83,20 @@ def study_files(study: Study) -> Files:
         InputError: If a file cannot be read.
     """
     folder = study.base_source.absolute().parent
-    names = set(_file_names(study.base))
+    robot = _robot_section(study)
+    names = list(_file_names(study.base, robot))
     for key, section in study.content.vary.items():
-        names |= set(_file_names(section.values, key.rpartition(".")[2]))
-    packages, robot = _packages(study, folder), _robot_section(study)
+        names += _file_names(section.values, robot, key.rpartition(".")[2])
+    packages = _packages(study, folder)
     files = set[Path]()
-    for key, name in names:
+    for key, name, beside in names:
         path = Path(os.path.normpath(folder / name))
         if is_file(path) and not os.path.isabs(name):
             files.add(path)
             if key == "urdf":
                 with suppress(InputError):  # which is an error of the runs
                     source = RobotSource(
-                        path, robot.get("root"), packages, robot.get("arguments", {})
+                        path, beside.get("root"), packages, beside.get("arguments", {})
                     )
                     files |= set(_robot_files(source))
     return tuple(sorted((str(file), _read(file)) for file in files))
@@ -124,16 +125,21 @@ def _robot_files(source: RobotSource) -> Iterator[Path]:
                 yield Path(os.path.abspath(find_mesh(shape.geometry.filename, robot.source)))
 
 
-def _file_names(node: Any, key: str = "") -> Iterator[tuple[str, str]]:
-    """Yield keys and names of files in a scenario's data, and in values of one of its keys."""
+def _file_names(
+    node: Any, section: dict[str, Any], key: str = ""
+) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Yield keys and names of files in a scenario's data, with the section that has each.
+
+    The data may be values of one of its keys, then the section is that of the unvaried scenario.
+    """
     if isinstance(node, dict):
         for inner, value in node.items():
-            yield from _file_names(value, inner)
+            yield from _file_names(value, node, inner)
     elif isinstance(node, list):
         for value in node:
-            yield from _file_names(value, key)
+            yield from _file_names(value, section, key)
     elif isinstance(node, str) and key in ("urdf", "mesh", "samples"):
-        yield key, node
+        yield key, node, section
 
 
 def _read(path: Path) -> bytes:
