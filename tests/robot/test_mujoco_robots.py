@@ -70,6 +70,18 @@ def test_free_bases_are_the_same_robot(root: str, tmp_path: Path) -> None:
     assert model.total_mass == pytest.approx(211.0)
 
 
+def test_bases_that_are_tied_to_the_world_are_refused(tmp_path: Path) -> None:
+    for tie in ('<weld body1="bus"/>', '<connect body1="bus" body2="world" anchor="0 0 0"/>',
+                '<weld site1="here" site2="there"/>'):  # fmt: skip
+        file = written(
+            tmp_path, '<freejoint/><site name="here"/>', before='<site name="there"/>',
+            tail=f"<equality>{tie}</equality>",
+        )  # fmt: skip
+        assert error_key(ff.FreeFloatingModel.from_urdf, file, "hand") == "root"
+        file.write_text(file.read_text().replace("<weld", '<weld active="false"'))
+    ff.FreeFloatingModel.from_urdf(file, "hand")
+
+
 def test_bases_on_massless_carriages_are_refused(tmp_path: Path) -> None:
     light = '<inertial pos="0 0 0" mass="1e-6" diaginertia="1e-9 1e-9 1e-9"/>'
     carriages = "".join(f'<body name="c{number}">{slide}{light}'
@@ -164,7 +176,7 @@ def test_written_robots_keep_sites(tmp_path: Path) -> None:
 
 
 def test_capsules_stay_capsules(tmp_path: Path) -> None:
-    """A ball at the round end of a capsule is closer than to a cylinder of the same length."""
+    """Their length is that between the half spheres, twice what MuJoCo calls their size."""
     model = ff.FreeFloatingModel.from_urdf(written(tmp_path), "hand")
     shapes = [link.shapes[0].geometry for link in model.description.links]
     assert [type(shape).__name__ for shape in shapes] == ["Box", "Capsule", "Capsule", "Sphere"]

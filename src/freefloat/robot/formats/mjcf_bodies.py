@@ -14,6 +14,10 @@ FREE, BALL, SLIDE, HINGE = range(4)
 WORLD = 0
 """Number of MuJoCo's world body."""
 _KINDS = ("free", "ball", "slide", "hinge")
+_TIES = (0, 1)
+"""Types of equality constraints between bodies or sites: connect and weld."""
+_SITE = 6
+"""Type of object of MuJoCo's sites."""
 _ORTHOGONAL = 1e-6
 """Largest difference of the determinant of three orthogonal axes from one."""
 
@@ -27,7 +31,7 @@ def root_body(model: Any, root: str | None, source: str) -> int:
 
     Raises:
         ModelError: If there is none of that name, several could be it, or joints connect it with
-            the world that do not leave it free.
+            the world that do not leave it free, or a constraint ties it to the world.
     """
     found = _chosen(model, root, source)
     joints = [joint for body in line(model, found) for joint in joints_of(model, body)]
@@ -39,6 +43,10 @@ def root_body(model: Any, root: str | None, source: str) -> int:
         )
         accepted = "a root body with a <freejoint/>, or without joints, which stands for free"
         raise ModelError("root", problem, accepted, source)
+    if _is_tied(model, found):
+        problem = f"an active equality constraint ties the root body {body_name(model, found)}"
+        accepted = "a root body that no <connect> or <weld> ties to the world"
+        raise ModelError("root", f"{problem} to the world", accepted, source)
     return found
 
 
@@ -75,6 +83,18 @@ def _is_free(model: Any, joints: Iterable[int]) -> bool:
     axes = model.jnt_axis[numbers].reshape(2, 3, 3)
     orthogonal = np.abs(np.abs(np.linalg.det(axes)) - 1.0).max() < _ORTHOGONAL
     return bool(orthogonal) and not model.jnt_limited[numbers].any()
+
+
+def _is_tied(model: Any, root: int) -> bool:
+    """Whether a constraint that is active at the start connects or welds a root to the world."""
+    for number in range(model.neq):
+        ends = [int(model.eq_obj1id[number]), int(model.eq_obj2id[number])]
+        if int(model.eq_objtype[number]) == _SITE:
+            ends = [int(model.site_bodyid[site]) for site in ends]
+        tie = model.eq_active0[number] and int(model.eq_type[number]) in _TIES
+        if tie and set(ends) == {WORLD, root}:
+            return True
+    return False
 
 
 def moving_joint(model: Any, body: int, source: str) -> int | None:
