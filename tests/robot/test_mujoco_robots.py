@@ -70,6 +70,33 @@ def test_free_bases_are_the_same_robot(root: str, tmp_path: Path) -> None:
     assert model.total_mass == pytest.approx(211.0)
 
 
+def test_a_base_in_the_plane_of_its_arm_is_as_good_as_free(tmp_path: Path) -> None:
+    """Two slides and a hinge; heavier above the plane, or bent out of it, the robot would tilt."""
+    links = (
+        '<body name="upper" pos="0.25 0 0"><joint name="q1" axis="0 0 1"/>{upper}'
+        '<body name="fore" pos="0.4 0 0"><joint name="q2" axis="0 0 1"/>{fore}'
+        '<site name="tip" pos="0.4 0 0"/></body></body>'
+    )
+    part = '<geom type="box" size="0.2 0.02 0.02" pos="0.2 0 {}" mass="1.5"/>'
+    flat = links.format(upper=part.format(0), fore=part.format(0))
+    bus = '<body name="bus">{}<geom type="box" size="0.25 0.25 0.2" mass="80"/>{}</body>'
+    file, base = tmp_path / "planar.xml", "".join([*SLIDES[:2], HINGES[2]])
+
+    def loaded(joints: str, arm: str) -> ff.FreeFloatingModel:
+        file.write_text(f"<mujoco><worldbody>{bus.format(joints, arm)}</worldbody></mujoco>")
+        return ff.FreeFloatingModel.from_urdf(file, "tip")
+
+    q = [0.3, 0.7]
+    for sign in (1, -1):
+        arm = flat.replace('axis="0 0 1"', f'axis="0 0 {sign}"')
+        planar, free = (loaded(joints, arm) for joints in (base, "<freejoint/>"))
+        S, expected = (ff.generalized_jacobian(model, q, "planar-position")
+                       for model in (planar, free))  # fmt: skip
+        np.testing.assert_array_equal(S, expected)
+    for arm in (flat.replace("0.2 0 0", "0.2 0 0.1", 1), flat.replace("0 0 1", "0 1 0")):
+        assert error_key(loaded, base, arm) == "root"
+
+
 def test_bases_that_are_tied_to_the_world_are_refused(tmp_path: Path) -> None:
     for tie in ('<weld body1="bus"/>', '<connect body1="bus" body2="world" anchor="0 0 0"/>',
                 '<weld site1="here" site2="there"/>'):  # fmt: skip

@@ -21,6 +21,7 @@ from freefloat.robot.formats.mjcf_bodies import (
     body_names,
     joint_name,
     line,
+    moves_in_plane,
     moving_joint,
     root_body,
 )
@@ -108,6 +109,9 @@ def _warnings(model: Any, start: int, *, named: bool) -> Iterator[tuple[str, str
             f"its root is {body_name(model, start)}; left out: {one_line(', '.join(carriers))}"
         )
         yield problem, f"--root {carriers[-1]} (robot.root in a scenario) for the whole robot"
+    if moves_in_plane(model, start):
+        problem = f"the root {body_name(model, start)} moves in a plane; it is taken as free"
+        yield problem, "nothing: the robot stays in that plane, where a free base moves alike"
     others = [name for name in in_world if name != body_name(model, start)]
     if others and not named:
         left_out = one_line(", ".join(others))

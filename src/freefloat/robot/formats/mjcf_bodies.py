@@ -35,13 +35,16 @@ def root_body(model: Any, root: str | None, source: str) -> int:
     """
     found = _chosen(model, root, source)
     joints = [joint for body in line(model, found) for joint in joints_of(model, body)]
-    if joints and not _is_free(model, joints):
+    if joints and not _is_free(model, joints) and not moves_in_plane(model, found):
         problem = (
             f"the root body {body_name(model, found)} moves in the world with "
             f"{_joint_texts(model, joints)}; a base that is not free in all six directions, such "
             "as a planar one, is not supported"
         )
-        accepted = "a root body with a <freejoint/>, or without joints, which stands for free"
+        accepted = (
+            "a root body with a <freejoint/>, or without joints, which stands for free; two slides "
+            "and a hinge of a robot whose bodies stay in their plane"
+        )
         raise ModelError("root", problem, accepted, source)
     if _is_tied(model, found):
         problem = f"an active equality constraint ties the root body {body_name(model, found)}"
@@ -83,6 +86,38 @@ def _is_free(model: Any, joints: Iterable[int]) -> bool:
     axes = model.jnt_axis[numbers].reshape(2, 3, 3)
     orthogonal = np.abs(np.abs(np.linalg.det(axes)) - 1.0).max() < _ORTHOGONAL
     return bool(orthogonal) and not model.jnt_limited[numbers].any()
+
+
+def moves_in_plane(model: Any, root: int) -> bool:
+    """Whether a root moves in a plane, by two slides and a hinge, in which its robot stays.
+
+    All joints turn about the normal of the plane or slide along it, all centres of mass lie in one
+    plane, and the normal is a principal axis of all bodies: with a free base the robot would move
+    alike.
+    """
+    import mujoco
+
+    joints = list(joints_of(model, root))
+    kinds = sorted(int(model.jnt_type[joint]) for joint in joints)
+    if kinds != [SLIDE, SLIDE, HINGE] or model.jnt_limited[joints].any() or line(model, root)[1:]:
+        return False
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    bodies = [body for body in range(1, model.nbody) if root in line(model, body)]
+    every = [joint for body in bodies for joint in joints_of(model, body)]
+    turning = model.jnt_type[every] == HINGE
+    normal = data.xaxis[next(joint for joint in joints if model.jnt_type[joint] == HINGE)]
+    across = np.abs(data.xaxis[every] @ normal)
+    axes = data.ximat[bodies].reshape(-1, 3, 3)
+    moments = np.einsum("bij,bj,bkj->bik", axes, model.body_inertia[bodies], axes) @ normal
+    products = moments - np.outer(moments @ normal, normal)
+    heights = data.xipos[bodies] @ normal
+    return bool(
+        abs(abs(np.linalg.det(data.xaxis[joints])) - 1.0) < _ORTHOGONAL
+        and np.abs(across - turning).max() < _ORTHOGONAL
+        and np.abs(products).max() < _ORTHOGONAL * np.abs(moments).max()
+        and np.ptp(heights) < _ORTHOGONAL * float(np.abs(data.xipos).max() + 1.0)
+    )
 
 
 def _is_tied(model: Any, root: int) -> bool:
