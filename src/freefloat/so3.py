@@ -6,7 +6,7 @@ r"""Frame and sign conventions; attitudes, rotations and poses.
 * A twist is ``[linear; angular]``. End-effector twists are inertial (axes of the inertial frame, at
   the end-effector); the base twist is in the spacecraft frame.
 * Angular momentum ``h`` is about the centre of mass, in inertial axes.
-* A heading is the angle of a planar spacecraft about the inertial z axis.
+* A heading is the angle of a planar spacecraft about the normal of its plane.
 * SI units and radians everywhere; degrees exist only in files and options whose name says so.
 """
 
@@ -167,18 +167,27 @@ def wrapped(angles: npt.ArrayLike) -> Array:
     return np.asarray(np.add(angles, np.pi) % (2.0 * np.pi) - np.pi)
 
 
-def heading_quaternion(heading: npt.ArrayLike) -> Array:
-    """Attitudes ``x, y, z, w``, (..., 4), of a planar spacecraft with headings [rad] (...)."""
-    half = np.asarray(heading) / 2.0
-    zero = np.zeros_like(half)
-    return np.stack([zero, zero, np.sin(half), np.cos(half)], axis=-1)
+def heading_quaternion(heading: npt.ArrayLike, normal: npt.ArrayLike = (0.0, 0.0, 1.0)) -> Array:
+    """Attitudes ``x, y, z, w``, (..., 4), of a planar spacecraft with headings [rad] (...).
+
+    They are rotations about the normal of its plane, (3,).
+    """
+    half = np.asarray(heading, dtype=float)[..., None] / 2.0
+    return np.concatenate([np.sin(half) * normal + 0.0, np.cos(half)], axis=-1)
 
 
-def heading_of(attitude: npt.ArrayLike) -> float:
-    """The heading [rad] in [0, 2 pi) of an attitude ``x, y, z, w`` about the z axis."""
-    z, w = np.asarray(attitude, dtype=float)[2:]
-    heading = float(2.0 * np.arctan2(z, w) % (2.0 * np.pi))
+def heading_of(attitude: npt.ArrayLike, normal: npt.ArrayLike = (0.0, 0.0, 1.0)) -> float:
+    """The heading [rad] in [0, 2 pi) of an attitude ``x, y, z, w`` about a normal, (3,)."""
+    values = np.asarray(attitude, dtype=float)
+    heading = float(2.0 * np.arctan2(values[:3] @ np.asarray(normal), values[3]) % (2.0 * np.pi))
     return heading if heading < 2.0 * np.pi else 0.0  # a tiny negative angle rounds up
+
+
+def axis_frame(axis: Array) -> Array:
+    """A rotation (3, 3) whose third column is a unit vector (3,)."""
+    x = np.cross(np.eye(3)[np.abs(axis).argmin()], axis)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(axis, x), axis])
 
 
 def axes_rotation(

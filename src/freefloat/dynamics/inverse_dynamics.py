@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from freefloat.dynamics.momentum import momentum_map
 from freefloat.dynamics.system import System
-from freefloat.dynamics.tasks import Task, prescribed_rows
+from freefloat.dynamics.tasks import Task, task_rows
 from freefloat.so3 import Array, cross, rotation_matrix
 
 
@@ -76,15 +76,15 @@ class InverseDynamics:
         move have prescribed accelerations, shape (dof - arm_dof,).
         """
         A, q, v, drift = self._moving(attitude, joints, rates)
-        robot, data, rows = self._robot, self._scratch, prescribed_rows(self._model, task)
+        robot, data = self._robot, self._scratch
         frames, axes = self._model.frame_ids, pin.LOCAL_WORLD_ALIGNED
         bias = np.concatenate([
             pin.getFrameClassicalAcceleration(robot, data, frame, axes).vector for frame in frames
-        ])[rows]  # fmt: skip
+        ])  # fmt: skip
         J = np.vstack([pin.computeFrameJacobian(robot, data, q, frame, axes) for frame in frames])
-        J = J[rows]
+        J, demanded = (task_rows(self._model, task, M) for M in (J, twist_rate - bias))
         own = np.eye(len(v))[6 + self._model.arm_dof :]
-        right = np.concatenate([-drift, twist_rate[rows] - bias, further])
+        right = np.concatenate([-drift, demanded, further])
         return self._effort(q, v, np.linalg.solve(np.vstack([A, J, own]), right))
 
     def _moving(

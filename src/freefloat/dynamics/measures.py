@@ -20,7 +20,6 @@ from freefloat.dynamics.momentum import (
     determinant,
     generalized_determinant,
     generalized_jacobian,
-    inertia_matrices,
     system_matrix,
 )
 from freefloat.dynamics.tasks import Task, prescribed_rows, require_task
@@ -130,8 +129,8 @@ def _system(model: FreeFloatingModel, task: Task, joints: Array) -> float:
     A = system_matrix(model, joints, task)
     if A.shape[0] == A.shape[1]:
         return determinant(A)
-    D, _ = inertia_matrices(model, joints)
-    return float(np.linalg.det(D[2:, 2:] if task.planar else D)) * _gjm(model, task, joints)
+    k = 1 if task.planar else 3
+    return float(np.linalg.det(A[:k, :k])) * _gjm(model, task, joints)
 
 
 def unit_factors(model: FreeFloatingModel, task: Task) -> tuple[Array, Array]:

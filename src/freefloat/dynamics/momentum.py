@@ -15,7 +15,7 @@ import numpy.typing as npt
 import pinocchio as pin
 from scipy.linalg.lapack import dgesv, dgetrf
 
-from freefloat.dynamics.tasks import Task, applicable, prescribed_rows
+from freefloat.dynamics.tasks import Task, applicable, prescribed_rows, required_plane
 from freefloat.errors import InputError, require_type
 from freefloat.robot.joint_values import INERTIAL, configuration_vector, finite_after
 from freefloat.robot.model import FreeFloatingModel
@@ -106,8 +106,8 @@ def system_matrix(
     arms follow paths, rows and columns are those of one arm after the other. All are in
     the spacecraft frame, except the end-effector twist of ``pointing``, which is in the
     end-effector's. The linear velocity of the spacecraft is eliminated by zero linear momentum.
-    Planar tasks keep only the z components of
-    the angular momentum and of the spacecraft's angular velocity.
+    Planar tasks keep only the components along the axes of their plane, see :class:`.Plane`: of
+    the angular momentum and of the spacecraft's angular velocity those about its normal.
 
     Args:
         model: Robot.
@@ -174,8 +174,9 @@ def generalized_jacobian(
 
     Returns:
         The task's rows, shape (m, n), of the end-effector twist [m/s; rad/s], in the spacecraft
-        frame (``pointing``: in the end-effector's), per joint rate of the arm that follows the
-        path, while the momentum is zero. Where several arms follow paths, rows and columns are
+        frame (``pointing``: in the end-effector's; planar tasks: along the axes of their
+        :class:`.Plane`), per joint rate of the arm that follows the path, while the momentum is
+        zero. Where several arms follow paths, rows and columns are
         those of one arm after the other.
 
     Raises:
@@ -243,8 +244,16 @@ def _maps(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task) -> tuple[
     """The momentum matrix in the spacecraft frame and the end-effector Jacobian for the task.
 
     Their columns are those of the spacecraft and of the arms that follow paths. The Jacobians of
-    these are stacked, shape (6 times their number, 6 + n).
+    these are stacked, shape (6 times their number, 6 + n). Those of planar tasks, and the
+    spacecraft's columns, are along the axes of the plane.
     """
+    A_G, J = _spatial_maps(model, joints, task)
+    return _in_plane(model, task, A_G), _in_plane(model, task, J)
+
+
+def _spatial_maps(
+    model: FreeFloatingModel, joints: npt.ArrayLike, task: Task
+) -> tuple[Array, Array]:
     robot, data, axes = model.pin_model, model.scratch, task.reference_frame
     A_G = pin.computeCentroidalMap(robot, data, _configuration(model, joints))
     J = pin.getFrameJacobian(robot, data, model.frame_id, axes)
@@ -254,6 +263,15 @@ def _maps(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task) -> tuple[
     if model.arms:
         return A_G[:, : 6 + model.arm_dof], J[:, : 6 + model.arm_dof]
     return A_G, J
+
+
+def _in_plane(model: FreeFloatingModel, task: Task, M: Array) -> Array:
+    """A matrix of :func:`_spatial_maps` along the axes of a planar task's plane."""
+    if not task.planar or (plane := required_plane(model, task)).is_level:
+        return M
+    M = plane.rows(M)
+    M[:, :6] = plane.rows(M[:, :6].T).T
+    return M
 
 
 def _map_derivatives(
@@ -267,12 +285,14 @@ def _map_derivatives(
         pin.frameJacobianTimeVariation(robot, data, q, v, frame, task.reference_frame)
         for frame in model.frame_ids
     ])  # fmt: skip
-    A_G, J = (np.array(matrix) for matrix in _maps(model, joints, task))
+    A_G, J = (np.array(matrix) for matrix in _spatial_maps(model, joints, task))
     momentum = data.Ag[:3] @ v
     dA_G = np.array(pin.computeCentroidalMapTimeVariation(robot, data, q, v))
     # Pinocchio differentiates about a fixed point; the centre of mass moves in the spacecraft frame
     dA_G[3:, columns] -= pin.skew(momentum / model.total_mass) @ A_G[:3]
-    return A_G, J, dA_G[:, columns], dJ[:, columns]
+    matrices = A_G, J, dA_G[:, columns], dJ[:, columns]
+    first, second, third, fourth = (_in_plane(model, task, matrix) for matrix in matrices)
+    return first, second, third, fourth
 
 
 def _stacked(

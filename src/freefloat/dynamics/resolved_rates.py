@@ -52,7 +52,7 @@ from freefloat.dynamics.redundancy import (
     range_centres,
 )
 from freefloat.dynamics.system import System
-from freefloat.dynamics.tasks import Task, prescribed_rows, require_task
+from freefloat.dynamics.tasks import Task, prescribed_rows, require_task, required_plane
 from freefloat.so3 import Array
 
 
@@ -81,7 +81,8 @@ class ResolvedRateSolver:
         m, n, k = len(self._rows), model.dof, model.dof - model.arm_dof
         if redundancy is not None:
             redundancy.require_applicable(model, task)
-        self._model, self._planar = model, task.planar
+        self._model = model
+        self._plane = required_plane(model, task) if task.planar else None
         self._robot, self._data = model.pin_model, model.pin_model.createData()
         self._further = bool(model.arms)
         self._selected = slice(None) if task is Task.POSE else task.rows
@@ -128,12 +129,12 @@ class ResolvedRateSolver:
         q[3:7], q[7:] = attitude, joints
         M[:6] = pin.computeCentroidalMap(robot, data, q)
         for arm, (frame, rows) in enumerate(self._parts):
-            M[rows] = pin.getFrameJacobian(robot, data, frame, self._frame)[self._selected]
+            J = pin.getFrameJacobian(robot, data, frame, self._frame)
             own = twist[6 * arm : 6 * arm + 6]
             if self._own_axes:
                 placement = pin.updateFramePlacement(robot, data, frame)
                 own = (own.reshape(2, 3) @ placement.rotation).ravel()
-            b[rows] = own[self._selected]
+            M[rows], b[rows] = self._prescribed(J), self._prescribed(own)
         if self._further:
             if arm_rates is None:
                 self._model.require_one_arm("these joint rates")
@@ -147,6 +148,12 @@ class ResolvedRateSolver:
             return self._redundant_rates(speed)
         except np.linalg.LinAlgError:
             return self._infinite()
+
+    def _prescribed(self, twists: Array) -> Array:
+        """The task's rows of twists of an end-effector (6, ...)."""
+        if self._plane is not None:
+            twists = self._plane.rows(twists)
+        return twists[self._selected]
 
     def _infinite(self) -> tuple[Array, Array]:
         return np.full(3, np.inf), np.full(self._model.dof, np.inf)
@@ -192,11 +199,13 @@ class ResolvedRateSolver:
             The components, and the matrix that maps joint rates to components of the null-space
             motion that is left.
         """
-        rows = base[5:] if self._planar else base[3:]
+        rows = base[3:]
+        if self._plane is not None:
+            rows, omega = (self._plane.normal[None] @ values for values in (rows, omega))
         G = rows @ N
         size = float(np.linalg.norm(rows[:, : self._model.arm_dof]))
         inverse = damped_inverse(G, size)
-        return inverse @ omega[-len(rows) :], N.T - inverse @ (G @ N.T)
+        return inverse @ omega, N.T - inverse @ (G @ N.T)
 
     def _attraction(self, base: Array, S: Array, P: Array) -> Array:
         """Components of the saturated attraction per unit of s; P maps g to components."""
@@ -238,10 +247,12 @@ class ResolvedRateSolver:
             momentum = pin.computeCentroidalDynamicsDerivatives(
                 robot, data, q, np.ascontiguousarray(motions[:, i]), no_acceleration
             )[0]
-            twist = pin.getFrameVelocityDerivatives(robot, data, frame, axes)[0]
-            gradient += twist[row, 6:] - recoil[i] @ momentum[:, 6:]
-            if row < 3 and not self._own_axes:
-                gradient += np.cross(J[3:] @ motions[:, i], J[:3, 6:].T)[:, row]
+            twist = np.array(pin.getFrameVelocityDerivatives(robot, data, frame, axes)[0][:, 6:])
+            if not self._own_axes:
+                twist[:3] += np.cross(J[3:] @ motions[:, i], J[:3, 6:].T).T
+            if self._plane is not None:
+                twist = self._plane.rows(twist)
+            gradient += twist[row] - recoil[i] @ momentum[:, 6:]
         return gradient
 
 

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.joint_space import Extremes, joint_space_extremes
 from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
-from freefloat.dynamics.tasks import Task, prescribed_rows, stays_in_plane
+from freefloat.dynamics.plane import plane_of
+from freefloat.dynamics.tasks import Task, prescribed_rows
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.robot.description import Severity, UrdfDiagnostic
@@ -191,7 +192,7 @@ def natural_task(model: FreeFloatingModel) -> Task:
     Raises:
         InputError: If the arm has too few joints for any task.
     """
-    planar, others = stays_in_plane(model), set(Task) - {Task.POINTING}
+    planar, others = plane_of(model) is not None, set(Task) - {Task.POINTING}
     joints = min(arm.dof for arm in model.single_arms)
     tasks = [task for task in others if task.planar is planar and len(task.rows) <= joints]
     if not tasks:

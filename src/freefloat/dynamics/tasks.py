@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from functools import lru_cache
 
-import numpy as np
 import pinocchio as pin
 
-from freefloat.attitude_grids import low_discrepancy
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.dynamics.plane import Plane, plane_of
 from freefloat.errors import InputError, member, require_type
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import UPRIGHT
+from freefloat.so3 import Array
 
 
 class Task(StrEnum):
     """Part of the end-effector's motion that is prescribed.
 
     Pointing prescribes the position and the direction of the end-effector's z axis; the rotation
-    about that axis, the roll, is free. The planar tasks belong to arms that move in the x-y plane
-    of the inertial frame, with the spacecraft rotating about z.
+    about that axis, the roll, is free. The planar tasks belong to arms that move in a plane, with
+    the spacecraft rotating about its normal, see :class:`.Plane`.
 
     Example:
         >>> ff.Task("planar-position").rows
@@ -46,7 +43,8 @@ class Task(StrEnum):
     def rows(self) -> list[int]:
         """Rows of the end-effector twist ``[linear; angular]`` that are prescribed.
 
-        Those of ``pointing`` belong to the twist in the axes of the end-effector.
+        Those of ``pointing`` belong to the twist in the axes of the end-effector, those of planar
+        tasks to that in the axes of the plane.
         """
         return _ROWS[self]
 
@@ -57,7 +55,7 @@ class Task(StrEnum):
 
     @property
     def planar(self) -> bool:
-        """Whether the motion is confined to the x-y plane."""
+        """Whether the motion is confined to a plane."""
         return self.startswith("planar-")
 
     @property
@@ -81,19 +79,43 @@ def prescribed_rows(model: FreeFloatingModel, task: Task) -> list[int]:
     return [6 * arm + row for arm in arms for row in task.rows]
 
 
+def task_rows(model: FreeFloatingModel, task: Task, twists: Array) -> Array:
+    """The task's rows of twists in the task's reference frame, one below the other for each arm.
+
+    Args:
+        model: Robot.
+        task: Task.
+        twists: Shape (6 e, ...), for e end-effectors.
+
+    Returns:
+        Shape (m, ...).
+    """
+    if task.planar:
+        twists = required_plane(model, task).rows(twists)
+    return twists if task is Task.POSE else twists[prescribed_rows(model, task)]
+
+
 def applicable(model: FreeFloatingModel, task: Task | str) -> Task:
     """The task, which may be given by its value; an InputError if a robot cannot have it."""
     require_type("model", model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
     task = task if isinstance(task, Task) else Task.of(task)
-    if task.planar and not stays_in_plane(model):
+    if task.planar:
+        required_plane(model, task)
+    return task
+
+
+def required_plane(model: FreeFloatingModel, task: Task) -> Plane:
+    """The plane of a planar task; an InputError if the robot does not stay in one."""
+    plane = plane_of(model)
+    if plane is None:
         spatial = [other for other in Task if not other.planar]
         raise InputError(
             "task",
-            f"{task}, but this robot does not stay in the x-y plane",
-            f"{_feasible(model, spatial)}; planar tasks require joint axes along z and a mass "
-            "distribution symmetric about z = 0",
+            f"{task}, but this robot does not stay in a plane",
+            f"{_feasible(model, spatial)}; planar tasks require parallel joint axes and a mass "
+            "distribution symmetric about the plane normal to them",
         )
-    return task
+    return plane
 
 
 def require_task(model: FreeFloatingModel, task: Task | str) -> Task:
@@ -114,16 +136,3 @@ def _feasible(model: FreeFloatingModel, tasks: list[Task]) -> str:
     joints = min(arm.dof for arm in model.single_arms)
     names = [str(task) for task in tasks if len(task.rows) <= joints]
     return ", ".join(names) or "a robot with more joints"
-
-
-@lru_cache(maxsize=16)
-def stays_in_plane(model: FreeFloatingModel) -> bool:
-    """Whether no motion of the joints moves a body out of its plane parallel to x and y."""
-    if not all(VirtualManipulator.of(arm).is_planar for arm in model.single_arms):
-        return False
-    for fraction in low_discrepancy(4, model.dof):
-        q = model.configuration(UPRIGHT, 2.0 * np.pi * fraction)
-        A_G = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
-        if np.abs(A_G[3:5, 5:]).max() > 1e-9 * np.abs(A_G[3:, 3:]).max():
-            return False
-    return True

@@ -152,14 +152,6 @@ class VirtualManipulator:
         _, h2, h3, h4 = self.axes_at(np.zeros(6))[:4]
         return bool(np.linalg.norm(np.cross(h2, [h3, h4]), axis=1).max() < _TOLERANCE)
 
-    @cached_property
-    def is_planar(self) -> bool:
-        """Whether all revolute axes are along z and all prismatic axes normal to it."""
-        axes = self.kinematics(np.zeros(len(self.axes)))[3]
-        along_z = np.abs(axes[:, 0, :2]).max(axis=1) < _TOLERANCE
-        across_z = np.abs(axes[:, 0, 2]) < _TOLERANCE
-        return bool(np.where(self.prismatic, across_z, along_z).all())
-
 
 def first_moment(model: FreeFloatingModel) -> VirtualManipulator:
     """The chain at whose end is the first moment of a single arm over the total mass.

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.link_frames import LinkFrames, in_frame, inertial_row
+from freefloat.ensemble.kernel_axes import KernelAxes
 from freefloat.ensemble.kernels.records import Arms
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
@@ -36,6 +37,7 @@ def kernel_arms(problem: Problem, frames: LinkFrames) -> Arms:
         times = (np.arange(number)[:, None] + _NODES) * (problem.path.duration / number)
         joints, rates = (problem.arms.at(times, order) for order in (0, 1))
         rows, momenta = spacecraft_moments(problem.model, joints, rates)
+        momenta = KernelAxes.of(problem.model, problem.task).seen(momenta)
         rows = in_frame(rows, axes, -axes @ origin)
         values = np.concatenate([rows[..., 1:4], momenta, rows[..., 4:]], axis=-1)
         cubics = np.einsum("pk,nki->nip", _THROUGH_NODES, values[:, :4])[..., ::-1]

@@ -26,6 +26,7 @@ from freefloat.dynamics.redundancy import (
 from freefloat.dynamics.tasks import Task, prescribed_rows
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.arm_moments import NO_ARMS, kernel_arms
+from freefloat.ensemble.kernel_axes import KernelAxes
 from freefloat.ensemble.kernels.cones import AXIS, ORIGIN, TARGET
 from freefloat.ensemble.kernels.null_space import (
     BASE_RATE,
@@ -87,12 +88,12 @@ def kernel_robot(
 ) -> tuple[Robot, Measure]:
     """The arrays of a robot, whose frames are given, of its task and of a measure by its name."""
     pointing, reach = task is Task.POINTING, VirtualManipulator.of(model).reach
-    multiples, coefficients = np.zeros((2, 0, 2))
+    axes, (multiples, coefficients) = KernelAxes.of(model, task), np.zeros((2, 0, 2))
     if name == "arm":
         plane = ArmPlane.of(frames)
         multiples, coefficients = plane.multiples, plane.coefficients(frames.bodies)
     robot = Robot(
-        frames.joints, robot_properties(frames.base, frames.bodies, reach, coefficients),
+        frames.joints, robot_properties(axes.seen(frames.base), frames.bodies, reach, coefficients),
         frames.tool, np.array(task.rows, dtype=float), model.dof, len(task.rows), task.planar,
         pointing, singular_speed(task), frames.across, NO_ARMS, None,
     )  # fmt: skip
@@ -124,7 +125,9 @@ def _with_second_arm(problem: Problem, robot: Robot, frames: LinkFrames) -> Robo
     """The arrays of a robot with a second arm that follows a path."""
     model, path = problem.chain(), problem.path.every[1]
     first, second = model.single_arms
+    axes = KernelAxes.of(model, problem.task)
     behind, body = link_frames(second), model.bodies[0]
+    turn = np.eye(3) if axes.plane is None else axes.plane.axes.T
     root = inertial_row(body.mass, body.centre, body.inertia)
     own, other = (
         in_frame(root, entry.base[:3], -entry.base[:3] @ entry.base[3])
@@ -136,11 +139,11 @@ def _with_second_arm(problem: Problem, robot: Robot, frames: LinkFrames) -> Robo
     masses = [float(entry.bodies[1:, 0].sum()) for entry in (frames, behind)]
     return robot._replace(
         joints=np.vstack([frames.joints, behind.joints]),
-        properties=robot_properties(frames.base, bodies, reach, np.zeros((0, 2))),
+        properties=robot_properties(axes.seen(frames.base), bodies, reach, np.zeros((0, 2))),
         rows=np.array(rows, dtype=float), n=model.dof, m=len(rows),
         second=SecondArm(
-            first.dof, np.array(masses), root[None], other[None], behind.base, behind.tool,
-            behind.across, _course(path, problem.path.breaks),
+            first.dof, np.array(masses), in_frame(root, turn, np.zeros(3))[None], other[None],
+            axes.seen(behind.base), behind.tool, behind.across, _course(path, problem.path.breaks),
         ),
     )  # fmt: skip
 

@@ -11,6 +11,7 @@ import numpy as np
 from freefloat.concurrency import Progress, available_cores, run_chunks
 from freefloat.ensemble.arrays import kernel_problem, spare_slacks
 from freefloat.ensemble.endings import COMPLETED, LIMITED
+from freefloat.ensemble.kernel_axes import KernelAxes
 from freefloat.ensemble.kernels.integration import integrate_many
 from freefloat.ensemble.kernels.records import Motions, make_workspace
 from freefloat.ensemble.result import EnsembleResult
@@ -66,6 +67,7 @@ class EnsembleIntegrator:
         limits = limits or AttitudeLimits()
         # the cache knows limits by identity: integrators without limits share an entry
         self._arrays = kernel_problem(problem, limits if limits.number else None)
+        self._axes = KernelAxes.of(problem.model, problem.task)
         self._spares = spare_slacks(limits)
 
     def integrate(
@@ -101,15 +103,15 @@ class EnsembleIntegrator:
         """
         K, n = len(joints), self.problem.model.arm_dof
         systems = systems or Systems.of(self.problem)
-        robots, measure = None, self.problem.margin.measure.name
+        robots = None
         if systems.robots is not None:
             self.problem.model.require_one_arm("robots that differ")
-            robots = systems.robots.properties(measure)
+            robots = systems.robots.properties(self.problem)
         duration = self.problem.path.duration
         motions = Motions(
-            _checked("attitudes", attitudes, (K, 4)),
+            self._axes.attitudes(_checked("attitudes", attitudes, (K, 4))),
             _checked("joints", joints[:, :n] if self.problem.arms else joints, (K, n)),
-            systems.columns(K),
+            self._axes.systems(systems.columns(K)),
             robots,
             _checked("starts", np.zeros(K) if starts is None else starts, (K,), duration),
             _checked("ends", np.full(K, duration) if ends is None else ends, (K,), duration),
@@ -130,6 +132,7 @@ class EnsembleIntegrator:
             )  # fmt: skip
 
         run_chunks(integrate_chunk, range(0, K, chunk), self.threads, progress)
+        result.attitudes[:] = self._axes.attitudes(result.attitudes, back=True)
         violated = (result.slacks < self._spares).any(axis=1) & (result.endings == COMPLETED)
         result.endings[violated] = LIMITED
         for array in result:

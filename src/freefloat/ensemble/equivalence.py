@@ -16,7 +16,7 @@ import numpy.typing as npt
 from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.systems import Systems
 from freefloat.errors import LARGEST_NUMBER, InputError, number_array
-from freefloat.motion.planar_requirements import require_in_plane, require_level
+from freefloat.motion.planar_requirements import require_along_normal, require_in_plane
 from freefloat.motion.problem import Problem
 from freefloat.motion.revolutions import MAX_REVOLUTIONS
 from freefloat.so3 import Array, BoolArray, IntArray
@@ -104,8 +104,8 @@ def equivalents(
     )
     if problem.task.planar:
         for key, values in (("momenta", h), ("wheels", w)):
-            require_in_plane(key, np.abs(values).max(axis=0, initial=0.0))
-        require_level("drifts", np.abs(v).max(axis=0, initial=0.0))
+            require_along_normal(key, problem.plane, values)
+        require_in_plane("drifts", problem.plane, v)
     ratio = (stretches / factors)[:, None]
     magnifications = factors**problem.margin.measure.mass_power
     systems = Systems(h * ratio, w * ratio, v * stretches[:, None], robots)

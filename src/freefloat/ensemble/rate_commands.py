@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from freefloat.ensemble.arrays import kernel_problem
+from freefloat.ensemble.kernel_axes import KernelAxes
 from freefloat.ensemble.kernels.commands import Measured, command, weigh
 from freefloat.ensemble.kernels.records import make_workspace
 from freefloat.motion.problem import Problem
@@ -22,7 +23,9 @@ class RateCommands:
         problem.model.require_one_arm("rates of measured states")
         n = problem.model.dof
         self._arrays = kernel_problem(problem)
-        self._momentum = np.concatenate([problem.momentum, problem.wheel_momentum])
+        self._axes = KernelAxes.of(problem.model, problem.task)
+        momenta = np.concatenate([problem.momentum, problem.wheel_momentum])
+        self._momentum = self._axes.systems(momenta[None])[0]
         self._workspace = make_workspace(n, len(problem.task.rows))
 
     def rates(self, attitudes: Array, joints: Array, twists: Array, speed: float) -> Array:
@@ -38,7 +41,7 @@ class RateCommands:
         """
         rates = np.empty(joints.shape)
         # copies: other kernels would be compiled for arrays that are read-only or of another order
-        given = attitudes, joints, twists
+        given = self._axes.attitudes(attitudes), joints, twists
         attitudes, joints, twists = (np.array(rows, order="C") for rows in given)
         measured = Measured(attitudes, joints, twists, self._momentum, speed)
         command(self._arrays, measured, self._workspace, rates)

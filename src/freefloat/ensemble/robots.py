@@ -18,6 +18,7 @@ from freefloat.dynamics.link_frames import (
     joints_at_zero,
     link_frames,
 )
+from freefloat.dynamics.plane import Plane, plane_of
 from freefloat.ik.chain import Chain
 from freefloat.motion.problem import Problem
 from freefloat.robot.description import IDENTITY
@@ -102,27 +103,28 @@ class Robots:
         """The model of robot k."""
         return self.model_of(int(self.numbers[k]))
 
-    def properties(self, measure: str) -> Array:
-        """What the kernels read of robots for a measure, shape (K, C)."""
+    def properties(self, problem: Problem) -> Array:
+        """What the kernels read of robots for a problem's task and measure, shape (K, C)."""
         coefficients = np.zeros((len(self), 0, 2))
-        if measure == "arm":
+        if problem.margin.measure.name == "arm":
             coefficients = ArmPlane.of(self.frames).coefficients(self.bodies)
-        return robot_properties(self.base, self.bodies, self.reaches, coefficients)
+        base = problem.plane.seen(self.base) if problem.task.planar else self.base
+        return robot_properties(base, self.bodies, self.reaches, coefficients)
 
     def suit(self, problem: Problem) -> BoolArray:
         """Which robots suit the task and the measure of the model's problem, shape (K,)."""
         suited = np.ones(len(self), dtype=bool)
         if problem.task.planar:
-            suited &= self._are_planar
+            suited &= self._are_planar(problem.plane)
         if problem.margin.measure.name == "arm":
             suited &= ArmPlane.of(self.frames).is_symmetric(self.bodies)
         return suited
 
-    @property
-    def _are_planar(self) -> BoolArray:
+    def _are_planar(self, plane: Plane) -> BoolArray:
         """Whose masses are symmetric about the plane of planar joints, shape (K,)."""
         frames, _ = self._at_zero
-        rows = in_frame(self.bodies, frames[:, :3].swapaxes(1, 2), frames[:, 3])
+        axes = plane.axes.T @ self.frames.base[:3].T  # of frame 0 along those of the plane
+        rows = in_frame(self.bodies, axes @ frames[:, :3].swapaxes(1, 2), frames[:, 3] @ axes.T)
         height = (rows[..., 3].sum(axis=1) / rows[..., 0].sum(axis=1))[:, None]
         size = rows[..., 4:7].sum(axis=(1, 2))
         lever = np.sqrt(size / rows[..., 0].sum(axis=1))[:, None]
@@ -140,10 +142,13 @@ class Robots:
         links, strokes = self._barycentric
         corners = np.cumsum(links, axis=1)
         x, y = self.frames.across
+        plane = plane_of(self.nominal)
+        if plane is not None:
+            plane = Plane(self.frames.base[:3] @ plane.axes)
         rotation = frames[-1, :3].T @ np.column_stack([x, y, np.cross(x, y)])
         return Chain(
             corners[:, :-1], frames[1:, 2].T, corners[:, -1], rotation, self.nominal.prismatic,
-            strokes, *self.nominal.joint_ranges,
+            strokes, *self.nominal.joint_ranges, plane,
         )  # fmt: skip
 
     @property

@@ -15,7 +15,7 @@ from freefloat.ensemble.robots import Robots
 from freefloat.errors import InputError, number_array, whole_number
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, heading_quaternion
+from freefloat.so3 import Array
 
 
 def simulate_many(
@@ -42,7 +42,7 @@ def simulate_many(
     Args:
         problem: Robot, path, momentum and margin without disturbances.
         attitudes: Of the spacecraft at the start, quaternions x, y, z, w, shape (4,) or (K, 4).
-        headings: For planar tasks, in their place: angles from the inertial x axis [rad].
+        headings: For planar tasks, in their place: angles about the normal of the plane [rad].
         branch: Integrate the arm branch with this number.
         joints: Integrate the arm branch nearest to these joint values at each attitude, shape (n,);
             of a redundant arm the configuration to which Newton's method converges from them, if
@@ -141,7 +141,7 @@ def _attitudes(
         angles = number_array("headings", headings, "angles [rad]")
         if angles.ndim > 1 or not angles.size or not np.isfinite(angles).all():
             raise InputError("headings", f"{angles.tolist()} was given", "finite angles [rad]")
-        return heading_quaternion(angles)
+        return problem.plane.attitudes(angles)
     if headings is not None or attitudes is None:
         return problem.attitude(attitudes, heading=headings)  # type: ignore[arg-type]  # an error
     q0 = number_array("attitudes", attitudes, "quaternions x, y, z, w")

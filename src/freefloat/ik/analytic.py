@@ -12,7 +12,7 @@ from freefloat.dynamics.tasks import Task
 from freefloat.ik.chain import CONVERGED, EXACT, Chain
 from freefloat.ik.numeric import Effort, newton
 from freefloat.ik.vectors import cross, dot, norm, product, rotated, times
-from freefloat.so3 import Array
+from freefloat.so3 import Array, axis_frame
 
 _POLISHING = Effort(np.float64, EXACT, steps=4, patience=4)
 """By Newton's method: closed forms lose half the digits near singularities of wrist or elbow."""
@@ -150,13 +150,17 @@ def solve_planar_elbow(chain: Chain, task: Task, positions: Array, rotations: Ar
     tip = chain.position[:, None, None]
     last = points[2] if n == 3 else tip
     change = required_rotation(chain, rotations)[:, :, None]
-    horizontal = np.array([1.0, 1.0, 0.0])[:, None, None]
-    b, c = horizontal * (points[1] - points[0]), horizontal * (last - points[1])
-    v = horizontal * (positions[:, None] - times(change, tip - last) - points[0])
+    b, c, v = (
+        step - h[0] * dot(h[0], step)
+        for step in (
+            points[1] - points[0], last - points[1],
+            positions[:, None] - times(change, tip - last) - points[0],
+        )
+    )  # fmt: skip
     q2 = angle_to_height(h[1], c, b, reach_term(b, c, v), SIGNS[:, None])
     q = [angle_onto(h[0], b + rotated(c, h[1], q2), v), q2]
     if n == 3:
-        x = np.eye(3)[0][:, None, None]
+        x = axis_frame(chain.axes[:, 0])[:, 0, None, None]
         folded = rotated(rotated(times(change, x), h[0], -q[0]), h[1], -q2)
         q.append(angle_onto(h[2], x, folded))
     return _within_ranges(chain, task, positions, rotations, np.stack(q))

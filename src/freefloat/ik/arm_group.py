@@ -15,13 +15,13 @@ import numpy as np
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
-from freefloat.dynamics.tasks import Task, prescribed_rows
+from freefloat.dynamics.tasks import Task, prescribed_rows, required_plane
 from freefloat.dynamics.virtual_manipulator import first_moment
 from freefloat.errors import InputError
 from freefloat.ik.branches import ClosedForm, closed_form
-from freefloat.ik.chain import CONVERGED, EXACT, Chain, axis_frame
+from freefloat.ik.chain import CONVERGED, EXACT, Chain
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, IntArray
+from freefloat.so3 import Array, IntArray, axis_frame
 
 if TYPE_CHECKING:
     from freefloat.ik.newton_kernel import Arms
@@ -123,8 +123,8 @@ class ArmGroup:
         """
         from freefloat.ik.newton_kernel import make_workspace, solve_all  # Numba imports slowly
 
-        axes = np.swapaxes(rotations, -1, -2).reshape(*positions.shape[:2], 9)
-        targets = np.concatenate([positions, axes], axis=-1).swapaxes(0, 1)
+        rows = np.concatenate([positions[..., None, :], np.swapaxes(rotations, -1, -2)], axis=-2)
+        targets = (rows @ self._axes).reshape(*positions.shape[:2], 12).swapaxes(0, 1)
         q, residual = np.array(q, order="C"), np.empty(len(q))
         solve_all(
             self._tables, np.ascontiguousarray(targets), pose, q, residual, steps, EXACT,
@@ -134,6 +134,11 @@ class ArmGroup:
         for arm in self.arms:
             q[:, arm.joints] = arm.chain.into_range(q[:, arm.joints].T).T
         return q
+
+    @cached_property
+    def _axes(self) -> Array:
+        """Axes of the kernel, columns (3, 3): of planar tasks the plane's."""
+        return required_plane(self.model, self.task).axes if self.task.planar else np.eye(3)
 
     @cached_property
     def _tables(self) -> Arms:
@@ -152,7 +157,7 @@ class ArmGroup:
         joints = np.zeros((self.model.arm_dof, FRAME_COLUMNS))
         bases = np.zeros((len(self.arms), BASE_COLUMNS))
         for base, arm in zip(bases, self.arms, strict=True):
-            frames = [np.eye(3), *map(axis_frame, arm.chain.axes.T), arm.chain.rotation]
+            frames = [self._axes, *map(axis_frame, arm.chain.axes.T), arm.chain.rotation]
             turns = [(before.T @ after).T.ravel() for before, after in pairwise(frames)]
             own = joints[arm.joints]
             own[:, :9], base[ROTATION : ROTATION + 9] = turns[:-1], turns[-1]
@@ -162,8 +167,8 @@ class ArmGroup:
                 place = slice(LINKS + 3 * number, LINKS + 3 * number + 3)
                 own[:, place] = np.einsum("nij,ni->nj", np.array(frames[1:-1]), links)
                 own[:, STROKES + number] = chain.strokes
-                base[3 * number : 3 * number + 3] = chain.points[:, 0]
-            base[3:6] -= arm.moment.position
+                base[3 * number : 3 * number + 3] = chain.points[:, 0] @ self._axes
+            base[3:6] -= arm.moment.position @ self._axes
         rows = prescribed_rows(self.model, self.task)
         pointing = self.task is Task.POINTING
         return Arms(

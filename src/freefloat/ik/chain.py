@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, reduce
 from itertools import pairwise
 from math import tau
@@ -11,11 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.dynamics.plane import Plane, plane_of
 from freefloat.dynamics.tasks import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.vectors import cross, dot, wrapped
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array
+from freefloat.so3 import Array, axis_frame
 
 CONVERGED = 1e-9
 """Largest residual of a solution [m, rad]."""
@@ -60,6 +61,7 @@ class Chain:
         strokes: Displacement per metre of a prismatic joint, shape (n,) or (n, K).
         lower: Lower ends of the joint ranges, shape (n,).
         upper: Upper ends, shape (n,).
+        plane: The plane in which it moves; None where there is none.
     """
 
     points: Array
@@ -70,12 +72,14 @@ class Chain:
     strokes: Array
     lower: Array
     upper: Array
+    plane: Plane | None = None
 
     @classmethod
     @lru_cache(maxsize=16)
     def of(cls, model: FreeFloatingModel) -> Chain:
         """The virtual manipulator of a robot."""
-        return cls.of_virtual(VirtualManipulator.of(model), model.joint_ranges)
+        chain = cls.of_virtual(VirtualManipulator.of(model), model.joint_ranges)
+        return replace(chain, plane=plane_of(model))
 
     @classmethod
     def of_virtual(cls, virtual: VirtualManipulator, joint_ranges: tuple[Array, Array]) -> Chain:
@@ -146,6 +150,18 @@ class Chain:
         J[3:, self.prismatic] = 0.0
         return J
 
+    def task_rows(self, task: Task, twists: Array, rotation: Array) -> Array:
+        """The task's components of twists (6, ...) in the spacecraft frame, shape (m, ...).
+
+        The angular ones of ``pointing`` are those along the x and y axes of rotations (3, 3, ...).
+        """
+        if task.planar and self.plane is not None:
+            twists = self.plane.rows(twists)
+        if task is not Task.POINTING:
+            return twists[task.rows]
+        across = [dot(rotation[:, axis], twists[3:])[None] for axis in (0, 1)]
+        return np.concatenate([twists[:3], *across])
+
     def into_range(self, q: Array) -> Array:
         """Revolute joints (n, ...) shifted by full rotations into their range, near zero."""
         shape = (-1, *(1,) * (q.ndim - 1))
@@ -160,17 +176,6 @@ class Chain:
                 value = angles + tau * (cycles + rounding * np.sign(cycles))
                 shifted = np.where((lower <= value) & (value <= upper), value, shifted)
         return np.where(self.prismatic.reshape(shape), q, shifted)
-
-
-def task_rows(task: Task, twists: Array, rotation: Array) -> Array:
-    """The task's components of twists (6, ...) in the spacecraft frame, shape (m, ...).
-
-    The angular ones of ``pointing`` are those along the x and y axes of rotations (3, 3, ...).
-    """
-    if task is not Task.POINTING:
-        return twists[task.rows]
-    across = [dot(rotation[:, axis], twists[3:])[None] for axis in (0, 1)]
-    return np.concatenate([twists[:3], *across])
 
 
 def damped_step(J: Array, error: Array) -> Array:
@@ -192,13 +197,6 @@ def damped_step(J: Array, error: Array) -> Array:
     A[np.diag_indices(len(A))] += _DAMPING * square + np.maximum(_MIN_DAMPING, rounding)
     step = (J * _cholesky_solved(A, error)[:, None]).sum(axis=0)
     return np.asarray(step / np.maximum(1.0, np.abs(step).max(axis=0)))
-
-
-def axis_frame(axis: Array) -> Array:
-    """A rotation (3, 3) whose third column is a unit vector (3,)."""
-    x = np.cross(np.eye(3)[np.abs(axis).argmin()], axis)
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(axis, x), axis])
 
 
 def _terms(vector: Array) -> _Terms:

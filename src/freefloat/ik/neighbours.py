@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from freefloat.dynamics.tasks import Task
-from freefloat.ik.chain import CONVERGED, Chain, damped_step, task_rows
+from freefloat.ik.chain import CONVERGED, Chain, damped_step
 from freefloat.ik.vectors import rotation_vector, tilt
 from freefloat.so3 import Array, BoolArray
 
@@ -41,11 +41,11 @@ def neighbouring_configurations(
         for step in range(_STEPS + 1):
             at = chain.kinematics(q)
             error = np.concatenate([positions - at.position, turn(at.rotation, rotations)])
-            error = task_rows(task, error, rotations)
+            error = chain.task_rows(task, error, rotations)
             residual = np.sqrt((error * error).sum(axis=0))
             far = residual > _EXACT
             if step == _STEPS or not far.any():
                 break
-            J = task_rows(task, chain.jacobian(at), rotations[:, :, None])
+            J = chain.task_rows(task, chain.jacobian(at), rotations[:, :, None])
             q = q + np.where(far, damped_step(J, error), 0.0)
         return q, (residual < CONVERGED) & (np.abs(q - start).max(axis=0) <= _FAR)

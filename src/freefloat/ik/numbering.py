@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.tasks import Task
-from freefloat.ik.chain import Chain, Kinematics, task_rows
+from freefloat.ik.chain import Chain, Kinematics
 from freefloat.ik.vectors import cross, dot
 from freefloat.so3 import Array, IntArray
 
@@ -40,7 +40,7 @@ def numbered_branches(chain: Chain, task: Task, q: Array) -> tuple[Array, IntArr
     columns = names
     if square:
         at = chain.kinematics(q[:, exist])
-        J = task_rows(task, chain.jacobian(at), at.rotation[:, :, None])
+        J = chain.task_rows(task, chain.jacobian(at), at.rotation[:, :, None])
         negative = np.linalg.det(J.transpose(2, 0, 1)) < 0.0
         if len(q) == 6 and not chain.prismatic.any():
             names[exist] = sign_patterns(at, negative)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from freefloat.dynamics.tasks import Task
-from freefloat.ik.chain import CONVERGED, EXACT, Chain, Kinematics, damped_step, task_rows
+from freefloat.ik.chain import CONVERGED, EXACT, Chain, Kinematics, damped_step
 from freefloat.ik.vectors import rotation_vector, tilt
 from freefloat.so3 import Array
 
@@ -101,7 +101,7 @@ def newton(
         turn = tilt if task is Task.POINTING else rotation_vector
         error = np.concatenate([positions.take(pose, axis=1) - at.position,
                                 turn(at.rotation, target)])  # fmt: skip
-        error = task_rows(task, error, target)
+        error = chain.task_rows(task, error, target)
         residual[active] = size = np.sqrt((error * error).sum(axis=0))
         stalled[active] = np.where(size < _GAIN * lowest[active], 0, stalled[active] + 1)
         lowest[active] = np.minimum(size, lowest[active])
@@ -116,7 +116,7 @@ def newton(
             )
             far = np.ones(len(active), dtype=bool)
         if len(active):
-            J = task_rows(task, chain.jacobian(at), target[:, :, None])
+            J = chain.task_rows(task, chain.jacobian(at), target[:, :, None])
             q[:, active] += damped_step(J, error)[:, far]
         steps[active] += 1
         following, waiting = np.split(waiting, [_BATCH - len(active)])

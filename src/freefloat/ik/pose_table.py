@@ -19,10 +19,10 @@ from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.tasks import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ik.chain import Chain, axis_frame
+from freefloat.ik.chain import Chain
 from freefloat.ik.vectors import cross, dot, product, times, wrapped
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array
+from freefloat.so3 import Array, axis_frame
 
 _SAMPLES = 32768
 _PROBES = 512

@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
-from freefloat.dynamics.tasks import Task
+from freefloat.dynamics.tasks import Task, task_rows
 from freefloat.errors import UnreachableError
 from freefloat.ik.branches import ArmBranch
 from freefloat.motion.integration import integrate_motion
@@ -170,7 +170,7 @@ class _HeldArm:
         if task is Task.POINTING:  # its rows belong to the axes of the end-effector
             R = self._problem.model.end_effector_pose(self._attitude, joints).rotation
             twists = np.vstack([R.T @ twists[:3], R.T @ twists[3:]])
-        return np.asarray(twists[task.rows])
+        return np.asarray(task_rows(self._problem.model, task, twists))
 
     def rates(self, t: float, joints: Array) -> Array:
         """Joint rates of least norm, shape (n,)."""

@@ -11,10 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.measures import singularity_measure
+from freefloat.dynamics.plane import Plane
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.system import System
-from freefloat.dynamics.tasks import Task, prescribed_rows, require_task
+from freefloat.dynamics.tasks import Task, prescribed_rows, require_task, required_plane
 from freefloat.dynamics.virtual_manipulator import reach_bound
 from freefloat.errors import InputError, require_type
 from freefloat.ik.branches import ArmBranch, BranchSets, arm_branches, many_arm_branches
@@ -112,7 +113,7 @@ class Problem:
         require_type("scene", self.scene, Scene, "Scene(bodies, corridor)")
         self.scene.require_applicable(self.model, self.path.duration)
         if self.task.planar:
-            require_planar(self.system, self.path, self.task)
+            require_planar(self.plane, self.system, self.path, self.task)
         require_few_revolutions(self.system, self.path.duration)
 
     def _require_paths(self) -> None:
@@ -137,6 +138,15 @@ class Problem:
     def system(self) -> System:
         """The robot with its momentum, wheels and drift."""
         return System(self.model, self.momentum, self.wheel_momentum, self.path.drift)
+
+    @cached_property
+    def plane(self) -> Plane:
+        """The plane of a planar task, which spacecraft and inertial frame have in common.
+
+        Raises:
+            InputError: If the robot does not stay in one.
+        """
+        return required_plane(self.model, self.task)
 
     @property
     def arm_joints(self) -> slice:
@@ -254,17 +264,18 @@ class Problem:
 
         Args:
             values: Quaternion x, y, z, w.
-            heading: For planar tasks, in its place: the angle from the inertial x axis [rad].
+            heading: For planar tasks, in its place: the angle about the normal of the plane [rad].
             key: Named in errors.
 
         Returns:
             The unit quaternion, shape (4,).
 
         Raises:
-            InputError: If it is no unit quaternion or, for planar tasks, not a rotation about z;
-                if both or neither are given, or a heading for another task.
+            InputError: If it is no unit quaternion or, for planar tasks, not a rotation about the
+                normal; if both or neither are given, or a heading for another task.
         """
-        return checked_attitude(self.task, values, heading, key)
+        plane = self.plane if self.task.planar else None
+        return checked_attitude(self.task, plane, values, heading, key)
 
     def branches(self, attitude: npt.ArrayLike, t: float = 0.0) -> tuple[ArmBranch, ...]:
         """All arm configurations with the end-effector on the path; see also ``start_joints``.

@@ -60,15 +60,15 @@ def path_errors(problem: Problem, times: Array, attitudes: Array, joints: Array)
     poses = [problem.model.end_effector_poses(attitude, q) for attitude, q in states]
     paths = [problem.path.poses(float(t)) for t in times]
     errors = [
-        _pose_errors(problem.task, *pair)
+        _pose_errors(problem, *pair)
         for pair in zip(zip(*poses, strict=True), zip(*paths, strict=True), strict=True)
     ]
     return np.asarray(np.max(errors, axis=0))
 
 
-def _pose_errors(task: Task, poses: Sequence[Pose], path: Sequence[Pose]) -> Array:
+def _pose_errors(problem: Problem, poses: Sequence[Pose], path: Sequence[Pose]) -> Array:
     """Distances and angles (K, 2) between poses of an end-effector and those of its path."""
-    rows = task.rows
+    task, rows = problem.task, problem.task.rows
     offsets = np.array([a.position - b.position for a, b in zip(poses, path, strict=True)])
     turned = [pose.rotation for pose in poses], [pose.rotation for pose in path]
     if task is Task.POINTING:
@@ -76,8 +76,9 @@ def _pose_errors(task: Task, poses: Sequence[Pose], path: Sequence[Pose]) -> Arr
         sines = np.linalg.norm(np.cross(axes, wanted), axis=1)
         angles = np.arctan2(sines, np.einsum("ki,ki->k", axes, wanted))
         return np.column_stack([np.linalg.norm(offsets, axis=1), angles])
-    angles = rotation_vector_between(*turned)
-    errors = np.hstack([offsets, angles])
+    errors = np.hstack([offsets, rotation_vector_between(*turned)])
+    if task.planar:
+        errors = problem.plane.rows(errors.T).T
     linear, angular = [row for row in rows if row < 3], [row for row in rows if row > 2]
     return np.column_stack([np.linalg.norm(errors[:, part], axis=1) for part in (linear, angular)])
 

@@ -24,7 +24,6 @@ from freefloat.planning.simulated_branch import SimulatedBranch, integrate_branc
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.climbing import best_branch, largest_margins
 from freefloat.singularities.planar_regions import PlanarArm, most_singular_place, point_3_of_pose
-from freefloat.so3 import heading_quaternion
 
 _TRIED = 24
 """Headings that are tried to report the best infeasible one."""
@@ -78,7 +77,7 @@ def _last_singularity(samples: AttitudeMap) -> SingularEvent | None:
 def no_feasible_heading_message(evaluator: FeasibilityEvaluator, search: Search) -> str:
     """Why no heading keeps the margin: the best of some headings."""
     problem = evaluator.problem
-    attitudes = heading_quaternion(search.domain.headings(_TRIED))
+    attitudes = problem.plane.attitudes(search.domain.headings(_TRIED, problem.plane))
     if (beyond := reach_message(problem)) is not None:
         return beyond
     motions = evaluator.evaluate(attitudes).motions
@@ -90,11 +89,12 @@ def no_feasible_heading_message(evaluator: FeasibilityEvaluator, search: Search)
     n, branch = max(tried, key=lambda at: (motions.ended_at[*at], motions.minimum[*at]))
     best = integrate_branch(problem, attitudes[n], branch)
     t = best.closest_approach.time
-    position = problem.path.pose(t).position
+    plane, position = problem.plane, problem.path.pose(t).position
     return (
         f"every heading violates the margin; of {_TRIED} tried, along the best one "
         f"{best.verdict()}, at s = {round(problem.path.timing.s(t), 4):g}, "
-        f"{point_text(complex(*position[:2]))}; {ending_fractions(motions.endings)}"
+        f"{point_text(plane, complex(*plane.seen(position)[:2]))}; "
+        f"{ending_fractions(motions.endings)}"
     )
 
 
@@ -110,8 +110,8 @@ def infeasible_distance_message(problem: Problem) -> str | None:
         if not inner <= abs(place) <= outer:
             return (
                 f"the path is out of reach at s = {s:.3g}: it requires the {point} at "
-                f"{point_text(place)}, {abs(place):.4g} m from the centre of mass; the arm reaches "
-                f"{inner:.4g} to {outer:.4g} m{light_spacecraft_hint(problem)}"
+                f"{point_text(problem.plane, place)}, {abs(place):.4g} m from the centre of mass; "
+                f"the arm reaches {inner:.4g} to {outer:.4g} m{light_spacecraft_hint(problem)}"
             )
     threshold = problem.margin.threshold
     for angles in _GRIDS:
@@ -120,7 +120,7 @@ def infeasible_distance_message(problem: Problem) -> str | None:
             return None
     place = point_3_of_pose(problem, problem.path.pose_at(s))
     return (
-        f"at s = {s:.3g}, with the {point} at {point_text(place)}, "
+        f"at s = {s:.3g}, with the {point} at {point_text(problem.plane, place)}, "
         f"no configuration has |S| above {largest:.4g}; the margin requires {threshold:.4g}"
     )
 

@@ -8,10 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.attitude_grids import attitude_grid, attitudes_within, ball_fraction, grid_spacing
+from freefloat.dynamics.plane import Plane
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, IntArray, angle_between, frozen, heading_of, heading_quaternion
+from freefloat.so3 import Array, IntArray, angle_between, frozen
 
 _LARGEST_ANGLE = 4.0 * np.pi
 """Largest present joint angle [rad]: larger ones are degrees."""
@@ -59,17 +60,16 @@ class SearchDomain:
         """Side [rad] of a cube with the volume that each of ``count`` attitudes represents."""
         return grid_spacing(count, self.radius)
 
-    def headings(self, count: int) -> Array:
+    def headings(self, count: int, plane: Plane) -> Array:
         """Evenly spread headings [rad], rising, shape (count,); of all, from zero."""
         if self.whole:
             return frozen(np.arange(count) * (2.0 * np.pi / count))
-        low, _ = self.heading_limits
+        low, _ = self.heading_limits(plane)
         return frozen(low + (np.arange(count) + 0.5) * (2.0 * self.radius / count))
 
-    @property
-    def heading_limits(self) -> tuple[float, float]:
+    def heading_limits(self, plane: Plane) -> tuple[float, float]:
         """First heading [rad], in [0, 2 pi), and last heading of planar attitudes."""
-        low = (heading_of(self.centre) - self.radius) % (2.0 * np.pi)
+        low = (plane.heading(self.centre) - self.radius) % (2.0 * np.pi)
         return low, low + 2.0 * self.radius
 
 
@@ -85,7 +85,7 @@ def branch_changes(problem: Problem) -> list[float]:
     """Headings [rad] at which another arm branch becomes the closest to the present joints."""
 
     def closest(headings: npt.NDArray[np.floating]) -> IntArray:
-        exist = problem.many_branches(heading_quaternion(headings)).exist
+        exist = problem.many_branches(problem.plane.attitudes(headings)).exist
         return np.where(exist.any(axis=1), np.argmax(exist, axis=1), -1)
 
     width = 2.0 * np.pi / _HEADINGS

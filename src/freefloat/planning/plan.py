@@ -21,7 +21,7 @@ from freefloat.planning.settings import Search
 from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.tolerance import Effort, Tolerance
-from freefloat.so3 import angle_between, degrees, heading_of
+from freefloat.so3 import angle_between, degrees
 
 _MOTION_KEYS = (
     "singular", "min_margin", "branch", "initial", "final", "residuals", "redundancy",
@@ -121,7 +121,7 @@ class Plan(Answer):
         """Planar tasks: the chosen heading [rad], in [0, 2 pi)."""
         if self.chosen is None or not self.problem.task.planar:
             return None
-        return heading_of(self.chosen.motion.initial.attitude)
+        return self.problem.plane.heading(self.chosen.motion.initial.attitude)
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``freefloat plan``."""

@@ -32,7 +32,6 @@ from freefloat.planning.settings import HEADINGS, Search
 from freefloat.planning.simulated_branch import SimulatedBranch, integrate_branch
 from freefloat.planning.simulation import simulate
 from freefloat.singularities.planar_regions import has_two_angle_form
-from freefloat.so3 import heading_of, heading_quaternion
 
 _NEARBY = np.geomspace(1e-6, 0.5, 64)
 """Angles to headings nearby that are tried where a redundant arm has no feasible start [rad]."""
@@ -88,7 +87,8 @@ def heading_depth(
 
     At other headings a redundant arm begins where Newton's method leads from the motion's start.
     """
-    heading, problem = heading_of(chosen.motion.initial.attitude), evaluator.problem
+    problem = evaluator.problem
+    heading = problem.plane.heading(chosen.motion.initial.attitude)
     entries = (e for e in ranges if problem.redundant or e.branch == chosen.branch.index)
     depth = max([0.0, *(entry.depth(heading) for entry in entries)])
     near = evaluator_near(evaluator, chosen.branch.joints)
@@ -123,7 +123,7 @@ def _exact_ranges(
 
 def _integrate(problem: Problem, heading: float, branch: int) -> SimulatedBranch:
     """The precise motion from a heading; of a redundant arm that of its best branch."""
-    attitude = heading_quaternion(heading)
+    attitude = problem.plane.attitudes(heading)
     if problem.redundant:
         return simulate(problem, attitude).chosen
     return integrate_branch(problem, attitude, branch)
@@ -131,11 +131,12 @@ def _integrate(problem: Problem, heading: float, branch: int) -> SimulatedBranch
 
 def _with_start(evaluator: FeasibilityEvaluator, heading: float, entry: BranchRanges) -> float:
     """The nearest heading in ranges at which a configuration of those tried is feasible."""
-    if evaluator.keeps(heading_quaternion([heading]), None)[0]:
+    plane = evaluator.problem.plane
+    if evaluator.keeps(plane.attitudes([heading]), None)[0]:
         return heading
     nearby = heading + np.concatenate([_NEARBY, -_NEARBY])
     inside = np.array([entry.depth(other) > 0.0 for other in nearby.tolist()])
-    nearby = nearby[inside & evaluator.keeps(heading_quaternion(nearby), None)]
+    nearby = nearby[inside & evaluator.keeps(plane.attitudes(nearby), None)]
     if not len(nearby):
         return heading
     return float(nearby[np.argmin(np.abs(nearby - heading))]) % tau

@@ -12,6 +12,7 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.dynamics.plane import Plane
 from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
 from freefloat.errors import UnreachableError
 from freefloat.limits.kinds.corridor import CorridorLimit
@@ -277,6 +278,8 @@ def none_within_limits(
     return f"{reason}; none of the longer durations tried suffices" if longer_tried else reason
 
 
-def point_text(point: complex) -> str:
-    """A point of the plane [m]."""
-    return f"({point.real:.4g}, {point.imag:.4g}) m"
+def point_text(plane: Plane, point: complex) -> str:
+    """A point of a plane through the centre of mass [m]; of the x-y plane without its z."""
+    place = plane.axes[:, :2] @ [point.real, point.imag] + 0.0
+    shown = place[:2] if plane.is_level else place
+    return f"({', '.join(f'{entry:.4g}' for entry in shown)}) m"

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from contourpy import contour_generator
 
+from freefloat.dynamics.plane import plane_of
 from freefloat.dynamics.tasks import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.branches import ClosedForm, closed_form
@@ -41,28 +42,25 @@ class PlanarArm:
         inertia: Angular momentum is the sum over j, k of
             ``Re(inertia[j, k] exp(i (phi_k - phi_j))) rate_k``, rates being absolute [kg m²],
             shape (n + 1, n + 1).
-        signs: 1 or -1 where a joint's axis points along +z or -z, shape (n,).
-        tool_angle: Absolute angle of the end-effector's x axis at zero heading and joints [rad].
+        signs: 1 or -1 where a joint's axis points along the plane's normal or against it, (n,).
     """
 
     links: Complex
     inertia: Complex
     signs: Array
-    tool_angle: float
 
     @classmethod
     def of(cls, model: FreeFloatingModel) -> PlanarArm:
-        """The complex form of a robot in the x-y plane; see ``is_planar``."""
-        virtual = VirtualManipulator.of(model)
-        zero = virtual.pose(np.zeros(model.dof))
-        rotations = [np.eye(3)]
+        """The complex form of a robot that stays in a plane, along the axes of that."""
+        virtual, plane = VirtualManipulator.of(model), plane_of(model)
+        axes = np.eye(3) if plane is None else plane.axes
+        rotations = [axes.T]
         for rotation in virtual.rotations:
             rotations.append(rotations[-1] @ rotation)
         return cls(
             links=np.array([_flat(R @ b) for R, b in zip(rotations, virtual.links, strict=True)]),
             inertia=_inertia(model, rotations),
-            signs=np.sign(virtual.axes_at(np.zeros(model.dof))[:, 2]),
-            tool_angle=float(np.arctan2(zero.rotation[1, 0], zero.rotation[0, 0])),
+            signs=np.sign(virtual.axes_at(np.zeros(model.dof)) @ axes[:, 2]),
         )
 
     @property
@@ -235,9 +233,9 @@ def point_3_on_path(problem: Problem, t: float) -> complex:
 def point_3_of_pose(problem: Problem, pose: Pose) -> complex:
     """Point 3 for an end-effector pose [m], the end-effector or the joint of the last link (20)."""
     if problem.task is not Task.PLANAR_POSE:
-        return _flat(pose.position)
+        return _flat(problem.plane.seen(pose.position))
     virtual = VirtualManipulator.of(problem.model)
-    return _flat(pose.position - pose.rotation @ virtual.last_link)
+    return _flat(problem.plane.seen(pose.position - pose.rotation @ virtual.last_link))
 
 
 def most_singular_place(problem: Problem, angles: int = _GRID) -> tuple[float, float]:

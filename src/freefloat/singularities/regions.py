@@ -182,7 +182,9 @@ def _path_areas(problem: Problem, workspace: Workspace) -> tuple[tuple[Interval,
     s = np.linspace(0.0, 1.0, 1001)
     poses = [problem.path.pose_at(float(value)) for value in s]
     points = np.array([pose.position + pose.rotation @ workspace.offset for pose in poses])
-    radii = np.linalg.norm(points[:, :2] if problem.task.planar else points, axis=1)
+    if problem.task.planar:
+        points = problem.plane.seen(points)[:, :2]
+    radii = np.linalg.norm(points, axis=1)
     kinds = np.zeros(len(s), dtype=int)
     for kind, areas in enumerate((workspace.path_dependent, workspace.undecided), start=1):
         for low, high in areas:

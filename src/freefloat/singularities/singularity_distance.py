@@ -18,7 +18,7 @@ from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.measures import unit_factors
 from freefloat.dynamics.momentum import generalized_jacobian
-from freefloat.dynamics.tasks import Task, require_task
+from freefloat.dynamics.tasks import Task, require_task, required_plane
 from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.singularities.global_maximum import halved
@@ -48,8 +48,8 @@ class SingularityDistance:
         joints: Nearest singular configuration that was found, shape (n,); revolute joints continue
             from those given.
         direction: Unit vector w of the task's rows, in spacecraft axes, shape (m,), of the task
-            ``pointing`` (6,): no joint rates give the end-effector twist v a component along it
-            there, w·v = 0 at zero momentum.
+            ``pointing`` and in planes other than x-y (6,): no joint rates give the end-effector
+            twist v a component along it there, w·v = 0 at zero momentum.
         inertial_direction: The same in inertial axes.
     """
 
@@ -122,6 +122,8 @@ def distance_to_singularity(
     if task is Task.POINTING:
         axes = model.end_effector_pose(UPRIGHT, search.nearest).rotation
         twist, rows = (twist.reshape(2, 3) @ axes.T).ravel(), slice(None)
+    if task.planar and not (plane := required_plane(model, task)).is_level:
+        twist, rows = (twist.reshape(2, 3) @ plane.axes.T).ravel(), slice(None)
     rotated = (twist.reshape(2, 3) @ R.T).ravel()
     arrays = frozen(search.nearest), frozen(twist[rows]), frozen(rotated[rows])
     return SingularityDistance(lower_bound, search.distance, *arrays)

@@ -36,7 +36,7 @@ def elbow_arm(model: FreeFloatingModel) -> PlanarArm:
     corners = [points[1, 0], points[2, 0], _wrist(virtual)]
     links = np.diff([0.0, *(complex(axes[1] @ p, axes[2] @ p) for p in corners)])
     signs = np.sign(joint_axes[1:3, 0] @ axes[0])
-    arm = PlanarArm(links, _inertia(model, links, signs), signs, 0.0)
+    arm = PlanarArm(links, _inertia(model, links, signs), signs)
     joints = np.pi * (2.0 * low_discrepancy(64, 6) - 1.0)
     positions, rotations, _, _ = virtual.kinematics(joints)
     distances = np.linalg.norm(positions + rotations @ wrist_in_tool(virtual), axis=1)
@@ -67,7 +67,7 @@ def _inertia(model: FreeFloatingModel, links: Complex, signs: Array) -> Complex:
     joints = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
     S = np.array([measure(np.array([0.0, q2, q3, 0.0, 0.0, 0.0])) for q2, q3 in joints.tolist()])
     units = _hermitian_units()
-    arms = [PlanarArm(links, unit, signs, 0.0) for unit in units]
+    arms = [PlanarArm(links, unit, signs) for unit in units]
     matrix = np.stack([arm.determinant(two_angles(arm, joints)) for arm in arms], axis=1)
     coefficients = np.linalg.lstsq(matrix, S, rcond=None)[0]
     if np.abs(matrix @ coefficients - S).max() > 1e-9 * np.abs(S).max():
@@ -102,4 +102,6 @@ def sampled_reach(problem: Problem) -> Interval:
 def distance(problem: Problem, joints: Array) -> float:
     """Distance of the end-effector from the centre of mass, in the plane for planar tasks [m]."""
     position = problem.model.end_effector_pose(UPRIGHT, joints).position
-    return float(np.linalg.norm(position[:2] if problem.task.planar else position))
+    if problem.task.planar:
+        position = problem.plane.seen(position)[:2]
+    return float(np.linalg.norm(position))

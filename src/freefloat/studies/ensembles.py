@@ -14,7 +14,7 @@ from freefloat.ensemble.endings import DECIDERS
 from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.limits.kinds.joint_range import JointRangeLimit
 from freefloat.motion.motion import Ending
-from freefloat.so3 import IntArray, heading_of
+from freefloat.so3 import IntArray
 from freefloat.studies.columns import FEASIBLE, INFEASIBLE, NUMBER, Column, Columns
 from freefloat.studies.groups import Group, group_of
 from freefloat.studies.portable import PortableStudy
@@ -102,7 +102,8 @@ def _columns(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str,
         "decided_by": np.array(DECIDERS)[motions.deciders[decided]],
     }
     if group.problem.task.planar:
-        columns["heading_deg"] = np.degrees([heading_of(attitude) for attitude in attitudes])
+        plane = group.problem.plane
+        columns["heading_deg"] = np.degrees([plane.heading(attitude) for attitude in attitudes])
     if group.ranges:
         pairs = zip(margin_kept.tolist(), feasible.tolist(), strict=True)
         columns["limits_kept"] = [kept if by_margin else None for by_margin, kept in pairs]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array, BoolArray, IntArray, heading_quaternion
+from freefloat.so3 import Array, BoolArray, IntArray
 from freefloat.studies.robot_values import MASS_FACTORS, SCALE_MASS, is_robot_key, uniform_factors
 from freefloat.studies.study import START_KEYS, Command, Study
 from freefloat.studies.value_columns import as_numbers
@@ -96,7 +96,7 @@ def arrays_of(
     for key, column in values.items():
         vector, _, entry = key.rpartition(".")
         if key in START_KEYS:
-            arrays["attitudes"] = _attitudes(key, column)
+            arrays["attitudes"] = _attitudes(key, column, problem)
         elif key == SCALE_MASS:
             arrays["scale_mass"] = as_numbers(uniform_factors(column), ())
         elif key in NUMBERS:
@@ -109,23 +109,23 @@ def arrays_of(
             arrays[name][:, int(entry)] = as_numbers(column, ())
     fits = np.ones(count, dtype=bool)
     for name, array in arrays.items():
-        fits &= _accepted(name, array, problem.task.planar)
+        fits &= _accepted(name, array, problem)
     for name, array in arrays.items():
         arrays[name] = np.where(fits if array.ndim == 1 else fits[:, None], array, _HARMLESS[name])
     return arrays, fits
 
 
-def _attitudes(key: str, column: Array | Sequence[Any]) -> Array:
+def _attitudes(key: str, column: Array | Sequence[Any], problem: Problem) -> Array:
     """Unit quaternions of attitudes or headings in degrees."""
     if key == "heading_deg":
-        return heading_quaternion(np.radians(as_numbers(column, ())))
+        return problem.plane.attitudes(np.radians(as_numbers(column, ())))
     quaternions = as_numbers(column, (4,))
     norms = np.linalg.norm(quaternions, axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.where(np.abs(norms - 1.0) <= _UNIT, quaternions / norms, np.nan))
 
 
-def _accepted(name: str, array: Array, planar: bool) -> BoolArray:
+def _accepted(name: str, array: Array, problem: Problem) -> BoolArray:
     """Of which runs an ensemble accepts the values of an argument."""
     rows = array.reshape(len(array), -1)
     with np.errstate(invalid="ignore"):
@@ -136,8 +136,8 @@ def _accepted(name: str, array: Array, planar: bool) -> BoolArray:
             accepted &= (rows[:, 0] >= MASS_FACTORS[0]) & (rows[:, 0] <= MASS_FACTORS[1])
         elif name == "thresholds":
             accepted &= rows[:, 0] >= 0.0
-        elif planar:
-            out = {"momenta": rows[:, :2], "wheels": rows[:, :2], "drifts": rows[:, 2:]}
-            tilt = out.get(name, rows[:, :2])
+        elif problem.task.planar:
+            seen = np.nan_to_num(problem.plane.seen(rows[:, :3]))
+            tilt = seen[:, 2:] if name == "drifts" else seen[:, :2]
             accepted &= (np.abs(tilt) <= (_LEVEL if name == "attitudes" else 0.0)).all(axis=1)
     return np.asarray(accepted)

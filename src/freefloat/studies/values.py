@@ -18,7 +18,7 @@ from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.simulation import Simulation
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.so3 import degrees, heading_of, heading_quaternion
+from freefloat.so3 import degrees
 from freefloat.studies.columns import FEASIBLE, INFEASIBLE
 from freefloat.verification.tracking import Tracking, track_many
 
@@ -143,7 +143,7 @@ def _heading_map_values(result: HeadingMap) -> dict[str, Any]:
         values["robust_radius_deg"] = degrees(result.robust.radius)
     if result.best is not None:
         values["heading_deg"] = degrees(result.best.heading)
-        values |= _attitude(heading_quaternion(result.best.heading).tolist())
+        values |= _attitude(result.best.attitude.tolist())
     return values
 
 
@@ -169,7 +169,7 @@ def _motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
         **_margin_values(chosen),
         "branch": chosen.branch.index,
         **_attitude(attitude),
-        "heading_deg": math.degrees(heading_of(attitude)) if planar else None,
+        "heading_deg": math.degrees(motion.problem.plane.heading(attitude)) if planar else None,
         **_family("joints", dict(enumerate(motion.initial.joints.tolist()))),
         **_family("residuals", motion.residuals().to_dict()),
     }

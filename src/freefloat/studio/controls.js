@@ -85,14 +85,14 @@ class Sliders {
 
   show(outline, ends) {
     this.outline = outline;
-    const { momentum, duration, margin, rpy, planar } = outline;
+    const { momentum, duration, margin, rpy, normal } = outline;
     this.values = { // those of a goal have no margin, and where it is free no duration
       momentum: [...momentum], duration: duration && [duration], margin: margin && [margin.value], orientation: rpy && [...rpy],
     };
     const limits = { ...ends, margin: margin && [0, margin.is_fraction ? 0.99 : margin.largest], orientation: [-180, 180] };
     for (const entry of this.rows) {
       const { type, part, label, row, input } = entry;
-      row.hidden = !this.values[type] || (planar && !IN_PLANE.includes(label));
+      row.hidden = !this.values[type] || (normal && normal[2] === 1 && !IN_PLANE.includes(label));
       if (row.hidden || input === this.held) continue;
       const scale = type === "orientation" ? 180 / Math.PI : 1;
       const value = scale * this.values[type][part || 0], [low, high] = limits[type];

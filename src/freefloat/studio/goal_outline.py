@@ -27,6 +27,7 @@ def goal_outline(
     return {
         "is_goal": True,
         "planar": problem.task.planar,
+        "normal": problem.plane.normal.tolist() if problem.task.planar else None,
         "size": thickness(problem),
         "lines": [],
         **_handle(scenario, goal, problem, attitude, joints),

@@ -80,7 +80,7 @@ class Handles {
   drag(number, x, y, done) {
     const { THREE } = MeshCat, { camera, scene } = this.viewer, button = this.buttons[number];
     const { left, top, width, height } = element("meshcat-pane").getBoundingClientRect();
-    const ends = this.outline.planar ? [[0, 0, 0], [0, 0, 1]].map(end => this.world(end)) : null;
+    const ends = this.outline.planar ? [[0, 0, 0], this.outline.normal].map(end => this.world(end)) : null;
     const normal = ends ? ends[1].sub(ends[0]) : camera.getWorldDirection(new THREE.Vector3());
     const plane = new THREE.Plane().setFromNormalAndCoplanarPoint(normal, this.world(button.position));
     this.raycaster.setFromCamera({ x: 2 * (x - left) / width - 1, y: 1 - 2 * (y - top) / height }, camera);

@@ -19,7 +19,7 @@ from freefloat.planning.objectives.objectives import Margin
 from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.simulated_branch import SimulatedBranch, integrate_branch
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.so3 import Array, heading_of
+from freefloat.so3 import Array
 from freefloat.studio.attitudes import best_columns
 from freefloat.visualization.page.playback import Playback
 from freefloat.visualization.scenes.scene import motion_scene
@@ -90,7 +90,7 @@ def motion_answer(
 
 def place(problem: Problem, attitude: Array) -> dict[str, Any]:
     """An attitude as a quaternion, and where the ball and the dial show it."""
-    heading = float(np.degrees(heading_of(attitude))) if problem.task.planar else None
+    heading = float(np.degrees(problem.plane.heading(attitude))) if problem.task.planar else None
     return {
         "attitude": attitude.tolist(),
         "rotation_vector": rotation_vectors(attitude).tolist(),

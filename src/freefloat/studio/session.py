@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -102,7 +102,8 @@ class Session:
                 self._attitude = None
                 self._changed(read=True)
             case Choose():
-                self._attitude = _attitude(message)
+                normal = self.newest.get("outline", {}).get("normal") or (0.0, 0.0, 1.0)
+                self._attitude = _attitude(message, normal)
                 self._choice += 1
                 self._changed()
             case Explain(samples=number, sample=sample):
@@ -218,12 +219,12 @@ class Session:
         self._broadcast(message)
 
 
-def _attitude(message: Choose) -> tuple[float, ...] | None:
+def _attitude(message: Choose, normal: Sequence[float]) -> tuple[float, ...] | None:
     """The quaternion of a point of the ball or of the dial."""
     if message.rotation_vector is not None:
         quaternion = Rotation.from_rotvec(message.rotation_vector).as_quat()
     elif message.heading_deg is not None:
-        quaternion = heading_quaternion(np.radians(message.heading_deg))
+        quaternion = heading_quaternion(np.radians(message.heading_deg), normal)
     else:
         return None
     return tuple(quaternion.tolist())

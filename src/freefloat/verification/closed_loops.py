@@ -102,8 +102,7 @@ class _Controller:
         error = _pose_errors(self._problem, positions + position, measured, t)
         attitudes = (Rotation.from_rotvec(turn) * Rotation.from_quat(plants.attitudes)).as_quat()
         if self._problem.task.planar:  # the heading
-            attitudes[:, :2] = 0.0
-            attitudes /= np.linalg.norm(attitudes, axis=1, keepdims=True)
+            attitudes = self._problem.plane.levelled(attitudes)
         twist, speed = self._problem.path.twist_and_speed((t + following) / 2.0)
         rates = self.solver.rates(
             attitudes, plants.joints + joints, twist + self._gains * error, speed
@@ -131,6 +130,8 @@ def _pose_errors(problem: Problem, positions: Array, rotations: Rotation, t: flo
         turns, rows = sines / np.sinc(angles / np.pi)[:, None], list(range(6))
     else:
         turns = (Rotation.from_matrix(target.rotation) * rotations.inv()).as_rotvec()
-    errors = np.zeros((len(positions), 6))
-    errors[:, rows] = np.hstack([target.position - positions, turns])[:, rows]
-    return errors
+    axes = problem.plane.axes if problem.task.planar else np.eye(3)
+    errors = np.zeros((len(positions), 2, 3))
+    offsets = np.stack([target.position - positions, turns], axis=1) @ axes
+    errors.reshape(-1, 6)[:, rows] = offsets.reshape(-1, 6)[:, rows]
+    return (errors @ axes.T).reshape(-1, 6)

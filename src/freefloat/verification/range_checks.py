@@ -26,7 +26,7 @@ from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.space.disturbances import LONGEST
 from freefloat.planning.space.robust_radius import Surroundings
 from freefloat.planning.tolerance import Effort, Tolerance
-from freefloat.so3 import Array, heading_quaternion
+from freefloat.so3 import Array
 from freefloat.verification.comparisons import Check, comparison_check
 
 _NEAR_END = 5e-4
@@ -77,7 +77,7 @@ def _heading_check(plan: Plan, evaluator: FeasibilityEvaluator) -> Check:
     for heading, branch, stated in (*probes, *_contradictions(plan, evaluator)):
         if plan.problem.redundant and not stated:
             continue  # other configurations than those tried may be feasible there
-        if not plan.search.domain.contains(heading_quaternion(heading)):
+        if not plan.search.domain.contains(evaluator.problem.plane.attitudes(heading)):
             continue
         if _is_feasible(evaluator, heading, branch) is not stated:
             degrees = float(np.degrees(heading % tau))
@@ -108,7 +108,7 @@ def _contradictions(
     """Headings at which an ensemble of motions on the whole circle contradicts the ranges."""
     problem = plan.problem
     headings = np.linspace(0.0, tau, _CIRCLE // evaluator.sample_reduction, endpoint=False)
-    outcomes = evaluator.evaluate(heading_quaternion(headings), stop_at_margin=True)
+    outcomes = evaluator.evaluate(evaluator.problem.plane.attitudes(headings), stop_at_margin=True)
     feasible = problem.margin.keeps(outcomes.margins)
     if problem.redundant:
         feasible = np.array(feasible.any(axis=1, keepdims=True))
@@ -129,7 +129,8 @@ def _is_feasible(evaluator: FeasibilityEvaluator, heading: float, branch: int) -
     Of a redundant arm, whether that of any configuration does, of those tried at the heading or of
     those near them at headings nearby.
     """
-    attitude, problem = heading_quaternion(heading), evaluator.problem
+    problem = evaluator.problem
+    attitude = problem.plane.attitudes(heading)
     tried = any(
         _keeps_margin(problem, evaluator.limits, attitude, start.joints)
         for start in problem.branches(attitude)

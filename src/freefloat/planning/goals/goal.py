@@ -98,13 +98,16 @@ class Goal:
         straight = model.end_effector_pose(UPRIGHT, np.zeros(model.dof))
         seen = body.pose @ pose if body else self.pose_in(model, UPRIGHT, np.zeros(model.dof))
         there = cast(Pose, seen)
-        height, level = there.position[2], straight.position[2]
-        if abs(height - level) > _LEVEL:
-            accepted = f"the plane of the end-effector, z = {level:g} m"
-            raise InputError("goal.pose.position", f"it is at z = {height:g} m", accepted)
-        if (there.rotation @ straight.rotation.T)[2, 2] < _UPRIGHT:
+        plane, normal = problem.plane, problem.plane.normal
+        height, level = normal @ there.position, normal @ straight.position
+        slack = plane.tolerance * float(np.linalg.norm(there.position))
+        if abs(height - level) > max(_LEVEL, slack):
+            accepted = f"the plane of the end-effector, {plane.axis} = {level:g} m"
+            given = f"it is at {plane.axis} = {height:g} m"
+            raise InputError("goal.pose.position", given, accepted)
+        if normal @ there.rotation @ straight.rotation.T @ normal < _UPRIGHT:
             given = "the end-effector would leave its plane"
-            raise InputError("goal.pose.orientation", given, "a rotation about z")
+            raise InputError("goal.pose.orientation", given, f"a rotation about {plane.axis}")
 
     def body(self, problem: Problem) -> SceneBody | None:
         """The body of the scene that the pose is relative to; None without one."""

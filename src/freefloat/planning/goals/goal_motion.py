@@ -11,8 +11,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.measures import singularity_measure
+from freefloat.dynamics.plane import plane_of
 from freefloat.dynamics.system import System
-from freefloat.dynamics.tasks import Task, stays_in_plane
+from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError
 from freefloat.limits.contact import Contact
 from freefloat.limits.limits import Limits
@@ -167,7 +168,7 @@ def goal_problem(
 
 def _task(model: FreeFloatingModel) -> Task:
     """The task whose singularities count: planar where the robot stays in its plane."""
-    if stays_in_plane(model):
+    if plane_of(model) is not None:
         return Task.PLANAR_POSITION
     task = Task.POSE if model.dof >= len(Task.POSE.rows) else Task.POSITION
     if model.dof < len(task.rows):

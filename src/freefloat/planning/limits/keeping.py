@@ -22,7 +22,7 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.planar_planner import heading_depth
 from freefloat.planning.reasons import margin_text, none_within_limits
 from freefloat.planning.simulated_branch import SimulatedBranch
-from freefloat.so3 import Array, heading_quaternion, rotated, rotation_vector_to
+from freefloat.so3 import Array, rotated, rotation_vector_to
 
 _HEADINGS = 720
 """Candidates of planar tasks."""
@@ -81,7 +81,7 @@ def _first_passing(
         spacing, results = plan.map.spacing, plan.map.results
     else:
         spacing = _SPACING
-        results = evaluator.evaluate(heading_quaternion(search.domain.headings(_HEADINGS)))
+        results = evaluator.evaluate(_attitudes(plan, _HEADINGS))
     margins = results.margins
     compared = Comparison.of(search.objective, search.from_attitude, limits, evaluator, margins)
     total = int(plan.problem.margin.keeps(margins).sum())
@@ -150,7 +150,7 @@ def _without_candidate(plan: Plan, trials: Trials) -> Plan:
     count = trials.count
     nearest, results = trials.nearest()
     if plan.map is None:
-        attitudes = heading_quaternion(plan.search.domain.headings(_STRETCHED))
+        attitudes = _attitudes(plan, _STRETCHED)
     else:
         attitudes = plan.map.attitudes[:: max(1, plan.map.samples // _STRETCHED)]
     stretch, start = trials.sufficient_stretch(attitudes)
@@ -166,6 +166,12 @@ def _without_candidate(plan: Plan, trials: Trials) -> Plan:
         needed_stretch=stretch,
         stretch_candidate=start,
     )
+
+
+def _attitudes(plan: Plan, count: int) -> Array:
+    """Those of evenly spread headings, shape (count, 4)."""
+    plane = plan.problem.plane
+    return plane.attitudes(plan.search.domain.headings(count, plane))
 
 
 def _heading_depth(trials: Trials, plan: Plan, chosen: SimulatedBranch | None) -> float | None:

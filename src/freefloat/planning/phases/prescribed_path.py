@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError
+from freefloat.motion.problem import Problem
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.timing import TimedPath
@@ -40,47 +41,47 @@ def prescribed_path(
     return TimedPath(EndEffectorPath(curve, given.path.orientation), given.timing, drift)
 
 
-def require_continuous(path: TimedPath, pose: Pose, twist: Array | None, task: Task) -> None:
+def require_continuous(path: TimedPath, pose: Pose, twist: Array | None, problem: Problem) -> None:
     """Raise an InputError unless a path begins with a pose and a twist of the end-effector.
 
     Args:
         path: The path.
         pose: Pose of the end-effector, in the frame of the path.
         twist: Twist in that frame [m/s; rad/s], shape (6,); None where it is not known.
-        task: Part of both that counts.
+        problem: Its task is the part of both that counts.
     """
-    jump = float(np.abs(_offset(path, pose, task)).max())
+    jump = float(np.abs(_offset(path, pose, problem)).max())
     if jump > JUMP:
         raise InputError("path", f"it begins {jump:.3g} m or rad away", _AS_BEFORE)
     if twist is None:
         return
     difference = path.twist(0.0) + path.drift_twist - twist
-    change = float(np.abs(_prescribed(difference, pose, task)).max())
+    change = float(np.abs(_prescribed(difference, pose, problem)).max())
     if change > JUMP:
-        problem = f"the end-effector's twist would change by {change:.3g} m/s or rad/s"
-        raise InputError("path", problem, _AS_BEFORE)
+        given = f"the end-effector's twist would change by {change:.3g} m/s or rad/s"
+        raise InputError("path", given, _AS_BEFORE)
 
 
-def moved_to_begin_at(path: TimedPath, pose: Pose, task: Task) -> TimedPath:
+def moved_to_begin_at(path: TimedPath, pose: Pose, problem: Problem) -> TimedPath:
     """The path, moved and turned by the little by which it does not begin at a pose.
 
     Joints need no correction then, and errors of paths before are not those of this one.
     """
-    offset = -_offset(path, pose, task)
+    offset = -_offset(path, pose, problem)
     curve, orientation = path.path.curve, path.path.orientation
     moved = curve.moved(Pose(offset[:3], np.eye(3)))
-    if task.prescribes_orientation:
+    if problem.task.prescribes_orientation:
         orientation = orientation.rotated(Rotation.from_rotvec(offset[3:]).as_matrix())
     return replace(path, path=EndEffectorPath(moved, orientation))
 
 
-def _offset(path: TimedPath, pose: Pose, task: Task) -> Array:
+def _offset(path: TimedPath, pose: Pose, problem: Problem) -> Array:
     """From a pose to the first one of a path [m; rad], inertial axes; zero what is free, (6,)."""
     start = path.pose(0.0)
     turn = rotation_vector_between(pose.rotation, start.rotation)
-    if task is Task.POINTING:
+    if problem.task is Task.POINTING:
         turn = _between(pose.rotation[:, 2], start.rotation[:, 2], pose.rotation[:, 0])
-    return _prescribed(np.concatenate([start.position - pose.position, turn]), pose, task)
+    return _prescribed(np.concatenate([start.position - pose.position, turn]), pose, problem)
 
 
 def _between(first: Array, second: Array, across: Array) -> Array:
@@ -91,9 +92,13 @@ def _between(first: Array, second: Array, across: Array) -> Array:
     return np.asarray(np.arctan2(sine, first @ second) * axis)
 
 
-def _prescribed(vector: Array, pose: Pose, task: Task) -> Array:
-    """The part of a pair of vectors (6,) in inertial axes that a task prescribes at a pose."""
-    axes = pose.rotation if task is Task.POINTING else np.eye(3)
+def _prescribed(vector: Array, pose: Pose, problem: Problem) -> Array:
+    """The part of a pair of vectors (6,) in inertial axes that the task prescribes at a pose."""
+    task, axes = problem.task, np.eye(3)
+    if task is Task.POINTING:
+        axes = pose.rotation
+    elif task.planar:
+        axes = problem.plane.axes
     kept = np.zeros(6)
     kept[task.rows] = (vector.reshape(2, 3) @ axes).ravel()[task.rows]
     return np.asarray((kept.reshape(2, 3) @ axes.T).ravel())

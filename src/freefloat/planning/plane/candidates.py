@@ -62,8 +62,10 @@ class PlanarCandidates:
         self.duration = problem.path.duration
         self._problem = problem
         self.timing = problem.path.timing
+        self._plane = problem.plane
         self._virtual = VirtualManipulator.of(problem.model)
-        self._momentum = float(problem.momentum[2] - problem.wheel_momentum[2])
+        self._zero = self._virtual.pose(np.zeros(problem.model.dof)).rotation
+        self._momentum = float(self._plane.normal @ (problem.momentum - problem.wheel_momentum))
         self._by_time = bool(self._momentum or problem.path.depends_on_time)
         self.times = _instants(self.timing)
         path = self.path_at(self.times)
@@ -83,16 +85,22 @@ class PlanarCandidates:
         else:
             tangents = np.array([path.tangent(value) for value in s])
         moved = np.outer(times.ravel(), timed.drift)
-        position = _flat(np.array([path.curve(value) for value in s]) - moved)
-        velocity = _flat(tangents)
+        position = self._flat(np.array([path.curve(value) for value in s]) - moved)
+        velocity = self._flat(tangents[:, :3])
         angle, rate = np.zeros((2, len(s)))
         if self._problem.task.prescribes_orientation:
             rotations = np.array([path.orientation.rotation(value) for value in s])
-            link = _flat(rotations @ self._virtual.last_link)
-            angle, rate = np.arctan2(rotations[:, 1, 0], rotations[:, 0, 0]), tangents[:, 5]
+            link = self._flat(rotations @ self._virtual.last_link)
+            turned = self._flat(rotations @ self._zero.T @ self._plane.axes[:, 0])
+            angle, rate = np.angle(turned), tangents[:, 3:] @ self._plane.normal
             position, velocity = position - link, velocity - 1j * rate * link
         values = position, velocity, angle, rate
         return PathState._make(np.reshape(value, times.shape) for value in values)
+
+    def _flat(self, vectors: Array) -> Complex:
+        """The complex numbers of vectors (K, 3) along the axes of the plane, shape (K,)."""
+        x, y = self._plane.seen(vectors)[:, :2].T
+        return np.asarray(x + 1j * y)
 
     def path_between(self, index: Array) -> PathState:
         """The sampled path at fractional indices into :attr:`times`, linear between."""
@@ -105,7 +113,7 @@ class PlanarCandidates:
         angles = heading[..., None] + two_angles(self.arm, q)[..., :3]
         if len(self.arm.links) == 3:
             return np.asarray(angles)
-        last = np.broadcast_to(path.last - self.arm.tool_angle, heading.shape)
+        last = np.broadcast_to(path.last, heading.shape)
         return np.concatenate([angles, last[..., None]], axis=-1)
 
     def rates(self, q: Array, path: PathState) -> Array:
@@ -140,8 +148,3 @@ def _instants(timing: Timing) -> Array:
     fractions = np.concatenate([_NEAR_REST, np.linspace(0, 1, _TIMES + 1)[1:-1], 1.0 - _NEAR_REST])
     inner = [a + (b - a) * fractions for a, b in pairwise(edges)]
     return np.unique(np.concatenate([*inner, edges, timing.ends]))
-
-
-def _flat(vectors: Array) -> Complex:
-    """The complex numbers of the first two components of vectors, shape (K,)."""
-    return np.asarray(vectors[:, 0] + 1j * vectors[:, 1])

@@ -13,7 +13,7 @@ from freefloat.planning.objectives.objective import Comparison
 from freefloat.planning.plane.arcs import HeadingRange
 from freefloat.planning.plane.heading_search import best_headings
 from freefloat.planning.settings import Search
-from freefloat.so3 import IntArray, heading_of, wrapped
+from freefloat.so3 import IntArray, wrapped
 
 _INSIDE = 1e-6
 """Distance from the limit of a range to a heading chosen there [rad]."""
@@ -62,7 +62,7 @@ class RangeChoices:
 
         None where no range is wide enough for ``spare``.
         """
-        present = heading_of(np.asarray(self.search.from_attitude))
+        present = self.evaluator.problem.plane.heading(np.asarray(self.search.from_attitude))
         choices = []
         for branch, part in self.ranges:
             if part.width < 2.0 * self.spare:

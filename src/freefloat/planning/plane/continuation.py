@@ -11,7 +11,7 @@ from freefloat.ensemble.result import BranchResults, EnsembleResult
 from freefloat.ik.nearest import newton_solutions
 from freefloat.motion.problem import Problem
 from freefloat.planning.searches.pattern_search import Flags
-from freefloat.so3 import Array, heading_quaternion, rotated
+from freefloat.so3 import Array, rotated
 
 _NEARBY = np.geomspace(1e-4, 0.25, 40)
 """Angles to the attitudes nearby whose configurations are tried [rad]."""
@@ -56,7 +56,7 @@ class FollowedStarts:
         """The motions from configurations of both neighbours, shape (K, B)."""
         above = np.searchsorted(self._headings, headings % tau) % len(self._headings)
         near = np.concatenate([self._joints[above - 1], self._joints[above]], axis=1)
-        attitudes = heading_quaternion(np.repeat(headings, near.shape[1]))
+        attitudes = self._evaluator.problem.plane.attitudes(np.repeat(headings, near.shape[1]))
         starts, flat = continued_motions(
             self._evaluator, attitudes, near.reshape(-1, near.shape[2])
         )
@@ -85,7 +85,7 @@ def keeps_from_nearby(evaluator: FeasibilityEvaluator, attitude: Array) -> Flags
     """
     if evaluator.problem.task.planar:
         angles = np.concatenate([_NEARBY, -_NEARBY])
-        nearby = rotated(attitude, angles[:, None] * np.array([0.0, 0.0, 1.0]))
+        nearby = rotated(attitude, angles[:, None] * evaluator.problem.plane.normal)
     else:
         axes = np.concatenate([np.eye(3), -np.eye(3)])
         nearby = rotated(attitude, np.multiply.outer(_NEARBY, axes).reshape(-1, 3))

@@ -13,12 +13,12 @@ from freefloat.errors import InputError
 from freefloat.planning.margin_map import MarginMap
 from freefloat.planning.reasons import reach_message
 from freefloat.records import Angles
-from freefloat.so3 import degrees, heading_quaternion
+from freefloat.so3 import Array, degrees, frozen
 
 _Value = TypeVar("_Value", np.float64, np.bool_)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HeadingCandidate:
     """A heading among the samples.
 
@@ -26,11 +26,13 @@ class HeadingCandidate:
         branch: Number of the arm branch; None for the best start of a redundant arm.
         heading: Heading [rad].
         minimum_margin: Minimum margin of its motion.
+        attitude: The attitude with this heading, quaternion x, y, z, w, shape (4,).
     """
 
     branch: int | None
     heading: float
     minimum_margin: float
+    attitude: Array
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document."""
@@ -38,7 +40,7 @@ class HeadingCandidate:
             "branch": self.branch,
             "heading_deg": float(np.degrees(self.heading)),
             "value": self.minimum_margin,
-            "attitude": heading_quaternion(self.heading).tolist(),
+            "attitude": self.attitude.tolist(),
         }
 
 
@@ -102,7 +104,8 @@ class HeadingMap(MarginMap):
             return None
         branch, margins = max(self.by_branch(self.margins), key=lambda pair: pair[1].max())
         n = int(np.argmax(margins))
-        return HeadingCandidate(branch, float(self.headings[n]), float(margins[n]))
+        attitude = frozen(self.problem.plane.attitudes(self.headings[n]))
+        return HeadingCandidate(branch, float(self.headings[n]), float(margins[n]), attitude)
 
     def by_branch(
         self, values: npt.NDArray[_Value]
@@ -145,7 +148,7 @@ class HeadingMap(MarginMap):
         labels: dict[int | None, str] = {}
         for branch, exists in zip(self.branches, self.results.exist.T, strict=True):
             heading = float(self.headings[np.argmax(exists)])
-            there = self.problem.branches(heading_quaternion(heading))
+            there = self.problem.branches(self.problem.plane.attitudes(heading))
             labels[branch] = next((b.label for b in there if b.index == branch), str(branch))
         return labels
 

@@ -13,7 +13,7 @@ from freefloat.ensemble.result import EnsembleResult
 from freefloat.errors import whole_number
 from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.settings import FEWEST_SAMPLES, Search
-from freefloat.so3 import Array, IntArray, frozen, heading_quaternion
+from freefloat.so3 import Array, IntArray, frozen
 
 _TRIED = 24
 """Headings tried in each range when the largest margin is searched for."""
@@ -39,8 +39,8 @@ def sample_headings(
     samples = whole_number("samples", samples, FEWEST_SAMPLES)
     evaluator.require_memory(samples)
     search = search or Search()
-    headings = search.domain.headings(samples)
-    attitudes = frozen(heading_quaternion(headings))
+    headings = search.domain.headings(samples, evaluator.problem.plane)
+    attitudes = frozen(evaluator.problem.plane.attitudes(headings))
     results = evaluator.evaluate(attitudes, progress=progress)
     branches = np.flatnonzero(results.exist.any(axis=0))
     numbers = tuple(branches.tolist())
@@ -70,7 +70,7 @@ def best_headings(
     while True:
         sizes = [len(grid) for grid in grids]
         numbers = None if evaluator.problem.redundant else np.repeat(branches, sizes)
-        attitudes = heading_quaternion(np.concatenate(grids))
+        attitudes = evaluator.problem.plane.attitudes(np.concatenate(grids))
         if merit is None:
             values = evaluator.margins(attitudes, numbers)
         else:

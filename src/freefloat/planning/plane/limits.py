@@ -19,7 +19,7 @@ from freefloat.limits.check import attitude_limits
 from freefloat.limits.result import LimitResult
 from freefloat.motion.integration import integrate_motion
 from freefloat.planning.plane.arcs import BranchRanges, HeadingRange, arcs_between, branch_ranges
-from freefloat.so3 import Array, heading_quaternion
+from freefloat.so3 import Array
 
 _SPACING = np.radians(0.25)
 """Spacing of the first grid."""
@@ -66,7 +66,7 @@ class _Slack:
 
     def __call__(self, headings: Array) -> Array:
         """Slacks of compiled motions, differences of cosines; nan where there is none, (K,)."""
-        attitudes = heading_quaternion(headings)
+        attitudes = self._evaluator.problem.plane.attitudes(headings)
         motions = self._evaluator.evaluate(attitudes, self._branch).motions
         return np.asarray(motions.slacks[:, 0].min(axis=1))
 
@@ -104,7 +104,8 @@ class _Slack:
 
     def _precise(self, heading: float) -> tuple[float, LimitResult]:
         """1 less the largest ratio of a limit along a precise motion, and that limit's result."""
-        problem, attitude = self._evaluator.problem, heading_quaternion(heading)
+        problem = self._evaluator.problem
+        attitude = problem.plane.attitudes(heading)
         joints = next(b.joints for b in problem.branches(attitude) if b.index == self._branch)
         motion = integrate_motion(problem, attitude, joints)
         results = (limit.worst(motion) for limit in self._limits)

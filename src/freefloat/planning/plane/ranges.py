@@ -29,7 +29,7 @@ from freefloat.planning.plane.arcs import (
 )
 from freefloat.planning.plane.tangency import PlanarTangencyPoint, planar_tangency_points
 from freefloat.singularities.planar_regions import PlanarArm, point_3_on_path
-from freefloat.so3 import Array, heading_of, heading_quaternion
+from freefloat.so3 import Array
 
 if TYPE_CHECKING:
     from freefloat.ensemble.ensemble import EnsembleIntegrator
@@ -94,7 +94,7 @@ def limits_of_spans(
     ))  # fmt: skip
     results = _integrated(problem, [_from_tangency(point, end) for point, end in pairs])
     headings = {
-        pair: heading_of(attitude)
+        pair: problem.plane.heading(attitude)
         for pair, attitude, keeps in zip(
             pairs, results.attitudes, results.keeps(level), strict=True
         )
@@ -115,7 +115,7 @@ def states_at(
 ) -> list[tuple[float, Array]]:
     """Heading [rad] in [0, 2 pi) and joints (n,) of the motions of limits at a time [s]."""
     motions = _integrated(problem, [_from_tangency(limit.tangency, at) for limit in limits])
-    headings = [heading_of(attitude) for attitude in motions.attitudes]
+    headings = [problem.plane.heading(attitude) for attitude in motions.attitudes]
     return list(zip(headings, motions.joints, strict=True))
 
 
@@ -142,7 +142,7 @@ def _integrated(problem: Problem, motions: list[_Planned]) -> EnsembleResult:
     columns = list(zip(*motions, strict=True)) or [()] * 4
     headings, joints, starts, ends = (np.array(column, dtype=float) for column in columns)
     return _integrator(problem).integrate(
-        heading_quaternion(headings), joints.reshape(-1, problem.model.arm_dof),
+        problem.plane.attitudes(headings), joints.reshape(-1, problem.model.arm_dof),
         starts=starts, ends=ends,
     )  # fmt: skip
 
@@ -170,7 +170,7 @@ def heading_ranges(
     edges: list[tuple[float, int | None, str]]
     edges = [(heading, None, REACH) for heading in reach_limits(problem, at)]
     if not domain.whole:
-        edges += [(end % tau, None, SEARCH) for end in domain.heading_limits]
+        edges += [(end % tau, None, SEARCH) for end in domain.heading_limits(problem.plane)]
     if problem.start_joints is not None and at == 0.0:
         edges += [(heading, None, SEARCH) for heading in branch_changes(problem)]
     for heading, joints in states_at(problem, limits, at):
@@ -195,7 +195,7 @@ def _feasible_arcs(
     places, motions = [], []
     for index, row in enumerate(arcs):
         for number, arc in enumerate(row):
-            attitude = heading_quaternion(arc.middle)
+            attitude = problem.plane.attitudes(arc.middle)
             if not domain.contains(attitude):
                 continue
             for branch in problem.branches(attitude, at):
@@ -210,7 +210,7 @@ def _feasible_arcs(
 
 def _branch_of(problem: Problem, heading: float, joints: Array, at: float) -> int | None:
     """The number of the branch with these joints; None where branches meet."""
-    branches = problem.branches(heading_quaternion(heading), at)
+    branches = problem.branches(problem.plane.attitudes(heading), at)
     near = [b.index for b in branches if problem.model.joint_distance(b.joints, joints) < _NEAR]
     return near[0] if len(near) == 1 else None
 

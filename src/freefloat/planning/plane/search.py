@@ -34,7 +34,7 @@ from freefloat.planning.plane.ranges import reach_limits
 from freefloat.planning.searches.line_search import Function, Samples, resolved
 from freefloat.planning.searches.pattern_search import Flags
 from freefloat.singularities.planar_regions import has_two_angle_form
-from freefloat.so3 import Array, IntArray, heading_quaternion, wrapped
+from freefloat.so3 import Array, IntArray, wrapped
 
 _NEAR_REACH = 1e-6
 """Distance from the limits of the reach at which headings are added [rad]."""
@@ -66,7 +66,7 @@ def searched_ranges(
     evaluator.require_memory(samples)
     headings = _headings(problem, samples, domain)
     results = evaluator.evaluate(
-        heading_quaternion(headings), stop_at_margin=True, progress=progress
+        problem.plane.attitudes(headings), stop_at_margin=True, progress=progress
     )
     if problem.redundant:
         labels = {0: "any"}
@@ -83,14 +83,14 @@ def searched_ranges(
     def motions(headings: Array, columns: IntArray) -> EnsembleResult:
         if followed is not None:
             return followed(headings)
-        return evaluator.motions(heading_quaternion(headings), indices[columns])
+        return evaluator.motions(problem.plane.attitudes(headings), indices[columns])
 
     def within(headings: Array, columns: IntArray) -> tuple[Array, Flags]:
         slacks, kept = _slacks(problem, motions(headings, columns))
-        return slacks, kept & domain.contains(heading_quaternion(headings))
+        return slacks, kept & domain.contains(problem.plane.attitudes(headings))
 
     round_circle = np.append(headings, headings[0] + tau)
-    contained = domain.contains(heading_quaternion(headings))
+    contained = domain.contains(problem.plane.attitudes(headings))
     closed = np.append(np.arange(len(headings)), 0)
     every = np.arange(results.exist.shape[1])
     lines = []
@@ -103,9 +103,11 @@ def searched_ranges(
         lines.append(Samples(round_circle, slacks[closed], kept[closed]))
     lines = resolved(within, lines, _WIDEST, _NARROWEST, _EXACT, _LEVELS)
 
+    limits_of_domain = () if domain.whole else domain.heading_limits(problem.plane)
+
     def causes(outside: Array, column: int) -> list[str]:
         results = motions(outside, np.full(len(outside), column))
-        return _causes(evaluator.limits, outside, results, domain)
+        return _causes(evaluator.limits, outside, results, limits_of_domain)
 
     return tuple(
         _ranges_of(line, index, labels[index], partial(causes, column=column))
@@ -120,7 +122,7 @@ def depth_of_start(evaluator: FeasibilityEvaluator, heading: float, domain: Sear
     """
 
     def within(headings: Array, columns: IntArray) -> tuple[Array, Flags]:
-        attitudes = heading_quaternion(headings)
+        attitudes = evaluator.problem.plane.attitudes(headings)
         slacks, kept = _slacks(evaluator.problem, evaluator.motions(attitudes, columns))
         return slacks, kept & domain.contains(attitudes)
 
@@ -177,15 +179,18 @@ def _ranges_of(
 
 
 def _causes(
-    limits: AttitudeLimits, outside: Array, motions: EnsembleResult, domain: SearchDomain
+    limits: AttitudeLimits, outside: Array, motions: EnsembleResult, ends: tuple[float, ...]
 ) -> list[str]:
-    """Why ranges end next to headings (K,) outside, with the motions from there, shape (K, B)."""
+    """Why ranges end next to headings (K,) outside, with the motions from there, shape (K, B).
+
+    ``ends`` are those of the headings that are searched.
+    """
     least = motions.slacks.min(axis=2, initial=np.inf)
     limited = (motions.endings == LIMITED) & (least > -_JUST)
     causes = []
     for row, heading in enumerate(outside.tolist()):
-        at_end = [abs(wrapped(heading - end)) < _END for end in domain.heading_limits]
-        if not domain.whole and any(at_end):
+        at_end = [abs(wrapped(heading - end)) < _END for end in ends]
+        if any(at_end):
             causes.append(SEARCH)
         elif limited[row].any():
             slacks = motions.slacks[row, limited[row]][0]
@@ -201,9 +206,9 @@ def _headings(problem: Problem, samples: int, domain: SearchDomain) -> Array:
 
     Outside a domain that has not all headings there is one next to each of its limits.
     """
-    headings = domain.headings(samples)
+    headings = domain.headings(samples, problem.plane)
     if not domain.whole:
-        low, high = domain.heading_limits
+        low, high = domain.heading_limits(problem.plane)
         outside = min(headings[1] - headings[0], np.pi - domain.radius)
         headings = np.array([low - outside, *headings, high + outside]) % tau
     if not has_two_angle_form(problem.model, problem.task):

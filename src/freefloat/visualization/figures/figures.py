@@ -31,7 +31,6 @@ from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.singularities.planar_regions import has_two_angle_form
 from freefloat.singularities.regions import Workspace, workspace_regions
 from freefloat.singularities.singularity_map import SingularityMap
-from freefloat.so3 import heading_of, heading_quaternion
 from freefloat.visualization.figure_style import Figures, styled
 from freefloat.visualization.figures.manoeuvre_figure import manoeuvre_figure
 from freefloat.visualization.figures.map_figures import histogram_figure, slices_figure
@@ -224,7 +223,7 @@ def _planar_figures(plan: Plan, threads: int | None, progress: Progress | None) 
     if headings.branches:
         heading = None
         if chosen is not None:
-            heading = chosen.branch.index, heading_of(chosen.motion.initial.attitude)
+            heading = chosen.branch.index, problem.plane.heading(chosen.motion.initial.attitude)
         drawings["headings"] = partial(headings_figure, headings, plan.ranges, heading)
     return Figures(drawings)
 
@@ -259,7 +258,7 @@ def _infeasible_motion(problem: Problem, entry: BranchRanges) -> Motion | None:
     if not outside:
         return None
     try:
-        branches = simulate(problem, heading_quaternion(min(outside)[1])).branches
+        branches = simulate(problem, heading=min(outside)[1]).branches
     except UnreachableError:
         return None
     return next((b.motion for b in branches if b.branch.index == entry.branch), None)

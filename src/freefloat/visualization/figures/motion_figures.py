@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
+from freefloat.dynamics.plane import Plane
 from freefloat.io.formats.trajectory import Trajectory
 from freefloat.motion.extrema import ClosestApproach
 from freefloat.motion.motion import Ending, Motion
@@ -74,9 +75,9 @@ def euler_angles(attitudes: Array) -> Array:
     return np.asarray(np.degrees(np.unwrap(angles, axis=0)))
 
 
-def headings(attitudes: Array) -> Array:
+def headings(attitudes: Array, plane: Plane) -> Array:
     """Headings of a planar spacecraft [deg], without jumps from [0, 360), shape (K,)."""
-    angles = np.unwrap(2.0 * np.arctan2(attitudes[:, 2], attitudes[:, 3]))
+    angles = np.unwrap(2.0 * np.arctan2(attitudes[:, :3] @ plane.normal, attitudes[:, 3]))
     turns = np.floor((angles[0] + _ROUNDING) / (2.0 * np.pi))  # zero is not a whole turn
     return np.asarray(np.degrees(angles - 2.0 * np.pi * turns))
 
@@ -95,7 +96,7 @@ def joint_names(model: FreeFloatingModel) -> list[str]:
 def attitude_curves(problem: Problem, trajectory: Trajectory) -> tuple[str, Array, Sequence[str]]:
     """Quantity, values [deg], shape (K, 1) or (K, 3), and names of attitude angles."""
     if problem.task.planar:
-        return "attitude", headings(trajectory.attitudes)[:, None], ("heading",)
+        return "attitude", headings(trajectory.attitudes, problem.plane)[:, None], ("heading",)
     return "x-y-z Euler angles", euler_angles(trajectory.attitudes), _AXES
 
 
@@ -113,11 +114,16 @@ def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
     panels = figure.subplots(3, 2, sharex=True)
     scale, unit = joint_scale(problem.model)
     joints = joint_names(problem.model)
-    axes = _AXES[: 2 if problem.task.planar else 3]
-    spins = np.degrees(trajectory.angular_velocities)[:, 2 if problem.task.planar else 0 :]
-    spin_names = [rf"$\omega_{axis}$" for axis in ("z" if problem.task.planar else "xyz")]
+    axes: Sequence[str] = _AXES
+    spun, frame = "xyz", np.eye(3)
+    if problem.task.planar:
+        letters, frame = problem.plane.letters, problem.plane.axes
+        axes, spun = tuple(f"${letter}$" for letter in letters[:2]), letters[2]
+    spins = np.degrees(trajectory.angular_velocities @ frame)[:, 3 - len(spun) :]
+    spin_names = [rf"$\omega_{axis}$" for axis in spun]
     rate_unit = ", ".join(f"{part}/s" for part in unit.split(", "))
     tracks = trajectory.end_effectors
+    positions = [(track.positions @ frame)[:, : len(axes)] for track in tracks]
     tips = [f"{axis} {track.arm}".strip() for track in tracks for axis in axes]
     word = "end-effector,\ninertial axes" if len(tracks) == 1 else "end-effectors,\ninertial axes"
     curves = [
@@ -125,8 +131,8 @@ def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
         ("joint rates", scale * trajectory.joint_rates, joints, rate_unit),
         (*attitude_curves(problem, trajectory), "deg"),
         ("spacecraft rate,\ninertial axes", spins, spin_names, "deg/s"),
-        (word, np.hstack([track.positions[:, : len(axes)] for track in tracks]), tips, "m"),
-        ("spacecraft origin,\ninertial axes", trajectory.base_positions, axes, "m"),
+        (word, np.hstack(positions), tips, "m"),
+        ("spacecraft origin,\ninertial axes", trajectory.base_positions @ frame, axes, "m"),
     ]
     for panel, (quantity, values, names, quantity_unit) in zip(panels.flat, curves, strict=True):
         draw_curves(panel, trajectory.times, values, names)

@@ -20,7 +20,7 @@ from freefloat.singularities.planar_regions import (
     point_3,
     point_3_on_path,
 )
-from freefloat.so3 import Array, heading_of
+from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (
     BLACK,
     BLUE,
@@ -107,7 +107,7 @@ def _draw_motion(
 
     The markers of its ends are in the legend if ``named``, that of a singularity always.
     """
-    heading = np.degrees(heading_of(motion.initial.attitude))
+    heading = np.degrees(motion.problem.plane.heading(motion.initial.attitude))
     places = np.linspace(0.0, motion.panels, 12 * motion.panels + 1)
     q = np.degrees(motion.evaluate(places)[2][:, :2])
     rows = wrapped(q)

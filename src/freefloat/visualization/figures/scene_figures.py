@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Wedge
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
+from freefloat.dynamics.plane import Plane
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.paths.timing import TimedPath
@@ -187,7 +188,7 @@ def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figu
         _draw_in_space(axes, motion.problem, robot)
         draw_in_space(axes, motion, float(time))
         axes.set_title(f"{digits(time)} s", y=1.0)
-    _mark_singular(views[-1], motion, 3)
+    _mark_singular(views[-1], motion)
     bodies = np.array([[robot.spacecraft[0].mean(axis=0), *robot.arm[1:]] for robot in robots])
     points = np.vstack([
         points for robot in robots for points in (*robot.spacecraft, robot.arm, *robot.others)
@@ -210,16 +211,16 @@ def draw_snapshots(axes: Any, motion: Motion, workspace: Workspace | None) -> No
         _draw_areas(axes, workspace)
     _draw_path(axes, motion.problem, workspace)
     times = np.linspace(motion.initial.time, motion.final.time, _INSTANTS)
-    robots = outlines(motion, times)
+    robots, plane = outlines(motion, times), motion.problem.plane
     draw_in_plane(axes, motion, times)
     shades = [f"{shade:.3f}" for shade in np.linspace(_LIGHTEST, 0.0, _INSTANTS)]
     for k in (0, -1):
         for box in robots[k].spacecraft[::-1]:
-            axes.add_patch(Polygon(from_above(box), fill=False, edgecolor=shades[k]))
+            axes.add_patch(Polygon(from_above(plane.seen(box)), fill=False, edgecolor=shades[k]))
     for robot, shade in zip(robots, shades, strict=True):
         for points in (robot.arm, *robot.others):
-            _draw_arm(axes, points[:, :2], shade)
-    _mark_singular(axes, motion, 2)
+            _draw_arm(axes, plane.seen(points)[:, :2], shade)
+    _mark_singular(axes, motion, plane)
 
 
 def _draw_arm(axes: Any, points: Array, shade: str) -> None:
@@ -229,9 +230,11 @@ def _draw_arm(axes: Any, points: Array, shade: str) -> None:
     )  # fmt: skip
 
 
-def _mark_singular(axes: Any, motion: Motion, dimensions: int) -> None:
+def _mark_singular(axes: Any, motion: Motion, plane: Plane | None = None) -> None:
     if motion.ending is Ending.SINGULAR:
-        position = motion.problem.path.pose(motion.final.time).position[:dimensions]
+        position = motion.problem.path.pose(motion.final.time).position
+        if plane is not None:
+            position = plane.seen(position)[:2]
         label = f"singular at {digits(motion.final.time)} s"
         draw_point(axes, position, "X", 6.0, color=VERMILION, zorder=9, label=label)
 
@@ -252,20 +255,23 @@ def _draw_areas(axes: Any, workspace: Workspace) -> None:
 
 def _draw_path(axes: Any, problem: Problem, workspace: Workspace | None) -> None:
     """Draw planar paths and the path of the reference point (point 3 of the paper)."""
-    _draw_lines(axes, problem, 2)
+    plane = problem.plane
+    _draw_lines(axes, problem, plane)
     if workspace is not None and workspace.offset.any():
         points = _sampled_path(problem.path, workspace.offset)
         style = {"color": GREEN, "linestyle": "--", "linewidth": 1.3}
-        axes.plot(*points[:, :2].T, label=workspace.point, **style)
+        axes.plot(*plane.seen(points)[:, :2].T, label=workspace.point, **style)
     axes.set_aspect("equal")
-    axes.set_xlabel(axis_label("$x$", "m"))
-    axes.set_ylabel(axis_label("$y$", "m"))
+    axes.set_xlabel(axis_label(f"${plane.letters[0]}$", "m"))
+    axes.set_ylabel(axis_label(f"${plane.letters[1]}$", "m"))
 
 
-def _draw_lines(axes: Any, problem: Problem, dimensions: int) -> None:
+def _draw_lines(axes: Any, problem: Problem, plane: Plane | None = None) -> None:
     """Draw the paths of all end-effectors, with both ends."""
     for number, timed in enumerate(problem.path.every):
-        path, named = _sampled_path(timed)[:, :dimensions], number == 0
+        path, named = _sampled_path(timed), number == 0
+        if plane is not None:
+            path = plane.seen(path)[:, :2]
         line = {"color": BLUE, "linestyle": "-", "linewidth": 1.6}
         axes.plot(*path.T, label="path" if named else None, **line)
         for place, name, fill in ((path[0], "start", "white"), (path[-1], "end", BLUE)):
@@ -274,7 +280,7 @@ def _draw_lines(axes: Any, problem: Problem, dimensions: int) -> None:
 
 
 def _draw_in_space(axes: Any, problem: Problem, robot: Outline) -> None:
-    _draw_lines(axes, problem, 3)
+    _draw_lines(axes, problem)
     faces = robot.spacecraft[:, _FACES].reshape(-1, 4, 3)
     style = {"facecolors": _DEPENDENT, "edgecolors": GREY, "linewidths": 0.6, "alpha": 0.45}
     axes.add_collection3d(Poly3DCollection(faces, **style))

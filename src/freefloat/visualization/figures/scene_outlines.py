@@ -32,13 +32,13 @@ _JOGGLE = "QJ"
 
 
 def draw_in_plane(axes: Any, motion: Motion, times: Array) -> None:
-    """Draw the outlines of the bodies in the x-y plane, of those that move at all times [s]."""
+    """Draw the outlines of the bodies in the robot's plane, of moving ones at all times [s]."""
     drifts = motion.problem.path.drifts
     label: str | None = "other bodies"
     for number, time in enumerate(times.tolist()):
         for body, points in outline_points(motion, time):
             if number == 0 or drifts or body.motion != "fixed":
-                outline = from_above(points)
+                outline = from_above(motion.problem.plane.seen(points))
                 style: Any = {
                     "facecolor": ORANGE,
                     "edgecolor": ORANGE,

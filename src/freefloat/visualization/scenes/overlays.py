@@ -67,11 +67,14 @@ def draw_areas(builder: SceneBuilder, root: str, problem: Problem, areas: Worksp
     """Draw path-dependent and path-independent areas: rings in the plane, spheres in space."""
     kinds = [(areas.path_dependent, _DEPENDENT), (areas.path_independent, _INDEPENDENT)]
     parts = [(interval, colour) for intervals, colour in kinds for interval in intervals or ()]
-    below = float(problem.path.path.curve(0.0)[2]) - 3.0 * thickness(problem)
     for number, ((inner, outer), colour) in enumerate(sorted(parts), start=1):
         path = f"{root}/{AREAS}/{number}"
         if problem.task.planar:
-            builder.mesh(path, _ring(inner, outer, below), (*colour, 0.25), shaded=False)
+            plane = problem.plane
+            below = plane.normal @ problem.path.path.curve(0.0) - 3.0 * thickness(problem)
+            vertices, faces = _ring(inner, outer, float(below))
+            ring = vertices @ plane.axes.T, faces
+            builder.mesh(path, ring, (*colour, 0.25), shaded=False)
         else:
             ball = icosphere(subdivisions=4, radius=outer)
             builder.mesh(path, (ball.vertices, ball.faces), (*colour, 0.10))

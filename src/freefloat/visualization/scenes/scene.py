@@ -222,20 +222,25 @@ def _view(samples: Sequence[SampledMotion], places: Sequence[Place], planar: boo
     for sampled, place in zip(samples, places, strict=True):
         parts += [np.asarray(place.origin) + points for points in _extent(sampled)]
         if planar and sampled.areas is not None:
-            axes = np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]])
-            parts.append(sampled.areas.reach[1] * axes)
+            axes = sampled.motion.problem.plane.axes[:, :2].T
+            parts += [sampled.areas.reach[1] * axes, -sampled.areas.reach[1] * axes]
     points = np.vstack(parts)
     points = points[ConvexHull(points, qhull_options="QJ").vertices]
     centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
-    flat = np.array([0.0, -0.02, 1.0])
     others = [place for sampled in samples for place in sampled.surroundings.places()]
     direction = view_direction([sampled.positions for sampled in samples], others)
+    level = False
+    if planar:
+        plane = samples[0].motion.problem.plane
+        level, direction = plane.is_level, plane.normal
+    if level:
+        direction = np.array([0.0, -0.02, 1.0])
     return View(
         centre=centre.round(4).tolist(),
         radius=float(np.linalg.norm(points - centre, axis=1).max()),
         points=points.round(4).tolist(),
-        direction=(flat if planar else direction).round(4).tolist(),
-        flat=planar,
+        direction=direction.round(4).tolist(),
+        flat=level,
     )
 
 

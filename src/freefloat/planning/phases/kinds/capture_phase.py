@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from freefloat.dynamics.capture import Capture, Client, capture
+from freefloat.dynamics.plane import Plane
 from freefloat.dynamics.summary import roll_pitch_yaw
 from freefloat.errors import InputError, finite_number, finite_vector, require_type
 from freefloat.limits.limits import Limits
@@ -26,9 +27,6 @@ from freefloat.so3 import Array, Pose, frozen
 
 _PAYLOAD = "payload"
 """Name of the link that a captured body becomes, but for a number."""
-_LEVEL = 1e-9
-"""Height [m], rate [rad/s] and relative product of inertia that are zero in a plane."""
-_IN_PLANE = "a body with its centre of mass at z = 0 that turns about its principal axis z"
 _SAME = 1e-6
 """Relative difference of inertias, and difference of centres of mass [m], that are the same."""
 
@@ -89,21 +87,26 @@ class CapturePhase(Phase):
                 "inertia", "it is missing", "an inertia, or one in the body's tumbling"
             )
         if state.problem.task.planar:
-            self._require_level(body)
+            self._require_in_plane(body, state.problem.plane)
         return state.without(body)
 
-    def _require_level(self, body: SceneBody) -> None:
+    def _require_in_plane(self, body: SceneBody, plane: Plane) -> None:
         """Raise an InputError where a body would take a planar robot out of its plane."""
-        client, R = self.client(body, IDENTITY), body.orientation
-        height = (body.position + R @ client.com)[2]
-        rate, inertia = R @ client.angular_velocity, R @ client.inertia @ R.T
+        client, R = self.client(body, IDENTITY), plane.axes.T @ body.orientation
+        height = float(plane.normal @ body.position + (R @ client.com)[2])
+        rate, inertia, axis = R @ client.angular_velocity, R @ client.inertia @ R.T, plane.axis
+        product = np.abs(inertia[:2, 2]).max() / np.trace(inertia)
         for value, problem in (
-            (height, f"its centre of mass is at z = {height:.4g} m"),
-            (np.abs(rate[:2]).max(), "it turns about another axis than z"),
-            (np.abs(inertia[:2, 2]).max() / np.trace(inertia), "z is no principal axis of it"),
+            (height, f"its centre of mass is at {axis} = {height:.4g} m"),
+            (np.abs(rate[:2]).max(), f"it turns about another axis than {axis}"),
+            (product, f"{axis} is no principal axis of it"),
         ):
-            if abs(value) > _LEVEL:
-                raise InputError("body", f"{problem}, in a planar task", _IN_PLANE)
+            if abs(value) > plane.tolerance:
+                accepted = (
+                    f"a body with its centre of mass at {axis} = 0 that turns about its principal "
+                    f"axis {axis}"
+                )
+                raise InputError("body", f"{problem}, in a planar task", accepted)
 
     def _require_consistent(self, tumbling: Tumbling) -> None:
         """Raise an InputError unless inertia and centre of mass are those of the body's rotation.
@@ -147,8 +150,10 @@ class CapturePhase(Phase):
         name = next(name for name in names if name not in taken)
         client = replace(self.client(*self._grasp(state)), name=name)
         result = capture(problem.system, client, *now, state.joint_rates)
-        if problem.task.planar:  # where rounding alone leads out of the plane
-            momentum, velocity = result.momentum * [0, 0, 1], result.velocity * [1, 1, 0]
+        if problem.task.planar:
+            normal = problem.plane.normal  # where rounding alone leads out of the plane
+            momentum = (result.momentum @ normal) * normal
+            velocity = result.velocity - (result.velocity @ normal) * normal
             result = replace(result, momentum=frozen(momentum), velocity=frozen(velocity))
         return PlannedCapture(**vars(result))
 

@@ -102,7 +102,7 @@ class PathPhase(Phase):
             state.body(given.body.name, "path.frame", FRAMES[:1])
         path = prescribed_path(given, state.bodies_now, np.zeros(3), drift)
         if state.pose is not None:
-            require_continuous(path, state.pose, state.twist, state.problem.task)
+            require_continuous(path, state.pose, state.twist, state.problem)
         end, twist = path.path.pose(1.0), path.twist(path.duration) + path.drift_twist
         return state.after(path, self.redundancy, end, twist)
 
@@ -117,14 +117,14 @@ class PathPhase(Phase):
 
     def _path_at(self, state: SystemState) -> TimedPath:
         """The path from the present centre of mass."""
-        drift, task = state.problem.path.drift, state.problem.task
+        drift = state.problem.path.drift
         if isinstance(self.path, Goal):
             goal = self.path.seen_from(state.centre)
             end = cast(Pose, goal.pose_in(state.problem.model, state.attitude, state.joints))
             return transfer(state.pose, state.twist, end, cast(float, goal.duration), drift)
         path = prescribed_path(self.path, state.scene.bodies, state.centre, drift)
-        require_continuous(path, state.pose, state.twist, task)
-        return moved_to_begin_at(path, state.pose, task)
+        require_continuous(path, state.pose, state.twist, state.problem)
+        return moved_to_begin_at(path, state.pose, state.problem)
 
     def to_dict(self) -> dict[str, Any]:
         """See :class:`~freefloat.planning.phases.phase.Phase`."""
