@@ -157,13 +157,15 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
     yield bodies
     default = " (the last link; --end-effector names another)" if default_link else ""
     yield f"end-effector {model.end_effector}{default}, task {summary.task}, {model.arm_dof} joints"
+    if summary.plane is not None:
+        yield f"moves in the {summary.plane.name}; headings are about {summary.plane.axis}"
     for name, link in model.arms.items():
         yield f"arm {name}, to {link}, moves along a joint curve; lengths and reach are for zero"
     for name, link in model.path_arms.items():
         yield f"arm {name}, to {link}, follows a path of its own; lengths and reach are for zero"
     yield (
-        f"barycentric lengths {decimals(virtual.lengths)} m; no configuration puts the "
-        f"end-effector farther than {virtual.reach:.4f} m from the centre of mass"
+        f"barycentric lengths {decimals(virtual.lengths)} m; the end-effector reaches "
+        f"{summary.reach[0]:.5f} to {summary.reach[1]:.5f} m from the centre of mass"
     )
     yield (
         f"{measure.name}: {measure.definition}; found over the joint space: from "
@@ -171,8 +173,8 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
     )
     if extremes.magnitude == 0.0:
         yield Text(
-            f"task {summary.task} is singular everywhere: planar tasks require joint axes along z, "
-            "tasks in space at least three joints", "yellow",
+            f"task {summary.task} is singular everywhere: no configuration gives the end-effector "
+            f"{len(summary.task.rows)} independent rates", "yellow",
         )  # fmt: skip
     if summary.contact_unchecked is not None:
         yield f"motions are not searched for contact: {summary.contact_unchecked}"

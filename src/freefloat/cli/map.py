@@ -119,7 +119,7 @@ def map_(
 def _heading_tables(name: str, result: HeadingMap) -> Iterator[RenderableType]:
     from freefloat.planning.reasons import reach_message
 
-    yield f"{name}: feasible headings of {len(result.headings)}"
+    yield f"{name}: feasible headings{result.problem.plane.about} of {len(result.headings)}"
     labels = result.branch_labels().items()
     names = {k: f"{_number(k)} {short_label(label)}".rstrip() for k, label in labels}
     regions = table("branch", "size [deg]", "centre [deg]")

@@ -157,7 +157,7 @@ def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
     other = "other " if _limits_attitude(plan) else ""
     scope = f" ({other}limits not considered)" if plan.limit_results else ""
     if plan.map is None:
-        yield f"{name}: feasible initial headings{scope}"
+        yield f"{name}: feasible initial headings{plan.problem.plane.about}{scope}"
         ranges = table("branch", "ranges [deg]")
         for entry in plan.ranges:
             number = f"{entry.branch} {short_label(entry.label)}"

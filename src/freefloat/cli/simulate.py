@@ -40,7 +40,11 @@ if TYPE_CHECKING:
     from freefloat.planning.simulation import Simulation
 
 _Heading = Annotated[
-    float | None, typer.Option(metavar="DEG", help="The same for planar tasks, in degrees.")
+    float | None,
+    typer.Option(
+        metavar="DEG",
+        help="The same for planar tasks: degrees about z, or the normal of the robot's plane.",
+    ),
 ]
 _Joints = Annotated[
     str | None,

@@ -13,6 +13,7 @@ from freefloat.cli.options import Json, Quiet, ScenarioName
 _WORDS = {True: "inside", False: "outside", None: "undecided"}
 
 if TYPE_CHECKING:
+    from freefloat.motion.problem import Problem
     from freefloat.singularities.regions import Workspace
 
 
@@ -30,13 +31,16 @@ def workspace(scenario: ScenarioName, as_json: Json = False, quiet: Quiet = Fals
         problem = loaded.problem()
         result = workspace_regions(problem)
     console.json(result.to_dict())
-    console.tables(_tables(scenario, result, problem.margin.measure.name))
+    console.tables(_tables(scenario, result, problem))
 
 
-def _tables(name: str, result: Workspace, measure: str) -> Iterator[RenderableType]:
-    yield f"{name}: distance of the {result.point} from the centre of mass"
+def _tables(name: str, result: Workspace, problem: Problem) -> Iterator[RenderableType]:
+    where, measure = "", problem.margin.measure.name
+    if problem.task.planar and not problem.plane.is_level:
+        where = f", in the {problem.plane.name}"
+    yield f"{name}: distance of the {result.point} from the centre of mass{where}"
     regions = table("region", "from [m]", "to [m]")
-    rows = [("reach", result.reach)]
+    rows = [(f"reach of the {result.point}", result.reach)]
     rows += [("path-dependent", interval) for interval in result.path_dependent or ()]
     rows += [("path-independent", interval) for interval in result.path_independent or ()]
     rows += [("undecided", interval) for interval in result.undecided]

@@ -9,9 +9,10 @@ import numpy as np
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.measures import SingularityMeasure
+from freefloat.dynamics.tasks import Task, required_plane
 from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, frozen
+from freefloat.so3 import UPRIGHT, Array, frozen
 
 _SAMPLES, _REFINED = 4096, 8
 """Samples of the joint space, and those from which each extremum is refined."""
@@ -73,6 +74,30 @@ def largest_measure(model: FreeFloatingModel, measure: SingularityMeasure) -> fl
     if values[0] >= 0.0:
         return largest
     return max(largest, abs(_extremum(model, measure, points[:_REFINED])[0]))
+
+
+def sampled_reach(model: FreeFloatingModel, task: Task) -> tuple[float, float]:
+    """Smallest and largest distance of the end-effector from the centre of mass that is found [m].
+
+    In the plane for planar tasks; revolute joints may make full revolutions.
+
+    Raises:
+        InputError: If a prismatic joint has no finite range.
+    """
+
+    def square(joints: Array) -> float:
+        return end_effector_distance(model, task, joints) ** 2
+
+    extremes = joint_space_extremes(model, square)
+    return float(np.sqrt(max(extremes.smallest, 0.0))), float(np.sqrt(extremes.largest))
+
+
+def end_effector_distance(model: FreeFloatingModel, task: Task, joints: Array) -> float:
+    """Distance of the end-effector from the centre of mass, in the plane for planar tasks [m]."""
+    position = model.end_effector_pose(UPRIGHT, joints).position
+    if task.planar:
+        position = required_plane(model, task).seen(position)[:2]
+    return float(np.linalg.norm(position))
 
 
 def joint_box(

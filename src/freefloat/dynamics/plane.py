@@ -80,6 +80,11 @@ class Plane:
         return f"({', '.join(f'{entry:.4g}' for entry in self.normal + 0.0)})"
 
     @property
+    def about(self) -> str:
+        """About which axis headings count, as words behind them, where it is not z."""
+        return "" if self.is_level else f" about {self.axis}"
+
+    @property
     def name(self) -> str:
         """The plane in words."""
         if self.is_exact:
@@ -113,6 +118,14 @@ class Plane:
         along = np.outer(attitudes[:, :3] @ self.normal, self.normal)
         level = np.column_stack([along, attitudes[:, 3]])
         return np.asarray(level / np.linalg.norm(level, axis=1, keepdims=True))
+
+
+def why_in_no_plane(model: FreeFloatingModel) -> str:
+    """Why a robot stays in no plane, see :func:`plane_of`, as the end of a sentence."""
+    arms = [VirtualManipulator.of(arm) for arm in model.single_arms]
+    if _common_normal(arms) is None:
+        return "its joints have no common direction"
+    return "its masses are not symmetric about the plane of its arm"
 
 
 @lru_cache(maxsize=16)

@@ -6,15 +6,16 @@ import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.joint_space import Extremes, joint_space_extremes
+from freefloat.dynamics.joint_space import Extremes, joint_space_extremes, sampled_reach
 from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
-from freefloat.dynamics.plane import plane_of
-from freefloat.dynamics.tasks import Task, prescribed_rows
+from freefloat.dynamics.plane import Plane, plane_of, why_in_no_plane
+from freefloat.dynamics.tasks import Task, accepted_tasks, prescribed_rows
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.robot.description import Severity, UrdfDiagnostic
@@ -142,9 +143,19 @@ class RobotSummary:
         extremes = joint_space_extremes(model, measure, smooth=measure.smooth)
         return cls(model, task, measure, extremes, diagnostics, configuration, contact_unchecked)
 
+    @property
+    def plane(self) -> Plane | None:
+        """The plane of a planar task."""
+        return plane_of(self.model) if self.task.planar else None
+
+    @cached_property
+    def reach(self) -> tuple[float, float]:
+        """Smallest and largest distance found from the centre of mass to the end-effector [m]."""
+        return sampled_reach(self.model.with_arms_at_zero, self.task)
+
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``freefloat info``."""
-        model, measure = self.model, self.measure
+        model, measure, plane = self.model, self.measure, self.plane
         virtual = VirtualManipulator.of(model.with_arms_at_zero)
         return {
             "urdf": model.description.source,
@@ -153,6 +164,7 @@ class RobotSummary:
             "total_mass": model.total_mass,
             "dof": model.dof,
             "task": str(self.task),
+            "plane": plane and {"name": plane.name, "normal": plane.normal.tolist()},
             "spare_joints": model.arm_dof - len(prescribed_rows(model, self.task)),
             "joints": [
                 {
@@ -169,6 +181,7 @@ class RobotSummary:
                 for body in model.bodies
             ],
             "barycentric_lengths": virtual.lengths.tolist(),
+            "reach": list(self.reach),
             "reach_bound": virtual.reach,
             "measure": {
                 "name": measure.name, "definition": measure.definition, "unit": measure.unit
@@ -196,8 +209,7 @@ def natural_task(model: FreeFloatingModel) -> Task:
     joints = min(arm.dof for arm in model.single_arms)
     tasks = [task for task in others if task.planar is planar and len(task.rows) <= joints]
     if not tasks:
-        where = "stays in a plane" if planar else "does not stay in a plane"
+        where = "stays in a plane" if planar else f"leaves any plane: {why_in_no_plane(model)}"
         given = f"the arm has {joints} joint{'s' * (joints != 1)} and {where}"
-        accepted = "a link behind at least three joints, of an arm that stays in a plane behind two"
-        raise InputError("end_effector", given, accepted)
+        raise InputError("end_effector", given, accepted_tasks(model))
     return max(tasks, key=lambda task: len(task.rows))

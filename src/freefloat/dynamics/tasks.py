@@ -6,7 +6,7 @@ from enum import StrEnum
 
 import pinocchio as pin
 
-from freefloat.dynamics.plane import Plane, plane_of
+from freefloat.dynamics.plane import Plane, plane_of, why_in_no_plane
 from freefloat.errors import InputError, member, require_type
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
@@ -108,12 +108,10 @@ def required_plane(model: FreeFloatingModel, task: Task) -> Plane:
     """The plane of a planar task; an InputError if the robot does not stay in one."""
     plane = plane_of(model)
     if plane is None:
-        spatial = [other for other in Task if not other.planar]
         raise InputError(
             "task",
-            f"{task}, but this robot does not stay in a plane",
-            f"{_feasible(model, spatial)}; planar tasks require parallel joint axes and a mass "
-            "distribution symmetric about the plane normal to them",
+            f"{task}, but this robot does not stay in a plane: {why_in_no_plane(model)}",
+            accepted_tasks(model),
         )
     return plane
 
@@ -126,13 +124,20 @@ def require_task(model: FreeFloatingModel, task: Task | str) -> Task:
         raise InputError(
             "task",
             f"{task} prescribes {len(task.rows)} rates, the arm has {joints} joints",
-            _feasible(model, [other for other in Task if task.planar or not other.planar]),
+            accepted_tasks(model),
         )
     return task
 
 
-def _feasible(model: FreeFloatingModel, tasks: list[Task]) -> str:
-    """Those of some tasks for which every arm has enough joints, as words of a message."""
-    joints = min(arm.dof for arm in model.single_arms)
-    names = [str(task) for task in tasks if len(task.rows) <= joints]
-    return ", ".join(names) or "a robot with more joints"
+def accepted_tasks(model: FreeFloatingModel) -> str:
+    """The tasks that a robot can have, as words of a message; what these need where it has none."""
+    joints, planar = min(arm.dof for arm in model.single_arms), plane_of(model) is not None
+    names = [str(task) for task in Task if len(task.rows) <= joints and task.planar is planar]
+    return ", ".join(names) or _NEEDED
+
+
+_NEEDED = (
+    "an arm with 3 joints or more for position, 5 for pointing, 6 for pose; 2 for planar-position "
+    "or 3 for planar-pose where it stays in a plane: with parallel joint axes and masses "
+    "symmetric about the plane normal to them"
+)

@@ -41,7 +41,8 @@ def assemble(
 
     A root link with mass, such as ``base_link``, is fixed to its carrier. An empty root link, such
     as ``world``, is removed: its joints become joints of the carrier. New links are called
-    ``spacecraft`` and as the payload, or ``spacecraft_2`` and so on where the name is taken.
+    ``spacecraft`` and as the payload, or ``spacecraft_2`` and so on where the name is taken. What a
+    spacecraft carries is named after that, no longer after the arm.
 
     Args:
         urdf: The arm: a file, XML text or a source.
@@ -75,6 +76,7 @@ def assemble(
         carrier = _add_body(robot, "spacecraft", spacecraft, np.zeros(3))
         bodies.append(carrier)
         _mount_root(robot, root, carrier, spacecraft.mount, _free_name(robot, "spacecraft_mount"))
+        robot.set("name", carrier)
         root = carrier
     for index, attachment in enumerate(attached):
         try:

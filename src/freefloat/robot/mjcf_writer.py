@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.robot.description import LinkShape
 from freefloat.robot.mesh_files import MeshFileError, find_mesh
-from freefloat.robot.meshes import Mesh, read_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.rigid_bodies import Body
 from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Sphere
 from freefloat.so3 import Pose
+
+if TYPE_CHECKING:
+    from freefloat.robot.meshes import Mesh
 
 _LIGHTEST = "1e-9"
 """Mass and inertia of bodies without mass, which MuJoCo refuses [kg, kg m²]."""
@@ -119,6 +122,8 @@ def _geometries(
             yield {"type": "sphere", "size": attribute([radius])}
         case MeshFile(filename, scale):
             try:
+                from freefloat.robot.meshes import read_mesh  # Trimesh imports slowly
+
                 parts = read_mesh(find_mesh(filename, model.description.source), scale)
             except MeshFileError:
                 return

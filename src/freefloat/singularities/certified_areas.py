@@ -13,11 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.attitude_grids import low_discrepancy
+from freefloat.dynamics.joint_space import end_effector_distance
 from freefloat.motion.problem import Problem
 from freefloat.singularities.global_maximum import halved, whole_joint_space
 from freefloat.singularities.planar_regions import Interval
 from freefloat.singularities.singularity_polynomial import SingularityPolynomial, fitted
-from freefloat.singularities.spatial_regions import distance
 from freefloat.so3 import Array, IntArray
 
 _SHELLS = 200
@@ -64,9 +64,11 @@ class _Shells:
     """Shells between the smallest and the largest distance, and what is known of them."""
 
     def __init__(self, problem: Problem, reach: Interval) -> None:
-        self._S = SingularityPolynomial.of(problem.model, problem.task)
+        model, task = problem.model, problem.task
+        self._S = SingularityPolynomial.of(model, task)
         self._square = fitted(
-            lambda joints: np.array([distance(problem, q) ** 2 for q in joints]), problem.model
+            lambda joints: np.array([end_effector_distance(model, task, q) ** 2 for q in joints]),
+            model,
         )
         self._edges = np.linspace(*reach, _SHELLS + 1)
         self.singular = np.zeros(_SHELLS, dtype=bool)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.dynamics.joint_space import joint_space_extremes
+from freefloat.dynamics.joint_space import joint_space_extremes, sampled_reach
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.tasks import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
@@ -26,7 +26,7 @@ from freefloat.singularities.planar_regions import (
     has_two_angle_form,
     margin_curves,
 )
-from freefloat.singularities.spatial_regions import elbow_arm, sampled_reach, wrist_in_tool
+from freefloat.singularities.spatial_regions import elbow_arm, wrist_in_tool
 from freefloat.so3 import Array, frozen
 
 _ADJACENT = 1e-9
@@ -146,7 +146,7 @@ def exact_workspace(problem: Problem) -> Workspace | None:
 
 def _general_workspace(problem: Problem) -> Workspace:
     """Reach and areas of the end-effector, those of redundant arms being unknown."""
-    reach = sampled_reach(problem)
+    reach = sampled_reach(problem.model, problem.task)
     measure = singularity_measure(problem.model, problem.task, "gjm")
     extremes = joint_space_extremes(problem.model, measure)
     areas = None if problem.redundant else certified_areas(problem, reach)

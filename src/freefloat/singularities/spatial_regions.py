@@ -5,15 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from freefloat.attitude_grids import low_discrepancy
-from freefloat.dynamics.joint_space import joint_space_extremes
 from freefloat.dynamics.measures import plane_axes, singularity_measure
 from freefloat.dynamics.tasks import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
-from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.singularities.planar_regions import Complex, Interval, PlanarArm, point_3, two_angles
-from freefloat.so3 import UPRIGHT, Array
+from freefloat.singularities.planar_regions import Complex, PlanarArm, point_3, two_angles
+from freefloat.so3 import Array
 
 _GRID = 8
 """Angles per joint; S is a trigonometric polynomial of degree two, which fewer determine."""
@@ -87,21 +85,3 @@ def _hermitian_units() -> Complex:
             unit[i, j], unit[j, i] = factor, np.conj(factor)
             units.append(unit)
     return np.array(units)
-
-
-def sampled_reach(problem: Problem) -> Interval:
-    """Smallest and largest distance of the end-effector from the centre of mass [m].
-
-    Raises:
-        InputError: If a prismatic joint has no limits.
-    """
-    extremes = joint_space_extremes(problem.model, lambda joints: distance(problem, joints) ** 2)
-    return float(np.sqrt(max(extremes.smallest, 0.0))), float(np.sqrt(extremes.largest))
-
-
-def distance(problem: Problem, joints: Array) -> float:
-    """Distance of the end-effector from the centre of mass, in the plane for planar tasks [m]."""
-    position = problem.model.end_effector_pose(UPRIGHT, joints).position
-    if problem.task.planar:
-        position = problem.plane.seen(position)[:2]
-    return float(np.linalg.norm(position))

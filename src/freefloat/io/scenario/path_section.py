@@ -61,7 +61,8 @@ def frame_of(
     """The frame of a path relative to the inertial one, at the present attitude and joints.
 
     Args:
-        kind: The frame.
+        kind: The frame: ``spacecraft``, ``base``, a body of the scene, or a link of the spacecraft,
+            which the arm does not move.
         model: Robot.
         search: Present attitude and joints.
         scene: Bodies beside the robot.
@@ -77,19 +78,25 @@ def frame_of(
     """
     if kind is PathFrame.INERTIAL:
         return None
-    if not isinstance(kind, PathFrame):
-        if kind not in scene.names:
-            accepted = ", ".join([*PathFrame, *scene.names])
-            raise InputError("path.frame", f"there is no {kind!r}", accepted)
+    if kind in scene.names:
         body = scene.bodies[scene.names.index(kind)]
         return body.pose if body.motion == "fixed" else body
+    number, place = model.link_places.get(kind, (None, _INERTIAL))
+    if not isinstance(kind, PathFrame) and number != 0:
+        accepted = ", ".join([*PathFrame, *scene.names])
+        raise InputError(
+            "path.frame", f"there is no {kind!r}",
+            f"{accepted}, or a link of the spacecraft, such as {model.description.roots[0]}",
+        )  # fmt: skip
     if search.joints is None:
         problem = f"{kind} needs search.joints, which is missing"
         raise InputError("path.frame", problem, "inertial, or the present joints in search.joints")
     joints = model.joint_vector(search.joints, "search.joints")[: model.arm_dof]
     joints, attitude = np.concatenate([joints, further]), search.from_attitude
     attitude = UPRIGHT if attitude is None else attitude
-    return frames_at(model, attitude, joints, joint)[kind]
+    if isinstance(kind, PathFrame):
+        return frames_at(model, attitude, joints, joint)[kind]
+    return model.body_poses(attitude, joints)[0] @ place
 
 
 def timed_path(

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.plane import plane_of
+from freefloat.dynamics.plane import plane_of, why_in_no_plane
 from freefloat.dynamics.system import System
-from freefloat.dynamics.tasks import Task
+from freefloat.dynamics.tasks import Task, accepted_tasks
 from freefloat.errors import InputError
 from freefloat.limits.contact import Contact
 from freefloat.limits.limits import Limits
@@ -172,6 +172,6 @@ def _task(model: FreeFloatingModel) -> Task:
         return Task.PLANAR_POSITION
     task = Task.POSE if model.dof >= len(Task.POSE.rows) else Task.POSITION
     if model.dof < len(task.rows):
-        problem = f"its arm has {model.dof} joints and does not stay in the x-y plane"
-        raise InputError("robot", problem, "an arm with three or more joints, or a planar one")
+        problem = f"its arm has {model.dof} joints and leaves any plane: {why_in_no_plane(model)}"
+        raise InputError("robot", problem, accepted_tasks(model))
     return task
