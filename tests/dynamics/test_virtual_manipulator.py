@@ -93,10 +93,9 @@ def test_strokes_of_prismatic_joints_are_reduced_by_the_mass_ratio() -> None:
 def test_published_spatial_arm_has_elbow_and_spherical_wrist(
     spatial_6dof: ff.FreeFloatingModel,
 ) -> None:
-    """Axes 4, 5, 6 meet at the barycentre of link 3, wherever the arm is; it is not planar."""
+    """Axes 4, 5, 6 meet at the barycentre of link 3, wherever the arm is."""
     virtual = VirtualManipulator.of(spatial_6dof)
     assert virtual.has_elbow_and_spherical_wrist
-    assert not virtual.is_planar
     centre = virtual.wrist_centre
     assert centre is not None
     offset = virtual.pose(np.zeros(6)).position - centre
@@ -128,23 +127,3 @@ def test_other_arms_have_no_elbow_and_spherical_wrist(
     assert not VirtualManipulator.of(planar_3dof).has_elbow_and_spherical_wrist
     for structure in ("RRRRR", "RRRRRR", "RRRRRRR", "RRPRRR"):
         assert not both(random_robot(rng, structure))[1].has_elbow_and_spherical_wrist
-
-
-def test_planar_arms_stay_in_the_plane(planar_3dof: ff.FreeFloatingModel) -> None:
-    """Revolute about z, of either sign, and prismatic normal to it."""
-    text = planar_3dof.description.text
-    assert VirtualManipulator.of(planar_3dof).is_planar
-
-    def planar(axis: str, kind: str = "revolute") -> bool:
-        first, rest = text.split('<joint name="q2" type="continuous">')
-        changed = rest.replace('<axis xyz="0 0 1"/>', f'<axis xyz="{axis}"/>', 1)
-        limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
-        joint = f'<joint name="q2" type="{kind}">{limit}'
-        model = ff.FreeFloatingModel.from_urdf(first + joint + changed)
-        return VirtualManipulator.of(model).is_planar
-
-    assert planar("0 0 -1")
-    assert not planar("0 1 0")
-    assert not planar("0 1e-6 1")
-    assert planar("0 1 0", "prismatic")
-    assert not planar("0 0 1", "prismatic")

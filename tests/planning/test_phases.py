@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import product
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.dynamics.plane import Plane
 from freefloat.dynamics.tasks import Task
 from freefloat.planning.phases.phase import checked_phases
 from freefloat.planning.phases.prescribed_path import moved_to_begin_at, require_continuous
@@ -187,11 +189,17 @@ def test_a_path_that_begins_within_rounding_is_moved_there(state: SystemState) -
     np.testing.assert_allclose(path.pose(10.0).position, [0.9, 1.0, 0.0], atol=1e-6)
 
 
+@pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.48, 0.6, 0.64)])
 @pytest.mark.parametrize("task", Task)
-def test_jumps_count_in_what_a_task_prescribes(task: Task) -> None:
+def test_jumps_count_in_what_a_task_prescribes(
+    task: Task, normal: tuple[float, float, float]
+) -> None:
     """Of place and twist, not those within rounding; an axis that points may turn about itself."""
     pose = Pose(HERE, Rotation.from_rotvec([0.4, -0.7, 0.2]).as_matrix())
+    plane = Plane.of_normal(np.array(normal))
+    problem: Any = SimpleNamespace(task=task, plane=plane)
     axes = pose.rotation if task is Task.POINTING else np.eye(3)
+    axes = plane.axes if task.planar else axes
     for component, size in product(range(6), (0.9e-6, 1.8e-6)):
         jump = (size * np.eye(6)[component].reshape(2, 3) @ axes.T).ravel()
         turn = Rotation.from_rotvec(jump[3:]).as_matrix()
@@ -201,11 +209,11 @@ def test_jumps_count_in_what_a_task_prescribes(task: Task) -> None:
             fixed = ff.paths.FixedOrientation(rotation)
             path = ff.TimedPath(ff.EndEffectorPath(there, fixed), ff.Timing(9.0))
             if size > 1e-6 and component in np.arange(6)[task.rows]:
-                assert error_key(require_continuous, path, pose, twist, task) == "path"
+                assert error_key(require_continuous, path, pose, twist, problem) == "path"
             else:
-                require_continuous(path, pose, twist, task)
+                require_continuous(path, pose, twist, problem)
             if task is Task.POSE:
-                moved = moved_to_begin_at(path, pose, task).pose(0.0)
+                moved = moved_to_begin_at(path, pose, problem).pose(0.0)
                 np.testing.assert_allclose(moved.position, HERE, atol=1e-15)
                 np.testing.assert_allclose(moved.rotation, pose.rotation, atol=1e-14)
 

@@ -1,0 +1,132 @@
+"""Plans of planar arms about any direction: those of the same arm about z."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import freefloat as ff
+from freefloat.so3 import Pose
+from tests.planes import DIRECTIONS, planar_problem, turn_to
+
+ARMS = {
+    "two joints": ("+-", "planar-position", "gjm"),
+    "exact ranges": ("+-+", "planar-pose", "system"),
+    "redundant": ("+-+", "planar-position", "gjm"),
+    "prismatic": ("p+-", "planar-pose", "system"),
+}
+
+
+def planned(direction: str, arm: str) -> Iterator[tuple[ff.Problem, ff.Plan]]:
+    """The problem about z and about a direction, and their plans."""
+    joints, task, measure = ARMS[arm]
+    for turn in (np.eye(3), turn_to(direction)):
+        problem = planar_problem(1, joints, turn, task, measure)
+        yield problem, ff.plan(problem)
+
+
+def headings(plan: ff.Plan) -> list[list[float]]:
+    return [end for entry in plan.ranges for end in entry.degrees]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("arm", ARMS)
+@pytest.mark.parametrize("direction", ["x", "y", "oblique"])
+def test_plans_are_those_of_the_arm_about_z(direction: str, arm: str, tmp_path: Path) -> None:
+    """Ranges, chosen heading, margin and tolerance; files of them are verified."""
+    (_, level), (_, plan) = planned(direction, arm)
+    assert plan.feasible
+    np.testing.assert_allclose(headings(plan), headings(level), atol=1e-6)
+    assert plan.heading == pytest.approx(level.heading, abs=1e-6)
+    assert plan.robust_radius == pytest.approx(level.robust_radius, abs=1e-8)
+    approach, other = plan.chosen.closest_approach, level.chosen.closest_approach
+    assert approach.value == pytest.approx(other.value, rel=1e-6)
+    turn = turn_to(direction)
+    chosen = plan.chosen.motion.initial.attitude
+    expected = Rotation.from_rotvec(plan.heading * turn[:, 2])
+    assert (expected.inv() * Rotation.from_quat(chosen)).magnitude() < 1e-9
+    ff.save(plan, tmp_path / "plan.h5")
+    assert ff.check(ff.load(tmp_path / "plan.h5")).passed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("direction", ["x", "y", "oblique"])
+def test_ensembles_are_those_of_the_arm_about_z(direction: str) -> None:
+    """With wheels, momenta and masses that differ."""
+    margins = []
+    for turn in (np.eye(3), turn_to(direction)):
+        problem = planar_problem(1, "+-+", turn, "planar-pose", "system")
+        problem = problem.replace(wheel_momentum=turn @ [0.0, 0.0, 0.1])
+        scales = {"link_1": np.linspace(0.9, 1.1, 8)}
+        momenta = np.outer(np.linspace(-0.2, 0.2, 8), turn[:, 2])
+        branch = {"headings": np.full(8, 5.5), "branch": 0}
+        for options in ({"momenta": momenta}, {"scale_mass": scales}):
+            margins.append(ff.simulate_many(problem, **branch, **options).minimum_margins)
+        motion = next(
+            entry.motion for entry in ff.simulate(problem, heading=5.5).branches
+            if entry.branch.index == 0
+        )  # fmt: skip
+        nominal = ff.simulate_many(problem, headings=5.5, branch=0).minimum_margins[0]
+        value = ff.closest_approach(motion, problem.margin.measure).value
+        assert nominal == pytest.approx(abs(value), rel=1e-6)
+    np.testing.assert_allclose(margins[2:], margins[:2], rtol=1e-6)
+
+
+@pytest.mark.parametrize("direction", DIRECTIONS)
+def test_regions_are_those_of_the_arm_about_z(direction: str) -> None:
+    regions = [
+        ff.workspace_regions(planar_problem(2, "+-", turn, "planar-position", "system"))
+        for turn in (np.eye(3), turn_to(direction))
+    ]
+    for name in ("reach", "path_dependent", "path_independent"):
+        first, second = (getattr(entry, name) for entry in regions)
+        np.testing.assert_allclose(first, second, atol=1e-9)
+    np.testing.assert_allclose(*(entry.largest_s for entry in regions), rtol=1e-9)
+    (first, _), (second, _) = regions[0].path[0], regions[1].path[0]
+    np.testing.assert_allclose(first, second, atol=2e-3)
+
+
+@pytest.mark.parametrize("direction", ["x", "y", "oblique"])
+def test_what_leaves_the_plane_is_refused(direction: str) -> None:
+    """Paths, momenta, drifts and attitudes."""
+    turn = turn_to(direction)
+    problem = planar_problem(1, "+-+", turn, "planar-pose", "system")
+    outside = 0.01 * turn[:, 0]
+    beside = problem.path.path.curve.moved(Pose(0.01 * turn[:, 2], np.eye(3)))
+    path = ff.TimedPath(
+        ff.EndEffectorPath(beside, problem.path.path.orientation), problem.path.timing
+    )
+    for key, changes in (
+        ("path", {"path": path}),
+        ("momentum", {"momentum": outside}),
+        ("wheels.momentum", {"wheel_momentum": outside}),
+        ("drift", {"path": problem.path.with_drift(0.01 * turn[:, 2])}),
+    ):
+        with pytest.raises(ff.InputError) as caught:
+            problem.replace(**changes)
+        assert caught.value.key == key
+    with pytest.raises(ff.InputError) as caught:
+        problem.attitude(Rotation.from_rotvec(outside).as_quat())
+    assert caught.value.key == "attitude"
+    normal = problem.plane.normal
+    kept = problem.attitude(Rotation.from_rotvec(0.3 * normal).as_quat())
+    assert problem.plane.heading(kept) == pytest.approx(0.3, abs=1e-12)
+
+
+def test_axes_of_rounded_right_angles_are_accepted() -> None:
+    """The roll of 1.5708 in a file is 3.7e-6 rad too large: headings about y, paths in x and z."""
+    turn = Rotation.from_euler("xyz", [-1.5708, 0.0, 0.0]).as_matrix()
+    problem = planar_problem(1, "+-+", turn, "planar-pose", "system")
+    curve = problem.path.path.curve
+    ends = [curve(s) * [1.0, 0.0, 1.0] for s in (0.0, 1.0)]
+    line = ff.paths.PolynomialCurve.line(*ends)
+    exact = ff.TimedPath(
+        ff.EndEffectorPath(line, problem.path.path.orientation), problem.path.timing
+    )
+    rounded = problem.replace(path=exact, momentum=[0.0, 0.3, 0.0])
+    attitude = rounded.attitude([0.0, np.sin(0.2), 0.0, np.cos(0.2)])
+    assert rounded.plane.heading(attitude) == pytest.approx(0.4, abs=1e-9)
