@@ -157,7 +157,8 @@ def export(
         rate: Samples per second [Hz], given in place of times.
         epoch: Instant of t = 0 in formats with dates, AEM and MCAP; UTC.
         frame: Name of the inertial axes in AEM.
-        object_name: Name of the spacecraft in AEM; default is that of the robot.
+        object_name: Name of the spacecraft in AEM; default is that of the robot, or
+            ``spacecraft`` where it was assembled from an arm.
         object_id: Its identifier in AEM, such as ``2026-001A``; default is the name.
 
     Raises:

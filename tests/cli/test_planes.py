@@ -1,0 +1,133 @@
+"""Planar arms about other directions than z, short arms, names of the spacecraft, in commands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import freefloat as ff
+from tests.commands import document, error, run
+from tests.dynamics.test_plane import CASE
+from tests.robots import inertial_text, joint_text, link_text
+
+LINE = """
+robot: {{urdf: arm.urdf, end_effector: tip}}
+task: planar-position
+momentum: [0, 0.2, 0]
+path:
+  line: {{from: [1.2, {0}, 0.8], to: [1.0, {0}, 1.0]}}
+timing: {{duration: 30}}
+margin: {{measure: gjm, value: 0.05}}
+"""
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    """A line in the x-z plane, and beside it an arm about y."""
+    (tmp_path / "arm.urdf").write_text(CASE.format("0 1 0"))
+    path = tmp_path / "line.yaml"
+    path.write_text(LINE.format(0))
+    return path
+
+
+def test_info_names_the_plane_of_an_arm(scenario: Path) -> None:
+    about_y = document("info", scenario.with_name("arm.urdf"), "--joints", "0.3,0.7")
+    assert about_y["task"] == "planar-position"
+    assert about_y["plane"] == {"name": "x-z plane", "normal": [0.0, 1.0, 0.0]}
+    measures = about_y["configuration"]["measures"]
+    assert abs(measures["gjm"]) == pytest.approx(0.19041257069102024)
+    assert "headings are about y" in run("info", scenario).stdout
+    assert document("info", "spatial_6dof")["plane"] is None
+
+
+@pytest.mark.slow
+def test_commands_plan_and_verify_arms_about_y(scenario: Path) -> None:
+    plan, motion = scenario.with_name("plan.h5"), scenario.with_name("motion.h5")
+    planned = document("plan", scenario, "-o", plan)
+    x, y, z, _ = planned["initial"]["attitude"]
+    assert (x, z) == (0.0, 0.0)
+    assert y != 0.0
+    assert "about y" in run("map", scenario, "--samples", 32).stdout
+    heading = planned["heading_deg"]
+    document("simulate", scenario, "--heading", heading, "-o", motion)
+    for file in (plan, motion):
+        assert run("check", file).exit_code == 0
+    assert run("view", plan, "-o", scenario.with_name("page.html")).exit_code == 0
+
+
+def test_paths_out_of_the_plane_and_other_attitudes_are_refused(scenario: Path) -> None:
+    turned = ("simulate", scenario, "--attitude", 0, 0, 0.6, 0.8)
+    assert error(*turned)["key"] == "attitude"
+    scenario.write_text(LINE.format(0.1))
+    refused = error("plan", scenario)
+    assert refused["key"] == "path"
+    assert "y = 0.1 m at s = 0" in refused["message"]
+
+
+def test_arms_of_two_joints_that_are_not_parallel_are_told_what_has_a_task(tmp_path: Path) -> None:
+    text, parent = link_text("bus", inertial_text(50.0, [[5, 0, 0], [0, 5, 0], [0, 0, 5]])), "bus"
+    for number, axis in enumerate(("0 0 1", "1 0 0")):
+        text += joint_text(f"q{number}", "C", parent, f"l{number}", "0.5 0 0", axis=axis)
+        parent = f"l{number}"
+        text += link_text(parent, inertial_text(5.0, [[1, 0, 0], [0, 1, 0], [0, 0, 1]]))
+    robot = tmp_path / "two.urdf"
+    robot.write_text(f'<robot name="two">{text}</robot>')
+    refused = error("info", robot)
+    assert refused["key"] == "end_effector"
+    for word in ("no common direction", "position", "pointing", "planar-position"):
+        assert word in refused["message"]
+    path = tmp_path / "line.yaml"
+    path.write_text(
+        f"robot: {{urdf: {robot.name}, end_effector: l1}}\ntask: position\n"
+        "path: {line: {from: [0.5, 0, 0], to: [0.6, 0, 0]}}\ntiming: {duration: 9}\n"
+    )
+    assert "planar-position" in error("plan", path)["message"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ur5_servicer/arc", "planar_2dof/line"])
+def test_info_and_workspace_state_one_reach(name: str) -> None:
+    regions, summary = document("workspace", name), document("info", name)
+    assert regions["point"] == "end-effector"
+    assert summary["reach"] == pytest.approx(regions["reach"], abs=1e-6)
+    assert summary["reach"][1] <= summary["reach_bound"] + 1e-9
+
+
+def test_links_of_the_spacecraft_are_frames_of_paths(scenario: Path) -> None:
+    """The root link's is that of the spacecraft; other links have their own, arms have none."""
+    boom = '<link name="boom"/>' + joint_text("b", "F", "bus", "boom", "0 0 0.3")
+    robot = scenario.with_name("arm.urdf")
+    robot.write_text(robot.read_text().replace("</robot>", boom + "</robot>"))
+    present = "\nsearch: {joints: [0.3, 0.7]}\n"
+    starts = {}
+    for frame in ("spacecraft", "bus", "boom"):
+        path = f"path:\n  frame: {frame}"
+        scenario.write_text(LINE.format(0).replace("path:", path) + present)
+        starts[frame] = ff.load_scenario(scenario).problem().path.path.curve(0.0)
+    assert starts["bus"].tolist() == starts["spacecraft"].tolist()
+    assert (starts["boom"] - starts["bus"]).tolist() == pytest.approx([0.0, 0.0, 0.3])
+    for frame in ("a", "buss"):
+        scenario.write_text(LINE.format(0).replace("path:", f"path:\n  frame: {frame}") + present)
+        refused = error("plan", scenario)
+        assert refused["key"] == "path.frame"
+        assert "bus" in refused["message"]
+
+
+def test_an_attitude_ephemeris_names_the_spacecraft_and_not_its_arm(tmp_path: Path) -> None:
+    """An arm on a spacecraft; a robot that is one already keeps its name."""
+    arm = CASE.format("0 0 1").replace('name="p"', 'name="ur10"')
+    named = {}
+    for name, spacecraft in (("on", ff.Spacecraft(200.0, 30.0 * np.eye(3))), ("own", None)):
+        model = ff.FreeFloatingModel.from_urdf(arm, "tip", spacecraft=spacecraft)
+        start = model.end_effector_pose([0.0, 0.0, 0.0, 1.0], [0.5, 0.9]).position
+        line = ff.paths.PolynomialCurve.line(start, start + np.array([0.0, 0.05, 0.0]))
+        path = ff.TimedPath(ff.EndEffectorPath(line), ff.Timing(10.0))
+        margin = ff.Margin(ff.singularity_measure(model, "planar-position", "gjm"), 0.0)
+        problem = ff.Problem(model, path, "planar-position", np.zeros(3), margin)
+        file = tmp_path / f"{name}.aem"
+        ff.export(ff.simulate(problem, heading=0.0), file, times=5)
+        rows = dict(row.split(" = ") for row in file.read_text().splitlines() if " = " in row)
+        named[name] = rows["OBJECT_NAME"], rows["OBJECT_ID"]
+    assert named == {"on": ("spacecraft", "spacecraft"), "own": ("ur10", "ur10")}
