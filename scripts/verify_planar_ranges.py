@@ -85,12 +85,15 @@ def sweep(problem: Problem, headings: np.ndarray, steps: int = 1500) -> dict[int
     arm, h = PlanarArm.of(problem.model), float(problem.momentum[2])
     duration, level = problem.path.duration, problem.margin.threshold
     last_link = arm.links[3] if len(arm.links) == 4 else 0.0
+    still = np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(problem.model.dof)
+    straight = problem.model.end_effector_pose(*still).rotation
 
     def velocity_at(t: float) -> tuple[complex, float]:
         twist = problem.path.twist(t)
         rate = twist[5] if len(arm.links) == 4 else 0.0
         pose = problem.path.pose(t)
-        angle = np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0]) - arm.tool_angle
+        turned = pose.rotation @ straight.T
+        angle = np.arctan2(turned[1, 0], turned[0, 0])
         return complex(*twist[:2]) - 1j * rate * last_link * np.exp(1j * angle), float(rate)
 
     grid = np.linspace(0.0, duration, 2 * steps + 1)
