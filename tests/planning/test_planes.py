@@ -130,3 +130,23 @@ def test_axes_of_rounded_right_angles_are_accepted() -> None:
     rounded = problem.replace(path=exact, momentum=[0.0, 0.3, 0.0])
     attitude = rounded.attitude([0.0, np.sin(0.2), 0.0, np.cos(0.2)])
     assert rounded.plane.heading(attitude) == pytest.approx(0.4, abs=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("direction", ["x", "y", "oblique"])
+def test_ranges_within_pointing_limits_are_those_of_the_arm_about_z(direction: str) -> None:
+    """An axis of the spacecraft stays in a cone, one of the end-effector outside another."""
+    found = []
+    for turn in (np.eye(3), turn_to(direction)):
+        problem = planar_problem(1, "+-+", turn, "planar-pose", "system")
+        middle = turn @ [np.cos(np.radians(347.8)), np.sin(np.radians(347.8)), 0.0]
+        ahead = ff.PointingLimit("bus", turn[:, 0], np.radians(36.9), direction=middle)
+        away = -problem.path.pose(20.0).rotation[:, 0]
+        beside = ff.PointingLimit("tool", [1.0, 0.0, 0.0], 0.3, keep="outside", direction=away)
+        limits = ff.Limits(pointing=(ahead, beside), base_turn=3.0)
+        plan = ff.plan(problem, limits=limits)
+        ratios = [result.ratio for result in plan.limit_results]
+        found.append([*np.ravel(headings(plan)), np.degrees(plan.heading), *ratios])
+        causes = [part.causes for entry in plan.ranges for part in entry.ranges]
+        assert causes == [("pointing", "pointing")]
+    np.testing.assert_allclose(found[1], found[0], atol=1e-6)
