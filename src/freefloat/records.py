@@ -53,6 +53,25 @@ class Quantity(NamedTuple):
     unit: str = ""
 
 
+class Known(NamedTuple):
+    """A record of which some fields alone are known; its tree has entries for these.
+
+    Attributes:
+        kind: Class of the record.
+        values: The fields by name; a record among them may be such a part, too.
+    """
+
+    kind: type
+    values: Mapping[str, Any]
+
+
+class Origin(Enum):
+    """What stands in the tree of a :class:`Known` record for a field that has no value there."""
+
+    GIVEN = "part of the question"
+    TESTED = "tested as a whole"
+
+
 class derived(cached_property[T]):
     """A cached array of a record, stored for other programs; it must agree with a loaded record."""
 
@@ -131,7 +150,7 @@ class Codec:
     members: Mapping[type, tuple[type, ...]] = field(default_factory=dict)
 
     def encode(self, record: Any) -> Tree:
-        """The tree of a record."""
+        """The tree of a record, or of what is known of it."""
         return _Encoder(self).tree(record)
 
     def decode(self, kind: type[T], tree: Tree, context: Mapping[type, Any]) -> T:
@@ -165,23 +184,32 @@ class _Encoder:
         self._known: dict[int, Tree] = {}
 
     def tree(self, record: Any) -> Tree:
+        if isinstance(record, Known):
+            return self._tree(record.kind, record.values, {})
         if id(record) not in self._known:
             kind: Any = type(record)
-            tree = self._known[id(record)] = {"class": kind.__name__}
-            for name, hint in _fields(kind).items():
-                if hint.optional or not self._codec.is_given(hint):
-                    tree[name] = self._entry(hint, getattr(record, name))
-            tree |= {name: Quantity(getattr(record, name), unit)
-                     for name, unit in _derived(kind).items()}  # fmt: skip
+            values = {name: getattr(record, name) for name in (*_fields(kind), *_derived(kind))}
+            self._tree(kind, values, self._known.setdefault(id(record), {}))
         return self._known[id(record)]
 
+    def _tree(self, kind: Any, values: Mapping[str, Any], tree: Tree) -> Tree:
+        tree["class"] = kind.__name__
+        for name, hint in _fields(kind).items():
+            if name in values and (hint.optional or not self._codec.is_given(hint)):
+                tree[name] = self._entry(hint, values[name])
+        for name, unit in _derived(kind).items():
+            if name in values:
+                value = values[name]
+                tree[name] = value if isinstance(value, Origin) else Quantity(value, unit)
+        return tree
+
     def _entry(self, hint: _Hint, value: Any) -> Any:
-        if value is None:
-            return None
+        if value is None or isinstance(value, Origin):
+            return value
         if self._codec.is_given(hint):
             return True
         if classes := self._codec.classes(hint):
-            if type(value) not in classes:
+            if (value.kind if isinstance(value, Known) else type(value)) not in classes:
                 raise TypeError(f"a {type(value).__name__} is not stored here")
             return self.tree(value)
         (kind,) = hint.kinds
@@ -202,7 +230,8 @@ class _Encoder:
         if not entries or not _is_table(classes):
             return {str(number): entry for number, entry in enumerate(entries)}
         return {name: _column(inner, [entry[name] for entry in entries])
-                for name, inner in _fields(classes[0]).items()}  # fmt: skip
+                for name, inner in _fields(classes[0]).items()
+                if all(name in entry for entry in entries)}  # fmt: skip
 
 
 def _column(hint: _Hint, entries: list[Any]) -> Quantity:

@@ -7,23 +7,30 @@ from collections.abc import Callable
 from freefloat.errors import InputError
 from freefloat.planning.answer import Answer
 from freefloat.planning.goals.goal_motion import GoalMotion
+from freefloat.planning.margin_map import MarginMap
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
+from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.simulation import Simulation
+from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.records import Known
 from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.verification.engine_runs import require_engine
 from freefloat.verification.goal_motions import goal_report
 from freefloat.verification.gravity import CircularOrbit
 from freefloat.verification.manoeuvre import manoeuvre_report
+from freefloat.verification.margin_maps import map_report
 from freefloat.verification.path_motions import plan_report, simulation_report
 from freefloat.verification.report import BASILISK, MUJOCO, PINOCCHIO, CheckReport
 from freefloat.verification.singularity_map import singularity_map_report
 
-_REPORTS: dict[type, Callable[..., CheckReport]] = {
+_REPORTS: dict[type, Callable[..., tuple[CheckReport, Known]]] = {
     Plan: plan_report,
     Simulation: simulation_report,
     GoalMotion: goal_report,
     Manoeuvre: manoeuvre_report,
+    AttitudeMap: map_report,
+    HeadingMap: map_report,
     SingularityMap: singularity_map_report,
 }
 _IN_ORBIT = Plan, Simulation
@@ -31,7 +38,7 @@ _IN_ORBIT = Plan, Simulation
 
 
 def check(
-    result: Answer | SingularityMap,
+    result: Answer | MarginMap | SingularityMap,
     engine: str = PINOCCHIO,
     *,
     gravity: float | None = None,
@@ -64,7 +71,7 @@ def check(
     """
     if type(result) not in _REPORTS:
         problem = f"a {type(result).__name__} was given"
-        accepted = "a Plan, a Simulation, another answer of planning or a SingularityMap"
+        accepted = "a Plan, a Simulation, another answer of planning or a map"
         raise InputError("result", problem, accepted)
     require_engine(engine)
     orbit = None if gravity is None else CircularOrbit(gravity)
@@ -73,5 +80,15 @@ def check(
     if orbit is not None and type(result) not in _IN_ORBIT:
         problem = f"a {type(result).__name__} was given"
         raise InputError("gravity", problem, "a plan or a simulation")
-    report = _REPORTS[type(result)]
-    return report(result, engine) if orbit is None else report(result, engine, orbit)
+    report, known = recomputed(result, engine, orbit)
+    return report.comparing(result, known)
+
+
+def recomputed(
+    result: Answer | MarginMap | SingularityMap,
+    engine: str = PINOCCHIO,
+    orbit: CircularOrbit | None = None,
+) -> tuple[CheckReport, Known]:
+    """A report without the comparison of stated numbers, and what is recomputed of these."""
+    arguments = (engine,) if orbit is None else (engine, orbit)
+    return _REPORTS[type(result)](result, *arguments)

@@ -40,6 +40,8 @@ _SMALL = 1e-7
 _VANISHED = 1e-3
 """Fraction of its largest value that the smallest singular value may have at a singular end."""
 
+_AT_MARGIN = 1e-6
+"""Difference from the margin, as a fraction of it, of a motion that ends there."""
 _RANK_LOST = 1e-8
 """The same of S* at the start of a motion that ends there, relative to its largest one."""
 _FAST = 0.99
@@ -61,7 +63,7 @@ class Check:
         unit: Unit of these values.
         time: Where on the motion [s].
         relation: Relation of the recomputed value to what is allowed: ≤, ≥, or ± about the stated
-            value.
+            value; = where a stated value is compared with the recomputed one.
     """
 
     name: str
@@ -77,7 +79,7 @@ class Check:
     @property
     def exceeds(self) -> bool:
         """Whether the value that was found is beyond what is allowed; a file may state so."""
-        if self.recomputed is None or self.allowed is None or self.relation == "±":
+        if self.recomputed is None or self.allowed is None or self.relation not in "≤≥":
             return False
         found, allowed = self.recomputed, self.allowed
         return found > allowed if self.relation == "≤" else found < allowed
@@ -106,20 +108,6 @@ def error_check(
     where = "" if time is None else f" at t = {time:.6g} s"
     words = f"{detail or 'it differs'} by {error:.3g} {unit}{where}, more than {allowed:.3g}"
     return Check(name, passed, "" if passed else words, 0.0, error, allowed, unit, time)
-
-
-def comparison_check(
-    name: str, stated: Any, recomputed: float | None, allowed: float, unit: str = ""
-) -> Check:
-    """Check that a stated number is the recomputed one, up to an error."""
-    numbers = isinstance(stated, int | float) and not isinstance(stated, bool)
-    if recomputed is None or not numbers:
-        passed = stated is recomputed
-    else:
-        passed = bool(stated == recomputed or abs(stated - recomputed) <= allowed)
-    words = f"{stated} is stated, but it is {recomputed}"
-    detail = "" if passed else words
-    return Check(name, passed, detail, stated, recomputed, allowed, unit, relation="±")
 
 
 def magnitude_range(error: float) -> tuple[float, float]:
@@ -181,6 +169,8 @@ def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool)
     checks += [_margin_check(minimum, motion, feasible) for minimum in certificate.minima]
     if motion.ending is Ending.SINGULAR:
         checks.append(_fast_end(motion) if motion.problem.redundant else _singular_end(motion))
+    if motion.ending is Ending.MARGIN:
+        checks.append(_margin_end(motion))
     if feasible and not motion.completed:
         checks.append(Check("whole path", False, motion.ending.value, time=motion.final.time))
     return checks
@@ -213,6 +203,16 @@ def _singular_end(motion: Motion) -> Check:
     return error_check(
         "singular end", fraction, _VANISHED, "of the largest", motion.final.time,
         "the smallest singular value differs from zero",
+    )  # fmt: skip
+
+
+def _margin_end(motion: Motion) -> Check:
+    """Check that a motion that is stated to end at its margin does so."""
+    margin = motion.problem.margin
+    value = abs(margin.measure(motion.final.joints))
+    return error_check(
+        "end at the margin", abs(value - margin.threshold), _AT_MARGIN * margin.threshold,
+        margin.measure.unit, motion.final.time, "the measure differs from the required one",
     )  # fmt: skip
 
 

@@ -5,21 +5,25 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from freefloat.limits.check import LimitChecker
 from freefloat.motion.joint_integration import node_times
 from freefloat.motion.joint_spline import JointSpline
-from freefloat.motion.motion import Motion
+from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.goals.goal_motion import GoalMotion
+from freefloat.records import Known, Origin
 from freefloat.so3 import Array, angle_between, rotated_in_body, rotation_vector_rate
-from freefloat.verification.comparisons import Check, completed, error_check
+from freefloat.verification.comparisons import Check, completed, error_check, span_check
 from freefloat.verification.engine_runs import forward_checks
 from freefloat.verification.limit_checks import limit_checks
+from freefloat.verification.motions import MOTION, same_results
 from freefloat.verification.report import CheckReport
 
+_COMPLETED = MOTION._replace(values={**MOTION.values, "ending": Ending.COMPLETED})
 _SAME, _ENGINE = 1e-8, 1e-4
 """Errors of integrating again, and of the last state [rad, m, s], and of an engine's [rad]."""
 _STEPS = 12_000
@@ -30,22 +34,33 @@ _SPANS = 8
 """Spans of a spline that count as a loop."""
 
 
-def goal_report(result: GoalMotion, engine: str) -> CheckReport:
-    """All checks of a motion to a goal.
+def goal_report(result: GoalMotion, engine: str) -> tuple[CheckReport, Known]:
+    """All checks of a motion to a goal, and what is recomputed.
 
     Args:
         result: The record, computed or loaded from a file.
         engine: As for :func:`~freefloat.verification.check.check`.
     """
-    return CheckReport(result.kind, tuple(completed("motion", _checks, result, engine)))
+    motion, known = result.motion, dict[str, Any](goal=Origin.GIVEN)
+    if motion is None or motion.curve is None:
+        missing = Check("motion", False, f"there is none: {result.reason}")
+        return CheckReport(result.kind, (missing,)), Known(GoalMotion, known)
+    checker = LimitChecker(motion.problem, result.limits)
+    limits = same_results(checker, motion, result.limit_results)
+    again = result.with_motion(motion, limits)
+    known |= {"motion": _COMPLETED, "limit_results": limits, "feasible": again.feasible,
+              "reason": again.reason}  # fmt: skip
+    checks = (
+        *completed("motion", _checks, result, motion, motion.curve),
+        *limit_checks(limits, result.feasible),
+        *forward_checks(engine, motion, _STEPS * -(-motion.curve.spans // _SPANS), _ENGINE),
+    )
+    return CheckReport(result.kind, checks, limits=limits), Known(GoalMotion, known)
 
 
-def _checks(result: GoalMotion, engine: str) -> Iterator[Check]:
-    """The motion is integrated again and ends at the goal; its limits are recomputed."""
-    motion, spline = result.motion, None if result.motion is None else result.motion.curve
-    if motion is None or spline is None:
-        yield Check("motion", False, f"there is none: {result.reason}")
-        return
+def _checks(result: GoalMotion, motion: Motion, spline: JointSpline) -> Iterator[Check]:
+    """The motion is integrated again, over its whole duration, and ends at the goal."""
+    yield span_check(motion)
     times = node_times(motion.problem, spline)
     attitudes = _integrated_again(motion.problem, spline, motion.initial.attitude, times)
     joints = spline.at([motion.problem.path.timing.s(t) for t in times.tolist()])
@@ -53,9 +68,6 @@ def _checks(result: GoalMotion, engine: str) -> Iterator[Check]:
     yield _same_motion(again, motion)
     error = replace(result, motion=again).error or 0.0
     yield error_check("final state", error, _SAME, "rad, m", float(again.times[-1]))
-    checker = LimitChecker(again.problem, result.limits)
-    yield from limit_checks(result.limit_results, checker, checker.results(again), result.feasible)
-    yield from forward_checks(engine, motion, _STEPS * -(-spline.spans // _SPANS), _ENGINE)
 
 
 def _integrated_again(

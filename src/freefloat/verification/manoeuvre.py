@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
 from freefloat.dynamics.capture import Capture
 from freefloat.dynamics.momentum import momentum_map
+from freefloat.limits.limits import Limits
 from freefloat.motion.motion import Motion, State
 from freefloat.planning.answer import PhaseResult
 from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.planning.phases.kinds.capture_phase import CapturePhase
+from freefloat.planning.phases.kinds.goal_phase import GoalPhase
+from freefloat.planning.phases.kinds.path_phase import PathPhase
 from freefloat.planning.phases.manoeuvre import Manoeuvre
+from freefloat.planning.phases.phase import PATH, REORIENTATION
 from freefloat.planning.phases.prescribed_path import JUMP
+from freefloat.planning.phases.state import SystemState
 from freefloat.planning.plan import Plan
+from freefloat.records import Known, Origin
 from freefloat.so3 import Array, angle_between, rotation_matrix
-from freefloat.verification.comparisons import Check, completed, error_check
+from freefloat.verification.comparisons import Check, error_check
 from freefloat.verification.goal_motions import goal_report
 from freefloat.verification.path_motions import plan_report
 from freefloat.verification.report import CheckReport
@@ -29,37 +35,69 @@ _MOMENTUM = 1e-9
 """Error of the momentum after a capture, as a fraction of its parts, which may cancel."""
 
 
-_REPORTS: dict[type, Callable[..., CheckReport]] = {
-    Plan: plan_report,
-    GoalMotion: goal_report,
-}
-"""Reports on results of phases that have a motion."""
-
-
-def manoeuvre_report(manoeuvre: Manoeuvre, engine: str) -> CheckReport:
-    """All checks of a manoeuvre.
+def manoeuvre_report(manoeuvre: Manoeuvre, engine: str) -> tuple[CheckReport, Known]:
+    """All checks of a manoeuvre, and what is recomputed.
 
     Args:
         manoeuvre: The record, computed or loaded from a file.
         engine: As for :func:`~freefloat.verification.check.check`.
     """
-    return CheckReport(manoeuvre.kind, tuple(_checks(manoeuvre, engine)))
-
-
-def _checks(manoeuvre: Manoeuvre, engine: str) -> Iterator[Check]:
-    for phase in manoeuvre.phases:
-        for check in completed(phase.name, _phase_checks, phase, engine):
-            time = None if check.time is None else phase.start + check.time
-            yield replace(check, name=f"{phase.name}: {check.name}", time=time)
-    yield from _handover_checks(manoeuvre)
+    checks, phases, path = list[Check](), list[Known](), Known(Plan, {})
+    for stated, again in _recomputed(manoeuvre):
+        report, known = _phase_report(stated, again, engine)
+        for check in report.checks:
+            time = None if check.time is None else again.start + check.time
+            checks.append(replace(check, name=f"{again.name}: {check.name}", time=time))
+        fields = {"name": again.name, "kind": again.kind, "start": again.start,
+                  "centre": again.centre, "result": known}  # fmt: skip
+        phases.append(Known(PhaseResult, fields))
+        if again.result is manoeuvre.path and isinstance(known, Known):
+            path = known
+    checks += _handover_checks(manoeuvre)
     if not manoeuvre.feasible:
-        yield Check("feasible", False, manoeuvre.reason, False)
+        checks.append(Check("feasible", False, manoeuvre.reason, False))
+    turned = any(phase.name == REORIENTATION for phase in manoeuvre.phases)
+    values = {"path": path, "phases": tuple(phases), "reorient": turned or Origin.GIVEN}
+    return CheckReport(manoeuvre.kind, tuple(checks)), Known(Manoeuvre, values)
 
 
-def _phase_checks(phase: PhaseResult, engine: str) -> tuple[Check, ...]:
-    """The checks of a phase by itself; none where nothing moves."""
-    report = _REPORTS.get(type(phase.result))
-    return () if report is None else report(phase.result, engine).checks
+def _recomputed(manoeuvre: Manoeuvre) -> Iterator[tuple[PhaseResult, PhaseResult]]:
+    """The phases as they are stated, and where each begins, with what it finds where that is known.
+
+    Results of searches are those that are stated.
+    """
+    path, phases = manoeuvre.path, manoeuvre.phases
+    first = next(k for k, phase in enumerate(phases) if isinstance(phase.result, Plan))
+    for stated in phases[:first]:
+        start, drift = -stated.duration, path.problem.path.drift
+        yield (
+            stated,
+            PhaseResult(REORIENTATION, GoalPhase.kind, stated.result, start, start * drift),
+        )
+    yield phases[first], PhaseResult(PATH, PathPhase.kind, path)
+    if path.motion is None or not all(phase.feasible for phase in phases[: first + 1]):
+        return
+    state = SystemState.at_start(path.motion).after(path.motion)
+    for phase, stated in zip(manoeuvre.following, phases[first + 1 :], strict=False):
+        result: Any = stated.result
+        if not isinstance(phase, GoalPhase):
+            result = phase.run(state, state.limits(manoeuvre.limits or Limits()))
+        yield stated, PhaseResult(phase.name, phase.kind, result, state.time, state.centre)
+        if not stated.feasible:
+            return
+        state = phase.end(state, stated.result)
+
+
+def _phase_report(
+    stated: PhaseResult, again: PhaseResult, engine: str
+) -> tuple[CheckReport, Known | Capture]:
+    """The checks of a phase by itself, and what is known of its result."""
+    result, found = stated.result, again.result
+    if isinstance(result, GoalMotion):
+        return goal_report(result, engine)
+    if isinstance(result, Plan) and isinstance(found, Plan):
+        return plan_report(result, engine, phase=None if result is found else found)
+    return CheckReport(again.kind, ()), cast(Capture, found)
 
 
 def _handover_checks(manoeuvre: Manoeuvre) -> Iterator[Check]:

@@ -1,74 +1,148 @@
-"""The checks of motions along paths: of plans, and of the chosen motions of simulations."""
+"""The checks of motions along paths: of plans, and of the motions of simulations."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
 
-import numpy as np
-
-from freefloat.certificate.certificate import Certificate, certify
+from freefloat.certificate.certificate import certify
 from freefloat.limits.check import LimitChecker
+from freefloat.limits.contact import deepest_contact
 from freefloat.limits.limits import Limits
-from freefloat.motion.extrema import closest_approach
-from freefloat.motion.motion import Ending
-from freefloat.planning.phases.kinds.path_phase import branch_at
+from freefloat.limits.result import LimitResult
+from freefloat.motion.motion import Ending, Motion
 from freefloat.planning.plan import Plan
+from freefloat.planning.reasons import Verdict, verdict_on
 from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.simulation import Simulation
+from freefloat.records import Known, Origin
 from freefloat.verification.comparisons import (
     Check,
     certificate_checks,
-    comparison_check,
     completed,
-    magnitude_range,
     singular_start_check,
     span_check,
 )
 from freefloat.verification.engine_runs import EngineRuns, engine_checks, engine_runs
 from freefloat.verification.gravity import CircularOrbit
 from freefloat.verification.limit_checks import limit_checks
+from freefloat.verification.motions import known_branch, same_certificate, same_results
 from freefloat.verification.report import PINOCCHIO, CheckReport
 
-_RELATIVE = 1e-4
-"""Relative deviation of extrema, which are found by search."""
-_BOUND = 1.0 / 9.0
-"""Relative deviation of a proven bound: a proof stops at nine tenths of the minimum or above."""
-_ABSOLUTE = 1e-9
-"""Absolute deviation of all numbers: rounding."""
-_EXACT = 1e-6
-"""Relative deviation of all other numbers: rounding."""
 
-
-def plan_report(plan: Plan, engine: str, orbit: CircularOrbit | None = None) -> CheckReport:
-    """All checks of a plan.
+def plan_report(
+    plan: Plan, engine: str, orbit: CircularOrbit | None = None, phase: Plan | None = None
+) -> tuple[CheckReport, Known]:
+    """All checks of a plan, and what is recomputed of its numbers.
 
     Args:
         plan: The record, computed or loaded from a file.
         engine: As for :func:`~freefloat.verification.check.check`.
         orbit: Report the effect of gravity gradient there.
+        phase: The plan recomputed, of phases that are not searched for.
     """
-    chosen = plan.chosen
-    if chosen is None:
-        return CheckReport(plan.kind, (Check("motion", False, "the plan has none"),))
+    chosen, searched = plan.chosen, phase is None
+    known: dict[str, Any] = {"limits": Origin.GIVEN}
+    if phase is not None:
+        names = ("reason", "ranges", "segments", "robust_radius", "radius_effort", "map",
+                 "tolerance", "disagreements", "excluded", "needed_stretch", "stretch_candidate",
+                 "stretch")  # fmt: skip
+        known |= {name: getattr(phase, name) for name in names}
+    elif plan.searched:
+        from freefloat.verification.range_checks import known_robustness  # compiled kernels
 
-    def stated(certificate: Certificate) -> Iterator[Check]:
-        yield from completed("certificate", _same_certificate, plan, certificate)
-        if plan.searched:
+        known |= known_robustness(plan)
+    if chosen is None:
+        missing = Check("motion", False, "the plan has none")
+        return CheckReport(plan.kind, (missing,)), Known(Plan, known)
+
+    def stated() -> Iterator[Check]:
+        if searched and plan.searched:
             from freefloat.verification.range_checks import robustness_checks  # compiled kernels
 
             yield from completed("robustness", robustness_checks, plan, chosen)
         if not plan.feasible:
             yield Check("feasible", False, plan.reason, False)
 
-    return _report(plan, chosen, plan.feasible, True, stated, engine, orbit)
+    report, results = _report(plan, chosen, plan.feasible, True, stated, engine, orbit)
+    motion = chosen.motion
+    known |= _known_motion(plan, chosen, results)
+    if report.certificate is not None:
+        known["certificate"] = same_certificate(plan.certificate, report.certificate, motion)
+    verdict = _verdict(chosen, results)
+    known["feasible"] = verdict.feasible and (phase is None or phase.feasible)
+    return report, Known(Plan, known)
 
 
 def simulation_report(
     simulation: Simulation, engine: str, orbit: CircularOrbit | None = None
-) -> CheckReport:
-    """All checks of the chosen motion of a simulation; arguments as for :func:`plan_report`."""
+) -> tuple[CheckReport, Known]:
+    """All checks of a simulation, and what is recomputed; arguments as for :func:`plan_report`."""
     chosen, feasible = simulation.chosen, simulation.feasible
-    return _report(simulation, chosen, feasible, chosen.feasible, lambda _: (), engine, orbit)
+
+    def others() -> Iterator[Check]:
+        for number, branch in enumerate(simulation.branches):
+            if branch is not chosen:
+                yield from completed(f"branches.{number}.motion", _motion_check, branch, number)
+
+    report, results = _report(simulation, chosen, feasible, chosen.feasible, others, engine, orbit)
+    known = _known_motion(simulation, chosen, results) | {
+        "branches": tuple(map(known_branch, simulation.branches)),
+        "verdicts": _verdicts(simulation, results),
+    }
+    return report, Known(Simulation, known)
+
+
+def _known_motion(
+    result: Plan | Simulation, chosen: SimulatedBranch, results: tuple[LimitResult, ...]
+) -> dict[str, Any]:
+    """What is recomputed of the chosen motion of any result."""
+    motion = chosen.motion
+    return {
+        "chosen": known_branch(chosen),
+        "limits": Origin.GIVEN,
+        "limit_results": results,
+        "contact": deepest_contact(motion, results),
+    }
+
+
+def _verdict(chosen: SimulatedBranch, results: Sequence[LimitResult]) -> Verdict:
+    approach = known_branch(chosen).values["closest_approach"]
+    return verdict_on(chosen.motion, results, approach)
+
+
+def _verdicts(simulation: Simulation, results: tuple[LimitResult, ...]) -> dict[int, Verdict]:
+    """Verdicts on the motions whose limits were checked."""
+    chosen, verdicts = simulation.chosen, dict[int, Verdict]()
+    if results:
+        verdicts[chosen.branch.index] = _verdict(chosen, results)
+    for branch in simulation.branches:
+        if branch is not chosen and branch.branch.index in simulation.verdicts:
+            checker = LimitChecker(simulation.problem, simulation.limits or Limits())
+            verdicts[branch.branch.index] = _verdict(branch, checker.results(branch.motion))
+    return verdicts
+
+
+def _motion_check(branch: SimulatedBranch, number: int) -> Iterator[Check]:
+    """One check for the motion of another arm branch: the first discrepancy, if there is any."""
+    motion, name = branch.motion, f"branches.{number}.motion"
+    checks = (check for check in _own_checks(motion, branch.feasible) if not check.passed)
+    failed = next(checks, None)
+    yield Check(name, failed is None, "" if failed is None else failed.reason)
+
+
+def _own_checks(motion: Motion, keeps_margin: bool) -> Iterator[Check]:
+    """The checks of a motion by itself."""
+    if _is_singular_start(motion):
+        yield singular_start_check(motion)
+        return
+    yield (span := span_check(motion))
+    if span.passed:
+        yield from certificate_checks(certify(motion), motion, keeps_margin)
+
+
+def _is_singular_start(motion: Motion) -> bool:
+    return motion.ending is Ending.SINGULAR and not motion.panels
 
 
 def _report(
@@ -76,10 +150,10 @@ def _report(
     chosen: SimulatedBranch,
     keeps_limits: bool,
     keeps_margin: bool,
-    stated: Callable[[Certificate], Iterable[Check]],
+    stated: Callable[[], Iterable[Check]],
     engine: str,
     orbit: CircularOrbit | None,
-) -> CheckReport:
+) -> tuple[CheckReport, tuple[LimitResult, ...]]:
     """The checks of a motion, of what else its result states, and by another engine.
 
     Args:
@@ -87,88 +161,29 @@ def _report(
         chosen: Its motion.
         keeps_limits: Whether the motion is to keep its limits.
         keeps_margin: Whether it is to keep its margin.
-        stated: Checks of what the result states beyond the motion, given the new certificate.
+        stated: Checks of what the result states beyond the motion.
         engine: Name of the engine.
         orbit: Report the effect of gravity gradient there.
+
+    Returns:
+        The report, and the limits along the motion where any were to be kept.
     """
-    motion = chosen.motion
-    if motion.ending is Ending.SINGULAR and not motion.panels:
-        return CheckReport(result.kind, (singular_start_check(motion),))
+    motion, required = chosen.motion, result.limits is not None
+    checker = LimitChecker(motion.problem, result.limits or Limits())
+    limits = same_results(checker, motion, result.limit_results)
+    results = limits if required else ()
+    if _is_singular_start(motion):
+        return CheckReport(result.kind, (singular_start_check(motion), *stated())), results
     if not (span := span_check(motion)).passed:
-        return CheckReport(result.kind, (span,))
+        return CheckReport(result.kind, (span,)), results
     runs = EngineRuns() if engine == PINOCCHIO else engine_runs(engine, motion, orbit)
     certificate = certify(motion)
-    checker = LimitChecker(motion.problem, result.limits or Limits())
-    limits = checker.results(motion)
     checks = (
         *completed("certificate", certificate_checks, certificate, motion, keeps_margin),
-        *completed("limits", limit_checks, result.limit_results, checker, limits,
-                   keeps_limits, result.limits is not None),
-        *completed("closest approach", _branch_checks, chosen),
-        *stated(certificate),
+        *limit_checks(limits, keeps_limits and required),
+        *stated(),
         *engine_checks(engine, motion, runs),
-    )  # fmt: skip
+    )
     return CheckReport(
         result.kind, checks, certificate, limits, runs.inverse, runs.forward, runs.gravity, engine
-    )
-
-
-def _branch_checks(chosen: SimulatedBranch) -> Iterator[Check]:
-    """The stated arm branch and closest approach are the recomputed ones."""
-    motion, problem = chosen.motion, chosen.motion.problem
-    value = closest_approach(motion, problem.margin.measure).value
-    allowed = _ABSOLUTE + _EXACT * value
-    yield comparison_check("closest approach", chosen.closest_approach.value, value, allowed)
-    joints = chosen.branch.joints
-    if np.abs(joints - motion.initial.joints[: len(joints)]).max() > _ABSOLUTE:
-        yield Check("branch", False, "its joints are not those at the start of the motion")
-    if not problem.redundant:
-        start = motion.initial
-        branch = branch_at(problem, start.attitude, start.joints)
-        yield comparison_check("branch", chosen.branch.index, branch.index, 0.0)
-
-
-def _same_certificate(plan: Plan, recomputed: Certificate) -> Iterator[Check]:
-    """The stated certificate is the recomputed one."""
-    stated = plan.certificate
-    if stated is None:
-        yield Check("certificate", False, "the plan has none")
-        return
-    for proven in recomputed.minima:
-        entry = next((e for e in stated.minima if e.measure == proven.measure), None)
-        scales = {"value": proven.value, "time": plan.problem.path.duration, "bound": proven.bound}
-        for key, scale in scales.items():
-            yield comparison_check(
-                f"certificate {proven.measure}.{key}",
-                getattr(entry, key, None),
-                getattr(proven, key),
-                _ABSOLUTE + (_BOUND if key == "bound" else _RELATIVE) * abs(scale),
-            )
-        if entry is not None and entry.bound > proven.value * (1.0 + _RELATIVE):
-            words = f"{entry.bound:.6g} is stated, but the minimum is {proven.value:.6g}"
-            yield Check(f"certificate {proven.measure}.bound", False, words, entry.bound)
-    scale = recomputed.momentum_scale
-    yield comparison_check(
-        "certificate momentum_scale", stated.momentum_scale, scale, _RELATIVE * scale
-    )
-    stated_errors, recomputed_errors = stated.to_dict(), recomputed.to_dict()
-    for key in ("end_effector_position", "end_effector_attitude", "momentum", "rates"):
-        worst, recomputed_error = stated_errors[key], recomputed_errors[key]
-        yield _error_comparison(
-            key, worst and worst["value"], recomputed_error and recomputed_error["value"]
-        )
-    for key in ("attitude", "joints", "halving_attitude", "halving_joints"):
-        value = getattr(stated.integration, key)
-        recomputed_error = getattr(recomputed.integration, key)
-        yield _error_comparison(f"integration.{key}", value, recomputed_error)
-
-
-def _error_comparison(key: str, stated: float | None, recomputed: float | None) -> Check:
-    """Check that two errors are of the same order of magnitude."""
-    name = f"certificate {key}"
-    if stated is None or recomputed is None:
-        return comparison_check(name, stated, recomputed, 0.0)
-    low, high = magnitude_range(recomputed)
-    passed = low <= stated <= high
-    words = "" if passed else f"{stated:.3g} is stated, but it is {recomputed:.3g}"
-    return Check(name, passed, words, stated, recomputed, high)
+    ), results

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from math import tau
+from typing import Any
 
 import numpy as np
 
@@ -15,19 +16,24 @@ from freefloat.limits.check import attitude_limits
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
+from freefloat.paths.time_laws import TimeLaw
 from freefloat.planning.candidates import Candidate
 from freefloat.planning.evaluator import evaluator_for, evaluator_near
 from freefloat.planning.plan import Plan
-from freefloat.planning.planar_planner import heading_depth
+from freefloat.planning.planar_planner import heading_depth, plan_in_plane
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.continuation import keeps_from_nearby
 from freefloat.planning.searches.adversary import violations
+from freefloat.planning.settings import PLAN_ATTITUDES
 from freefloat.planning.simulated_branch import SimulatedBranch
-from freefloat.planning.space.disturbances import LONGEST
-from freefloat.planning.space.robust_radius import Surroundings
+from freefloat.planning.space.disturbances import LONGEST, tolerance
+from freefloat.planning.space.mapping import sample_attitudes
+from freefloat.planning.space.robust_radius import Surroundings, robust_radius
 from freefloat.planning.tolerance import Effort, Tolerance
+from freefloat.records import Known
 from freefloat.so3 import Array
-from freefloat.verification.comparisons import Check, comparison_check
+from freefloat.verification.comparisons import Check
+from freefloat.verification.margin_maps import known_samples
 
 _NEAR_END = 5e-4
 """Distance of tested headings from the ends of ranges [rad]."""
@@ -43,10 +49,39 @@ _DIRECTIONS = 96
 """Tested directions of momentum."""
 _PRECISE_COUNT = 3
 """Number of worst directions that are integrated precisely."""
-_ANGLE = 1e-7
-"""Accuracy of the robust radius in the plane [rad]."""
 _INSIDE = 0.999
 """Tolerances are tested slightly inside their ends."""
+
+
+def known_robustness(plan: Plan) -> dict[str, Any]:
+    """What is recomputed of ranges of headings or the map, of robust radius and tolerances."""
+    search, problem, chosen = plan.search, plan.problem, plan.chosen
+    evaluator = evaluator_for(problem, limits=plan.limits, search=search)
+    retimed = problem.path.timing.law is TimeLaw.OPTIMAL and problem.depends_on_timing
+    known: dict[str, Any] = {}
+    if problem.task.planar:
+        again = plan_in_plane(evaluator, search, plan.limits)
+        known |= dict.fromkeys(("map", "radius_effort", "tolerance"))
+        known |= {} if retimed else {"ranges": again.ranges, "segments": again.segments}
+        if chosen is not None:
+            depth = heading_depth(evaluator, search.domain, again.ranges, chosen)
+            known["robust_radius"] = depth
+        return known
+    samples = sample_attitudes(evaluator, search.samples or PLAN_ATTITUDES, search)
+    known |= {"ranges": (), "segments": (), "map": samples}
+    if plan.map is not None:
+        known["map"] = known_samples(plan.map, samples)
+    if chosen is None or not plan.feasible:
+        return known | dict.fromkeys(("robust_radius", "radius_effort", "tolerance"))
+    start, branch = chosen.motion.initial.attitude, chosen.branch
+    near = evaluator_near(evaluator, branch.joints)
+    index = None if problem.redundant else branch.index
+    tolerated = tolerance(evaluator.integrator, start, branch.joints)
+    values = {name: value for name, value in vars(tolerated).items() if name != "momentum_effort"}
+    return known | {
+        "robust_radius": robust_radius(near, start, index, samples.spacing),
+        "tolerance": Known(Tolerance, values),
+    }
 
 
 def robustness_checks(plan: Plan, chosen: SimulatedBranch) -> Iterator[Check]:
@@ -60,7 +95,6 @@ def robustness_checks(plan: Plan, chosen: SimulatedBranch) -> Iterator[Check]:
     evaluator = evaluator_for(plan.problem, limits=plan.limits)
     if plan.problem.task.planar:
         yield _heading_check(plan, evaluator)
-        yield _depth_check(plan, evaluator, chosen)
         return
     if plan.robust_radius:  # a radius of zero: nothing to check
         yield _ball_check(evaluator, plan, chosen)
@@ -146,12 +180,6 @@ def _keeps_margin(problem: Problem, limits: AttitudeLimits, attitude: Array, joi
     return all(limit.decide(motion).kept for limit in attitude_limits(problem, limits))
 
 
-def _depth_check(plan: Plan, evaluator: FeasibilityEvaluator, chosen: SimulatedBranch) -> Check:
-    """The robust radius is the distance of the heading from the end of its range."""
-    depth = heading_depth(evaluator, plan.search.domain, plan.ranges, chosen)
-    return comparison_check("robust radius", plan.robust_radius, depth, _ANGLE, "rad")
-
-
 # --- in space -----------------------------------------------------------------------------------
 
 
@@ -178,7 +206,7 @@ def _enclose(shortest: float, longest: float, duration: float) -> bool:
 
 
 def _tolerance_check(
-    evaluator: FeasibilityEvaluator, tolerance: Tolerance, chosen: SimulatedBranch
+    evaluator: FeasibilityEvaluator, stated: Tolerance, chosen: SimulatedBranch
 ) -> Check:
     """Motions with the tolerated momenta and durations keep the margin, from the same start.
 
@@ -186,7 +214,7 @@ def _tolerance_check(
     are integrated precisely.
     """
     problem, start = evaluator.problem, chosen.motion.initial
-    shortest, longest = tolerance.shortest, tolerance.longest
+    shortest, longest = stated.shortest, stated.longest
     if not _enclose(shortest, longest, problem.path.duration):
         words = (
             f"durations from {shortest:.6g} to {longest:.6g} s do not enclose the planned one "
@@ -194,7 +222,7 @@ def _tolerance_check(
         )
         return Check("tolerance", False, words, shortest, unit="s")
     directions = even_directions(_DIRECTIONS)
-    tolerated = _INSIDE * tolerance.momentum
+    tolerated = _INSIDE * stated.momentum
 
     def values(deviations: Array) -> Array:
         K = len(deviations)
@@ -208,23 +236,23 @@ def _tolerance_check(
     if len(outside):
         h = np.round(problem.momentum + outside[0], 6).tolist()
         words = f"the momentum {h} N m s violates the margin or nears another singularity"
-        return Check("tolerance", False, words, tolerance.momentum, unit="N m s")
+        return Check("tolerance", False, words, stated.momentum, unit="N m s")
     momenta = problem.momentum + tolerated * directions
     states = np.tile(start.attitude, (_DIRECTIONS, 1)), np.tile(start.joints, (_DIRECTIONS, 1))
     ensemble = evaluator.integrator.integrate(*states, Systems.of(problem, momenta))
     worst = [*momenta[np.argsort(ensemble.minimum)[:_PRECISE_COUNT]]]
     changes = [
         (replace(problem, momentum=h), f"momentum {np.round(h, 6).tolist()}", "N m s",
-         tolerance.momentum)
+         stated.momentum)
         for h in worst
     ]  # fmt: skip
     if problem.depends_on_timing:
-        for duration, stated in ((shortest / _INSIDE, shortest), (longest * _INSIDE, longest)):
+        for duration, end in ((shortest / _INSIDE, shortest), (longest * _INSIDE, longest)):
             system = problem.system.scaled(duration / problem.path.duration)
-            changes.append((problem.with_system(system), f"duration {duration:.6g}", "s", stated))
-    for changed, words, unit, stated in changes:
+            changes.append((problem.with_system(system), f"duration {duration:.6g}", "s", end))
+    for changed, words, unit, value in changes:
         if not _keeps_margin(changed, evaluator.limits, start.attitude, start.joints):
             words = f"the {words} {unit} violates the margin"
-            return Check("tolerance", False, words, stated, unit=unit)
+            return Check("tolerance", False, words, value, unit=unit)
     words = f"{_DIRECTIONS} momenta tested, {len(worst)} of them precisely, and durations"
-    return Check("tolerance", True, words, tolerance.momentum, unit="N m s")
+    return Check("tolerance", True, words, stated.momentum, unit="N m s")

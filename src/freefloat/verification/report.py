@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from freefloat.certificate.certificate import Certificate
 from freefloat.limits.result import LimitResult
+from freefloat.records import Known
 from freefloat.verification.comparisons import Check
+from freefloat.verification.leaves import compare
 
 if TYPE_CHECKING:
     from freefloat.verification.engines.forward import ForwardRun
@@ -34,6 +36,8 @@ class CheckReport:
         forward: The engine's own integration of the motion; None without one.
         gravity: Effect of gravity gradient; None if it was not requested.
         engine: Name of that engine.
+        not_verified: Names of stated values that were not recomputed, or not to all digits.
+        given: Names of stated values that are part of the question, like robot and scenario.
     """
 
     kind: str
@@ -44,6 +48,16 @@ class CheckReport:
     forward: ForwardRun | None = field(default=None, repr=False)
     gravity: GravityRun | None = field(default=None, repr=False)
     engine: str | None = None
+    not_verified: tuple[str, ...] = ()
+    given: tuple[str, ...] = ()
+
+    def comparing(self, stated: Any, known: Known) -> CheckReport:
+        """The report with the comparison of a record with what is known of it."""
+        found = compare(stated, known)
+        return replace(
+            self, checks=(*self.checks, *found.checks), given=tuple(found.given),
+            not_verified=tuple(found.unverified),
+        )  # fmt: skip
 
     @property
     def passed(self) -> bool:
@@ -62,6 +76,8 @@ class CheckReport:
             "kind": self.kind,
             "reasons": [check.reason for check in self.discrepancies],
             "checks": [check.to_dict() for check in self.checks],
+            "not_verified": list(self.not_verified),
+            "given": list(self.given),
             "certificate": None if self.certificate is None else self.certificate.to_dict(),
             "limits": [result.to_dict() for result in self.limits],
             "engine": self._engine_document,

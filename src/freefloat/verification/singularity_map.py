@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.errors import InputError
-from freefloat.singularities.singularity_map import Kind, SingularityMap
-from freefloat.singularities.singularity_polynomial import determinants
+from freefloat.records import Known, Origin
+from freefloat.singularities.singularity_map import Kind, SingularityMap, singularity_map
+from freefloat.singularities.singularity_polynomial import SingularityPolynomial, determinants
 from freefloat.so3 import Array
 from freefloat.verification.comparisons import Check
 from freefloat.verification.report import PINOCCHIO, CheckReport
@@ -20,10 +22,14 @@ _DEVIATION = 1e-8
 """Deviation of the polynomial from det A, and magnitude of det A whose sign may be rounding, over
 the largest det A of the samples."""
 _SEED = 20_260
+_MOST_NODES = 500_000
+"""Boxes of maps that are computed again; of larger ones samples are looked at."""
 
 
-def singularity_map_report(found: SingularityMap, engine: str) -> CheckReport:
-    """All checks of a map of the joint space.
+def singularity_map_report(found: SingularityMap, engine: str) -> tuple[CheckReport, Known]:
+    """All checks of a map of the joint space, and what is recomputed.
+
+    The boxes are those of the same subdivision again, where it is no larger than half a million.
 
     Args:
         found: The map.
@@ -34,7 +40,14 @@ def singularity_map_report(found: SingularityMap, engine: str) -> CheckReport:
     """
     if engine != PINOCCHIO:
         raise InputError("engine", f"{engine} was given for a singularity map", PINOCCHIO)
-    return CheckReport(found.kind, tuple(singularity_map_checks(found)))
+    polynomial = SingularityPolynomial.of(found.model, found.task, found.fixed)
+    known: dict[str, Any] = dict.fromkeys(("task", "fixed", "resolution"), Origin.GIVEN)
+    known["polynomial"] = polynomial
+    if len(found.nodes) <= _MOST_NODES:
+        again = singularity_map(found.model, found.task, found.resolution, fixed=found.fixed)
+        known["nodes"] = again.nodes
+    report = CheckReport(found.kind, tuple(singularity_map_checks(found)))
+    return report, Known(SingularityMap, known)
 
 
 def singularity_map_checks(found: SingularityMap) -> Iterator[Check]:

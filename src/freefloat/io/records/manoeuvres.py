@@ -9,7 +9,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, cast
 
-from freefloat.io.records.kinds import CODEC
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
@@ -21,6 +20,7 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.settings import Search
 from freefloat.records import Tree
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.verification.kinds import CODEC
 
 
 def decode_manoeuvre(tree: Tree, scenario: Scenario) -> Manoeuvre:

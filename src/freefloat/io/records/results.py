@@ -20,7 +20,6 @@ from freefloat.errors import InputError, require_type
 from freefloat.io.files import require_result_name
 from freefloat.io.hdf5 import AlteredFileError, read_hdf5, write_hdf5
 from freefloat.io.records.differences import differences
-from freefloat.io.records.kinds import CODEC, KINDS, Result
 from freefloat.io.records.manoeuvres import decode_manoeuvre
 from freefloat.io.scenario.arms_section import paths_of_arms
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
@@ -34,12 +33,15 @@ from freefloat.records import Quantity, Tree
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import read_urdf
 from freefloat.singularities.singularity_map import SingularityMap
+from freefloat.verification.kinds import CODEC, KINDS, Result
 from freefloat.verification.singularity_map import singularity_map_checks
 
 FORMAT_VERSION = 3
 _PREFIX = "freefloat "
 _SOFTWARE = ("freefloat", "pin", "numpy", "scipy")
 _ACCEPTED = f"a plan, motion or map file of freefloat (-o), format {FORMAT_VERSION}"
+_ROUNDING = 1e-9
+"""Deviation of derived numbers that are computed again."""
 _INVALID = (InputError, KeyError, ValueError, IndexError, TypeError, AttributeError)
 """Errors of a file whose content does not fit together."""
 
@@ -182,6 +184,7 @@ def _load_record(tree: Tree, kind: type[Result]) -> Result:
         result: Result = _decode_singularity_map(tree["result"], model)
     else:
         result = _decode(kind, tree["result"], _read_scenario(tree, model))
+    _require_same(tree["result"], CODEC.encode(result), "result")
     document = json.loads(_text(tree, "document"))
     recomputed_document = json.loads(json.dumps(result.to_dict()))
     difference = next(differences(document, recomputed_document), None)
@@ -190,6 +193,22 @@ def _load_record(tree: Tree, kind: type[Result]) -> Result:
         problem = f"its document states {stated}, but it is {recomputed}"
         raise InputError(key, problem, _ACCEPTED)
     return result
+
+
+def _require_same(stated: Any, read: Any, place: str) -> None:
+    """Raise a ValueError where a file has a part that its record does not have, or another one."""
+    if isinstance(stated, dict) and isinstance(read, dict):
+        for name in stated.keys() | {key for key, entry in read.items() if entry is not None}:
+            _require_same(stated.get(name), read.get(name), f"{place}/{name}")
+        return
+    one, other = (np.asarray(getattr(entry, "values", entry)) for entry in (stated, read))
+    numbers = {one.dtype.kind, other.dtype.kind} == {"f"}
+    if one.shape != other.shape or not (
+        np.allclose(one, other, _ROUNDING, _ROUNDING, equal_nan=True)
+        if numbers
+        else np.array_equal(one, other)
+    ):
+        raise ValueError(f"its part {place} contradicts other parts")
 
 
 def _decode(kind: type[Result], tree: Tree, scenario: Scenario) -> Result:

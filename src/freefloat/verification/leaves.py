@@ -1,0 +1,204 @@
+"""Comparison of what a record states with what was recomputed of it, value by value.
+
+Both are trees of :mod:`freefloat.records`, so that a new field of a record is compared, or named as
+not verified, without a line here. A value is named by its place in the file, its parts joined by
+dots: ``chosen.closest_approach.value``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from freefloat.records import Known, Origin, Quantity, Tree
+from freefloat.so3 import Array, BoolArray
+from freefloat.verification.comparisons import Check
+from freefloat.verification.kinds import CODEC
+
+
+class _Rule(NamedTuple):
+    """How near a stated number must be to the recomputed one.
+
+    Attributes:
+        relative: Deviation as a fraction of the recomputed number: rounding.
+        absolute: Deviation in its unit.
+        of_largest: Deviation as a fraction of the largest number of an array.
+        factor: Between such numbers that are as far apart as other machines may compute them: no
+            discrepancy, but not verified either.
+        slack: Absolute deviation that is likewise no discrepancy.
+        free: Whether no value is a discrepancy, because rounding decides.
+    """
+
+    relative: float = 1e-6
+    absolute: float = 1e-9
+    of_largest: float = 0.0
+    factor: float = 1.0
+    slack: float = 0.0
+    free: bool = False
+
+
+_EXACT = _Rule()
+_ANY = _Rule(free=True)
+_ERROR = _Rule(absolute=0.0, factor=10.0, slack=1e-7)
+_SEARCHED = _Rule(factor=1.5)
+_STATE = _Rule(1e-4, 1e-6, slack=1e-3)
+_STEPS = _Rule(1e-3, 1e-6, factor=2.0, slack=1e-3)
+_RULES = {
+    # errors are rounding: their order of magnitude is compared
+    "end_effector_position.value": _ERROR,
+    "end_effector_orientation.value": _ERROR,
+    "momentum.value": _ERROR,
+    "rates.value": _ERROR,
+    "integration.attitude": _ERROR,
+    "integration.joints": _ERROR,
+    "integration.halving_attitude": _ERROR,
+    "integration.halving_joints": _ERROR,
+    "limit_results.base_wrench": _ERROR,
+    "end_effector_position.time": _ANY,
+    "end_effector_orientation.time": _ANY,
+    "momentum.time": _ANY,
+    "rates.time": _ANY,
+    "integration.attitude_time": _ANY,
+    "integration.joints_time": _ANY,
+    "integration.joint": _ANY,
+    # a proof stops at nine tenths of the minimum or above
+    "minima.bound": _Rule(factor=10.0 / 9.0),
+    "certificate.intervals": _SEARCHED,
+    # distances are found up to a tenth of a millimetre, where they hardly change at any time
+    "contact.depth": _Rule(slack=2e-4),
+    "contact.time": _ANY,
+    "contact.s": _ANY,
+    # searches of attitudes that end elsewhere where a machine rounds otherwise
+    "robust_radius": _SEARCHED,
+    "tolerance.momentum": _SEARCHED,
+    "tolerance.shortest": _SEARCHED,
+    "tolerance.longest": _SEARCHED,
+    "ranges.low": _Rule(absolute=1e-6, slack=5e-4),
+    "ranges.high": _Rule(absolute=1e-6, slack=5e-4),
+    "polynomial.coefficients": _Rule(of_largest=1e-9),
+    # compiled motions: some in float32, some at the steps of the integrator, some near a singularity
+    "results.joints": _Rule(absolute=1e-6),
+    "motions.ended_at": _STATE,
+    "motions.minimum": _STATE,
+    "motions.minimum_at": _STATE,
+    "motions.attitudes": _STATE,
+    "motions.joints": _STATE,
+    "motions.lower": _STATE,
+    "motions.upper": _STATE,
+    "motions.slacks": _STATE,
+    "motions.rates": _STEPS,
+    "motions.determinant_ratios": _STEPS,
+    "motions.evaluations": _SEARCHED,
+}  # fmt: skip
+"""Rules by the last two parts of a name, without numbers."""
+
+
+@dataclass
+class Comparison:
+    """The comparison of two trees.
+
+    Attributes:
+        checks: Of the values that were recomputed.
+        unverified: Names of values that were not, or not to all digits.
+        given: Names of values that are part of the question.
+    """
+
+    checks: list[Check] = field(default_factory=list)
+    unverified: list[str] = field(default_factory=list)
+    given: list[str] = field(default_factory=list)
+
+
+def compare(stated: Any, known: Known) -> Comparison:
+    """Compare a record with what is known of it."""
+    comparison = Comparison()
+    for name, entry, found in _leaves("", CODEC.encode(stated), CODEC.encode(known)):
+        if found is _MISSING:
+            comparison.unverified.append(name)
+        elif found is Origin.GIVEN:
+            comparison.given.append(name)
+        elif found is not Origin.TESTED:
+            check, exact = _compared(name, entry, found)
+            comparison.checks.append(check)
+            if check.passed and not exact:
+                comparison.unverified.append(name)
+    return comparison
+
+
+_MISSING = object()
+_UNIT = 1e-9
+"""Deviation of the norm of a quaternion from 1."""
+
+
+def _leaves(name: str, stated: Any, found: Any) -> Iterator[tuple[str, Any, Any]]:
+    """Names, stated and recomputed values; of what was not recomputed ``_MISSING``."""
+    keys = stated.keys() - {"class"} if isinstance(stated, dict) else ()
+    if keys and (found is _MISSING or isinstance(found, Origin)):
+        found = dict.fromkeys(keys, found)
+    elif not (isinstance(stated, dict) and isinstance(found, dict)):
+        yield name, _summary(stated), _summary(found)
+        return
+    elif "class" in stated:
+        yield f"{name}.class".lstrip("."), stated["class"], found.get("class")
+    elif bool(stated) is not bool(found) or not (
+        _is_table(stated) or stated.keys() == found.keys()
+    ):
+        yield name, _summary(stated), _summary(found)
+    for key in (key for key in stated if key != "class"):
+        place = f"{name}.{key}" if name else key
+        yield from _leaves(place, stated[key], found.get(key, _MISSING))
+
+
+def _is_table(tree: Tree) -> bool:
+    """Whether entries are columns, of which some may not be known."""
+    return all(isinstance(entry, Quantity) for entry in tree.values())
+
+
+def _summary(entry: Any) -> Any:
+    """A value; of a record its class, of several values their keys."""
+    if not isinstance(entry, dict):
+        return entry
+    return entry.get("class") or ", ".join(entry) or "none"
+
+
+def _compared(name: str, stated: Any, found: Any) -> tuple[Check, bool]:
+    """The check of a value, and whether it is the recomputed one up to rounding."""
+    parts = [part for part in name.split(".") if not part.isdecimal()]
+    rule, unit = _RULES.get(".".join(parts[-2:]), _EXACT), getattr(stated, "unit", "")
+    one, other = (np.asarray(getattr(entry, "values", entry)) for entry in (stated, found))
+    if one.shape != other.shape:
+        words = f"shape {one.shape} is stated, but it is {other.shape}"
+        return Check(name, False, words, unit=unit, relation="="), False
+    unsound = np.zeros(one.shape, bool)
+    if unit.startswith("1, quaternion") and one.dtype == float:
+        other = np.where((one * other).sum(axis=-1, keepdims=True) < 0.0, -other, other)
+        unsound |= np.abs(np.linalg.norm(one, axis=-1, keepdims=True) - 1.0) > _UNIT
+    same, near = _agreement(one, other, rule)
+    wrong = ~near | unsound
+    place = tuple(np.argwhere(wrong)[0].tolist()) if wrong.any() else ()
+    detail = ""
+    if wrong.any():
+        where = f"{list(place)}: " if place else ""
+        detail = f"{where}{one[place]} is stated, but it is {other[place]}"
+    pair = [values[place] if values.ndim == len(place) else None for values in (one, other)]
+    a, b = (value.item() if isinstance(value, np.generic) else value for value in pair)
+    return Check(name, not detail, detail, a, b, unit=unit, relation="="), bool(same.all())
+
+
+def _agreement(stated: Array, found: Array, rule: _Rule) -> tuple[BoolArray, BoolArray]:
+    """Where values are the same up to rounding, and where they are no discrepancy."""
+    kinds = stated.dtype.kind + found.dtype.kind
+    if not {*kinds} <= {*"iuf"}:
+        same = np.asarray(stated == found) & (len({*kinds}) == 1)
+        return same, same | rule.free
+    a, b = stated.astype(float), found.astype(float)
+    same = (a == b) | (np.isnan(a) & np.isnan(b))
+    size, finite = np.abs(b), np.isfinite(a) & np.isfinite(b)
+    rounding = rule.absolute + rule.of_largest * float(size.max(initial=0.0, where=finite))
+    error = np.abs(np.subtract(a, b, where=finite, out=np.full(a.shape, np.inf)))
+    if "f" in kinds:
+        same |= finite & (error <= rule.relative * size + rounding)
+    apart = finite & (error <= (rule.factor - 1.0) * np.minimum(np.abs(a), size) + rule.slack)
+    return same, same | apart | rule.free

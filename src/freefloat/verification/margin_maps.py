@@ -1,0 +1,98 @@
+"""What is recomputed of maps of attitudes and headings: all motions, and what follows from them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from freefloat.ensemble.result import BranchResults, EnsembleResult
+from freefloat.errors import InputError
+from freefloat.paths.time_laws import TimeLaw
+from freefloat.planning.candidates import Peak
+from freefloat.planning.evaluator import evaluator_for
+from freefloat.planning.plane.heading_map import HeadingMap
+from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.planning.space.mapping import attitude_map
+from freefloat.records import Known, Origin
+from freefloat.so3 import angle_between
+from freefloat.verification.report import PINOCCHIO, CheckReport
+
+_BEST = 1e-4
+"""Relative difference of margins that are equally large."""
+_BY_TIME = {"ended_at", "minimum_at", "rates", "evaluations"}
+"""Results of motions that depend on the timing."""
+
+
+def map_report(found: AttitudeMap | HeadingMap, engine: str) -> tuple[CheckReport, Known]:
+    """A report without checks of its own, and what is recomputed.
+
+    Raises:
+        InputError: If another engine than freefloat's own is given.
+    """
+    if engine != PINOCCHIO:
+        raise InputError("engine", f"{engine} was given for a map", PINOCCHIO)
+    known = _headings(found) if isinstance(found, HeadingMap) else _attitudes(found)
+    return CheckReport(found.kind, ()), known
+
+
+def _headings(found: HeadingMap) -> Known:
+    again = attitude_map(found.problem, found.samples, search=found.search, limits=found.limits)
+    values = {name: getattr(again, name) for name in ("headings", "branches", "results")}
+    return Known(HeadingMap, values | {"limits": Origin.GIVEN})
+
+
+def _attitudes(found: AttitudeMap) -> Known:
+    """The same map again; how many points of a boundary were asked for is not known."""
+    points = Counter(point.branch for point in found.boundary or ())
+    again = attitude_map(
+        found.problem, found.samples, search=found.search, limits=found.limits,
+        nearest=found.nearest_to, boundary=max(points.values(), default=0),
+        tangency=len(found.tangency or ()),
+        refine=bool(found.regions) or (found.best, found.robust) != (None, None),
+    )  # fmt: skip
+    if not isinstance(again, AttitudeMap):
+        raise InputError("map", "it has attitudes", "headings, as the task is planar")
+    known = known_samples(found, again)
+    values: dict[str, Any] = {"nearest_to": Origin.GIVEN, "best": _same_peak(found, again)}
+    if found.nearest is not None and again.nearest is not None and found.nearest_to is not None:
+        deviation = angle_between(found.nearest.attitude, found.nearest_to)
+        values["nearest"] = replace(again.nearest, deviation=float(deviation))
+    return known._replace(values={**known.values, **values})
+
+
+def known_samples(found: AttitudeMap, again: AttitudeMap) -> Known:
+    """What is known of a map from the same map again.
+
+    Where the path was made faster since, the motions are those of its first timing.
+    """
+    names = "regions", "best", "robust", "nearest", "boundary", "tangency", "results"
+    values: dict[str, Any] = {name: getattr(again, name) for name in names}
+    values["limits"] = Origin.GIVEN
+    if found.nearest_to is None:
+        values["nearest_to"] = None
+    if found.problem.path.timing.law is TimeLaw.OPTIMAL:
+        del values["results"]
+        if not found.problem.depends_on_timing:
+            motions = again.results.motions._asdict()
+            for name in _BY_TIME:
+                del motions[name]
+            attitudes, joints = again.results.attitudes, again.results.joints
+            values["results"] = Known(BranchResults, {
+                "attitudes": attitudes, "joints": joints,
+                "motions": Known(EnsembleResult, motions),
+            })  # fmt: skip
+    return Known(AttitudeMap, values)
+
+
+def _same_peak(found: AttitudeMap, again: AttitudeMap) -> Peak | None:
+    """The largest margin, at the stated attitude where it is as large there."""
+    stated, best = found.best, again.best
+    if stated is None or best is None:
+        return best
+    evaluator = evaluator_for(found.problem, limits=found.limits)
+    margin = float(evaluator.margins(stated.attitude[None], stated.branch)[0])
+    same = np.isclose(margin, best.minimum_margin, rtol=_BEST, atol=0.0)
+    return replace(stated, minimum_margin=margin) if same else best

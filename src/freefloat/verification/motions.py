@@ -1,0 +1,155 @@
+"""What is recomputed of a motion: its arm branch, its closest approach, its limits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from copy import copy
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from freefloat.certificate.certificate import Certificate
+from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
+from freefloat.errors import InputError
+from freefloat.ik.branches import ArmBranch
+from freefloat.limits.check import LimitChecker
+from freefloat.limits.joint_limit import JointLimit
+from freefloat.limits.kinds.base_turn import BaseTurnLimit
+from freefloat.limits.kinds.joint_range import JointRangeLimit
+from freefloat.limits.limit import Limit
+from freefloat.limits.result import LimitResult
+from freefloat.motion.extrema import ClosestApproach, closest_approach
+from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.panels import NODES
+from freefloat.planning.phases.kinds.path_phase import branch_at
+from freefloat.planning.simulated_branch import SimulatedBranch
+from freefloat.records import Known, Origin
+from freefloat.so3 import angle_between
+
+_SAME = 1e-8
+"""Relative difference of a value at a stated instant from the stated extreme value."""
+_EXTREME = 1e-4
+"""Relative difference of extreme values, which are found by search."""
+_WINDOW = 1e-7
+"""Half the width of the motion about an instant, in panels."""
+_NEAR = 1e-9
+"""Distance of joints from those of their arm branch [rad or m]."""
+
+MOTION = Known(Motion, dict.fromkeys(
+    ("ending", "times", "attitudes", "joints", "base_positions", "curve"), Origin.TESTED
+))  # fmt: skip
+"""A motion, whose numbers are tested together: by the equations, its path and integrating again."""
+
+
+def known_branch(simulated: SimulatedBranch) -> Known:
+    """What is recomputed of the motion of an arm branch."""
+    motion, stated = simulated.motion, simulated.closest_approach
+    found = closest_approach(motion, motion.problem.margin.measure)
+    values = {"branch": _known_start(simulated), "motion": MOTION,
+              "closest_approach": same_approach(stated, found, motion)}  # fmt: skip
+    return Known(SimulatedBranch, values)
+
+
+def _known_start(simulated: SimulatedBranch) -> Known | ArmBranch:
+    """The arm branch at the start; its number and label are not known of starts that were given."""
+    motion = simulated.motion
+    problem, start = motion.problem, motion.initial
+    joints = start.joints[: problem.model.arm_dof]
+    if not problem.redundant:
+        return branch_at(problem, start.attitude, joints)
+    for branch in problem.branches(start.attitude):
+        if problem.model.joint_distance(branch.joints, joints) < _NEAR:
+            return replace(branch, joints=joints)
+    return Known(ArmBranch, {"joints": joints})
+
+
+def same_approach(
+    stated: ClosestApproach, found: ClosestApproach, motion: Motion
+) -> ClosestApproach:
+    """The recomputed closest approach, at the stated time where it is as close then."""
+    value = _measured(motion, motion.problem.margin.measure, stated.time)
+    return replace(found, time=stated.time) if _is_same(value, found.value) else found
+
+
+def same_certificate(stated: Certificate | None, found: Certificate, motion: Motion) -> Certificate:
+    """The recomputed certificate, its minima at stated times where they are as small then."""
+    times = {} if stated is None else {entry.measure: entry.time for entry in stated.minima}
+    minima = []
+    for entry in found.minima:
+        problem, time = motion.problem, times.get(entry.measure, np.nan)
+        measure = singularity_measure(problem.model, problem.task, entry.measure)
+        same = _is_same(_measured(motion, measure, time), entry.value)
+        minima.append(replace(entry, time=time) if same else entry)
+    return replace(found, minima=tuple(minima))
+
+
+def _measured(motion: Motion, measure: SingularityMeasure, time: float) -> float:
+    """Magnitude of a measure at a time; nan outside the motion."""
+    try:
+        return abs(measure(motion.sample([time])[0].joints))
+    except InputError:
+        return np.nan
+
+
+def _is_same(value: float, extreme: float) -> bool:
+    return bool(extreme and np.isclose(value, extreme, rtol=_SAME, atol=0.0))
+
+
+def same_results(
+    checker: LimitChecker, motion: Motion, stated: Sequence[LimitResult]
+) -> tuple[LimitResult, ...]:
+    """Results of limits, each at the stated instant where it is as near to its bound there."""
+    known = {entry.limit: entry for entry in stated}
+    return tuple(
+        _as_stated(limit, motion, known.get(limit.name), limit.worst(motion))
+        for limit in checker.limits
+    )
+
+
+def _as_stated(
+    limit: Limit[Any], motion: Motion, stated: LimitResult | None, found: LimitResult
+) -> LimitResult:
+    """The result of the joint and at the instant that are stated, where it is as extreme."""
+    if stated is None or (stated.time, stated.where) == (found.time, found.where):
+        return found
+    for there in _results_at(_of_joint(limit, stated.where, motion), motion, stated.time):
+        if np.isclose(there.ratio, found.ratio, rtol=_EXTREME, atol=0.0) or np.isclose(
+            there.worst, found.worst, rtol=0.0, atol=limit.accuracy
+        ):
+            return replace(found, worst=there.worst, allowed=there.allowed, unit=there.unit,
+                           ratio=there.ratio, at_least=there.at_least, where=there.where,
+                           time=stated.time)  # fmt: skip
+    return found
+
+
+def _of_joint(limit: Limit[Any], name: str, motion: Motion) -> Limit[Any]:
+    """The limit of one joint alone."""
+    names = motion.problem.model.joint_names
+    if not isinstance(limit, JointLimit) or name not in names:
+        return limit
+    others, alone = np.array(names) != name, copy(limit)
+    if isinstance(limit, JointRangeLimit):
+        ends = zip(limit.bound, (-np.inf, np.inf), strict=True)
+        alone.bound = tuple(np.where(others, far, end) for end, far in ends)
+    else:
+        alone.bound = np.where(others[: len(limit.bound)], np.inf, limit.bound)
+    return alone
+
+
+def _results_at(limit: Limit[Any], motion: Motion, time: float) -> Iterator[LimitResult]:
+    """The results of a limit about an instant: in both panels where it is between two."""
+    try:
+        (u,) = motion.coordinates_at([time])
+    except InputError:
+        return
+    panels = {min(max(int(place), 0), motion.panels - 1) for place in (u - _WINDOW, u + _WINDOW)}
+    for panel in sorted(panels) if motion.panels else ():
+        low, high = max(panel, u - _WINDOW), min(panel + 1.0, u + _WINDOW)
+        nodes = motion.evaluate((low + high) / 2.0 + (high - low) / 2.0 * NODES)
+        window = Motion(motion.problem, Ending.COMPLETED, *nodes, motion.curve)
+        result = limit.worst(window)
+        if isinstance(limit, BaseTurnLimit):  # from the attitude at the start of the whole motion
+            turn = float(angle_between(window.final.attitude, motion.initial.attitude))
+            result = limit.result(turn, limit.bound, turn / limit.bound, time, result.where)
+        yield result
