@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from enum import Enum
 from functools import cache
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +17,14 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.errors import FreeFloatError
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.verification.check import recomputed
-from freefloat.verification.leaves import compare
 from freefloat.verification.report import CheckReport
 from tests.commands import document
-from tests.test_result_kinds import result
+from tests.test_result_kinds import IDENTITY, result
 
 INPUTS = Problem, ff.Search, ff.Limits, FreeFloatingModel
 SMALLEST = 1e-7
@@ -80,30 +79,28 @@ def forgeries(value: Any) -> list[Any]:
     if isinstance(value, int):
         return [value + 1, 10 * value + 3, -value - 1]
     if isinstance(value, float):
-        return list(numbers(value))
+        return numbers(value)
     if isinstance(value, np.ndarray):
         chosen = np.flatnonzero(np.isfinite(value) & (np.abs(value) > SMALLEST))
         if value.dtype.kind not in "iuf" or not len(chosen):
             return []
         n = int(chosen[len(chosen) // 2])
-        return [with_number(value, n, new) for new in numbers(value.flat[n].item())]
+        number = value.flat[n].item()
+        others = numbers(number) if value.dtype.kind == "f" else [number - 1]
+        return [with_number(value, n, new) for new in others]
     return [value[:-1]] if isinstance(value, tuple) else []
 
 
-def numbers(value: float) -> Iterator[Any]:
-    if math.isfinite(value) and abs(value) > SMALLEST:
-        yield from (type(value)(new) for new in (1.01 * value + isinstance(value, int), 10 * value))
-        if value > 0 or isinstance(value, float):
-            yield -value
-    elif math.isfinite(value):
-        yield value + 0.5
+def numbers(value: float) -> list[float]:
+    if not math.isfinite(value):
+        return []
+    return [1.01 * value, 10.0 * value, -value] if abs(value) > SMALLEST else [value + 0.5]
 
 
 def with_number(values: Any, n: int, new: float) -> Any:
+    """An array with another number; of unit quaternions 1, whose sign does not matter, keeps it."""
     changed = values.copy()
-    if values.dtype.kind == "u":
-        new %= 256
-    changed.flat[n] = new
+    changed.flat[n] = 2.0 if new == -1.0 else new
     return changed
 
 
@@ -122,24 +119,118 @@ def is_named(place: Place, report: Any) -> bool:
     return any(name == entry or entry.startswith(f"{name}.") for entry in named(report))
 
 
+KINDS = "plan", "motion", "goal", "manoeuvre", "map", "attitude map", "singularity map"
+MOTIONS = "motion", "goal"
+
+
 @cache
 def recomputed_of(kind: str) -> Any:
-    """What is recomputed of a true result: nothing of a forged value is in it."""
+    """What is recomputed of a true result."""
     return recomputed(result(kind))[1]
 
 
-KINDS = "plan", "motion", "goal", "manoeuvre", "map", "attitude map", "singularity map"
+def is_found(kind: str, place: Place, new: Any, judge: Callable[[Any], CheckReport]) -> bool:
+    """Whether a forged value is denied, named as not verified or given, or refused."""
+    try:
+        forged = altered(result(kind), place, new)
+    except FreeFloatError:
+        return True
+    report = judge(forged)
+    return not report.passed or is_named(place, report)
 
 
-def missed(kind: str, judge: Callable[[Any, Place], Any]) -> Iterator[str]:
-    """Forgeries that a report neither denies nor names."""
-    true = result(kind)
-    for place, value in leaves(true):
-        for new in forgeries(value):
-            try:
-                forged = altered(true, place, new)
-            except FreeFloatError:  # it is no such record
-                continue
-            report = judge(forged, place)
-            if report.passed and not is_named(place, report):
-                yield f"{'.'.join(map(str, place))}: {value} -> {new}"
+def compared(kind: str) -> Callable[[Any], CheckReport]:
+    """The comparison with what is recomputed of the true result; it takes milliseconds."""
+    return lambda forged: CheckReport(kind, ()).comparing(forged, recomputed_of(kind))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_forged_value_is_denied_or_named(kind: str) -> None:
+    """The numbers of a motion are tested together, see below."""
+    judge = compared(kind)
+    assert judge(result(kind)).passed
+    places = [pair for pair in leaves(result(kind)) if pair[0][-2:-1] != ("motion",)]
+    most = 1 if kind == "manoeuvre" else 3  # whose phases are other kinds of results
+    tried = [
+        (place, new)
+        for place, value in places
+        if "curve" not in place
+        for new in forgeries(value)[:most]
+    ]
+    assert len(tried) > 10
+    missed = [(names(place), new) for place, new in tried if not is_found(kind, place, new, judge)]
+    assert missed == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", MOTIONS)
+def test_every_forged_value_of_a_motion_is_denied(kind: str) -> None:
+    places = [pair for pair in leaves(result(kind)) if "motion" in pair[0][-3:-1]]
+    assert {"times", "attitudes", "joints", "ending"} <= {place[-1] for place, _ in places}
+    for place, value in places:
+        for new in forgeries(value)[:1]:
+            assert is_found(kind, place, new, ff.check), names(place)
+
+
+@pytest.mark.slow
+def test_instants_and_joints_of_extreme_values_are_denied() -> None:
+    """A check accepts others where the value is the same there; here none are."""
+    for place, value in leaves(result("motion")):
+        if place[0] == "limit_results" and place[-1] in ("time", "where", "worst", "ratio"):
+            report = ff.check(altered(result("motion"), place, forgeries(value)[0]))
+            assert names(place) in {
+                names((*check.name.split("."),)) for check in report.discrepancies
+            }
+
+
+def test_a_value_that_is_not_recomputed_is_named() -> None:
+    """As that of a new field would be."""
+    known = recomputed_of("motion")
+    values = {name: value for name, value in known.values.items() if name != "contact"}
+    report = CheckReport("motion", ()).comparing(result("motion"), known._replace(values=values))
+    assert report.passed
+    assert "contact" in report.not_verified
+
+
+@pytest.mark.slow
+def test_an_extreme_value_that_lasts_is_true_at_any_of_its_instants() -> None:
+    """The system turns like a rigid body, with the rate h / D, and every joint rests."""
+    problem, joints, rate = ff.load_scenario("planar_2dof/line").problem(), [0.3, 0.9], 0.02
+    start = problem.model.end_effector_pose(IDENTITY, joints).position
+    D, _ = inertia_matrices(problem.model, joints)
+    arc = ff.paths.ArcCurve(np.zeros(3), start, np.array([0.0, 0.0, 1.0]), rate * 20.0)
+    path = ff.EndEffectorPath(arc, ff.paths.FixedOrientation(np.eye(3)))
+    timed = ff.TimedPath(path, ff.paths.Timing(20.0, ff.paths.TimeLaw.UNIFORM))
+    problem = problem.replace(path=timed, momentum=D @ [0.0, 0.0, rate])
+    turning = ff.simulate(problem, IDENTITY, joints=joints, limits=ff.Limits(base_rate=1.0))
+    (stated,) = (entry for entry in turning.limit_results if entry.limit == "base_rate")
+    assert stated.worst == pytest.approx(rate)
+    for time in (0.0, 7.4, 20.0):
+        at = replace(stated, time=time)
+        results = tuple(at if entry is stated else entry for entry in turning.limit_results)
+        approach = replace(turning.chosen.closest_approach, time=20.0 - time)
+        chosen = replace(turning.chosen, closest_approach=approach)
+        other = replace(turning, limit_results=results, chosen=chosen, branches=(chosen,))
+        assert ff.check(other).discrepancies == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "place"),
+    [
+        ("plan", ("limit_results", 0, "allowed")),
+        ("goal", ("feasible",)),
+        ("map", ("results", "motions", "minimum")),
+        ("manoeuvre", ("path", "robust_radius")),
+    ],
+)
+def test_the_command_denies_a_forged_file(kind: str, place: Place, tmp_path: Path) -> None:
+    """Saved by the library, with a digest that is right."""
+    value = dict(leaves(result(kind)))[place]
+    ff.save(altered(result(kind), place, forgeries(value)[0]), tmp_path / "forged.h5")
+    report = document("check", tmp_path / "forged.h5", code=1)
+    assert any(place[-1] in reason for reason in report["reasons"])
+    ff.save(result(kind), tmp_path / "true.h5")
+    report = document("check", tmp_path / "true.h5")
+    assert {"software_freefloat", "document"} <= {*report["not_verified"]}

@@ -79,7 +79,7 @@ _RULES = {
     "ranges.low": _Rule(absolute=1e-6, slack=5e-4),
     "ranges.high": _Rule(absolute=1e-6, slack=5e-4),
     "polynomial.coefficients": _Rule(of_largest=1e-9),
-    # compiled motions: some in float32, some at the steps of the integrator, some near a singularity
+    # compiled motions: in float32, at the steps of the integrator, or near a singularity
     "results.joints": _Rule(absolute=1e-6),
     "motions.ended_at": _STATE,
     "motions.minimum": _STATE,
@@ -93,7 +93,7 @@ _RULES = {
     "motions.determinant_ratios": _STEPS,
     "motions.evaluations": _SEARCHED,
 }  # fmt: skip
-"""Rules by the last two parts of a name, without numbers."""
+"""Rules by the last two parts of a name, without numbers, or the last one alone."""
 
 
 @dataclass
@@ -166,7 +166,8 @@ def _summary(entry: Any) -> Any:
 def _compared(name: str, stated: Any, found: Any) -> tuple[Check, bool]:
     """The check of a value, and whether it is the recomputed one up to rounding."""
     parts = [part for part in name.split(".") if not part.isdecimal()]
-    rule, unit = _RULES.get(".".join(parts[-2:]), _EXACT), getattr(stated, "unit", "")
+    rule = _RULES.get(".".join(parts[-2:]), _RULES.get(parts[-1], _EXACT))
+    unit = getattr(stated, "unit", "")
     one, other = (np.asarray(getattr(entry, "values", entry)) for entry in (stated, found))
     if one.shape != other.shape:
         words = f"shape {one.shape} is stated, but it is {other.shape}"
@@ -200,5 +201,6 @@ def _agreement(stated: Array, found: Array, rule: _Rule) -> tuple[BoolArray, Boo
     error = np.abs(np.subtract(a, b, where=finite, out=np.full(a.shape, np.inf)))
     if "f" in kinds:
         same |= finite & (error <= rule.relative * size + rounding)
-    apart = finite & (error <= (rule.factor - 1.0) * np.minimum(np.abs(a), size) + rule.slack)
+    smaller = np.where(finite, np.minimum(np.abs(a), size), 0.0)
+    apart = finite & (error <= (rule.factor - 1.0) * smaller + rule.slack)
     return same, same | apart | rule.free

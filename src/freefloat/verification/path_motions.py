@@ -10,7 +10,7 @@ from freefloat.limits.check import LimitChecker
 from freefloat.limits.contact import deepest_contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
-from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.motion import Motion
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import Verdict, verdict_on
 from freefloat.planning.simulated_branch import SimulatedBranch
@@ -20,8 +20,9 @@ from freefloat.verification.comparisons import (
     Check,
     certificate_checks,
     completed,
-    singular_start_check,
+    residual_checks,
     span_check,
+    start_check,
 )
 from freefloat.verification.engine_runs import EngineRuns, engine_checks, engine_runs
 from freefloat.verification.gravity import CircularOrbit
@@ -48,16 +49,20 @@ def plan_report(
                  "tolerance", "disagreements", "excluded", "needed_stretch", "stretch_candidate",
                  "stretch")  # fmt: skip
         known |= {name: getattr(phase, name) for name in names}
-    elif plan.searched:
+    else:
         from freefloat.verification.range_checks import known_robustness  # compiled kernels
 
         known |= known_robustness(plan)
+        if plan.limits is None:
+            known |= {"excluded": {}, "stretch": 1.0}
+        if plan.limits is None or plan.feasible:
+            known |= dict.fromkeys(("needed_stretch", "stretch_candidate"))
     if chosen is None:
         missing = Check("motion", False, "the plan has none")
         return CheckReport(plan.kind, (missing,)), Known(Plan, known)
 
     def stated() -> Iterator[Check]:
-        if searched and plan.searched:
+        if searched:
             from freefloat.verification.range_checks import robustness_checks  # compiled kernels
 
             yield from completed("robustness", robustness_checks, plan, chosen)
@@ -126,23 +131,19 @@ def _verdicts(simulation: Simulation, results: tuple[LimitResult, ...]) -> dict[
 def _motion_check(branch: SimulatedBranch, number: int) -> Iterator[Check]:
     """One check for the motion of another arm branch: the first discrepancy, if there is any."""
     motion, name = branch.motion, f"branches.{number}.motion"
-    checks = (check for check in _own_checks(motion, branch.feasible) if not check.passed)
+    checks = (check for check in _own_checks(motion) if not check.passed)
     failed = next(checks, None)
     yield Check(name, failed is None, "" if failed is None else failed.reason)
 
 
-def _own_checks(motion: Motion, keeps_margin: bool) -> Iterator[Check]:
+def _own_checks(motion: Motion) -> Iterator[Check]:
     """The checks of a motion by itself."""
-    if _is_singular_start(motion):
-        yield singular_start_check(motion)
+    if not motion.panels:
+        yield start_check(motion)
         return
     yield (span := span_check(motion))
     if span.passed:
-        yield from certificate_checks(certify(motion), motion, keeps_margin)
-
-
-def _is_singular_start(motion: Motion) -> bool:
-    return motion.ending is Ending.SINGULAR and not motion.panels
+        yield from residual_checks(motion)
 
 
 def _report(
@@ -172,8 +173,8 @@ def _report(
     checker = LimitChecker(motion.problem, result.limits or Limits())
     limits = same_results(checker, motion, result.limit_results)
     results = limits if required else ()
-    if _is_singular_start(motion):
-        return CheckReport(result.kind, (singular_start_check(motion), *stated())), results
+    if not motion.panels:
+        return CheckReport(result.kind, (start_check(motion), *stated())), results
     if not (span := span_check(motion)).passed:
         return CheckReport(result.kind, (span,)), results
     runs = EngineRuns() if engine == PINOCCHIO else engine_runs(engine, motion, orbit)

@@ -61,7 +61,9 @@ def known_robustness(plan: Plan) -> dict[str, Any]:
     known: dict[str, Any] = {}
     if problem.task.planar:
         again = plan_in_plane(evaluator, search, plan.limits)
-        known |= dict.fromkeys(("map", "radius_effort", "tolerance"))
+        known |= dict.fromkeys(("map", "radius_effort", "tolerance")) | {"disagreements": ()}
+        if again.reason == plan.reason:  # limits may lead to another heading, for another reason
+            known["reason"] = again.reason
         known |= {} if retimed else {"ranges": again.ranges, "segments": again.segments}
         if chosen is not None:
             depth = heading_depth(evaluator, search.domain, again.ranges, chosen)

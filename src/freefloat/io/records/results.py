@@ -39,6 +39,10 @@ from freefloat.verification.singularity_map import singularity_map_checks
 FORMAT_VERSION = 3
 _PREFIX = "freefloat "
 _SOFTWARE = ("freefloat", "pin", "numpy", "scipy")
+UNVERIFIED = (*(f"software_{package}" for package in (*_SOFTWARE, "python")), "document")
+"""Parts of a file that nothing verifies: versions, and the texts of the JSON document."""
+GIVEN = "robot", "scenario"
+"""Parts of a file that are the question."""
 _ACCEPTED = f"a plan, motion or map file of freefloat (-o), format {FORMAT_VERSION}"
 _ROUNDING = 1e-9
 """Deviation of derived numbers that are computed again."""
