@@ -1,4 +1,4 @@
-"""Verification of results: everything that they state is recomputed."""
+"""Verification of results: what they state is recomputed, or named as not verified."""
 
 from __future__ import annotations
 
@@ -43,12 +43,13 @@ def check(
     *,
     gravity: float | None = None,
 ) -> CheckReport:
-    """Verify a plan, a manoeuvre, a simulation, a motion to a goal or a singularity map.
+    """Verify a plan, a manoeuvre, a simulation, a motion to a goal or a map.
 
     The motion, of a simulation the chosen one, is compared with the equations, the path and the
-    robot, and integrated again by another integrator; the closest approach, the limits, the ranges
-    of headings, the robust radius and the tolerances are recomputed. A singularity map is compared
-    with det A of its robot at random configurations.
+    robot, and integrated again by another integrator; motions of other arm branches with their path
+    and momentum. Every other value of the record is compared with one that is recomputed, or named
+    in ``not_verified`` of the report. A singularity map is also compared with det A of its robot at
+    random configurations.
 
     Args:
         result: The record, computed or loaded from a file.
@@ -60,8 +61,8 @@ def check(
             :class:`~freefloat.verification.gravity.GravityRun`.
 
     Raises:
-        InputError: If the result is a map of attitudes or headings, the engine is unknown, not
-            installed, has no model of the robot or is given for a map, or gravity does not apply.
+        InputError: If this is no result, the engine is unknown, not installed, has no model of the
+            robot or is given for a map, or gravity does not apply.
 
     Example:
         >>> problem = ff.load_scenario("planar_2dof/line").problem()

@@ -34,6 +34,8 @@ _ENDS = 1e-9
 """Fraction of the duration by which a motion may miss its ends."""
 _RATES = 1e-5
 """Fraction of the largest joint rate by which rates may differ from those of equation (4)."""
+_RESTING = 1e-8
+"""Error of joint rates times the duration that is rounding [rad, m]."""
 _SECOND = 1e-6
 """Difference of the second integration [rad, m]."""
 _HALVING = 1e-4
@@ -152,7 +154,7 @@ def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool)
         ("end-effector position", certificate.end_effector_position, distance, "m"),
         ("end-effector orientation", certificate.end_effector_orientation, angle, "rad"),
         ("angular momentum", certificate.momentum, momentum, "N m s"),
-        ("joint rates", certificate.rates, _RATES, "of the largest"),
+        ("joint rates", certificate.rates, _rate_tolerance(motion), "of the largest"),
     ]
     checks = [
         error_check(name, worst.value, allowed, unit, worst.time)
@@ -165,6 +167,13 @@ def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool)
     if feasible and not motion.completed:
         checks.append(Check("whole path", False, motion.ending.value, time=motion.final.time))
     return checks
+
+
+def _rate_tolerance(motion: Motion) -> float:
+    """Allowed error of joint rates over the largest one; joints that rest have rounding alone."""
+    fastest = float(np.nanmax(np.abs(motion.node_rates[..., 3:]), initial=0.0))
+    moved = max(fastest * motion.problem.path.duration, np.finfo(float).tiny)
+    return _RATES + _RESTING / moved
 
 
 def residual_checks(motion: Motion) -> Iterator[Check]:

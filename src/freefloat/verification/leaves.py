@@ -72,7 +72,6 @@ _RULES = {
     "contact.time": _ANY,
     "contact.s": _ANY,
     # searches of attitudes that end elsewhere where a machine rounds otherwise
-    "robust_radius": _SEARCHED,
     "tolerance.momentum": _SEARCHED,
     "tolerance.shortest": _SEARCHED,
     "tolerance.longest": _SEARCHED,

@@ -26,6 +26,7 @@ from freefloat.planning.phases.kinds.path_phase import branch_at
 from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.records import Known, Origin
 from freefloat.so3 import angle_between
+from freefloat.verification.comparisons import Check
 
 _SAME = 1e-8
 """Relative difference of a value at a stated instant from the stated extreme value."""
@@ -82,6 +83,16 @@ def same_certificate(stated: Certificate | None, found: Certificate, motion: Mot
         same = _is_same(_measured(motion, measure, time), entry.value)
         minima.append(replace(entry, time=time) if same else entry)
     return replace(found, minima=tuple(minima))
+
+
+def bound_checks(stated: Certificate | None, found: Certificate) -> Iterator[Check]:
+    """No bound is above the smallest value."""
+    values = {entry.measure: entry.value for entry in found.minima}
+    for entry in () if stated is None else stated.minima:
+        value = values.get(entry.measure, np.inf)
+        if entry.bound > value * (1.0 + _EXTREME):
+            words = f"{entry.bound:.6g} is stated, but the minimum is {value:.6g}"
+            yield Check(f"certificate {entry.measure}.bound", False, words, entry.bound)
 
 
 def _measured(motion: Motion, measure: SingularityMeasure, time: float) -> float:

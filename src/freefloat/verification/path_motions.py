@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 from freefloat.certificate.certificate import certify
@@ -27,7 +28,12 @@ from freefloat.verification.comparisons import (
 from freefloat.verification.engine_runs import EngineRuns, engine_checks, engine_runs
 from freefloat.verification.gravity import CircularOrbit
 from freefloat.verification.limit_checks import limit_checks
-from freefloat.verification.motions import known_branch, same_certificate, same_results
+from freefloat.verification.motions import (
+    bound_checks,
+    known_branch,
+    same_certificate,
+    same_results,
+)
 from freefloat.verification.report import PINOCCHIO, CheckReport
 
 
@@ -74,6 +80,8 @@ def plan_report(
     known |= _known_motion(plan, chosen, results)
     if report.certificate is not None:
         known["certificate"] = same_certificate(plan.certificate, report.certificate, motion)
+        bounds = bound_checks(plan.certificate, report.certificate)
+        report = replace(report, checks=(*report.checks, *bounds))
     verdict = _verdict(chosen, results)
     known["feasible"] = verdict.feasible and (phase is None or phase.feasible)
     return report, Known(Plan, known)

@@ -49,6 +49,9 @@ _DIRECTIONS = 96
 """Tested directions of momentum."""
 _PRECISE_COUNT = 3
 """Number of worst directions that are integrated precisely."""
+_EXACT, _APART = 1e-6, 1.5
+"""Relative difference of radii that are the same, and ratio of those that different searches find:
+of these adversarial searches alone decide."""
 _INSIDE = 0.999
 """Tolerances are tested slightly inside their ends."""
 
@@ -76,14 +79,15 @@ def known_robustness(plan: Plan) -> dict[str, Any]:
     if chosen is None or not plan.feasible:
         return known | dict.fromkeys(("robust_radius", "radius_effort", "tolerance"))
     start, branch = chosen.motion.initial.attitude, chosen.branch
-    near = evaluator_near(evaluator, branch.joints)
+    beside = evaluator_near(evaluator, branch.joints)
     index = None if problem.redundant else branch.index
     tolerated = tolerance(evaluator.integrator, start, branch.joints)
     values = {name: value for name, value in vars(tolerated).items() if name != "momentum_effort"}
-    return known | {
-        "robust_radius": robust_radius(near, start, index, samples.spacing),
-        "tolerance": Known(Tolerance, values),
-    }
+    radius = robust_radius(beside, start, index, samples.spacing)
+    near, far = sorted((plan.robust_radius or 0.0, radius))
+    if near >= (1.0 - _EXACT) * far or far > _APART * near:
+        known["robust_radius"] = radius
+    return known | {"tolerance": Known(Tolerance, values)}
 
 
 def robustness_checks(plan: Plan, chosen: SimulatedBranch) -> Iterator[Check]:

@@ -27,8 +27,8 @@ class CheckReport:
     """Result of verifying a record.
 
     Attributes:
-        kind: ``"plan"``, ``"motion"``, ``"goal"``, ``"manoeuvre"``, ``"singularity map"``, or
-            ``"file"`` for a file that was altered.
+        kind: ``"plan"``, ``"motion"``, ``"goal"``, ``"manoeuvre"``, ``"map"``,
+            ``"attitude map"``, ``"singularity map"``, or ``"file"`` for a file that was altered.
         checks: Everything that was checked, in order.
         certificate: Recomputed certificate of the motion; None without a motion.
         limits: Recomputed limits of the motion.
