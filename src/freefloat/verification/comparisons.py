@@ -177,10 +177,7 @@ def _rate_tolerance(motion: Motion) -> float:
 
 
 def residual_checks(motion: Motion) -> Iterator[Check]:
-    """Check a motion by its path and momentum, and of a redundant arm by integrating it again.
-
-    Takes a tenth of the time of a certificate.
-    """
+    """Check a motion by its path and momentum, of a redundant arm also by integrating it again."""
     problem, residuals = motion.problem, motion.residuals()
     distance, angle = path_tolerances(motion)
     yield error_check("end-effector position", residuals.end_effector_position, distance, "m", None)
@@ -200,7 +197,7 @@ def residual_checks(motion: Motion) -> Iterator[Check]:
 
 
 def end_checks(motion: Motion) -> Iterator[Check]:
-    """Check that a motion that is stated to end early ends where it has to."""
+    """Check that a motion that ends early ends where it has to."""
     if motion.ending is Ending.SINGULAR:
         yield _fast_end(motion) if motion.problem.redundant else _singular_end(motion)
     elif motion.ending is Ending.MARGIN:
