@@ -46,14 +46,12 @@ _SMALL = 1e-7
 """Errors that are negligible."""
 _VANISHED = 1e-3
 """Fraction of its largest value that the smallest singular value may have at a singular end."""
-
 _AT_MARGIN = 1e-6
 """Difference from the margin, as a fraction of it, of a motion that ends there."""
 _RANK_LOST = 1e-8
 """The same of S* at the start of a motion that ends there, relative to its largest one."""
 _FAST = 0.99
-"""Fraction of the speed at which redundant arms count as singular: an integrator adds the pace of
-time to it."""
+"""Fraction of the speed at which redundant arms count as singular: it includes the pace of time."""
 
 
 @dataclass(frozen=True)

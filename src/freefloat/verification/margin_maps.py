@@ -47,10 +47,11 @@ def _headings(found: HeadingMap) -> Known:
 def _attitudes(found: AttitudeMap) -> Known:
     """The same map again; how many points of a boundary were asked for is not known."""
     points = Counter(point.branch for point in found.boundary or ())
+    most = max(points.values(), default=int(found.boundary is not None))
+    touching = 0 if found.tangency is None else len(found.tangency) or 1
     again = attitude_map(
         found.problem, found.samples, search=found.search, limits=found.limits,
-        nearest=found.nearest_to, boundary=max(points.values(), default=0),
-        tangency=len(found.tangency or ()),
+        nearest=found.nearest_to, boundary=most, tangency=touching,
         refine=bool(found.regions) or (found.best, found.robust) != (None, None),
     )  # fmt: skip
     if not isinstance(again, AttitudeMap):
