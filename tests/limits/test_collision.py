@@ -53,7 +53,7 @@ def test_a_mesh_is_cut_where_that_saves_three_percent():
 
 
 def test_shapes_are_those_of_all_links_and_bodies(tmp_path):
-    """In the frames of the rigid bodies, meshes in six parts or in one; visuals where none else."""
+    """In the frames of the rigid bodies, meshes in six parts; visuals where none else."""
     file, place = tmp_path / "comb.stl", Rotation.from_euler("xyz", [0.3, -0.4, 0.5])
     trimesh.Trimesh(**trimesh.triangles.to_kwargs(COMB)).export(file)
     ball, mesh = '<sphere radius="0.1"/>', f'<mesh filename="{file}"/>'
@@ -63,18 +63,17 @@ def test_shapes_are_those_of_all_links_and_bodies(tmp_path):
     more += joint_text("d", "F", "hand", "b2", "0 0 1")
     model = FreeFloatingModel.from_urdf(prismatic_robot(ball, ball, more), "hand")
     scene = Scene([SceneBody("rake", str(file), [9.0, 0.0, 0.0]), SceneBody("wall", str(file))])
-    for hulls, count in ((), 6), (("comb", "rake"), 1):
-        shapes = collision_shapes(model, hulls)
-        comb = [shape for shape in shapes if shape.link == "comb"]
-        others = [(shape.link, shape.body) for shape in shapes if shape not in comb]
-        assert others == [("bus", 0), ("hand", 3), ("b2", 3)]
-        assert ([shape.body for shape in comb], len({*comb})) == ([3] * count, count)
-        ends = np.vstack([shape.points for shape in comb])
-        local = place.inv().apply(ends - [1.0, 2.0, 3.0])
-        np.testing.assert_allclose([local.min(axis=0), local.max(axis=0)], [[0, 0, 1], [8.3, 3, 2]],
-                                   atol=1e-6)  # fmt: skip
-        names = [(shape.link, shape.body) for shape in scene_shapes(scene, 4, hulls)]
-        assert names == [("rake", 4)] * count + [("wall", 5)] * 6
+    shapes = collision_shapes(model)
+    comb = [shape for shape in shapes if shape.link == "comb"]
+    others = [(shape.link, shape.body) for shape in shapes if shape not in comb]
+    assert others == [("bus", 0), ("hand", 3), ("b2", 3)]
+    assert ([shape.body for shape in comb], len({*comb})) == ([3] * 6, 6)
+    ends = np.vstack([shape.points for shape in comb])
+    local = place.inv().apply(ends - [1.0, 2.0, 3.0])
+    np.testing.assert_allclose([local.min(axis=0), local.max(axis=0)], [[0, 0, 1], [8.3, 3, 2]],
+                               atol=1e-6)  # fmt: skip
+    names = [(shape.link, shape.body) for shape in scene_shapes(scene, 4)]
+    assert names == [("rake", 4)] * 6 + [("wall", 5)] * 6
 
 
 @pytest.mark.parametrize("height", [0.0, 0.9, 1.4])

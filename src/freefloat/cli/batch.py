@@ -177,6 +177,8 @@ def _estimate_tables(estimate: StudyEstimate) -> Iterator[RenderableType]:
         yield f"and {study.count - _MAX_ROWS:,} more"
     if estimate.run_by_run is not None:
         yield f"run by run, because {estimate.run_by_run}"
+    if study.contact_unchecked is not None:
+        yield study.contact_unchecked
     if estimate.run_seconds is not None and estimate.seconds is not None:
         workers = "one worker" if estimate.workers in (None, 1) else f"{estimate.workers} workers"
         yield (
@@ -195,6 +197,8 @@ def _result_lines(result: StudyResult) -> Iterator[str]:
     yield f"{study.source}: {_runs(result.done)} of command {study.content.command}: {counts}"
     if study.branch_rule is not None:
         yield f"arm branch: {study.branch_rule}"
+    if study.contact_unchecked is not None:
+        yield study.contact_unchecked
     if result.feasible_percentage is not None:
         yield f"feasible: {result.feasible_percentage} of the runs without error"
     for reason, count in result.reasons.items():

@@ -47,8 +47,8 @@ def attitude_limits(problem: Problem, limits: AttitudeLimits) -> tuple[Limit[Any
 def _prepared(
     kinds: Iterable[type[Limit[Any]]], problem: Problem, limits: AttitudeLimits
 ) -> tuple[Limit[Any], ...]:
-    bounds = ((kind, kind.bound_of(problem, limits)) for kind in kinds)
-    return tuple(kind(problem, bound) for kind, bound in bounds if bound is not None)
+    prepared = (kind.of(problem, limits) for kind in kinds)
+    return tuple(limit for limit in prepared if limit is not None)
 
 
 class LimitChecker:
@@ -56,7 +56,7 @@ class LimitChecker:
 
     Attributes:
         limits: Those that apply, in the order in which they are checked.
-        pairs: The pairs of shapes that may collide; None where no clearance is required.
+        pairs: The pairs of shapes that keep a clearance; None where there are none.
     """
 
     def __init__(self, problem: Problem, limits: Limits) -> None:
@@ -69,7 +69,7 @@ class LimitChecker:
         require_applicable(problem.model, limits)
         self.limits = _prepared(KINDS, problem, limits)
         pairs = (limit.pairs for limit in self.limits if isinstance(limit, ClearanceLimit))
-        self.pairs = next(pairs, None)
+        self.pairs = next((some for some in pairs if len(some.pairs)), None)
 
     def results(self, motion: Motion) -> tuple[LimitResult, ...]:
         """The results of all limits."""

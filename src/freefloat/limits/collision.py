@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -59,69 +59,104 @@ class CollisionShape:
     points: Array
 
 
-def collision_shapes(
-    model: FreeFloatingModel, hulls: Collection[str] = ()
-) -> tuple[CollisionShape, ...]:
-    """Collision shapes of all links; visuals of links that have none.
+@dataclass(frozen=True, eq=False)
+class OwnedShapes:
+    """The shapes of a link or a body of a scene; none and an error if any cannot be used."""
 
-    Args:
-        model: The robot.
-        hulls: Links whose meshes are not divided into convex parts.
+    name: str
+    shapes: tuple[CollisionShape, ...] = ()
+    error: ModelError | None = None
+
+
+def collision_shapes(model: FreeFloatingModel) -> tuple[CollisionShape, ...]:
+    """Collision shapes of all links; visuals of links that have none.
 
     Raises:
         ModelError: If a shape cannot be read, or there are too many.
     """
-    source = model.description.source
-    shapes: list[CollisionShape] = []
-    count = sum(len(link.collisions or link.visuals) for link in model.description.links)
-    _require_few(count, source)
-    for link in model.description.links:
-        body, pose = model.link_places[link.name]
-        placed = [
-            replace(shape, origin=pose @ shape.origin) for shape in link.collisions or link.visuals
-        ]
-        most = 1 if link.name in hulls else _MOST
-        shapes += _convex_shapes(f"link {link.name}", link.name, body, placed, source, most)
-    return tuple(shapes)
+    return all_shapes(shapes_of_links(model, visuals=True))
 
 
-def scene_shapes(
-    scene: Scene, first: int, hulls: Collection[str] = ()
-) -> tuple[CollisionShape, ...]:
+def scene_shapes(scene: Scene, first: int) -> tuple[CollisionShape, ...]:
     """Collision shapes of the bodies of a scene, whose names are those of the links.
 
     Args:
         scene: The scene.
         first: Number of its first body.
-        hulls: Bodies whose meshes are not divided into convex parts.
 
     Raises:
-        ModelError: If a shape cannot be read.
+        ModelError: If a shape cannot be read, or there are too many.
     """
+    return all_shapes(shapes_of_bodies(scene, first))
+
+
+def all_shapes(owners: Iterable[OwnedShapes]) -> tuple[CollisionShape, ...]:
+    """The shapes of some owners; raises the ModelError of the first whose shapes have one."""
     shapes: list[CollisionShape] = []
-    for number, body in enumerate(scene.bodies, start=first):
-        most = 1 if body.name in hulls else _MOST
-        parts = body.shapes("collision")
-        _require_few(len(parts), body.source)
-        owner = f"scene body {body.name}"
-        shapes += _convex_shapes(owner, body.name, number, parts, body.source, most)
+    for owner in owners:
+        if owner.error is not None:
+            raise owner.error
+        shapes += owner.shapes
     return tuple(shapes)
 
 
-def _require_few(count: int, source: str) -> None:
-    """Raise a ModelError for too many shapes."""
-    if count > _MOST_SHAPES:
-        problem, accepted = f"{count:,} collision shapes", f"at most {_MOST_SHAPES:,}"
-        raise ModelError("limits.clearance", problem, accepted, source)
+def shapes_of_links(model: FreeFloatingModel, *, visuals: bool) -> tuple[OwnedShapes, ...]:
+    """Collision shapes of all links, with the errors of those that cannot be used.
+
+    Args:
+        model: The robot.
+        visuals: Whether links without collision shapes have their visuals.
+    """
+    chosen = {
+        link.name: link.collisions or (link.visuals if visuals else ())
+        for link in model.description.links
+    }
+    source, owners = model.description.source, list[OwnedShapes]()
+    if (error := _too_many(sum(map(len, chosen.values())), source)) is not None:
+        return (OwnedShapes("robot", error=error),)
+    for name, shapes in chosen.items():
+        body, pose = model.link_places[name]
+        placed = [replace(shape, origin=pose @ shape.origin) for shape in shapes]
+        owners.append(_owned(f"link {name}", name, body, placed, source))
+    return tuple(owners)
+
+
+def shapes_of_bodies(scene: Scene, first: int) -> tuple[OwnedShapes, ...]:
+    """The same as :func:`scene_shapes`, with the errors."""
+    owners = list[OwnedShapes]()
+    for number, body in enumerate(scene.bodies, start=first):
+        parts = body.shapes("collision")
+        if (error := _too_many(len(parts), body.source)) is not None:
+            owners.append(OwnedShapes(body.name, error=error))
+        else:
+            owner = f"scene body {body.name}"
+            owners.append(_owned(owner, body.name, number, parts, body.source))
+    return tuple(owners)
+
+
+def _too_many(count: int, source: str) -> ModelError | None:
+    if count <= _MOST_SHAPES:
+        return None
+    problem, accepted = f"{count:,} collision shapes", f"at most {_MOST_SHAPES:,}"
+    return ModelError("limits.clearance", problem, accepted, source)
+
+
+def _owned(
+    owner: str, name: str, body: int, shapes: Iterable[LinkShape], source: str
+) -> OwnedShapes:
+    try:
+        return OwnedShapes(name, tuple(_convex_shapes(owner, name, body, shapes, source)))
+    except ModelError as error:
+        return OwnedShapes(name, error=error)
 
 
 def _convex_shapes(
-    owner: str, name: str, body: int, shapes: Iterable[LinkShape], source: str, most: int
+    owner: str, name: str, body: int, shapes: Iterable[LinkShape], source: str
 ) -> Iterator[CollisionShape]:
     """Convex shapes of a link or a body of a scene; shapes are placed in the body's frame."""
     for shape in shapes:
         try:
-            solids = _solids(shape, source, most)
+            solids = _solids(shape, source)
         except MeshFileError as error:
             accepted = (
                 "a box, cylinder, sphere or capsule of positive size, or a readable mesh file"
@@ -135,7 +170,7 @@ def _convex_shapes(
             yield CollisionShape(name, body, at, geometry, points @ at.rotation.T + at.position)
 
 
-def _solids(shape: LinkShape, source: str, most: int) -> tuple[_Solid, ...]:
+def _solids(shape: LinkShape, source: str) -> tuple[_Solid, ...]:
     match shape.geometry:
         case Box(size=size):
             return ((coal.Box(*size), corners(shape.geometry)),)
@@ -147,19 +182,19 @@ def _solids(shape: LinkShape, source: str, most: int) -> tuple[_Solid, ...]:
             return ((coal.Sphere(radius), corners(shape.geometry)),)
         case MeshFile(filename=name, scale=scale):
             file = find_mesh(name, source)
-            return _mesh_solids(file, file.stat().st_mtime_ns, most, *scale)
+            return _mesh_solids(file, file.stat().st_mtime_ns, *scale)
     raise MeshFileError("its <geometry> is unknown or has no size")
 
 
 @lru_cache(maxsize=256)
-def _mesh_solids(file: Path, modified_ns: int, most: int, *scale: float) -> tuple[_Solid, ...]:
-    """At most so many convex parts of a mesh file; the time of its change is a key of the cache."""
+def _mesh_solids(file: Path, modified_ns: int, *scale: float) -> tuple[_Solid, ...]:
+    """Convex parts of a mesh file; the time of its change is a key of the cache."""
     from freefloat.robot.meshes import read_mesh  # trimesh imports slowly
 
     meshes = [part.mesh for part in read_mesh(file, scale)]
     triangles = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
     solids = []
-    for part in convex_parts(triangles, most):
+    for part in convex_parts(triangles):
         points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
         points.extend(list(part.points))
         faces.extend([coal.Triangle(*vertices) for vertices in part.faces.tolist()])

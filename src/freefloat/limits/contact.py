@@ -1,4 +1,4 @@
-"""Contact along a motion, of a robot with itself or its scene, also without a clearance."""
+"""Contact along a motion, of a robot with itself or its scene, where it is no limit."""
 
 from __future__ import annotations
 
@@ -6,15 +6,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from freefloat.errors import ModelError
-from freefloat.limits.clearance import TOLERANCE, clearance
-from freefloat.limits.kinds.clearance import ClearanceLimit
-from freefloat.limits.pairs import CollisionPairs
+from freefloat.limits.kinds.clearance import ClearanceLimit, have_shapes
 from freefloat.limits.result import LimitResult
 from freefloat.motion.motion import Motion
-from freefloat.robot.description import LinkShape
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.shapes import MeshFile
+from freefloat.scene.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -44,60 +40,35 @@ class Contact:
 
 
 def deepest_contact(motion: Motion, results: Iterable[LimitResult] = ()) -> Contact | None:
-    """The deepest contact along a motion of bodies that no joint connects; None without contact.
+    """The deepest contact along a motion, of the pairs whose contact is a limit by default.
 
-    Bodies of the problem's scene count. Less than 0.1 mm is no contact. Robots whose shapes cannot
-    be used have none.
+    None without contact of more than 0.1 mm, and where a limit of the clearance shows it.
 
     Args:
         motion: The motion.
-        results: Limits along it; a clearance that excludes contact saves the search.
+        results: Limits along it.
     """
-    clearances = (entry.worst for entry in results if entry.limit == ClearanceLimit.name)
-    if any(worst > -TOLERANCE for worst in clearances):
+    if any(entry.limit == ClearanceLimit.name for entry in results):
         return None
-    try:
-        depth, time, bodies = _deepest(motion)
-    except ModelError:
+    limit = ClearanceLimit.of_contact(motion.problem)
+    if limit is None or not len(limit.pairs.pairs):
         return None
-    if depth < TOLERANCE:
+    from freefloat.limits.clearance import TOLERANCE, clearance  # coal and trimesh import slowly
+
+    nearest = clearance(motion, limit.pairs, -TOLERANCE)
+    if nearest.distance > -TOLERANCE:
         return None
-    return Contact(bodies, depth, time, motion.problem.path.timing.s(time))
+    s = motion.problem.path.timing.s(nearest.time)
+    return Contact(limit.pairs.links(nearest.pair), -nearest.distance, nearest.time, s)
 
 
 def why_unchecked(model: FreeFloatingModel) -> str | None:
-    """Reason why motions of a robot cannot be searched for contact; None where they can."""
-    try:
-        CollisionPairs(model, hulls=_links_with_meshes(model))
-    except ModelError as error:
-        return error.problem if error.key.startswith("limits.") else f"{error.key}: {error.problem}"
-    return None
+    """Reason why no motion of a robot is in contact with itself; None where one may be."""
+    if not have_shapes(model, Scene()):
+        return "fewer than two links have <collision> shapes; limits.clearance takes visuals, too"
+    from freefloat.limits.pairs import CollisionPairs  # coal and trimesh import slowly
 
-
-def _links_with_meshes(model: FreeFloatingModel) -> set[str]:
-    return {link.name for link in model.description.links if _has_mesh(link.shapes)}
-
-
-def _has_mesh(shapes: Iterable[LinkShape]) -> bool:
-    return any(isinstance(shape.geometry, MeshFile) for shape in shapes)
-
-
-def _deepest(motion: Motion) -> tuple[float, float, tuple[str, str]]:
-    """Depth [m], time [s] and links of the deepest contact; a depth below zero without contact.
-
-    Meshes count as their convex hulls, which are quick to compute, until they are in contact; only
-    then are they divided into convex parts.
-    """
-    model, scene = motion.problem.model, motion.problem.scene
-    hulls = _links_with_meshes(model) | {
-        body.name for body in scene.bodies if _has_mesh(body.shapes("collision"))
-    }
-    while True:
-        pairs = CollisionPairs(model, hulls=hulls, scene=scene)
-        nearest = clearance(motion, pairs, -TOLERANCE)
-        links = pairs.links(nearest.pair)
-        touching = nearest.distance <= -TOLERANCE
-        close = set(links) if touching else set()
-        if hulls.isdisjoint(close | pairs.links_left_out):
-            return -nearest.distance, nearest.time, links
-        hulls -= close | pairs.links_left_out
+    pairs = CollisionPairs(model, stated=False)
+    if len(pairs.pairs):
+        return None
+    return "; ".join(pairs.left_out) or "joints connect all links with <collision> shapes"

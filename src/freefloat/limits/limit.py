@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from freefloat.limits.result import LimitResult
 from freefloat.limits.values import Value
@@ -49,6 +49,12 @@ class Limit(ABC, Generic[Bound]):
         """The bound in a problem under some ``Limits``; None where the limit does not apply."""
         bound: Bound | None = getattr(limits, cls.name)
         return bound
+
+    @classmethod
+    def of(cls, problem: Problem, limits: object) -> Self | None:
+        """The limit of a problem under some ``Limits``; None where it does not apply."""
+        bound = cls.bound_of(problem, limits)
+        return None if bound is None else cls(problem, bound)
 
     @abstractmethod
     def worst(self, motion: Motion) -> LimitResult:

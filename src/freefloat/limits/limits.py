@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, Literal
 
 from freefloat.errors import require_type
 from freefloat.limits.joint_limit import MagnitudeLimit
@@ -18,20 +18,25 @@ from freefloat.so3 import Array
 class Limits(AttitudeLimits):
     """Limits in addition to the joint ranges of the URDF; None for those that do not apply.
 
-    Without limits of pointing ``pointing`` is empty.
+    Without limits of pointing ``pointing`` is empty. Contact is a limit also where no clearance is
+    given: links with ``<collision>`` shapes that no joint connects, and bodies of the problem's
+    scene, do not touch. What cannot be compared is named in ``notes`` of the result.
 
     Attributes:
         joint_rate: Magnitudes [rad/s or m/s], shape (n,); infinite for joints without a limit.
         joint_torque: Magnitudes [N m or N], shape (n,); infinite for joints without a limit.
         base_rate: Magnitude of the spacecraft's angular velocity [rad/s].
         clearance: Smallest distance [m] between bodies that no joint connects, and between the
-            robot and bodies of the problem's scene; 0: no contact.
+            robot and bodies of the problem's scene. 0: no contact, also of visuals of links without
+            collision shapes; a robot without shapes that can be used is refused. ``"off"`` or
+            ``False``: bodies may touch. None: no contact where there are collision shapes.
         pointing: Axes of links that stay inside or outside cones.
         base_turn: Largest angle between the attitudes of the spacecraft at the start and at any
             time [rad], up to pi.
 
     Raises:
-        InputError: If a limit is not positive, the clearance is negative, or the turn is above pi.
+        InputError: If a limit is not positive, the clearance is negative and not ``"off"``, or the
+            turn is above pi.
 
     Example:
         >>> problem = ff.load_scenario("planar_2dof/line").problem()
@@ -46,7 +51,7 @@ class Limits(AttitudeLimits):
     joint_rate: Array | None = None
     joint_torque: Array | None = None
     base_rate: float | None = None
-    clearance: float | None = None
+    clearance: float | Literal["off"] | None = None
 
     def __post_init__(self) -> None:
         for kind in GIVEN:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import coal
@@ -12,7 +12,12 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from freefloat.errors import ModelError
-from freefloat.limits.collision import CollisionShape, collision_shapes, scene_shapes
+from freefloat.limits.collision import (
+    CollisionShape,
+    all_shapes,
+    shapes_of_bodies,
+    shapes_of_links,
+)
 from freefloat.limits.held_pairs import (
     HeldPairs,
     always_near,
@@ -46,33 +51,39 @@ class CollisionPairs:
         shapes: The shapes of the robot, then those of the scene.
         pairs: Indices of two shapes each, the first on the body nearer to the spacecraft, the
             second one perhaps on a body of the scene, (P, 2).
+        clearance: The clearance [m].
         left_out: Pairs of links that are always too near, and of a body that is held with another
             body of the scene, ``"a - b: why"``, and links with mass but without shape, which no
-            body is the shape of, ``"a: why"``.
-        links_left_out: Links of these pairs.
+            body is the shape of, or whose shapes cannot be used, ``"a: why"``.
     """
 
     def __init__(
         self,
         model: FreeFloatingModel,
         clearance: float = 0.0,
-        hulls: Collection[str] = (),
         scene: Scene = _NO_SCENE,
+        *,
+        stated: bool = True,
     ) -> None:
         """Choose the pairs of a robot and a scene that can be farther apart than a clearance [m].
 
         Args:
             model: The robot.
             clearance: The clearance [m].
-            hulls: Links and bodies whose meshes are not divided into convex parts.
             scene: The scene.
+            stated: Whether the clearance was asked for. Otherwise only ``<collision>`` shapes count
+                and those that cannot be used are left out; there may be no pair.
 
         Raises:
             ModelError: If a shape cannot be read, or there is no pair.
         """
-        self.model, self.scene = model, scene
-        robot = collision_shapes(model, hulls)
-        self.shapes = robot + scene_shapes(scene, len(model.bodies), hulls)
+        self.model, self.scene, self.clearance = model, scene, clearance
+        links = shapes_of_links(model, visuals=stated)
+        owners = (*links, *shapes_of_bodies(scene, len(model.bodies)))
+        if stated:
+            all_shapes(owners)  # or the error of one
+        robot = [shape for owner in links for shape in owner.shapes]
+        self.shapes = tuple(shape for owner in owners for shape in owner.shapes)
         self._scene_shapes = [
             (number, shape.body - len(model.bodies), se3_of(shape.placement))
             for number, shape in enumerate(self.shapes)
@@ -86,13 +97,16 @@ class CollisionPairs:
         self.pairs: IntArray = candidates[~near]
         self._numbers = np.flatnonzero(~near)
         too_near = [*candidates[near].tolist(), *held.always_near]
-        self.links_left_out = {self.shapes[index].link for pair in too_near for index in pair}
+        unusable = {owner.name: owner.error.problem for owner in owners if owner.error is not None}
+        missing = "without shape" if stated else "without collision shape"
         self.left_out = (
             *self._too_near(too_near, held),
-            *_without_shape(model, robot, scene),
+            *(f"{name}: {problem}" for name, problem in unusable.items()),
+            *(f"{name}: {missing}" for name in _without_shape(model, robot, scene)
+              if name not in unusable),
             *_not_compared(scene),
-        )
-        if not len(self.pairs):
+        )  # fmt: skip
+        if stated and not len(self.pairs):
             problem = "the robot has no two shapes that could collide"
             accepted = "a URDF with <collision> or <visual> shapes"
             if near.any():
@@ -279,12 +293,10 @@ def _pairs_of_links(
 def _without_shape(
     model: FreeFloatingModel, robot: Sequence[CollisionShape], scene: Scene
 ) -> list[str]:
-    """What is said of links with mass that neither have a shape nor are a body of the scene."""
+    """Links with mass that neither have a shape nor are a body of the scene."""
     shaped = {shape.link for shape in robot} | {body.payload for body in scene.bodies}
     return [
-        f"{link.name}: without shape"
-        for link in model.description.links
-        if link.mass > 0.0 and link.name not in shaped
+        link.name for link in model.description.links if link.mass > 0.0 and link.name not in shaped
     ]
 
 

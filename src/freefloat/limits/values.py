@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from freefloat.errors import LARGEST_NUMBER, InputError, finite_number, number_a
 from freefloat.motion.pointing import PointingLimit
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen
+
+OFF: Literal["off"] = "off"
+"""The value of a limit that does not apply although it would by default."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,20 @@ class Number:
 
     def require_applicable(self, key: str, value: float, model: FreeFloatingModel) -> None:
         """Any number is one of any robot."""
+
+
+@dataclass(frozen=True)
+class NumberOrOff(Number):
+    """A number, or ``"off"``: the limit applies by default, and can be switched off."""
+
+    def checked(self, key: str, value: Any) -> Any:
+        """The value as a float or ``"off"``, for which ``False`` stands, too; else an error."""
+        if value is False or (isinstance(value, str) and value == OFF):
+            return OFF
+        try:
+            return super().checked(key, value)
+        except InputError as error:
+            raise InputError(key, error.problem, f"{error.accepted}, or '{OFF}'") from None
 
 
 @dataclass(frozen=True)

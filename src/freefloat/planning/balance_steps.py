@@ -89,7 +89,7 @@ class BalanceSteps:
                 raise InputError("balance.start", f"{joint} is {value:g}", accepted)
         spare = np.where(np.isfinite(high - low), _SPARE * np.minimum(high - low, 1.0), 0.0)
         self._rates, self._low, self._high = (1.0 - _SPARE_RATES) * rates, low + spare, high - spare
-        self._problem, self._settings, self._clearance = problem, settings, limits.clearance or 0.0
+        self._problem, self._settings = problem, settings
         self._solver = problem.resolved_rate_solver()
         self._times = np.linspace(0.0, problem.path.duration, _STEPS + 1)
 
@@ -124,7 +124,7 @@ class BalanceSteps:
     def _room(self, t: float, attitude: Array, joints: Array, pairs: CollisionPairs) -> float:
         """Smallest distance of bodies in a state beyond the clearance [m]."""
         every, poses = np.arange(len(pairs.pairs)), pairs.scene.poses(t, self._problem.path)
-        return float(pairs.distances(joints, every, attitude, poses).min()) - self._clearance
+        return float(pairs.distances(joints, every, attitude, poses).min()) - pairs.clearance
 
     def run(
         self, attitude: Array, near: Array, start: Array, excursion: float,

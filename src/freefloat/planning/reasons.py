@@ -272,7 +272,7 @@ def none_within_limits(
     reason = f"attitudes keep the margin, but every candidate violates a limit: {counts}"
     worst = max(violating, key=lambda result: result.ratio, default=None)
     if worst is not None:
-        reason += f"; in the best of {count} integrated precisely {worst.violation()}"
+        reason += f"; in the best of {count} integrated precisely {all_violations([worst])}"
     if stretch is not None:
         return f"{reason}; {rounded_up(stretch):.4g} times the duration suffices"
     return f"{reason}; none of the longer durations tried suffices" if longer_tried else reason

@@ -85,6 +85,7 @@ class StudyEstimate:
             "start_up_seconds": self.start_seconds,
             "timed": self.basis,
             "run_by_run": self.run_by_run,
+            "contact_unchecked": self.study.contact_unchecked,
             "seconds": self.seconds,
             "cases": [
                 {"case": number, "done": number in self.finished,

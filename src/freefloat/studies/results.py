@@ -191,6 +191,7 @@ class StudyResult:
             "cases": self.study.count,
             "done": self.done,
             "verdicts": self.verdicts,
+            "contact_unchecked": self.study.contact_unchecked,
             "feasible_fraction": self.feasible_fraction,
             "feasible_fraction_error": self.feasible_fraction_error,
             "feasible_fraction_interval": self.feasible_interval and list(self.feasible_interval),

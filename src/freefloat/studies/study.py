@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
@@ -10,8 +11,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from freefloat.errors import FreeFloatError
 from freefloat.io.scenario.field_types import Name, Number, Quaternion, Section, Seed
 from freefloat.io.scenario.scenario import Scenario
+from freefloat.limits.kinds.clearance import have_shapes
+from freefloat.limits.values import OFF
 from freefloat.studies.document import scenario_from, with_values
 from freefloat.studies.sampling import Count, ValuesSection
 from freefloat.studies.track_section import TRACK, TrackSection
@@ -21,6 +25,12 @@ START_KEYS = ("attitude", "heading_deg")
 """Keys that may vary but belong to the commands simulate and track, not to the scenario."""
 UNDISTURBED = -1
 """In place of the number of a run: the simulation of the base scenario as it is."""
+
+
+_CONTACT_UNCHECKED = (
+    "contact between bodies is not considered; limits: {clearance: 0} in the base scenario "
+    "considers it, run by run"
+)
 
 
 class Command(StrEnum):
@@ -124,16 +134,44 @@ class Study:
             return "the one that simulate chooses for the unvaried scenario"
         return "the best of each run" if branch == "best" else str(branch)
 
+    @cached_property
+    def contact_unchecked(self) -> str | None:
+        """Why runs do not consider contact, where it is to be said, and what makes them."""
+        varied = self.variation.listed.get("limits", [self.base.get("limits")])
+        stated = "limits.clearance" in self.content.vary or all(map(_states_clearance, varied))
+        if stated or self.content.command is not Command.SIMULATE:
+            return None
+        try:
+            scenario = self.scenario(UNDISTURBED)
+            touching = have_shapes(scenario.model(), scenario.scene())
+        except FreeFloatError:  # which is the result of each run
+            return None
+        return _CONTACT_UNCHECKED if touching else None
+
+    def posed(self, own: Mapping[str, Any]) -> dict[str, Any]:
+        """The data of the base scenario with own values of some keys, as a run has it.
+
+        Simulations do not consider contact unless a clearance is stated: ensembles know none.
+        """
+        document = with_values(self.base, dict(own))
+        limits = document.get("limits") or {}
+        simulated = self.content.command is Command.SIMULATE
+        if simulated and isinstance(limits, dict) and not _states_clearance(limits):
+            document["limits"] = limits | {"clearance": OFF}
+        return document
+
     def document(self, number: int) -> dict[str, Any]:
         """The data of a run's scenario file."""
         values = self.parameters(number).items()
-        own = {k: v for k, v in values if k not in START_KEYS and not k.startswith(TRACK)}
-        return with_values(self.base, own)
+        return self.posed(
+            {k: v for k, v in values if k not in START_KEYS and not k.startswith(TRACK)}
+        )
 
     def inputs(self, number: int) -> dict[str, Any]:
         """What determines a run's motion: its document, the base scenario, and the start."""
         return {
-            "document": self.document(number), "base": self.base, "start": self.start(number),
+            "document": self.document(number), "base": self.posed({}),
+            "start": self.start(number),
         }  # fmt: skip
 
     def scenario(self, number: int) -> Scenario:
@@ -155,3 +193,7 @@ class Study:
     def tracking(self, number: int) -> dict[str, Any]:
         """The arguments of :func:`~freefloat.verification.tracking.track` in a run."""
         return self.content.track.with_values(self.parameters(number))
+
+
+def _states_clearance(limits: Any) -> bool:
+    return isinstance(limits, dict) and limits.get("clearance") is not None

@@ -41,7 +41,7 @@ class Unvaried:
     @classmethod
     def of(cls, study: Study) -> Unvaried | None:
         """That of a study; None where limits choose the motion, which only precise ones show."""
-        scenario = scenario_from(study.base, study.base_source.absolute())
+        scenario = scenario_from(study.posed({}), study.base_source.absolute())
         problem = scenario.search().applied_to(scenario.problem())
         ranges, limited = has_ranges_and_limits(scenario)
         if problem.start_joints is not None:
@@ -91,6 +91,6 @@ def has_ranges_and_limits(scenario: Scenario) -> tuple[bool, bool]:
     problem = scenario.problem()
     ranges = bool(np.isfinite(problem.model.joint_ranges).any())
     limits = scenario.limits()
-    bounds = [getattr(limits, kind.name) for kind in GIVEN]
-    given = any(bound is not None and np.size(bound) > 0 for bound in bounds)
+    bounds = [bound for kind in GIVEN if (bound := getattr(limits, kind.name)) is not None]
+    given = any(np.size(bound) > 0 and not isinstance(bound, str) for bound in bounds)
     return ranges, given or problem.scene.corridor is not None

@@ -11,6 +11,7 @@ from freefloat.limits.check import LimitChecker
 from freefloat.limits.contact import deepest_contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
+from freefloat.limits.values import OFF
 from freefloat.motion.motion import Motion
 from freefloat.planning.plan import Plan
 from freefloat.planning.reasons import Verdict, verdict_on
@@ -178,7 +179,7 @@ def _report(
         The report, and the limits along the motion where any were to be kept.
     """
     motion, required = chosen.motion, result.limits is not None
-    checker = LimitChecker(motion.problem, result.limits or Limits())
+    checker = LimitChecker(motion.problem, result.limits or Limits(clearance=OFF))
     limits = same_results(checker, motion, result.limit_results)
     results = limits if required else ()
     if not motion.panels:

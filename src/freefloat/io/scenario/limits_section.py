@@ -8,14 +8,14 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, create_model
+from pydantic import AfterValidator, Field, WithJsonSchema, create_model
 
 from freefloat.errors import InputError, did_you_mean
 from freefloat.io.scenario.field_types import Name, Positive, Section, Vector, exactly_one_of
 from freefloat.io.scenario.yaml import file_keys
 from freefloat.limits.limit import Limit
 from freefloat.limits.limits import GIVEN, Limits
-from freefloat.limits.values import Axes, Number, PerJoint, Value
+from freefloat.limits.values import Axes, Number, NumberOrOff, PerJoint, Value
 from freefloat.motion.pointing import Keep, PointingLimit
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, degrees
@@ -49,6 +49,18 @@ class PointingSection(Section):
     """Half the opening angle of the cone [degrees]."""
 
 
+def _require_false(value: bool) -> bool:
+    if value:
+        raise ValueError("off or false")
+    return value
+
+
+_False = Annotated[
+    bool, Field(strict=True), AfterValidator(_require_false), WithJsonSchema({"const": False})
+]
+"""As which YAML 1.1 reads ``off``; of ``Literal[False]`` the number 0 would be one."""
+
+
 def _key(kind: type[Limit[Any]]) -> str:
     """The key of a limit: its name, and its unit where that is degrees."""
     angle = isinstance(kind.value, Number) and kind.value.angle
@@ -66,6 +78,8 @@ def _field(kind: type[Limit[Any]]) -> Any:
             above, least = (None, 0.0) if zero else (0.0, None)
             most = float(np.degrees(most)) if angle else most
             content = Annotated[float, Field(strict=True, gt=above, ge=least, le=most)]
+            if isinstance(kind.value, NumberOrOff):
+                content |= Literal["off"] | _False
     return content | None, Field(default=None, description=kind.description)
 
 

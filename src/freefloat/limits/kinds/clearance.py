@@ -1,15 +1,19 @@
-"""The limit of the distance between bodies."""
+"""The limit of the distance between bodies: the one stated, else none may touch."""
 
 from __future__ import annotations
+
+from typing import Any, Self
 
 import numpy as np
 
 from freefloat.limits.limit import Limit
 from freefloat.limits.result import LimitResult
-from freefloat.limits.values import Number
+from freefloat.limits.values import OFF, NumberOrOff
 from freefloat.motion.margin import ROUNDING
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.scene.scene import Scene
 
 
 class ClearanceLimit(Limit[float]):
@@ -21,20 +25,44 @@ class ClearanceLimit(Limit[float]):
 
     name = "clearance"
     unit = "m"
-    value = Number(zero=True)
+    value = NumberOrOff(zero=True)
     description = (
         "Smallest distance [m] between bodies that are not neighbours, and between the robot and "
-        "the bodies of the scene; 0: no contact."
+        "the bodies of the scene; 0: no contact, which is the default for collision shapes; "
+        "``off`` or ``false``: contact is no limit."
     )
     decides_sooner = True
     accuracy = 2e-4
 
-    def __init__(self, problem: Problem, bound: float) -> None:
-        """Prepare the pairs; a ModelError where the robot's shapes cannot be used."""
+    def __init__(self, problem: Problem, bound: float, *, stated: bool = True) -> None:
+        """Prepare the pairs.
+
+        Args:
+            problem: The problem.
+            bound: The smallest distance [m].
+            stated: Whether it was asked for: then visuals of links without collision shapes count,
+                and a ModelError is raised where the robot's shapes cannot be used.
+        """
         from freefloat.limits.pairs import CollisionPairs  # coal and trimesh import slowly
 
         super().__init__(problem, bound)
-        self.pairs = CollisionPairs(problem.model, bound, scene=problem.scene)
+        self.pairs = CollisionPairs(problem.model, bound, problem.scene, stated=stated)
+
+    @classmethod
+    def of(cls, problem: Problem, limits: Any) -> Self | None:
+        """See :class:`~freefloat.limits.limit.Limit`."""
+        stated = limits.clearance
+        if stated is None:
+            return cls.of_contact(problem)
+        return None if stated == OFF else cls(problem, stated)
+
+    @classmethod
+    def of_contact(cls, problem: Problem) -> Self | None:
+        """The limit where none is stated: no contact; None where nothing has collision shapes."""
+        if not have_shapes(problem.model, problem.scene):
+            return None
+        limit = cls(problem, 0.0, stated=False)
+        return limit if len(limit.pairs.pairs) or limit.pairs.left_out else None
 
     def worst(self, motion: Motion) -> LimitResult:
         """The smallest distance."""
@@ -47,13 +75,24 @@ class ClearanceLimit(Limit[float]):
     def _smallest(self, motion: Motion, *, decide_only: bool) -> LimitResult:
         from freefloat.limits.clearance import clearance  # coal and trimesh import slowly
 
+        pairs, notes = self.pairs, self.pairs.left_out
+        if not len(pairs.pairs):
+            start = motion.time_at(0.0)
+            return self.result(
+                np.inf, self.bound, 0.0, start, "no pair", at_least=True, notes=notes
+            )
         threshold = self.bound * (1.0 - ROUNDING)
         below = threshold if decide_only else np.inf
-        nearest = clearance(motion, self.pairs, below, decide_only=decide_only)
+        nearest = clearance(motion, pairs, below, decide_only=decide_only)
         distance = nearest.distance
         ratio = np.inf if distance <= 0.0 else self.bound / distance
         return self.result(
-            distance, self.bound, ratio, nearest.time, self.pairs.name(nearest.pair),
-            kept=distance > 0.0 and distance >= threshold, at_least=True,
-            notes=self.pairs.left_out,
+            distance, self.bound, ratio, nearest.time, pairs.name(nearest.pair),
+            kept=distance > 0.0 and distance >= threshold, at_least=True, notes=notes,
         )  # fmt: skip
+
+
+def have_shapes(model: FreeFloatingModel, scene: Scene) -> bool:
+    """Whether two bodies have collision shapes, one of them a link of the robot."""
+    links = sum(bool(link.collisions) for link in model.description.links)
+    return links > 0 and links + len(scene.bodies) > 1

@@ -6,12 +6,11 @@ along the direction between their nearest points, which move with their bodies.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from freefloat.limits.kinds.clearance import ClearanceLimit
-from freefloat.limits.pairs import CollisionPairs
 from freefloat.limits.result import LimitResult
 from freefloat.motion.problem import Problem
 from freefloat.planning.goals.joint_paths import Course, JointPaths
@@ -19,6 +18,9 @@ from freefloat.planning.goals.placements import Arm, Placements
 from freefloat.planning.goals.scene_frames import Placed, Places, SceneFrames
 from freefloat.planning.goals.violations import Violations
 from freefloat.so3 import Array, IntArray
+
+if TYPE_CHECKING:  # coal and trimesh import slowly
+    from freefloat.limits.pairs import CollisionPairs
 
 _MARGIN = 2e-3
 """Margin for the instants between those that are looked at [m]."""

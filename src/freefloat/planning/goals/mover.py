@@ -14,6 +14,7 @@ from freefloat.concurrency import Progress, step_of
 from freefloat.dynamics.system import System
 from freefloat.errors import InputError, require_type, seed_number
 from freefloat.limits.limits import Limits
+from freefloat.limits.values import OFF
 from freefloat.motion.motion import Motion
 from freefloat.planning.goals.certification import Certification
 from freefloat.planning.goals.clearances import Clearances
@@ -87,7 +88,7 @@ def sketch(
 
     Args and errors are those of :func:`move`; None where no motion was found.
     """
-    rates = replace(limits.without_turn, clearance=None, pointing=())
+    rates = replace(limits.without_turn, clearance=OFF, pointing=())
     query = _posed(system, state, goal, rates, scene)
     query.require_sense()
     with _ONE_THREAD():
@@ -151,7 +152,7 @@ def _search(query: Query, progress: Progress | None) -> GoalSearch:
     problem, checker, limits = query.problem, query.checker, query.limits
     shapes: list[ShapeLimits] = [StateLimits(problem, limits, query.start.attitude)]
     if checker.pairs is not None:
-        clearances = Clearances(problem, checker.pairs, limits.clearance or 0.0)
+        clearances = Clearances(problem, checker.pairs, checker.pairs.clearance)
         clearances.allow_start(query.start.joints, query.attitude)
         shapes.append(clearances)
     certification = Certification(problem, checker, query.start.attitude, query.by_time)

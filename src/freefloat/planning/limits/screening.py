@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -19,13 +20,15 @@ from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.kinds.joint_range import JointRangeLimit
 from freefloat.limits.kinds.joint_rate import JointRateLimit
 from freefloat.limits.limits import Limits
-from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.objectives.objective import Comparison
 from freefloat.robot.joint_ranges import revolutions
 from freefloat.scene.scene_body import Hand
 from freefloat.so3 import Array, IntArray
+
+if TYPE_CHECKING:  # coal and trimesh import slowly
+    from freefloat.limits.pairs import CollisionPairs
 
 _FIRST_BATCH, _BATCH = 16, 256
 """Candidates screened together: few at first, for the best may pass."""
@@ -47,7 +50,7 @@ def screen(
 ) -> Iterator[ScreenedCandidate]:
     """Candidates that keep the margin, of the motions of an ensemble, the best first.
 
-    The clearance of ``pairs`` is limited where they are given.
+    ``pairs`` keep their clearance where they are given.
     """
     attitudes = results.attitudes
     samples, branches = np.nonzero(evaluator.problem.margin.keeps(results.margins))
@@ -79,10 +82,10 @@ def _screened(
     if limits.joint_rate is not None:
         rate_ratios = results.motions.rate_usage(limits.joint_rate)[entries]
     violations[JointRateLimit.name] = rate_ratios > 1.0 + _SLACK
-    if limits.clearance is not None and pairs is not None:
+    if pairs is not None:
         left = ~np.any([*violations.values()], axis=0)
         remaining = entries[0][left], entries[1][left]
-        deficits[left] = clearance_deficits(evaluator, pairs, limits.clearance, results, remaining)
+        deficits[left] = clearance_deficits(evaluator, pairs, results, remaining)
     violations[ClearanceLimit.name] = deficits > 0.0
     for k, attitude in enumerate(attitudes):
         violation = next((name for name, violated in violations.items() if violated[k]), None)
@@ -107,7 +110,6 @@ def _out_of_range(
 def clearance_deficits(
     evaluator: FeasibilityEvaluator,
     pairs: CollisionPairs,
-    clearance: float,
     results: BranchResults,
     entries: _Entries,
 ) -> Array:
@@ -132,7 +134,7 @@ def clearance_deficits(
                 end = problem.model.end_effector_pose(attitude, every_joint)
                 poses = pairs.scene.poses(t, path, Hand(path.pose(t), end))
             distances.append(pairs.distances(every_joint, every, attitude, poses).min())
-        return [max(0.0, clearance - float(distance) - _SLACK) for distance in distances]
+        return [max(0.0, pairs.clearance - float(distance) - _SLACK) for distance in distances]
 
     deficits[:] = deficits_at(0.0, attitudes, joints)
     (left,) = np.nonzero(deficits == 0.0)
