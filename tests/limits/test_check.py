@@ -134,7 +134,7 @@ def all_limits(motion):
 @pytest.mark.slow
 def test_each_limit_violated_alone():
     """A motion keeps limits equal to its largest values; each made tighter is violated alone."""
-    motion = planar_motion(bundled("planar_3dof/parabola"))
+    motion = simulated(bundled("planar_2dof/line"), heading(26.0), 1)
     just = all_limits(motion)
     checker = LimitChecker(motion.problem, just)
     assert [result.kept for result in checker.results(motion)] == [True] * 4
