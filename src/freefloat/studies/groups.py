@@ -190,7 +190,7 @@ def _group(study: Study, number: int) -> Group:
     content, parameters = study.content, study.parameters(number)
     own = {key: value for key, value in parameters.items() if not fits_ensembles(key)}
     own |= nominal_values(parameters, study.base)
-    document = study.posed(own)
+    document = study.posed(with_values(study.base, own))
     scenario = scenario_from(document, study.base_source.absolute())
     problem = scenario.problem()
     _require_fit(study, scenario, problem, parameters)
@@ -209,7 +209,7 @@ def _group(study: Study, number: int) -> Group:
             (joints,), unvaried = unvaried.joints_at(attitude[None], 1), None
         if content.branch is None and (joints is None or not np.isfinite(joints).all()):
             choice = branch_choice(
-                None, study.posed({}), problem, attitude, study.base_source.absolute()
+                None, study.posed(study.base), problem, attitude, study.base_source.absolute()
             )
             branch, joints = choice.get("branch"), choice.get("joints")
     elif content.branch is None and unvaried is None:

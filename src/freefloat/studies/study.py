@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
@@ -148,29 +147,27 @@ class Study:
             return None
         return _CONTACT_UNCHECKED if touching else None
 
-    def posed(self, own: Mapping[str, Any]) -> dict[str, Any]:
-        """The data of the base scenario with own values of some keys, as a run has it.
+    def posed(self, document: dict[str, Any]) -> dict[str, Any]:
+        """The data of a scenario as runs pose it.
 
         Simulations do not consider contact unless a clearance is stated: ensembles know none.
         """
-        document = with_values(self.base, dict(own))
         limits = document.get("limits") or {}
         simulated = self.content.command is Command.SIMULATE
-        if simulated and isinstance(limits, dict) and not _states_clearance(limits):
-            document["limits"] = limits | {"clearance": OFF}
-        return document
+        if not simulated or not isinstance(limits, dict) or _states_clearance(limits):
+            return document
+        return document | {"limits": limits | {"clearance": OFF}}
 
     def document(self, number: int) -> dict[str, Any]:
-        """The data of a run's scenario file."""
+        """The base scenario's data with the values of a run."""
         values = self.parameters(number).items()
-        return self.posed(
-            {k: v for k, v in values if k not in START_KEYS and not k.startswith(TRACK)}
-        )
+        own = {k: v for k, v in values if k not in START_KEYS and not k.startswith(TRACK)}
+        return with_values(self.base, own)
 
     def inputs(self, number: int) -> dict[str, Any]:
         """What determines a run's motion: its document, the base scenario, and the start."""
         return {
-            "document": self.document(number), "base": self.posed({}),
+            "document": self.posed(self.document(number)), "base": self.posed(self.base),
             "start": self.start(number),
         }  # fmt: skip
 
@@ -180,7 +177,7 @@ class Study:
         Raises:
             InputError: If its values are not accepted, or its file of path samples is missing.
         """
-        return scenario_from(self.document(number), self.base_source)
+        return scenario_from(self.posed(self.document(number)), self.base_source)
 
     def start(self, number: int) -> dict[str, Any]:
         """The start of a simulation: attitude or heading_deg, and branch if it is set."""

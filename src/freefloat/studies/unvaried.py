@@ -41,7 +41,7 @@ class Unvaried:
     @classmethod
     def of(cls, study: Study) -> Unvaried | None:
         """That of a study; None where limits choose the motion, which only precise ones show."""
-        scenario = scenario_from(study.posed({}), study.base_source.absolute())
+        scenario = scenario_from(study.posed(study.base), study.base_source.absolute())
         problem = scenario.search().applied_to(scenario.problem())
         ranges, limited = has_ranges_and_limits(scenario)
         if problem.start_joints is not None:

@@ -1,0 +1,107 @@
+"""Contact in studies: ensembles know none, which is said; asked for, it is found run by run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+import freefloat as ff
+from freefloat.robot.bundled import find_scenario
+from freefloat.studies.estimate import why_run_by_run
+from freefloat.studies.groups import group_of
+from freefloat.studies.study import Study
+from tests.commands import document, run
+from tests.example_studies import a_study
+
+pytestmark = pytest.mark.usefixtures("kernels")
+
+DRAWN: dict[str, Any] = {"momentum.2": {"uniform": [-1e-3, 1e-3]}}
+START: dict[str, Any] = {"heading_deg": 16.0, "branch": 1}
+"""From here the second link swings through the spacecraft."""
+
+
+def base(**limits: Any) -> dict[str, Any]:
+    content = yaml.safe_load(find_scenario("planar_2dof/line").read_text())
+    return content | {"robot": content["robot"] | {"urdf": "planar_2dof"}, "limits": limits}
+
+
+def study(folder: Path, vary: dict[str, Any] | None = None, **limits: Any) -> Study:
+    values = {"cases": 20, "files": "worst 1"} | START
+    return a_study(folder, DRAWN | (vary or {}), base=base(**limits), **values)
+
+
+@pytest.mark.slow
+def test_a_study_that_states_no_clearance_keeps_ensembles_and_says_so(tmp_path: Path) -> None:
+    """Its result files say it, too: in their scenario the limit is off."""
+    loaded = study(tmp_path)
+    assert why_run_by_run(loaded) is None
+    assert "clearance: 0" in loaded.contact_unchecked
+    words, folder = ("batch", tmp_path / "study.yaml"), tmp_path / "out"
+    dry = run(*words, "--dry-run").stdout
+    shown = run(*words, "-o", folder, "--report").stdout
+    told = [dry, shown, (folder / "report.html").read_text()]
+    assert [" ".join(text.split()).count("is not considered") for text in told] == [1, 1, 1]
+    answer = document(*words, "-o", folder)
+    assert answer["contact_unchecked"] == loaded.contact_unchecked
+    assert answer["verdicts"]["feasible"] == 20
+    assert document(*words, "--dry-run")["contact_unchecked"] == loaded.contact_unchecked
+    files = sorted((folder / "cases").glob("*.h5"))
+    assert len(files) == 2  # the worst one, and the undisturbed one
+    for file in files:
+        saved = ff.load(file)
+        assert saved.limits.clearance == "off"
+        assert saved.feasible
+        assert saved.contact.bodies == ("spacecraft", "link_2")
+        assert ff.check(saved).passed
+
+
+@pytest.mark.slow
+def test_a_study_that_asks_for_it_considers_contact_run_by_run(tmp_path: Path) -> None:
+    loaded = study(tmp_path, clearance=0)
+    assert loaded.contact_unchecked is None
+    assert "precise motions" in why_run_by_run(loaded)
+    result = ff.run_study(loaded, tmp_path / "out", report=False)
+    assert result.verdicts["infeasible"] == 20
+    assert list(result.reasons) == ["Limits are not kept: clearance."]
+    (file, *_) = (tmp_path / "out" / "cases").glob("0*.h5")
+    assert ff.check(ff.load(file)).passed  # a true statement that it is violated
+
+
+@pytest.mark.parametrize(
+    ("vary", "limits", "unchecked"),
+    [
+        ({}, {}, True), ({}, {"base_rate": 1.0}, True), ({}, {"clearance": 0}, False),
+        ({}, {"clearance": "off"}, False), ({}, {"clearance": False}, False),
+        ({"limits.clearance": {"list": [0.0, 0.01]}}, {}, False),
+        ({"limits": {"list": [{"clearance": 0}, {"base_rate": 1.0}]}}, {"clearance": 0}, True),
+        ({"limits": {"list": [{"clearance": 0}, {"clearance": False}]}}, {}, False),
+    ],
+)  # fmt: skip
+def test_what_is_stated_anywhere_is_not_repeated(
+    vary: dict[str, Any], limits: dict[str, Any], unchecked: bool, tmp_path: Path
+) -> None:
+    loaded = study(tmp_path, vary, **limits)
+    assert (loaded.contact_unchecked is not None) is unchecked
+    stated = [loaded.scenario(number).limits().clearance for number in range(loaded.count)]
+    assert None not in stated
+
+
+@pytest.mark.slow
+def test_other_commands_consider_contact_and_robots_without_shapes_say_nothing(
+    tmp_path: Path,
+) -> None:
+    planned = a_study(tmp_path, {"momentum.2": {"list": [0.0, 0.001]}}, base=base(), command="plan",
+                      heading_deg=None, files="all")  # fmt: skip
+    assert planned.contact_unchecked is None
+    ff.run_study(planned, tmp_path / "out", report=False)
+    for file in (tmp_path / "out" / "cases").glob("*.h5"):
+        saved = ff.load(file)
+        assert saved.limits.clearance is None
+        assert "clearance" in {entry.limit for entry in saved.limit_results}
+        assert ff.check(saved).passed
+    shapeless = a_study(tmp_path, DRAWN, cases=20)
+    assert shapeless.contact_unchecked is None
+    assert group_of(shapeless, 0) is not None
