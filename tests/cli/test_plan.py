@@ -37,7 +37,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_spatial_plan_has_the_documented_keys_and_is_written() -> None:
     result = run("plan", "easy.yaml", "-o", "plan.h5")
     text, plan = result.stdout, ff.load("plan.h5").to_dict()
-    assert str(ff.load("plan.h5").contact) in result.stderr  # with the name of the file
+    assert "plan.h5 was written\n" in result.stderr
     assert plan.keys() >= KEYS
     assert plan["feasible"] is plan["completed"] is True
     assert plan["attitude_ranges_deg"] == plan["disagreements"] == []
