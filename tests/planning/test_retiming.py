@@ -14,6 +14,7 @@ from toppra import algorithm, constraint
 import freefloat as ff
 from freefloat.planning.timing import retiming
 from freefloat.planning.timing.speed_profile import fastest_speeds
+from freefloat.robot.bundled import models_folder
 from freefloat.so3 import heading_quaternion
 from freefloat.verification import range_checks
 from freefloat.verification.comparisons import Check
@@ -157,7 +158,7 @@ def test_with_momentum_and_drift_timing_and_motion_agree() -> None:
 def test_where_the_rate_that_is_limited_passes_zero_the_speed_has_no_peak() -> None:
     """The spacecraft of this motion stops and rotates back on the way."""
     problem = bundled("planar_2dof/arc").replace(momentum=np.zeros(3))
-    plan = ff.plan(problem, limits=ff.Limits(base_rate=10.0))
+    plan = ff.plan(problem, limits=ff.Limits(base_rate=10.0, clearance="off"))
     states = plan.chosen.motion.sample(np.linspace(0.0, problem.path.duration, 101))
     steps = np.diff(np.unwrap([2.0 * np.arctan2(*entry.attitude[2:]) for entry in states]))
     assert steps.min() < 0.0 < steps.max()
@@ -210,7 +211,7 @@ def test_the_law_optimal_in_a_scenario_and_in_files(tmp_path, monkeypatch) -> No
 
 
 BAR = """
-robot: {urdf: spatial_6dof, end_effector: end_effector}
+robot: {urdf: arm.urdf, end_effector: end_effector}
 task: pose
 path:
   line: {from: [1.0, -0.6, 1.2], to: [0.2, 0.9, 1.3]}
@@ -237,6 +238,9 @@ scene:
 def test_the_timing_is_slowed_down_for_a_tumbling_body(tmp_path, monkeypatch) -> None:
     """The bar is elsewhere when the motion with the fastest speeds passes."""
     monkeypatch.setattr(retiming, "_SLOWDOWNS", 4)
+    lines = (models_folder() / "spatial_6dof" / "spatial_6dof.urdf").read_text().splitlines()
+    fingers = [line for line in lines if 'xyz="0.35 ' in line]  # which the bar would meet
+    (tmp_path / "arm.urdf").write_text("\n".join(line for line in lines if line not in fingers))
     (tmp_path / "bar.yaml").write_text(BAR)
     scenario = ff.load_scenario(tmp_path / "bar.yaml")
     plan = ff.plan(scenario.problem(), scenario.search(), scenario.limits())
