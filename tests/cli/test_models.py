@@ -116,7 +116,7 @@ def test_info_prints_all_diagnostics_of_a_broken_urdf(
     assert result.exit_code == 2
     printed = json.loads(result.stdout)
     assert [entry["severity"] for entry in printed["findings"]] == ["error", "error", "warning"]
-    assert [entry["line"] for entry in printed["findings"]] == [32, 70, 63]
+    assert [entry["line"] for entry in printed["findings"]] == [32, 67, 61]
     assert printed["error"]["line"] == 32
     assert "2 errors, 1 warning" in run("info", "arm.urdf").stderr
 
