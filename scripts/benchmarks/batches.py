@@ -23,7 +23,7 @@ from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.systems import Systems
 from freefloat.robot.bundled import find_scenario, find_study
-from freefloat.studies.database import DATABASE
+from freefloat.studies.folder import DATABASE
 from freefloat.studies.rows import StudyRows
 from freefloat.verification.engines.mujoco import start
 from freefloat.verification.engines.mujoco_model import Engine

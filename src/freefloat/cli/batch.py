@@ -39,7 +39,7 @@ _Workers = Annotated[
 ]
 _Scheduler = Annotated[
     str | None,
-    typer.Option(metavar="ADDRESS", help="Use the workers of a Dask scheduler: tcp://host:8786"),
+    typer.Option(metavar="ADDRESS", help="Use the workers of a Dask scheduler: tls://host:8786"),
 ]
 _DryRun = Annotated[
     bool, typer.Option("--dry-run", help="List the runs and estimate the time; time some.")
@@ -84,7 +84,7 @@ def batch(
     """
     from freefloat.studies.estimate import estimate_study, why_run_by_run
     from freefloat.studies.loading import load_study
-    from freefloat.studies.runner import run_study
+    from freefloat.studies.runner import run_in_stages
 
     console = Console(as_json, quiet)
     loaded = load_study(study)
@@ -106,20 +106,21 @@ def batch(
         say(f"{loaded.source}: run by run, because {reason}")
     if not (quiet or as_json) and loaded.content.command != "plan" and loaded.base.get("phases"):
         say(f"{loaded.source}: the first path alone, without the phases after it")
-    logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # of connections that Ctrl-C ends
+    logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # of a scheduler that Ctrl-C leaves
     try:
-        with console.progress(f"{loaded.count:,} runs") as progress:
-            result = run_study(
-                loaded, output, workers=workers, scheduler=scheduler, until=_fraction(until),
-                report=report, progress=progress,
-            )  # fmt: skip
+        result = run_in_stages(
+            loaded, output, workers, scheduler, _fraction(until), report, console.progress
+        )
     except KeyboardInterrupt:
         say("the same command continues the study")
         raise
+    if not quiet or as_json:
+        with console.progress("Sobol indices"):
+            _ = result.sensitivities  # computed once
     if as_json:
         console.json(result.to_dict())
     console.tables(_result_lines(result))
-    if not (as_json or quiet):  # the indices take a moment
+    if not (as_json or quiet):
         console.tables(_sensitivity_tables(result))
         console.tables(_combination_tables(result.combinations))
     if result.errors:
@@ -166,8 +167,10 @@ def _fraction(percent: str | None) -> float | None:
 
 def _estimate_tables(estimate: StudyEstimate) -> Iterator[RenderableType]:
     """The runs, and how long they will take."""
+    from freefloat.studies.runner import runs_text
+
     study = estimate.study
-    yield f"{study.source}: {_runs(study.count)}, command {study.content.command}"
+    yield f"{study.source}: {runs_text(study.count)}, command {study.content.command}"
     runs = table("run", *study.content.vary)
     for number in range(min(study.count, _MAX_ROWS)):
         cells = [Text(_short(value)) for value in study.parameters(number).values()]
@@ -191,10 +194,12 @@ def _estimate_tables(estimate: StudyEstimate) -> Iterator[RenderableType]:
 
 def _result_lines(result: StudyResult) -> Iterator[str]:
     """Counts, margins, errors and files of a study."""
+    from freefloat.studies.runner import runs_text
+
     study = result.study
     errors = result.errors
     counts = ", ".join(f"{count:,} {verdict}" for verdict, count in result.verdicts.items())
-    yield f"{study.source}: {_runs(result.done)} of command {study.content.command}: {counts}"
+    yield f"{study.source}: {runs_text(result.done)} of command {study.content.command}: {counts}"
     if study.branch_rule is not None:
         yield f"arm branch: {study.branch_rule}"
     if study.contact_unchecked is not None:
@@ -210,7 +215,7 @@ def _result_lines(result: StudyResult) -> Iterator[str]:
     if result.verdicts["error"] > len(errors):
         yield f"  and {result.verdicts['error'] - len(errors):,} more errors"
     yield (
-        f"{_runs(result.computed)} computed, {result.done - result.computed:,} reused, in "
+        f"{runs_text(result.computed)} computed, {result.done - result.computed:,} reused, in "
         f"{time_text(result.seconds)}"
     )
     names = (result.files.get(key) for key in ("csv", "parquet", "figure", "report"))
@@ -245,10 +250,6 @@ def _combination_tables(combinations: list[Combination]) -> Iterator[RenderableT
     yield rows
     if len(combinations) > _MAX_ROWS:
         yield f"and {len(combinations) - _MAX_ROWS:,} more"
-
-
-def _runs(count: int) -> str:
-    return f"{count:,} run{'' if count == 1 else 's'}"
 
 
 def _short(value: Any) -> str:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import sqlite3
-from collections.abc import Iterator
-from contextlib import ExitStack, closing, contextmanager, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from freefloat.concurrency import Progress
 from freefloat.errors import InputError
-from freefloat.io.files import make_folder, written_beside
 from freefloat.studies.columns import (
     BOOLEAN,
     FOUND,
@@ -29,14 +29,21 @@ from freefloat.studies.columns import (
     Columns,
     result_type,
 )
+from freefloat.studies.folder import DATABASE, FILES, locked, prepare_folder
+from freefloat.studies.integrity import (
+    DIGESTS,
+    add_digests,
+    drop_damaged,
+    require_schema,
+    require_whole,
+    rows_of_study,
+)
 from freefloat.studies.portable import Files
 from freefloat.studies.rows import StudyRows, database_errors, quoted
-from freefloat.studies.study import UNDISTURBED, Study
+from freefloat.studies.study import Study
 
-DATABASE, _LOCK, _FILES = "study.sqlite", "study.lock", "cases"
-"""Names in the folder of a study."""
 _SOFTWARE = ("freefloat", "pin", "numpy", "scipy", "numba")
-_FORMAT = 2
+_FORMAT = 3
 """Number of the format of the database."""
 
 
@@ -58,7 +65,7 @@ class StudyDatabase:
     @property
     def has_undisturbed_file(self) -> bool:
         """Whether the file of the undisturbed simulation is there."""
-        return (self.folder / _FILES / "undisturbed.h5").is_file()
+        return (self.folder / FILES / "undisturbed.h5").is_file()
 
     def worst_without_file(self, count: int) -> list[int]:
         """Numbers of those of the ``count`` runs with the smallest margins that have no file."""
@@ -86,30 +93,22 @@ class StudyDatabase:
             self._add_missing(columns)
             statement = f"INSERT INTO runs ({names}) VALUES ({marks})"
             self._connection.executemany(statement, zip(*values, strict=True))
+            add_digests(self._connection, columns, self._types)
 
     def _add_missing(self, columns: Columns) -> None:
         """Add the columns of results by joint, quantity, limit or arm branch."""
         for name in columns:
             if name not in self._types:
-                kind = result_type(name.removeprefix(FOUND))
-                self._connection.execute(f"ALTER TABLE runs ADD COLUMN {_definition(name, kind)}")
-                self._types[name] = kind
+                self._connection.execute(_addition(name))
+                self._types[name] = result_type(name.removeprefix(FOUND))
 
-    def add_file(self, number: int, content: bytes) -> None:
-        """Write the result file of a finished run and name it in its row, if it has one."""
-        values = (*self.write_file(number, content).values(), number)
+    def add_file(self, number: int, file: str, size: int) -> None:
+        """Name the result file of a finished run, and its size [bytes], in its row."""
+        columns: Columns = {NUMBER: [number], "file": [file], "bytes": [size]}
         with database_errors(self.folder / DATABASE), self._connection:
-            self._connection.execute("UPDATE runs SET file = ?, bytes = ? WHERE number = ?", values)
-
-    def write_file(self, number: int, content: bytes) -> dict[str, Any]:
-        """Write the result file of a run, whole or not at all; return the values of its row."""
-        name = f"{'undisturbed' if number == UNDISTURBED else f'{number:05d}'}.h5"
-        file = self.folder / _FILES / name
-        with database_errors(self.folder / DATABASE):
-            file.parent.mkdir(exist_ok=True)
-            with written_beside(file) as temporary:
-                temporary.write_bytes(content)
-        return {"file": f"{_FILES}/{name}", "bytes": len(content)}
+            statement = "UPDATE runs SET file = ?, bytes = ? WHERE number = ?"
+            self._connection.execute(statement, (file, size, number))
+            add_digests(self._connection, columns, self._types)
 
 
 def _definition(name: str, kind: str) -> str:
@@ -118,35 +117,48 @@ def _definition(name: str, kind: str) -> str:
 
 
 @contextmanager
-def open_results(folder: Path, study: Study, files: Files) -> Iterator[StudyDatabase]:
+def open_results(
+    folder: Path, study: Study, files: Files, progress: Progress = lambda done: None
+) -> Iterator[StudyDatabase]:
     """Open the database of a study; a new folder gets a new database.
 
-    This process alone writes to it; others may read it meanwhile.
+    This process alone writes to it; others may read it meanwhile. Rows that are damaged are removed
+    with a warning: they are those of runs that are not finished.
+
+    Args:
+        folder: Folder of the study.
+        study: The study.
+        files: What its scenarios name.
+        progress: Called with the fraction of the rows that are compared with their digests.
 
     Raises:
-        InputError: If the folder cannot be written to, is in use, or holds another study.
+        InputError: If the folder cannot be written to, is in use, holds another study or links, or
+            its database is damaged as a whole.
     """
-    make_folder("output", folder)
-    with database_errors(folder / DATABASE):
-        for path in (*folder.glob(f"{DATABASE}*"), *folder.glob(f"{_LOCK}*")):
-            # opening a named pipe would wait for ever; SQLite deletes files of its own meanwhile
-            if not path.is_file() and os.path.lexists(path):
-                raise InputError("output", f"{path} is not a regular file", "another folder")
+    prepare_folder(folder)
     with ExitStack() as stack:
+        stack.enter_context(locked(folder))
         with database_errors(folder / DATABASE):
-            stack.enter_context(_locked(folder / _LOCK))
             connection = stack.enter_context(closing(sqlite3.connect(folder / DATABASE)))
             connection.execute("PRAGMA journal_mode = WAL")  # readers do not block the writer
             connection.execute("PRAGMA synchronous = NORMAL")  # WAL: no row of a chunk without it
             connection.execute("BEGIN IMMEDIATE")
-            _create(connection, study)
-            _check_study(connection, folder, study, files)
+            _create_or_check(connection, study, files)
+            if damaged := drop_damaged(connection, progress):
+                rows = "1 row is" if damaged == 1 else f"{damaged:,} rows are"
+                problem = f"{folder / DATABASE}: {rows} damaged, and computed again"
+                logging.getLogger("freefloat").warning(problem)
             connection.commit()
         yield StudyDatabase(folder, study, connection)
 
 
-def _create(connection: sqlite3.Connection, study: Study) -> None:
-    """Create the tables of a new database; an error of SQLite if one has others."""
+def _create_or_check(connection: sqlite3.Connection, study: Study, files: Files) -> None:
+    """Create the tables of a new database; check those of an existing one.
+
+    Raises:
+        DatabaseError: If it is damaged or has other tables.
+        InputError: If it holds another study.
+    """
     parameters = study.variation.columns(0, 1)
     types = {name: TEXT if column.dtype == object else REAL for name, column in parameters.items()}
     results = {f"{FOUND}{name}" if name in types else name: kind for name, kind in RESULTS.items()}
@@ -155,41 +167,48 @@ def _create(connection: sqlite3.Connection, study: Study) -> None:
         f"number INTEGER PRIMARY KEY CHECK (number BETWEEN 0 AND {study.count - 1})",
         *(_definition(name, kind) for name, kind in (types | results).items()),
         f"CHECK ({verdicts})",
+        "CHECK (margin BETWEEN -1e300 AND 1e300)",
     ]
-    connection.execute(f"CREATE TABLE IF NOT EXISTS runs ({', '.join(definitions)}) STRICT")
-    connection.execute(
-        "CREATE TABLE IF NOT EXISTS study (digest TEXT, content JSON, software JSON)"
-    )
-    names = {name for _, name, *_ in connection.execute("PRAGMA table_info(runs)")}
-    if missing := {NUMBER, *types, *results} - names:
-        raise sqlite3.DatabaseError(f"no column {min(missing)}")
+    schema = [
+        f"CREATE TABLE runs ({', '.join(definitions)}) STRICT",
+        "CREATE TABLE study (digest TEXT, content TEXT, software TEXT, seal TEXT) STRICT",
+        DIGESTS,
+    ]
+    new = _content(study, files)
+    if connection.execute("SELECT count(*) FROM sqlite_master").fetchone() == (0,):
+        for statement in schema:
+            connection.execute(statement)
+        row = *new, json.dumps({package: version(package) for package in _SOFTWARE})
+        connection.execute("INSERT INTO study VALUES (?, ?, ?, ?)", (*row, _seal(row)))
+        return
+    require_whole(connection)
+    stored, *more = rows_of_study(connection)
+    if more or stored[3] != _seal(stored[:3]):
+        raise sqlite3.DatabaseError("the table study is damaged")
+    if stored[0] != new[0]:
+        problem = "it holds the results of another study, base scenario or robot"
+        raise InputError("output", problem, "the unchanged study, or another folder")
+    known = {NUMBER, *types, *results}
+    names = [name for _, name, *_ in connection.execute("PRAGMA table_info(runs)")]
+    require_schema(connection, schema + [_addition(name) for name in names if name not in known])
 
 
-@contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    """Keep other processes out; the lock, a transaction, ends with the process, however it ends."""
-    with closing(sqlite3.connect(path, timeout=0.5)) as lock:
-        lock.execute("BEGIN EXCLUSIVE")
-        try:
-            yield
-        finally:
-            with suppress(OSError):  # an open file cannot be removed everywhere
-                path.unlink()
+def _addition(name: str) -> str:
+    """The statement that adds a column of results by joint, quantity, limit or arm branch."""
+    kind = result_type(name.removeprefix(FOUND))
+    return f"ALTER TABLE runs ADD COLUMN {_definition(name, kind)}"
 
 
-def _check_study(connection: sqlite3.Connection, folder: Path, study: Study, files: Files) -> None:
-    """Store what the results depend on in a new database; compare its digest in an existing one."""
+def _content(study: Study, files: Files) -> tuple[str, str]:
+    """Digest and text of what the results of a study depend on."""
     content = study.content.model_dump(mode="json", by_alias=True, exclude_none=True)
     del content["base"]
     base = study.base_source.absolute().parent
     digests = {os.path.relpath(path, base): sha256(data).hexdigest() for path, data in files}
     text = json.dumps({"format": _FORMAT, "study": content, "base": study.base, "files": digests})
-    digest = sha256(text.encode()).hexdigest()
-    (stored,) = connection.execute("SELECT max(digest) FROM study").fetchone()
-    (runs,) = connection.execute("SELECT count(*) FROM runs").fetchone()
-    if stored is None and not runs:
-        software = json.dumps({package: version(package) for package in _SOFTWARE})
-        connection.execute("INSERT INTO study VALUES (?, ?, ?)", (digest, text, software))
-    elif stored != digest:
-        problem = f"{folder} holds the results of another study, base scenario or robot"
-        raise InputError("output", problem, "the unchanged study, or another folder")
+    return sha256(text.encode()).hexdigest(), text
+
+
+def _seal(row: Sequence[str]) -> str:
+    """The digest of the one row of the table study."""
+    return sha256(json.dumps(list(row)).encode()).hexdigest()

@@ -12,9 +12,10 @@ import numpy as np
 from freefloat.concurrency import available_cores
 from freefloat.so3 import IntArray
 from freefloat.studies.columns import ERROR, NUMBER
-from freefloat.studies.database import DATABASE, open_results
-from freefloat.studies.few_tasks import FEW
+from freefloat.studies.database import open_results
+from freefloat.studies.folder import DATABASE
 from freefloat.studies.portable import PortableStudy, study_files
+from freefloat.studies.process_pool import FEW
 from freefloat.studies.run import execute, finite
 from freefloat.studies.run_values import FEWEST, group_numbers, why_alone
 from freefloat.studies.study import Command, Study

@@ -14,12 +14,13 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader
 
+from freefloat.concurrency import Progress
 from freefloat.io.files import written_beside
 from freefloat.studies.columns import NUMBER
+from freefloat.studies.folder import FIGURE, REPORT
 from freefloat.studies.names import heading, readable_name
 from freefloat.studies.results import StudyResult
 
-REPORT = "report.html"
 _HEADINGS = {
     "verdict": "verdict", "margin": "minimum margin", "singular_time": "singular at [s]",
     "branch": "arm branch", "heading_deg": "heading [deg]",
@@ -35,8 +36,12 @@ _MAX_LISTED = 1000
 """Runs listed in the report; the tables have all of them."""
 
 
-def save_report(result: StudyResult) -> dict[str, Path]:
+def save_report(result: StudyResult, progress: Progress = lambda done: None) -> dict[str, Path]:
     """Write the figure and the report of a study; return the files by kind.
+
+    Args:
+        result: Results of the study.
+        progress: Called with the fraction done.
 
     Raises:
         InputError: If they cannot be written.
@@ -49,7 +54,9 @@ def save_report(result: StudyResult) -> dict[str, Path]:
     drawn = (*parameters, "verdict", "margin", "margin_required", "measure")
     unit = _margin_unit(result)
     drawing = study_figure(rows.columns(drawn), parameters, unit)
-    figure, picture = save_figures(result.folder, {"summary": drawing})
+    progress(0.3)
+    figure, picture = save_figures(result.folder, {FIGURE: drawing})
+    progress(0.7)
     linked = [file.name for file in (result.files.get("csv"), result.files.get("parquet"), figure)
               if file]  # fmt: skip
     page = _page(result, parameters, unit, picture.read_bytes(), linked)

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from itertools import chain
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,15 @@ import numpy.typing as npt
 from freefloat.errors import InputError
 from freefloat.studies.columns import BOOLEAN, BOOLEANS, FOUND, NUMBER, TEXT, in_order
 
+_WRITABLE = "a writable folder with space"
+_OF_FILE_SYSTEM = (
+    "SQLITE_FULL",
+    "SQLITE_IOERR",
+    "SQLITE_READONLY",
+    "SQLITE_CANTOPEN",
+    "SQLITE_PERM",
+)
+"""What the names of errors begin with that are none of the database."""
 BLOCK = 1_000
 """Rows that are read at a time: as many as fit into the processor's cache."""
 
@@ -101,14 +111,12 @@ def quoted(name: str) -> str:
 @contextmanager
 def database_errors(file: Path) -> Iterator[None]:
     """Raise errors of the file system and of SQLite as errors of the output folder."""
-    accepted = "a writable folder with space, and an unaltered database"
     try:
         yield
-    except (sqlite3.Error, UnicodeDecodeError) as error:
-        problem = f"{file}: {error}"
-        if getattr(error, "sqlite_errorname", "").startswith("SQLITE_BUSY"):
-            problem = f"{file.parent}: another process is running this study"
-            accepted = "another folder"
-        raise InputError("output", problem, accepted) from None
+    except (sqlite3.Error, UnicodeDecodeError, MemoryError) as error:
+        accepted = f"a database as it was written; to start over: rm {quote(str(file))}*"
+        if getattr(error, "sqlite_errorname", "").startswith(_OF_FILE_SYSTEM):
+            accepted = _WRITABLE
+        raise InputError("output", f"{file}: {str(error) or 'it is damaged'}", accepted) from None
     except OSError as error:
-        raise InputError("output", f"{file.parent}: {error.strerror}", accepted) from None
+        raise InputError("output", f"{file.parent}: {error.strerror}", _WRITABLE) from None

@@ -6,19 +6,21 @@ import json
 import math
 import tempfile
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from freefloat.errors import FreeFloatError, InputError
+from freefloat.io.files import written_beside
 from freefloat.io.records.results import save
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.studies.columns import ERROR
 from freefloat.studies.document import error_of_study
+from freefloat.studies.folder import FILES, folder_errors
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.records import computed_record, followed_motion
-from freefloat.studies.study import Command, Study
+from freefloat.studies.study import UNDISTURBED, Command, Study
 from freefloat.studies.values import record_values, tracking_values
 
 
@@ -35,6 +37,23 @@ class RunResult:
     number: int
     values: dict[str, Any]
     content: bytes | None = field(default=None, repr=False)
+
+    def written(self, folder: Path) -> RunResult:
+        """The same after its result file was written in the folder of the study, and is named.
+
+        Raises:
+            InputError: If it cannot be written.
+        """
+        if self.content is None:
+            return self
+        name = f"{'undisturbed' if self.number == UNDISTURBED else f'{self.number:05d}'}.h5"
+        file = folder / FILES / name
+        with folder_errors(folder / FILES):
+            file.parent.mkdir(exist_ok=True)
+            with written_beside(file) as temporary:
+                temporary.write_bytes(self.content)
+        values = self.values | {"file": f"{FILES}/{name}", "bytes": len(self.content)}
+        return replace(self, values=values, content=None)
 
 
 def error_values(error: BaseException | str) -> dict[str, Any]:
@@ -70,6 +89,11 @@ def execute(study: PortableStudy, number: int, save_file: bool = False) -> RunRe
         values["error"] = study.original(values["error"])
     values |= {"seconds": time.perf_counter() - begin, "began": began}
     return RunResult(number, values, content)
+
+
+def execute_into(study: PortableStudy, number: int, folder: Path) -> RunResult:
+    """Execute a run on one core and write its result file in the folder of the study."""
+    return execute(study, number, save_file=True).written(folder)
 
 
 def _computed(study: Study, number: int) -> tuple[dict[str, Any], Any]:

@@ -5,21 +5,22 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import closing
+from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from freefloat.concurrency import available_cores, require_memory
+from freefloat.concurrency import Progress, available_cores, require_memory
 from freefloat.errors import InputError, finite_number, require_extra, require_type, whole_number
 from freefloat.io.scenario.robot_section import RobotFile
 from freefloat.io.scenario.yaml import validated
 from freefloat.studies.columns import NUMBER, Columns
-from freefloat.studies.database import DATABASE, StudyDatabase, open_results
-from freefloat.studies.few_tasks import FEW, few_tasks
+from freefloat.studies.database import StudyDatabase, open_results
+from freefloat.studies.folder import DATABASE
 from freefloat.studies.portable import PortableStudy, study_files
+from freefloat.studies.process_pool import completed_in_pool
 from freefloat.studies.results import StudyResult
-from freefloat.studies.run import RunResult, error_values, execute
+from freefloat.studies.run import RunResult, error_values, execute, execute_into
 from freefloat.studies.run_values import group_numbers
 from freefloat.studies.study import START_KEYS, UNDISTURBED, Command, Study
 from freefloat.studies.tables import save_tables
@@ -29,6 +30,9 @@ _WORKER_SIZE = 200_000_000
 """Memory of a worker [bytes]."""
 _REPORT_FILES = ("figure", "picture", "report")
 """Kinds of files that are written with a report."""
+_KILLED = "its worker was killed, also when the run was repeated"
+Stages = Callable[[str], AbstractContextManager[Progress]]
+"""Begins a step of a study that has a name; what it yields is called with the fraction done."""
 
 
 def run_study(
@@ -70,41 +74,76 @@ def run_study(
         1.0
     """
     require_type("study", study, Study, "load_study(...)")
+    stage = runs_text(study.count)
+
+    def stages(name: str) -> AbstractContextManager[Progress]:
+        return nullcontext(progress if progress is not None and name == stage else _ignored)
+
+    return run_in_stages(study, Path(folder), workers, scheduler, until, report, stages)
+
+
+def runs_text(count: int) -> str:
+    """A number of runs in words."""
+    return f"{count:,} run{'' if count == 1 else 's'}"
+
+
+def _ignored(done: float) -> None:
+    """Show no progress."""
+
+
+def run_in_stages(
+    study: Study,
+    folder: Path,
+    workers: int | None,
+    scheduler: str | None,
+    until: float | None,
+    report: bool,
+    stages: Stages,
+) -> StudyResult:
+    """:func:`run_study` with the progress of each of its steps."""
     if workers is not None and scheduler is not None:
         raise InputError("workers", "a scheduler was given too: it has its workers", "one of both")
     if workers is not None:
         whole_number("workers", workers, 1)
         require_memory("workers", min(workers, study.count), _WORKER_SIZE, math.inf)
-    if scheduler is None and study.content.command is Command.TRACK:
+    if scheduler is not None:
+        require_extra("cluster", "distributed")
+    elif study.content.command is Command.TRACK:
         require_extra("mujoco", "mujoco")
     if until is not None:
         finite_number("until", until, "a fraction above 0, below 1", 1e-6, 1.0)
         if study.variation.listed:
             raise InputError("until", "values of the study are listed", "random values alone")
     begin = time.perf_counter()
-    folder, files = Path(folder), study_files(study)
-    with open_results(folder, study, files) as database:
-        tally = Tally(study.count, database.rows, until, progress)
-        before = tally.done
-        if before < study.count and not _vary_robots(study):
-            _require_robot(study)  # whose error is one of every run
-        sent = PortableStudy(study, () if scheduler is None else files)
-        execution = _Execution(sent, database, tally, workers or available_cores(), scheduler)
+    files = study_files(study)
+    with ExitStack() as stack:
+        with stages("finished runs") as progress:
+            database = stack.enter_context(open_results(folder, study, files, progress))
         try:
-            execution.compute_chunks()
-            execution.execute()
-            execution.write_files()
+            with stages(runs_text(study.count)) as progress:
+                tally = Tally(study.count, database.rows, until, progress)
+                before = tally.done
+                if before < study.count and not _vary_robots(study):
+                    _require_robot(study)  # whose error is one of every run
+                sent = PortableStudy(study, () if scheduler is None else files)
+                count = workers or available_cores()
+                execution = _Execution(sent, database, tally, count, scheduler)
+                execution.compute_chunks()
+                execution.execute()
+            execution.write_files(stages)
         except KeyboardInterrupt:
             save_tables(folder, database.rows)
             raise
-        tables = save_tables(folder, database.rows)
+        with stages("tables") as progress:
+            tables = save_tables(folder, database.rows, progress)
         result = StudyResult(study, database.rows, folder, tally.done - before)
         paths = {"database": folder / DATABASE, **tables, **dict.fromkeys(_REPORT_FILES)}
         result = replace(result, files=paths, seconds=time.perf_counter() - begin)
         if report:
             from freefloat.studies.report import save_report  # imports slowly
 
-            result = replace(result, files=paths | save_report(result))
+            with stages("report") as progress:
+                result = replace(result, files=paths | save_report(result, progress))
     return replace(result, seconds=time.perf_counter() - begin)
 
 
@@ -140,9 +179,9 @@ class _Execution:
         if self.scheduler is None:
             self._store(computed(self.sent, chunk, self.workers) for chunk in todo)
             return
-        from freefloat.studies.execution import completed_tasks, computed_by_worker
+        from freefloat.studies.scheduler import completed_by_scheduler, computed_by_worker
 
-        tasks = completed_tasks(computed_by_worker, self.sent, todo, None, self.scheduler)
+        tasks = completed_by_scheduler(computed_by_worker, self.sent, todo, self.scheduler)
         with closing(tasks):
             self._store(columns for _, columns in tasks if columns is not None)
 
@@ -161,43 +200,46 @@ class _Execution:
         missing = [] if self.tally.is_enough else self.tally.missing.tolist()
         for result in self._results(missing, save_files=study.kept_files >= study.count):
             values = result.values
-            if result.content is not None:
-                values |= self.database.write_file(result.number, result.content)
             self.database.add([result.number], {name: [value] for name, value in values.items()})
             if self.tally.add([result.number], [values["verdict"]]):
                 return
 
-    def write_files(self) -> None:
+    def write_files(self, stages: Stages) -> None:
         """Write the files of the worst runs and of the undisturbed one."""
         study = self.sent.study
         if not study.kept_files:
             return
         numbers = self.database.worst_without_file(study.kept_files)
-        fixed = study.start(0) and not any(key in study.content.vary for key in START_KEYS)
-        if fixed and not self.database.has_undisturbed_file:
+        if has_undisturbed_file(study) and not self.database.has_undisturbed_file:
             numbers.append(UNDISTURBED)
-        for result in self._results(numbers, save_files=True):
-            if result.content is not None:
-                self.database.add_file(result.number, result.content)
-
-    def _results(self, numbers: list[int], save_files: bool) -> Iterator[RunResult]:
-        """Execute runs side by side."""
-        work, workers = partial(execute, save_file=save_files), min(self.workers, len(numbers))
-        if self.scheduler is None and len(numbers) <= FEW:
-            done = set()
-            with closing(few_tasks(work, self.sent, numbers, workers)) as results:
-                for number, run in results:
-                    done.add(number)
-                    yield run
-            numbers = [number for number in numbers if number not in done]
         if not numbers:
             return
-        from freefloat.studies.dask_clients import REPETITIONS  # Dask imports slowly
-        from freefloat.studies.execution import completed_tasks
+        with stages(f"{len(numbers):,} result file{'s' * (len(numbers) > 1)}") as progress:
+            for done, result in enumerate(self._results(numbers, save_files=True), 1):
+                if "file" in result.values and result.number != UNDISTURBED:
+                    values = result.values
+                    self.database.add_file(result.number, values["file"], values["bytes"])
+                progress(done / len(numbers))
 
-        with closing(
-            completed_tasks(work, self.sent, numbers, workers, self.scheduler)
-        ) as completed:
+    def _results(self, numbers: list[int], save_files: bool) -> Iterator[RunResult]:
+        """Execute runs side by side, and write their files if they are to be saved."""
+        if not numbers:
+            return
+        folder = self.database.folder
+        if self.scheduler is None:
+            here = partial(execute_into, folder=folder) if save_files else execute
+            completed = completed_in_pool(here, self.sent, numbers, self.workers)
+        else:
+            from freefloat.studies.scheduler import completed_by_scheduler
+
+            there = partial(execute, save_file=save_files)
+            completed = completed_by_scheduler(there, self.sent, numbers, self.scheduler)
+        with closing(completed):
             for number, result in completed:
-                problem = f"its worker was killed, also in {REPETITIONS} repetitions"
-                yield result or RunResult(number, error_values(problem))
+                run = result or RunResult(number, error_values(_KILLED))
+                yield run.written(folder)
+
+
+def has_undisturbed_file(study: Study) -> bool:
+    """Whether the simulation of the unvaried scenario is written, too."""
+    return bool(study.start(0)) and not any(key in study.content.vary for key in START_KEYS)

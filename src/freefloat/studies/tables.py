@@ -9,12 +9,13 @@ from typing import Any
 
 from pydantic_core import to_json
 
+from freefloat.concurrency import Progress
 from freefloat.errors import MissingExtraError, require_extra
 from freefloat.io.files import cell_text, written_beside
 from freefloat.studies.columns import BOOLEAN, INTEGER, NUMBER, REAL, TEXT
-from freefloat.studies.rows import StudyRows
+from freefloat.studies.folder import CSV, PARQUET
+from freefloat.studies.rows import BLOCK, StudyRows
 
-PARQUET, CSV = "cases.parquet", "cases.csv"
 _CASE = "case"
 """Name of the column of numbers in tables."""
 _SPECIAL = re.compile('[,"\r\n]')
@@ -24,10 +25,17 @@ _QUOTED = r"^'([=+\-@\t\r\n])"
 """Beginning of a text to which :func:`cell_text` added an apostrophe."""
 
 
-def save_tables(folder: Path, rows: StudyRows) -> dict[str, Path | None]:
+def save_tables(
+    folder: Path, rows: StudyRows, progress: Progress = lambda done: None
+) -> dict[str, Path | None]:
     """Write the rows in two formats; return the files by kind, None for one not written.
 
     The Parquet table, the one with types, needs PyArrow (the extra ``parquet``).
+
+    Args:
+        folder: The folder.
+        rows: The rows.
+        progress: Called with the fraction of the rows that are written as CSV.
 
     Raises:
         InputError: If they cannot be written.
@@ -37,7 +45,9 @@ def save_tables(folder: Path, rows: StudyRows) -> dict[str, Path | None]:
     with written_beside(folder / CSV) as beside:
         with beside.open("w", encoding="utf-8", newline="") as stream:
             stream.write(",".join(_cells(list(types), TEXT)))
-            for block in rows.blocks(query):
+            count = len(rows)
+            for place, block in enumerate(rows.blocks(query)):
+                progress(place * BLOCK / count)
                 columns = map(_cells, zip(*block, strict=True), types.values())
                 stream.write("\n" + "\n".join(map(",".join, zip(*columns, strict=True))))
             stream.write("\n")
