@@ -12,6 +12,7 @@ from freefloat.io.scenario.yaml import parse_yaml, read_text, validated
 from freefloat.robot.bundled import find_scenario, find_study, is_file
 from freefloat.so3 import unit_quaternion
 from freefloat.studies.document import error_of_study, scenario_from, with_values
+from freefloat.studies.extreme_runs import check_extreme_runs
 from freefloat.studies.robot_values import SCALE_MASS
 from freefloat.studies.sampling import MAX_RUNS
 from freefloat.studies.study import START_KEYS, Combine, Command, Study, StudyFile
@@ -45,6 +46,7 @@ def load_study(name: str | Path) -> Study:
         _check_use(study)
         _check_tracking(study)
         _check_runs(study)
+        check_extreme_runs(study)
         _check_branch(study)
         _check_links(study)
     except InputError as error:

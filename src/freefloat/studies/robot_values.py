@@ -26,6 +26,8 @@ _FIELDS = {
 """Keys of parts whose values may differ between the robots of an ensemble."""
 _VECTORS = ("com", "mount.xyz", "mount.rpy")
 """Fields whose entries may vary, as com.2."""
+INERTIA = "inertia"
+"""Last word of the keys of inertias."""
 _LARGEST = 1e9
 _TRIANGLE = 1e-9
 Column = Array | Sequence[Any]
@@ -149,7 +151,7 @@ class VariedRobot:
             part, name, index = found
             field = f"{part}.{name}"
             nominal = self._nominal(field)
-            if name == "inertia":
+            if name == INERTIA:
                 fields[field] = _matrices(as_numbers(column, _moments_shape(column[0])))
             elif index is None:
                 fields[field] = as_numbers(column, nominal.shape)
@@ -232,9 +234,18 @@ def _is_accepted(key: str, array: Array) -> BoolArray:
     if name == "rpy":
         return _within(array, -2.0 * np.pi, 2.0 * np.pi)
     accepted = _within(array, -_LARGEST, _LARGEST)
-    if name == "inertia":
-        matrices = np.where(accepted[:, None, None], array, np.eye(3))
-        least, middle, largest = np.linalg.eigvalsh(matrices).T
-        symmetric = (matrices == matrices.swapaxes(1, 2)).all(axis=(1, 2))
-        accepted &= symmetric & (least > 0.0) & (least + middle >= largest * (1.0 - _TRIANGLE))
+    if name == INERTIA:
+        accepted &= are_inertias(np.where(accepted[:, None, None], array, np.eye(3)))
     return accepted
+
+
+def are_inertias(values: Array) -> BoolArray:
+    """Which values are inertias of rigid bodies, shape (K,).
+
+    Args:
+        values: Finite principal moments (K, 3), six moments (K, 6), or matrices (K, 3, 3).
+    """
+    matrices = _matrices(values)
+    least, middle, largest = np.linalg.eigvalsh(matrices).T
+    symmetric = (matrices == matrices.swapaxes(1, 2)).all(axis=(1, 2))
+    return np.asarray(symmetric & (least > 0.0) & (least + middle >= largest * (1.0 - _TRIANGLE)))

@@ -15,6 +15,7 @@ from scipy.special import ndtri
 
 from freefloat.io.scenario.field_types import NotNegative, Number, Quaternion, Section
 from freefloat.so3 import Array
+from freefloat.studies.robot_values import INERTIA, are_inertias
 
 MAX_RUNS = 1_000_000
 """Largest number of runs of a study, and of values of one key."""
@@ -23,6 +24,8 @@ _ROUNDING_ERROR = 1e-15
 """Largest error of accumulated steps, relative to the largest value."""
 _STEP_TOLERANCE = 1e-9
 """Fraction of a step by which a range may miss its last value."""
+_REDRAWN = 100
+"""Largest number of draws of an inertia."""
 _HALF = 0.5**54
 """Half the spacing of random numbers, which are otherwise multiples of it from 0 on."""
 
@@ -203,11 +206,23 @@ class ValuesSection(Section):
     def draws(self, seed: int, key: str, first: int, count: int) -> Array:
         """The random values of a key in runs ``first`` to ``first + count``: numbers or lists.
 
-        A value depends on seed, key and number of the run alone, not on other keys or runs.
+        A value depends on seed, key and number of the run alone, not on other keys or runs. Of an
+        inertia, a list that is that of no rigid body is drawn again, up to a hundred times.
 
         Returns:
             Shape (count,) or (count, k).
         """
+        drawn = self._drawn(seed, key, first, count)
+        if key.rpartition(".")[2] == INERTIA and drawn.shape[1:] in ((3,), (6,)):
+            for again in range(1, _REDRAWN):
+                wrong = ~are_inertias(drawn)
+                if not wrong.any():
+                    break
+                drawn[wrong] = self._drawn(seed, f"{key} {again}", first, count)[wrong]
+        return drawn
+
+    def _drawn(self, seed: int, key: str, first: int, count: int) -> Array:
+        """Random values with independent components."""
         stream = partial(_random_numbers, seed, key, first, count)
         if self.ball is not None:
             return self.ball.points(stream(self.ball.width))
