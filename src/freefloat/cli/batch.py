@@ -90,7 +90,9 @@ def batch(
     loaded = load_study(study)
     if dry_run:
         with console.progress("timing runs"):
-            estimate = estimate_study(loaded, output, workers=workers, scheduler=scheduler)
+            estimate = estimate_study(
+                loaded, output, workers=workers, scheduler=scheduler, report=report
+            )
         if as_json:  # a million runs take gigabytes
             console.json(estimate.to_dict())
         console.tables(_estimate_tables(estimate))
@@ -184,11 +186,12 @@ def _estimate_tables(estimate: StudyEstimate) -> Iterator[RenderableType]:
         yield study.contact_unchecked
     if estimate.run_seconds is not None and estimate.seconds is not None:
         workers = "one worker" if estimate.workers in (None, 1) else f"{estimate.workers} workers"
+        files = f", {estimate.files:,} files" if estimate.files else ""
         yield (
-            f"{estimate.missing:,} to run, about {time_text(estimate.run_seconds)} each "
-            f"({estimate.basis}): {time_text(estimate.seconds)} on {workers}"
+            f"{estimate.missing:,} to run, about {time_text(estimate.run_seconds)} each on a core"
+            f"{files}: about {time_text(estimate.seconds)} with {workers}"
         )
-    elif estimate.missing:
+    else:
         yield f"{estimate.missing:,} to run; no estimate: {estimate.basis}"
 
 

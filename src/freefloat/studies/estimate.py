@@ -2,28 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import time
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from freefloat.concurrency import available_cores
 from freefloat.so3 import IntArray
-from freefloat.studies.columns import ERROR, NUMBER
-from freefloat.studies.database import open_results
+from freefloat.studies.columns import ERROR, NUMBER, Column
+from freefloat.studies.database import StudyDatabase, open_results
 from freefloat.studies.folder import DATABASE
 from freefloat.studies.portable import PortableStudy, study_files
-from freefloat.studies.process_pool import FEW
-from freefloat.studies.run import execute, finite
+from freefloat.studies.process_pool import FEW, start_seconds
+from freefloat.studies.results import StudyResult
+from freefloat.studies.run import RunResult, execute, finite
 from freefloat.studies.run_values import FEWEST, group_numbers, why_alone
+from freefloat.studies.runner import has_undisturbed_file
 from freefloat.studies.study import Command, Study
+from freefloat.studies.tables import save_tables
 
-_START_SECONDS = 3.0
-"""Typical time until local workers have started."""
-_TIMED = 256
-"""Runs of an ensemble that are timed."""
+_TRACKED = 16
+"""Closed loops that are timed."""
+_SAMPLES, _ENOUGH = 5, 2.0
+"""Largest number of runs that are timed one by one, and a time after which these are enough [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,20 +39,27 @@ class StudyEstimate:
         study: The study.
         finished: Numbers of the finished runs.
         workers: Number of workers; None for those of a scheduler.
-        run_seconds: Expected duration of a run [s]; None if no run could be timed.
-        basis: What this is based on, such as ``"finished runs"``, or why there is no estimate.
+        run_seconds: Expected time of a run on a core [s]; None if no run could be timed.
+        files: Number of result files that are written after the runs.
+        file_seconds: Expected time of such a file on a core [s].
+        start_seconds: Expected time until kernels and robot are loaded and workers have started
+            [s].
+        end_seconds: Expected time of tables, Sobol indices and report [s].
+        seconds: Expected duration of the study [s]; with a scheduler on one worker; None if no run
+            could be timed.
+        basis: What was timed, or why there is no estimate.
     """
 
     study: Study
     finished: frozenset[int] = field(repr=False)
     workers: int | None
-    run_seconds: float | None
-    basis: str | None
-
-    @cached_property
-    def _alone(self) -> int:
-        """Number of runs that are executed one by one."""
-        return self.study.count - int((group_numbers(self.study) >= 0).sum())
+    run_seconds: float | None = None
+    files: int = 0
+    file_seconds: float = 0.0
+    start_seconds: float = 0.0
+    end_seconds: float = 0.0
+    seconds: float | None = None
+    basis: str | None = None
 
     @cached_property
     def run_by_run(self) -> str | None:
@@ -58,20 +70,6 @@ class StudyEstimate:
     def missing(self) -> int:
         """Number of runs that are not finished."""
         return self.study.count - len(self.finished)
-
-    @property
-    def start_seconds(self) -> float:
-        """Expected time until the workers have started [s]."""
-        many = min(self.missing, self._alone) > FEW
-        return _START_SECONDS if self.workers is not None and many else 0.0
-
-    @property
-    def seconds(self) -> float | None:
-        """Expected duration of the study [s]; with a scheduler on one worker."""
-        if self.run_seconds is None:
-            return None
-        parallel = min(self.workers or 1, available_cores(), self.missing or 1)
-        return self.start_seconds + self.run_seconds * self.missing / parallel
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``batch --dry-run``."""
@@ -84,6 +82,9 @@ class StudyEstimate:
             "workers": self.workers,
             "seconds_each": self.run_seconds,
             "start_up_seconds": self.start_seconds,
+            "files": self.files,
+            "file_seconds_each": self.file_seconds,
+            "end_seconds": self.end_seconds,
             "timed": self.basis,
             "run_by_run": self.run_by_run,
             "contact_unchecked": self.study.contact_unchecked,
@@ -116,52 +117,196 @@ def estimate_study(
     *,
     workers: int | None = None,
     scheduler: str | None = None,
+    report: bool = False,
 ) -> StudyEstimate:
-    """Estimate how long a study will take; nothing is written.
-
-    Without finished runs, some runs are executed twice, and timed the second time.
+    """Estimate how long a study will take, by a little of each of its steps in another folder.
 
     Args:
         study: The study.
         folder: Folder with finished runs.
         workers: Number of processes on this machine; default is one per core.
         scheduler: Address of a Dask scheduler whose workers are used instead.
+        report: Whether the report is written.
     """
-    finished, seconds = np.zeros(0, np.int64), np.zeros(0)
+    finished, named = np.zeros(0, np.int64), 0
     if folder is not None and (Path(folder) / DATABASE).is_file():
         with open_results(Path(folder), study, study_files(study)) as database:
-            finished, seconds = (database.rows.column(name) for name in (NUMBER, "seconds"))
+            finished = database.rows.column(NUMBER)
+            named = len(database.rows.column(NUMBER, "WHERE file IS NOT NULL"))
     missing = np.setdiff1d(np.arange(study.count), finished)
-    each: float | None = None
-    basis: str | None = None
-    if len(finished):
-        each, basis = float(np.nanmean(seconds)), "finished runs"
-    elif len(missing):
-        each, basis = _timed(PortableStudy(study), missing)
     count = workers or available_cores() if scheduler is None else None
-    return StudyEstimate(study, frozenset(finished.tolist()), count, each, basis)
+    estimate = StudyEstimate(study, frozenset(finished.tolist()), count)
+    if not len(missing):
+        return replace(estimate, seconds=0.0, run_seconds=0.0)
+    files = study.kept_files if study.kept_files < study.count else 0
+    files = max(0, files - named) + (bool(study.kept_files) and has_undisturbed_file(study))
+    parallel = min(count or 1, available_cores())
+    with TemporaryDirectory(prefix="freefloat-") as place:
+        return _Trial(study, Path(place), parallel).timed(estimate, missing, files, report)
 
 
-def _timed(study: PortableStudy, missing: IntArray) -> tuple[float | None, str]:
-    """Mean duration of missing runs on a core [s], None without any; and what was timed."""
-    together = group_numbers(study.study)[missing] >= 0
-    total, bases, decided, alone = 0.0, [], 0.0, missing[~together]
-    if together.any():
-        from freefloat.studies.ensembles import chunks, integrated  # compiled kernels
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """Some runs of a study in a folder of their own, each step of them timed.
 
-        some = next(chunks(group_numbers(study.study), missing[together][:_TIMED]))
-        rows = [integrated(study, some, 1) for _ in range(2)][1]
-        left = np.setdiff1d(some.numbers, rows[NUMBER])
-        alone = alone if len(alone) else left
-        if len(left) < len(some.numbers):
-            decided = int(together.sum()) * (1.0 - len(left) / len(some.numbers))
-            total += float(np.mean(rows["seconds"])) * decided
-            bases.append(f"{len(some.numbers) - len(left)} runs of an ensemble")
-    if len(alone):
-        first, second = (execute(study, int(alone[k])) for k in (0, len(alone) // 2))
-        run = first if second.values["verdict"] == ERROR else second
-        if run.values["verdict"] == ERROR:
-            return None, f"no run could be timed, run {run.number}: {run.values['error']}"
-        total += run.values["seconds"] * (len(missing) - decided)
-        bases.append(f"run {run.number}")
-    return total / len(missing), " and ".join(bases)
+    Attributes:
+        study: The study.
+        folder: The folder.
+        workers: Number of processes that compute side by side.
+    """
+
+    study: Study
+    folder: Path
+    workers: int
+
+    @cached_property
+    def _sent(self) -> PortableStudy:
+        return PortableStudy(self.study)
+
+    def timed(
+        self, estimate: StudyEstimate, missing: IntArray, files: int, report: bool
+    ) -> StudyEstimate:
+        """The estimate for missing runs, and files after them."""
+        with open_results(self.folder, self.study, ()) as database:
+            try:
+                chunks = self._chunks(database, missing)
+                alone = self._runs(database, missing, len(missing) - chunks.count)
+                written = self._files(missing, files)
+            except _NoneTimed as error:
+                return replace(estimate, basis=str(error))
+            end = self._end(database, len(missing), report)
+        steps = chunks, alone, written
+        start, seconds = (sum(getattr(step, name) for step in steps) for name in ("start", "wall"))
+        return replace(
+            estimate,
+            run_seconds=(chunks.seconds + alone.seconds) / len(missing),
+            files=files,
+            file_seconds=written.seconds / max(files, 1),
+            start_seconds=start,
+            end_seconds=end,
+            seconds=start + seconds + end,
+            basis=" and ".join(step.basis for step in steps if step.basis),
+        )
+
+    def _chunks(self, database: StudyDatabase, missing: IntArray) -> _Step:
+        """Runs that are computed side by side: one chunk to load, and another that is timed."""
+        groups, track = group_numbers(self.study), self.study.content.command is Command.TRACK
+        count = len(missing) if track else int((groups[missing] >= 0).sum())
+        if not count:
+            return _Step()
+        from freefloat.studies.chunks import chunks, computed  # compiled kernels
+
+        todo, timed = chunks(self.study, groups, missing), list[tuple[float, int, Column]]()
+        first = next(todo, None)
+        if first is None:
+            return _Step()
+        for chunk in (first, next(todo, first)):
+            some = replace(chunk, numbers=chunk.numbers[:_TRACKED]) if track else chunk
+            begin = time.perf_counter()
+            rows = dict(computed(self._sent, some, self.workers))
+            numbers = rows.pop(NUMBER)
+            if len(numbers) and len(timed):
+                database.add(numbers, rows)
+            timed.append((time.perf_counter() - begin, len(some.numbers), numbers))
+        (cold, size, _), (warm, length, numbers) = timed
+        wall = warm / length * count
+        return _Step(
+            count * len(numbers) // length,
+            wall * self.workers,
+            wall,
+            max(0.0, cold - warm * size / length),
+            f"{len(numbers)} runs {'side by side' if track else 'of an ensemble'}",
+        )
+
+    def _runs(self, database: StudyDatabase, missing: IntArray, count: int) -> _Step:
+        """Runs on their own."""
+        numbers = np.setdiff1d(missing, database.rows.column(NUMBER))
+        if not count or not len(numbers):
+            return _Step()
+        save = self.study.kept_files >= self.study.count
+        cold, each, runs = self._executed(numbers, save)
+        for run in runs:
+            database.add([run.number], {name: [value] for name, value in run.values.items()})
+        wall = self._wall(count, count * each, cold)
+        listed = ", ".join(str(run.number) for run in runs)
+        return _Step(count, count * each, wall, cold, f"run{'s' * (len(runs) > 1)} {listed}")
+
+    def _files(self, missing: IntArray, count: int) -> _Step:
+        """Result files that are written after the runs."""
+        if not count:
+            return _Step()
+        cold, each, _ = self._executed(missing, save=True)
+        return _Step(count, count * each, self._wall(count, count * each, cold), cold)
+
+    def _executed(self, numbers: IntArray, save: bool) -> tuple[float, float, list[RunResult]]:
+        """Time to load what runs need, mean time of a run after it [s], and the runs."""
+        places = np.linspace(0, len(numbers) - 1, min(_SAMPLES, len(numbers))).astype(int)
+        runs, times = list[RunResult](), list[float]()
+        for number in numbers[places].tolist():
+            begin = time.perf_counter()
+            runs.append(execute(self._sent, number, save).written(self.folder))
+            times.append(time.perf_counter() - begin)
+            if len(times) > 1 and sum(times) > _ENOUGH:
+                break
+        if all(run.values["verdict"] == ERROR for run in runs):
+            reason = f"run {runs[0].number}: {runs[0].values['error']}"
+            raise _NoneTimed(f"no run could be timed, {reason}")
+        each = float(np.mean(times[1:] or times))
+        return max(0.0, times[0] - each), each, runs
+
+    @cached_property
+    def _start(self) -> float:
+        """Time until a worker has started [s]."""
+        return start_seconds(self._sent)
+
+    def _wall(self, count: int, seconds: float, cold: float) -> float:
+        """The time of so many tasks side by side that take so long on a core [s].
+
+        Of few tasks this process executes those that are left when workers have started.
+        """
+        workers, few = min(self.workers, count), count <= FEW
+        if few and (workers == 1 or seconds < 1.0):
+            return seconds
+        start = self._start + cold
+        if not few:
+            return start + seconds / workers
+        return min(seconds, max(start, (seconds + (workers - 1) * start) / workers))
+
+    def _end(self, database: StudyDatabase, count: int, report: bool) -> float:
+        """The time of tables, Sobol indices and report [s]."""
+        times = []
+        for _ in range(2):
+            begin = time.perf_counter()
+            save_tables(self.folder, database.rows)
+            times.append(time.perf_counter() - begin)
+        load, tables = max(0.0, times[0] - times[1]), times[1] * count / max(1, len(database.rows))
+        result, begin = StudyResult(self.study, database.rows, self.folder), time.perf_counter()
+        if report:
+            from freefloat.studies.report import save_report  # imports slowly
+
+            save_report(result)
+        _ = result.sensitivities
+        return load + tables + time.perf_counter() - begin
+
+
+@dataclass(frozen=True)
+class _Step:
+    """Expected times of a step: on all cores together, of the clock, and to load [s].
+
+    Attributes:
+        count: Number of runs or files.
+        seconds: Time of these on a core.
+        wall: Time until all are computed.
+        start: Time before the first.
+        basis: What was timed.
+    """
+
+    count: int = 0
+    seconds: float = 0.0
+    wall: float = 0.0
+    start: float = 0.0
+    basis: str = ""
+
+
+class _NoneTimed(Exception):
+    """All runs that were tried are errors; its argument says so."""
