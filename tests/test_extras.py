@@ -28,13 +28,14 @@ EXTRAS = {
 PARTS = {"pinocchio": "pin", "coal": "coal", "distributed": "dask", "mujoco": "mujoco"}
 """Distributions whose modules are installed by a part of them."""
 MODULES = {
-    "basilisk": "Basilisk", "casadi": "casadi", "mcap": "mcap_ros2", "mujoco": "mujoco",
+    "basilisk": "Basilisk", "casadi": "casadi", "cluster": "distributed", "mcap": "mcap_ros2", "mujoco": "mujoco",
     "parquet": "pyarrow", "video": "playwright", "xacro": "xacro",
 }  # fmt: skip
 COMMANDS = {
     "check missing.h5 --engine basilisk": "basilisk",
     "check missing.h5 --engine mujoco": "mujoco",
     "info robot.xml": "mujoco",
+    "batch spatial_6dof/montecarlo --output study --scheduler tls://host:8786": "cluster",
     "batch spatial_6dof/track --output study": "mujoco",
     "export missing.h5 --format mcap": "mcap",
     "export missing.h5 -o motion.mcap": "mcap",

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ from freefloat.studies.estimate import estimate_study
 from freefloat.studies.loading import load_study
 from freefloat.studies.portable import PortableStudy, study_files
 from freefloat.studies.run import execute
-from freefloat.studies.runner import run_study
+from freefloat.studies.runner import run_in_stages, run_study
 from tests.commands import document, error, run
 from tests.errors import error_key
 from tests.example_studies import HEADINGS, SHORT, a_study, write_study
@@ -152,7 +153,7 @@ def test_no_finished_run_is_lost_or_repeated_whatever_process_is_killed(folder: 
     wait_until(lambda: len(files(out)) >= len(finished) + 2, again)
     workers(again)[0].kill()
     document, errors = again.communicate(timeout=300)
-    assert (again.returncode, errors) == (0, "")
+    assert (again.returncode, len(errors.splitlines())) == (0, 1)  # that a worker was killed
     assert json.loads(document)["reused"] >= len(finished)
     rows = table(out)
     assert rows["case"] == list(range(count))
@@ -261,29 +262,46 @@ def test_workers_of_a_scheduler_get_the_same_rows(folder: Path, scheduler: str) 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://a"])
 def test_a_scheduler_that_is_silent_is_an_error(address: str, folder: Path, monkeypatch) -> None:
-    monkeypatch.setattr("freefloat.studies.dask_clients._TIMEOUT", 1.0)
+    monkeypatch.setattr("freefloat.studies.scheduler._TIMEOUT", 1.0)
     assert error_key(run_study, a_study(folder), folder / "out", scheduler=address) == "scheduler"
 
 
 @pytest.mark.slow
-def test_an_estimate_times_a_run_and_writes_nothing(folder: Path) -> None:
-    write_study(folder, RANDOM | {"timing.duration": {"list": [5, 6]}}, base=SHORT, cases=30)
+def test_an_estimate_times_every_step_and_writes_nothing(folder: Path) -> None:
+    write_study(
+        folder, RANDOM | {"timing.duration": {"list": [5, 6]}}, base=SHORT, cases=30,
+        files="worst 20",
+    )  # fmt: skip
     before = sorted(folder.iterdir())
-    printed = document("batch", "study.yaml", "--dry-run", "--workers", "3")
+    printed = document("batch", "study.yaml", "--dry-run", "--workers", "1")
     assert [case["case"] for case in printed["cases"]] == list(range(60))
     assert printed["cases"][59]["parameters"]["timing.duration"] == 6
-    parallel = min(3, len(os.sched_getaffinity(0)))
     assert printed["timed"].endswith("of an ensemble")
-    assert printed["seconds_each"] < 0.01
-    whole = printed["start_up_seconds"] + printed["seconds_each"] * 60 / parallel
-    assert printed["seconds"] == pytest.approx(whole)
+    assert printed["seconds_each"] < 0.01 < printed["file_seconds_each"]
+    assert printed["files"] == 21  # and the undisturbed one
+    whole = printed["start_up_seconds"] + printed["seconds_each"] * 60 + printed["end_seconds"]
+    whole += printed["file_seconds_each"] * 21
+    assert printed["seconds"] == pytest.approx(whole, rel=1e-3)
     assert "60 to run" in run("batch", "study.yaml", "--dry-run").stdout
     assert sorted(folder.iterdir()) == before
     arc = yaml.safe_load(find_scenario("ur5_servicer/arc").read_text("utf-8"))
     masses = {"robot.spacecraft.mass": {"uniform": [190, 210]}}  # a fraction is that of each robot
     upright = {"heading_deg": None, "attitude": [0, -0.1736, 0, 0.9848]}
     write_study(folder, masses, base=arc, cases=20, **upright)
-    assert document("batch", "study.yaml", "--dry-run")["timed"].startswith("run ")
+    assert document("batch", "study.yaml", "--dry-run")["timed"].startswith("run")
+
+
+@pytest.mark.slow
+def test_every_step_of_a_study_has_its_progress(folder: Path) -> None:
+    study = a_study(folder, RANDOM, base=SHORT, cases=40, files="worst 2")
+    steps: dict[str, list[float]] = {}
+
+    def stages(name: str) -> Any:
+        return nullcontext(steps.setdefault(name, []).append)
+
+    run_in_stages(study, folder / "out", 1, None, None, True, stages)
+    assert list(steps) == ["finished runs", "40 runs", "3 result files", "tables", "report"]
+    assert steps["3 result files"] == pytest.approx([1 / 3, 2 / 3, 1.0])
 
 
 @pytest.mark.parametrize(

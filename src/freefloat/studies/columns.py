@@ -30,7 +30,7 @@ RESULTS = _FIRST | _LAST
 """Types of the results that every study has, empty where its command does not compute them."""
 BOOLEANS = {name for name, kind in RESULTS.items() if kind == BOOLEAN}
 """Names of the results that are true or false, which the database stores as integers."""
-_FAMILIES = {"joints": REAL, "residuals": REAL, "limits": REAL, "attitude_ranges_deg": TEXT}
+FAMILIES = {"joints": REAL, "residuals": REAL, "limits": REAL, "attitude_ranges_deg": TEXT}
 """Types of results that a study has by joint, quantity, limit and arm branch, such as joints.0."""
 
 Column = Sequence[Any] | npt.NDArray[Any]
@@ -40,12 +40,12 @@ Columns = Mapping[str, Column]
 
 def result_type(name: str) -> str:
     """The type of a column of results."""
-    return RESULTS.get(name) or _FAMILIES[name.partition(".")[0]]
+    return RESULTS.get(name) or FAMILIES[name.partition(".")[0]]
 
 
 def in_order(names: Iterable[str], parameters: Sequence[str]) -> list[str]:
     """Columns in the order of tables: number, parameters, verdict and margin, families, others."""
-    before, results = [NUMBER, *parameters], [*_FIRST, *_FAMILIES, *_LAST]
+    before, results = [NUMBER, *parameters], [*_FIRST, *FAMILIES, *_LAST]
 
     def place(name: str) -> int:
         if name in before:

@@ -18,6 +18,7 @@ from freefloat.concurrency import Progress
 from freefloat.errors import InputError
 from freefloat.studies.columns import (
     BOOLEAN,
+    FAMILIES,
     FOUND,
     INTEGER,
     NUMBER,
@@ -188,9 +189,10 @@ def _create_or_check(connection: sqlite3.Connection, study: Study, files: Files)
     if stored[0] != new[0]:
         problem = "it holds the results of another study, base scenario or robot"
         raise InputError("output", problem, "the unchanged study, or another folder")
-    known = {NUMBER, *types, *results}
     names = [name for _, name, *_ in connection.execute("PRAGMA table_info(runs)")]
-    require_schema(connection, schema + [_addition(name) for name in names if name not in known])
+    added = [name for name in names if name not in types | results
+             and name.removeprefix(FOUND).partition(".")[0] in FAMILIES]  # fmt: skip
+    require_schema(connection, schema + [_addition(name) for name in added])
 
 
 def _addition(name: str) -> str:

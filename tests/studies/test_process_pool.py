@@ -1,0 +1,100 @@
+"""Processes in which runs are executed: without sockets, and ended with the command."""
+
+from __future__ import annotations
+
+import ast
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+import freefloat
+from freefloat.studies.portable import PortableStudy
+from freefloat.studies.process_pool import FEW, completed_in_pool
+from tests.example_studies import SHORT, a_study, write_study
+
+SOURCES = Path(freefloat.__file__).parent
+PATHS = {"path.polynomial.y.1": {"uniform": [0.01, 0.0101]}}
+"""Runs that no ensemble represents."""
+LISTENING = 0x10000
+"""Flag of a socket that accepts connections, in /proc/net/unix."""
+
+
+def kill_at(study: PortableStudy, number: int) -> int:
+    """The work of a run; that of run 5 kills its process."""
+    if number == 5:
+        os._exit(9)
+    return number
+
+
+def threads_of(study: PortableStudy, number: int) -> set[int]:
+    """Numbers of threads of the libraries for linear algebra in a worker."""
+    import threadpoolctl
+
+    return {pool["num_threads"] for pool in threadpoolctl.threadpool_info()}
+
+
+@pytest.mark.slow
+def test_a_run_that_kills_its_process_is_named_and_no_other_is_lost(tmp_path: Path) -> None:
+    study = PortableStudy(a_study(tmp_path))
+    found = dict(completed_in_pool(kill_at, study, range(FEW + 8), 2))
+    assert found == {number: None if number == 5 else number for number in range(FEW + 8)}
+
+
+@pytest.mark.slow
+def test_a_worker_computes_on_one_thread(tmp_path: Path) -> None:
+    study = PortableStudy(a_study(tmp_path))
+    found = completed_in_pool(threads_of, study, range(FEW + 1), 1)
+    assert set().union(*(threads for _, threads in found if threads)) == {1}
+
+
+def sockets(processes: list[psutil.Process]) -> list[str]:
+    """Sockets of processes that accept connections."""
+    found, unix = [], set()
+    for line in Path("/proc/net/unix").read_text().splitlines()[1:]:
+        words = line.split()
+        if int(words[3], 16) & LISTENING:
+            unix.add(f"socket:[{words[6]}]")
+    for process in processes:
+        found += [str(entry) for entry in process.net_connections("inet")]
+        for file in Path(f"/proc/{process.pid}/fd").iterdir():
+            found += [str(file)] if os.readlink(file) in unix else []
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("kernels")
+def test_no_process_of_a_study_has_a_listening_socket(tmp_path: Path) -> None:
+    file = write_study(tmp_path, PATHS, base=SHORT, cases=500, files="all")
+    command = [sys.executable, "-m", "freefloat", "batch", str(file), "-o", str(tmp_path / "out")]
+    process = subprocess.Popen(
+        [*command, "--workers", "2", "--quiet"], stderr=subprocess.DEVNULL, start_new_session=True
+    )
+    try:
+        begin = time.monotonic()
+        while not list(tmp_path.glob("out/cases/0*.h5")):
+            assert process.poll() is None
+            assert time.monotonic() - begin < 180.0
+            time.sleep(0.05)
+        tree = [psutil.Process(process.pid), *psutil.Process(process.pid).children(recursive=True)]
+        assert sum("spawn_main" in " ".join(entry.cmdline()) for entry in tree) == 2
+        assert sockets(tree) == []
+    finally:
+        process.kill()
+        process.communicate()
+    assert psutil.wait_procs(tree, timeout=60)[1] == []  # the death of the command ends all
+
+
+def test_one_module_alone_imports_dask() -> None:
+    importing = set()
+    for file in SOURCES.rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            if {name.partition(".")[0] for name in names} & {"dask", "distributed"}:
+                importing.add(file.name)
+    assert importing == {"scheduler.py"}
