@@ -28,8 +28,8 @@ EXTRAS = {
 PARTS = {"pinocchio": "pin", "coal": "coal", "distributed": "dask", "mujoco": "mujoco"}
 """Distributions whose modules are installed by a part of them."""
 MODULES = {
-    "basilisk": "Basilisk", "casadi": "casadi", "cluster": "distributed", "mcap": "mcap_ros2", "mujoco": "mujoco",
-    "parquet": "pyarrow", "video": "playwright", "xacro": "xacro",
+    "basilisk": "Basilisk", "casadi": "casadi", "cluster": "distributed", "mcap": "mcap_ros2",
+    "mujoco": "mujoco", "parquet": "pyarrow", "video": "playwright", "xacro": "xacro",
 }  # fmt: skip
 COMMANDS = {
     "check missing.h5 --engine basilisk": "basilisk",

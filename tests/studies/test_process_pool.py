@@ -24,6 +24,12 @@ LISTENING = 0x10000
 """Flag of a socket that accepts connections, in /proc/net/unix."""
 
 
+@pytest.fixture
+def importable(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Workers find this module, whose functions are their work."""
+    monkeypatch.syspath_prepend(Path(__file__).parents[2])
+
+
 def kill_at(study: PortableStudy, number: int) -> int:
     """The work of a run; that of run 5 kills its process."""
     if number == 5:
@@ -39,6 +45,7 @@ def threads_of(study: PortableStudy, number: int) -> set[int]:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("importable")
 def test_a_run_that_kills_its_process_is_named_and_no_other_is_lost(tmp_path: Path) -> None:
     study = PortableStudy(a_study(tmp_path))
     found = dict(completed_in_pool(kill_at, study, range(FEW + 8), 2))
@@ -46,6 +53,7 @@ def test_a_run_that_kills_its_process_is_named_and_no_other_is_lost(tmp_path: Pa
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("importable")
 def test_a_worker_computes_on_one_thread(tmp_path: Path) -> None:
     study = PortableStudy(a_study(tmp_path))
     found = completed_in_pool(threads_of, study, range(FEW + 1), 1)

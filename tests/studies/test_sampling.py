@@ -87,6 +87,43 @@ def test_normal_values_are_normal() -> None:
     assert sample(normal={"mean": [1, 2, 3], "sd": 0.5}).shape == (COUNT, 3)
 
 
+@pytest.mark.parametrize(
+    "section",
+    [
+        {"uniform": [[0.05, 0.06, 0.07], [0.2, 0.25, 0.3]]},
+        {"uniform": [[0.05, 0, 0, 0.06, 0, 0.07], [0.2, 0.1, 0.1, 0.25, 0.1, 0.3]]},
+        {"normal": {"mean": [0.1, 0.1, 0.1], "sd": 0.05}},
+        {"ball": {"center": [0.1, 0.1, 0.1], "radius": 0.09}},
+    ],
+)
+def test_inertias_are_those_of_rigid_bodies(section: dict[str, Any]) -> None:
+    """Integrals of squares are positive: half the trace less each moment. Others stay as drawn."""
+    section = ValuesSection.model_validate(section)
+    plain = section.draws(1, "robot.payload.com", 0, COUNT)
+    for key in ("robot.payload.inertia", "robot.spacecraft.inertia"):
+        drawn = section.draws(1, key, 0, COUNT)
+        moments = drawn if drawn.shape[1] == 3 else np.array([
+            np.linalg.eigvalsh([[a, b, c], [b, d, e], [c, e, f]]) for a, b, c, d, e, f in drawn
+        ])  # fmt: skip
+        integrals = moments.sum(axis=1, keepdims=True) / 2.0 - moments
+        assert integrals.min() > -1e-9
+        assert moments.min() > 0.0
+        again = section.draws(1, key, 17, 1)  # of one run alone
+        assert again.tolist() == drawn[17:18].tolist()
+    assert plain.shape == drawn.shape
+
+
+def test_uniform_inertias_are_uniform_over_those_within_the_bounds() -> None:
+    """Compared with SciPy's uniform numbers, of which those that are no inertia are left out."""
+    low, high = [0.05, 0.06, 0.07], [0.2, 0.25, 0.3]
+    section = ValuesSection.model_validate({"uniform": [low, high]})
+    drawn = section.draws(1, "robot.payload.inertia", 0, COUNT)
+    others = stats.uniform.rvs(low, np.subtract(high, low), (20 * COUNT, 3), random_state=2)
+    others = others[2.0 * others.max(axis=1) <= others.sum(axis=1)]
+    for mine, theirs in zip(drawn.T, others.T, strict=True):
+        assert stats.ks_2samp(mine, theirs).pvalue > UNLIKELY
+
+
 def test_points_fill_a_ball_evenly() -> None:
     """The fraction within a radius is its cube, and no direction is preferred."""
     points = (sample(ball={"center": [1, 2, 3], "radius": 4}) - [1, 2, 3]) / 4.0

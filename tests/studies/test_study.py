@@ -157,3 +157,31 @@ def test_entries_of_a_list_vary_where_the_base_leaves_it_to_its_default(tmp_path
 def test_one_valid_run_is_enough(tmp_path: Path) -> None:
     study = a_study(tmp_path, {"momentum.2": {"list": [float("nan"), "much", 0.5]}})
     assert study.count == 3
+
+
+PAYLOAD = {"mass": 5, "inertia": [0.1, 0.1, 0.1]}
+
+
+@pytest.mark.parametrize(
+    ("key", "section", "keys"),
+    [
+        ("robot.payload.inertia", {"uniform": [[0.1, 0.1, 0.3], [0.1, 0.1, 0.4]]}, {"cases": 9}),
+        ("robot.payload.inertia", {"list": [[0.1, 0.1, 0.1], [1, 1, 5]]}, {}),
+        ("robot.payload.inertia", {"grid": {"from": [0.05, 0.06, 0.07], "to": [0.2, 0.25, 0.3],
+                                            "count": [2, 2, 2]}}, {}),
+        ("robot.payload.inertia.0", {"uniform": [0.01, 0.5]}, {"cases": 20}),
+        ("robot.payload.mass", {"normal": {"mean": 1, "sd": 1}}, {"cases": 50}),
+        ("robot.payload.mass", {"range": [1, -1, -1]}, {}),
+        ("robot.scale_mass", {"normal": {"mean": 0.1, "sd": 0.5}}, {"cases": 50}),
+        ("timing.duration", {"uniform": [-1, 5]}, {"cases": 50}),
+        ("timing.duration", {"grid": {"from": 5, "to": 0, "count": 6}}, {}),
+        ("margin.value", {"uniform": [-1, 5]}, {"cases": 50}),
+        ("attitude", {"normal": {"mean": [0, 0, 0, 1], "sd": 0.1}}, {"cases": 50}),
+    ],
+)  # fmt: skip
+def test_a_value_that_a_run_does_not_accept_is_an_error_before_all(
+    key: str, section: dict[str, Any], keys: dict[str, Any], tmp_path: Path
+) -> None:
+    base = BASE | {"robot": BASE["robot"] | {"payload": PAYLOAD}}
+    keys |= {"heading_deg": None} if key == "attitude" else {}
+    assert error_key(a_study, tmp_path, {key: section}, base=base, **keys) == f"vary.{key}"

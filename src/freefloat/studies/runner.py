@@ -56,7 +56,7 @@ def run_study(
         study: As :func:`~freefloat.studies.loading.load_study` returns it.
         folder: Folder of the results. A folder of the same study is continued.
         workers: Number of threads and processes on this machine; default is one per core.
-        scheduler: Address of a Dask scheduler whose workers are used instead, ``tcp://...``.
+        scheduler: Address of a Dask scheduler whose workers are used instead, ``tls://...``.
         until: Stop when the 95 % confidence interval of the feasible fraction is that narrow, of
             the runs before the first one that is missing; for studies of random values alone.
         report: Whether to write ``report.html`` and the figure ``summary``.
