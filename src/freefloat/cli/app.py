@@ -21,6 +21,7 @@ from freefloat.cli.export import export
 from freefloat.cli.info import info
 from freefloat.cli.map import map_
 from freefloat.cli.models import models, schema
+from freefloat.cli.options import ListCommand
 from freefloat.cli.plan import plan
 from freefloat.cli.plot import plot
 from freefloat.cli.reorient import reorient
@@ -106,7 +107,7 @@ _COMMANDS = (
     studio, check, export, assemble, batch, schema,
 )  # fmt: skip
 for _command in _COMMANDS:
-    app.command(_command.__name__.rstrip("_"))(_command)
+    app.command(_command.__name__.rstrip("_"), cls=ListCommand)(_command)
 
 
 @app.callback(invoke_without_command=True)

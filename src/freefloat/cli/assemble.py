@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +11,7 @@ import typer
 from rich.console import RenderableType
 
 from freefloat.cli.console import Console, table
-from freefloat.cli.options import Json, Quiet, comma_separated, prepare_outputs, robot_names
+from freefloat.cli.options import Json, Quiet, numbers, prepare_outputs, robot_names
 from freefloat.cli.robots import FileOptions, Packages, Root, Xacro, robot_source
 from freefloat.errors import InputError
 
@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from freefloat.robot.parts import Mount
     from freefloat.robot.source import RobotSource
 
-Vector = tuple[float, float, float]
-Placement = tuple[float, float, float, float, float, float]
+Numbers = Sequence[float]
 _Robot = Annotated[
     str,
     typer.Argument(
@@ -42,34 +41,48 @@ _EndEffector = Annotated[
 ]
 _Mass = Annotated[float | None, typer.Option(metavar="KG", help="Mass of the spacecraft.")]
 _Inertia = Annotated[
-    str | None,
+    Numbers | None,
     typer.Option(
-        metavar="X,Y,Z",
+        metavar="X Y Z ...",
         help="Its inertia about its centre of mass, kg m²: three principal moments, "
-        "ixx,ixy,ixz,iyy,iyz,izz, or nine numbers.",
+        "ixx ixy ixz iyy iyz izz, or nine numbers.",
+        parser=numbers,
     ),
 ]
 _Centre = Annotated[
-    Vector | None,
-    typer.Option(metavar="X Y Z", help="Its centre of mass in its frame, m; default the origin."),
+    Numbers | None,
+    typer.Option(
+        metavar="X Y Z",
+        help="Its centre of mass in its frame, m; default the origin.",
+        parser=numbers,
+    ),
 ]
 _Size = Annotated[
-    Vector | None, typer.Option(metavar="X Y Z", help="Edges of the box drawn for this body [m].")
+    Numbers | None,
+    typer.Option(metavar="X Y Z", help="Edges of the box drawn for this body [m].", parser=numbers),
 ]
 _Mesh = Annotated[
     Path | None, typer.Option(metavar="FILE", help="A mesh that shows it instead, in its frame.")
 ]
 _Mount = Annotated[
-    Placement | None,
-    typer.Option(metavar="X Y Z R P Y", help="Pose of the arm's root link in its frame, m, rad."),
+    Numbers | None,
+    typer.Option(
+        metavar="X Y Z R P Y",
+        help="Pose of the arm's root link in its frame, m, rad.",
+        parser=numbers,
+    ),
 ]
 _PayloadMass = Annotated[
     float | None, typer.Option(metavar="KG", help="Mass of a payload, fixed to the end-effector.")
 ]
-_PayloadInertia = Annotated[str | None, typer.Option(metavar="X,Y,Z", help="As --inertia.")]
+_PayloadInertia = Annotated[
+    Numbers | None, typer.Option(metavar="X Y Z ...", help="As --inertia.", parser=numbers)
+]
 _PayloadCentre = Annotated[
-    Vector | None,
-    typer.Option(metavar="X Y Z", help="Its centre of mass in the end-effector's frame, m."),
+    Numbers | None,
+    typer.Option(
+        metavar="X Y Z", help="Its centre of mass in the end-effector's frame, m.", parser=numbers
+    ),
 ]
 _Tool = Annotated[
     str | None,
@@ -84,8 +97,8 @@ _SecondArm = Annotated[
     ),
 ]
 _Placed = Annotated[
-    Placement | None,
-    typer.Option(metavar="X Y Z R P Y", help="Pose of its root link, m, rad."),
+    Numbers | None,
+    typer.Option(metavar="X Y Z R P Y", help="Pose of its root link, m, rad.", parser=numbers),
 ]
 _CopyMeshes = Annotated[
     bool,
@@ -125,7 +138,7 @@ def assemble(
     """Assemble an arm, a spacecraft, a tool, a second arm and a payload; write one URDF.
 
     Example: freefloat assemble example-robot-data:ur5 -o servicer.urdf
-    --end-effector tool0 --mass 200 --inertia 35,35,35 --size 1 1 1 --mount 0 0 0.5 0 0 0
+    --end-effector tool0 --mass 200 --inertia 35 35 35 --size 1 1 1 --mount 0 0 0.5 0 0 0
 
     Example: freefloat assemble ur5_servicer/arc -o servicer.urdf
     """
@@ -205,12 +218,11 @@ def _body(name: str, parts: dict[str, dict[str, Any]]) -> dict[str, Any]:
     for key in ("mass", "inertia"):
         if key not in options:
             raise InputError(f"{name}.{key}", "it is missing", "mass and inertia of every body")
-    inertia = comma_separated(f"{name}.inertia", options["inertia"])
     mount = {"mount": _mount("mount", options["mount"])} if "mount" in options else {}
-    return {**options, "inertia": inertia, **mount}
+    return {**options, **mount}
 
 
-def _mount(key: str, placement: Placement) -> Mount:
+def _mount(key: str, placement: Numbers) -> Mount:
     import numpy as np
 
     from freefloat.robot.parts import Mount

@@ -24,9 +24,11 @@ from freefloat.errors import FreeFloatError
 
 if TYPE_CHECKING:  # the command line shows its help without NumPy
     from freefloat.limits.result import LimitResult
+    from freefloat.motion.problem import Problem
     from freefloat.planning.answer import Answer
     from freefloat.planning.settings import Search
     from freefloat.planning.simulated_branch import SimulatedBranch
+    from freefloat.so3 import Array
 
 DONE = 0
 NEGATIVE = 1
@@ -41,6 +43,9 @@ REPORTS = 10.0
 _PATIENCE = 3.0
 """Time without progress after which kernels are probably being compiled, and the first line on
 progress is written [s]."""
+_NO_TURN, _AT_START = 1e-7, 1e-6
+"""Angle, and distance of an axis from another, below which it is none; distance from the present
+pose [m, rad] below which a path begins there."""
 ANY = "any"
 """Label of all starting configurations of a redundant arm."""
 
@@ -224,7 +229,51 @@ def search_lines(search: Search) -> Iterator[str]:
         yield "At each attitude only the arm configuration closest to search.joints counts."
 
 
-def motion_lines(chosen: SimulatedBranch, mark: str = "") -> Iterator[str]:
+def attitude_text(attitude: Array) -> str:
+    """A quaternion, and its axis and angle: ``1.00000 0.00000 0.00000 0.00000 (180 deg about x)``.
+
+    Args:
+        attitude: Unit quaternion x, y, z, w, shape (4,).
+    """
+    import numpy as np
+
+    from freefloat.so3 import UPRIGHT, rotation_vector_to
+
+    (turn,) = rotation_vector_to(UPRIGHT, attitude)
+    angle = float(np.linalg.norm(turn))
+    text = f"{decimals(attitude, 5)} ({math.degrees(angle):.4g} deg"
+    if angle < _NO_TURN:
+        return f"{text})"
+    axis = turn / angle
+    k = int(np.abs(axis).argmax())
+    if axis[k] < 0.0 and np.pi - angle < _NO_TURN:
+        axis = -axis  # half a revolution about either
+    if np.abs(np.delete(axis, k)).max() < _NO_TURN:
+        return f"{text} about {'-' if axis[k] < 0.0 else ''}{'xyz'[k]})"
+    return f"{text} about {decimals(axis, 3)})"
+
+
+def present_lines(problem: Problem, attitude: Array | None, joints: Any) -> Iterator[str]:
+    """How far a path begins from the present pose of the end-effector, unless there.
+
+    Args:
+        problem: The problem of the path.
+        attitude: Present attitude, shape (4,); None where it is not known.
+        joints: Present joints, by name or shape (n,), likewise.
+    """
+    if attitude is None or joints is None:
+        return
+    from freefloat.motion.residuals import start_offset
+
+    distance, angle = start_offset(problem, attitude, joints)
+    if max(distance, angle) > _AT_START:
+        turned = (
+            f" and {math.degrees(angle):.4g} deg" if problem.task.prescribes_orientation else ""
+        )
+        yield f"The path begins {distance:.4g} m{turned} from the end-effector's present pose."
+
+
+def motion_lines(chosen: SimulatedBranch) -> Iterator[str]:
     """Lines on a motion: closest approach, first and last state, residuals."""
     from freefloat.motion.singularity import singular_event
 
@@ -232,15 +281,15 @@ def motion_lines(chosen: SimulatedBranch, mark: str = "") -> Iterator[str]:
     problem, initial, final = motion.problem, motion.initial, motion.final
     start = f"from joints {decimals(initial.joints, 3)}"
     name = start if problem.redundant else f"of branch {chosen.branch.index}"
-    yield f"Motion {name}{mark}: {motion.outcome}"
+    yield f"Motion {name}: {motion.outcome}"
     verdict = "keeps" if chosen.feasible else "violates"
     yield (
         f"  minimum margin |{closest.measure}| {chosen.minimum_margin:.6g} "
         f"at t = {closest.time:.4f} s, {verdict} the margin {problem.margin.threshold:g}"
     )
-    yield f"  initial attitude x y z w  {decimals(initial.attitude, 5)}"
+    yield f"  initial attitude x y z w  {attitude_text(initial.attitude)}"
     yield f"  initial joints            {decimals(initial.joints)}"
-    yield f"  final attitude   x y z w  {decimals(final.attitude, 5)}, t = {final.time:.4f} s"
+    yield f"  final attitude   x y z w  {attitude_text(final.attitude)}, t = {final.time:.4f} s"
     yield f"  final joints              {decimals(final.joints)}"
     if (event := singular_event(motion)) is not None:
         place = ", ".join(f"{x:.4f}" for x in event.end_effector)

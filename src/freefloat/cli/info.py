@@ -10,9 +10,9 @@ import typer
 from rich.console import RenderableType
 from rich.text import Text
 
-from freefloat.cli.console import Console, decimals, extent, table
+from freefloat.cli.console import Console, attitude_text, decimals, extent, table
 from freefloat.cli.mission import mission_document, mission_tables
-from freefloat.cli.options import Attitude, Json, Quiet, comma_separated
+from freefloat.cli.options import Attitude, Json, Quiet, numbers
 from freefloat.cli.robots import (
     EndEffector,
     FileOptions,
@@ -33,9 +33,12 @@ if TYPE_CHECKING:
     from freefloat.robot.rigid_bodies import Body
 
 _Joints = Annotated[
-    str | None,
-    typer.Option(metavar="Q1,Q2,...", help="Show the end-effector pose at these joints, rad or m."),
-]
+    Sequence[float] | None,
+    typer.Option(
+        metavar="Q1 Q2 ...", help="Show the end-effector pose at these joints, rad or m.",
+        parser=numbers,
+    ),
+]  # fmt: skip
 
 
 _Hold = Annotated[
@@ -73,7 +76,7 @@ def info(
 
     Example: freefloat info example-robot-data:ur5 --end-effector tool0
 
-    Example: freefloat info planar_2dof/line --joints 0.5,1.0
+    Example: freefloat info planar_2dof/line --joints 0.5 1.0
 
     Example: freefloat info ets_vii/inspect --hold
     """
@@ -83,14 +86,13 @@ def info(
     console = Console(as_json, quiet)
     loaded = load_robot(console, robot, end_effector, FileOptions(root, package, xacro))
     scenario = loaded.scenario
-    values = None if joints is None else comma_separated("joints", joints)
     summary = RobotSummary.of(
         loaded.model,
         loaded.task,
         loaded.measure,
         loaded.diagnostics,
-        values,
-        None if hold and values is None else attitude,
+        joints,
+        None if hold and joints is None else attitude,
         why_unchecked(loaded.model),
     )
     held = _held(robot, scenario, attitude) if hold else None
@@ -121,7 +123,7 @@ def _hold_tables(held: HeldAttitude) -> Iterator[RenderableType]:
     """What wheels do while they hold the attitude, and the turn without them."""
     document = held.to_dict()
     until = "" if held.completed else f", until the arm is singular at {held.times[-1]:.4f} s"
-    yield f"attitude {decimals(held.attitude, 5)} held with branch {held.branch.label}{until}"
+    yield f"attitude {attitude_text(held.attitude)} held with branch {held.branch.label}{until}"
     rows = table("wheels", "x", "y", "z", "magnitude")
     for title, key in (("momentum [N m s]", "wheel_momentum"), ("torque [N m]", "wheel_torque")):
         values = (*document[key], document[f"{key}_norm"])

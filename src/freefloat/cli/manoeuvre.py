@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, cast
 from rich.console import RenderableType
 from rich.text import Text
 
-from freefloat.cli.console import contact_lines, decimals, limit_tables, table
+from freefloat.cli.console import attitude_text, contact_lines, decimals, limit_tables, table
 
 if TYPE_CHECKING:
     from freefloat.dynamics.capture import Capture
@@ -50,7 +50,7 @@ def _summary(manoeuvre: Manoeuvre) -> Iterator[RenderableType]:
         if phase.kind == "path" and phase.motion is not None:
             first = phase.motion.initial
             yield (
-                f"{phase.name}: from the attitude x y z w {decimals(first.attitude, 5)}, joints "
+                f"{phase.name}: from the attitude x y z w {attitude_text(first.attitude)}, joints "
                 f"{decimals(first.joints)}"
             )
         if phase.kind == "capture":
@@ -67,7 +67,7 @@ def _phases(manoeuvre: Manoeuvre) -> Iterator[RenderableType]:
         yield ""
         yield f"{phase.name}: {_found(phase)}"
         if phase.motion is not None:
-            yield f"  first attitude x y z w  {decimals(phase.motion.initial.attitude, 5)}"
+            yield f"  first attitude x y z w  {attitude_text(phase.motion.initial.attitude)}"
             yield f"  first joints            {decimals(phase.motion.initial.joints)}"
             yield f"  last joints             {decimals(phase.motion.final.joints)}"
         yield from limit_tables(_timed(phase, result) for result in phase.limit_results)
@@ -85,7 +85,7 @@ def goal_tables(name: str, result: GoalMotion) -> Iterator[RenderableType]:
         yield f"  enough: {key} {value:.6g}"
     if result.motion is not None:
         final = result.motion.final
-        yield f"  last attitude x y z w  {decimals(final.attitude, 5)}"
+        yield f"  last attitude x y z w  {attitude_text(final.attitude)}"
         yield f"  last joints            {decimals(final.joints)}"
         yield f"  error at the goal      {result.error:.1e} rad, m"
     yield from limit_tables(result.limit_results)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,13 +15,14 @@ from freefloat.cli.console import (
     DONE,
     NEGATIVE,
     Console,
+    attitude_text,
     decimals,
     search_lines,
     short_label,
     table,
 )
 from freefloat.cli.delivery import Delivery
-from freefloat.cli.options import Json, Plots, Quaternion, Quiet, ResultFile, ScenarioName, Threads
+from freefloat.cli.options import Json, Plots, Quiet, ResultFile, ScenarioName, Threads, numbers
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
@@ -45,8 +46,10 @@ _Seed = Annotated[
     typer.Option(min=0, metavar="S", help="Rotates the grid of attitudes; default search.seed."),
 ]
 _Nearest = Annotated[
-    Quaternion | None,
-    typer.Option(metavar="X Y Z W", help="Find the feasible attitude nearest to this one."),
+    Sequence[float] | None,
+    typer.Option(
+        metavar="X Y Z W", help="Find the feasible attitude nearest to this one.", parser=numbers
+    ),
 ]
 _Boundary = Annotated[
     int | None,
@@ -89,7 +92,6 @@ def map_(
     """
     from freefloat.io.scenario.scenario import load_scenario
     from freefloat.io.scenario.yaml import file_keys
-    from freefloat.planning.space.mapping import attitude_map
 
     console = Console(as_json, quiet)
     loaded = load_scenario(scenario)
@@ -97,19 +99,13 @@ def map_(
     search = loaded.search()
     delivery = Delivery(console, output, plots=plots, threads=threads)
     delivery.prepare(loaded.source)
-    given = {"samples": samples, "nearest": nearest, "boundary": boundary, "touch": touch}
-    options = [name for name, value in given.items() if value is not None]
     if seed is not None and problem.task.planar:
         raise InputError("seed", "the task is planar", "a spatial task, whose grid it rotates")
-    with (
-        loaded.error_context(options=options),
-        file_keys(tangency="touch"),
-        console.progress("integrating motions") as progress,
-    ):
-        result = attitude_map(
-            problem, samples, search=search if seed is None else replace(search, seed=seed),
-            limits=loaded.limits(), nearest=nearest, boundary=boundary or 0,
-            tangency=touch or 0, refine=True, threads=threads, progress=progress,
+    with file_keys(tangency="touch"), console.progress("integrating motions") as progress:
+        result = loaded.map(
+            samples, search=search if seed is None else replace(search, seed=seed),
+            nearest=nearest, boundary=boundary or 0, tangency=touch or 0, threads=threads,
+            progress=progress,
         )  # fmt: skip
     tables: Any = _heading_tables if problem.task.planar else _attitude_tables
     delivery.deliver(result, tables(scenario, result), scenario, loaded)
@@ -209,7 +205,7 @@ def _candidate_lines(result: AttitudeMap) -> Iterator[str]:
 
 
 def _place(candidate: Candidate) -> str:
-    return f"{decimals(candidate.attitude, 5)}, branch {_number(candidate.branch)}"
+    return f"{attitude_text(candidate.attitude)}, branch {_number(candidate.branch)}"
 
 
 def _number(branch: int | None) -> str:

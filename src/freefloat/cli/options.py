@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
+import os
+import re
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from glob import escape, glob
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from freefloat.errors import InputError
 from freefloat.io.files import make_folder, require_result_name, require_writable
@@ -68,27 +73,73 @@ Plots = Annotated[
 Threads = Annotated[
     int | None, typer.Option(min=1, metavar="T", help="Number of cores; default all.")
 ]
-Quaternion = tuple[float, float, float, float]
+
+
+def numbers(text: str) -> list[float]:
+    """The numbers of a text, with spaces or commas between them; the parser of list options.
+
+    The metavar of such an option has a word for each number, and ``...`` where there may be any.
+    """
+    return [float(word) for word in re.split(r"\s*,\s*|\s+", text.strip())]
+
+
 Attitude = Annotated[
-    Quaternion | None,
-    typer.Option(metavar="X Y Z W", help="Spacecraft attitude, a quaternion."),
+    Sequence[float] | None,
+    typer.Option(metavar="X Y Z W", help="Spacecraft attitude, a quaternion.", parser=numbers),
 ]
+_LIST = re.compile(r"(?=.*\d)[-+.,\de]+|[-+]?(nan|inf)", re.IGNORECASE)
+_MISSPELT = re.compile(r"[-+−.,]*\d")
+
+
+class ListCommand(TyperCommand):
+    """A command whose lists of numbers may have spaces or commas: ``--size 1 1 0.5``."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse a command line, the values of each list of numbers joined to one word.
+
+        Raises:
+            InputError: If one of them is no number, or there are more or fewer than accepted.
+        """
+        metavars = {name: str(option.metavar) for option in self.params for name in option.opts
+                    if " " in (option.metavar or "")}  # fmt: skip
+        rest, words = deque(args), list[str]()
+        while rest and rest[0] != "--":
+            name, _, value = (word := rest.popleft()).partition("=")
+            if name in metavars:
+                values = [value] if value else []
+                while rest and _continues(rest, first=not values):
+                    values.append(rest.popleft())
+                word = f"{name}={' '.join(values)}"
+                if not ctx.resilient_parsing:  # which completes words
+                    _require_numbers(name, " ".join(values), metavars[name])
+            words.append(word)
+        return super().parse_args(ctx, [*words, *rest])
+
+
+def _continues(words: Sequence[str], first: bool) -> bool:
+    """Whether a list goes on with the first of some words, which may be a misspelt number."""
+    word, *after = list(words)[:2]
+    if _LIST.fullmatch(word):
+        return True
+    if _MISSPELT.match(word):
+        return not os.path.exists(word)
+    return not word.startswith("-") and (first or bool(after and _LIST.fullmatch(after[0])))
+
+
+def _require_numbers(name: str, text: str, metavar: str) -> None:
+    """Raise an InputError unless a text has the numbers of an option."""
+    try:
+        values = numbers(text)
+    except ValueError:
+        values = []
+    count = len(values) if metavar.endswith("...") else len(metavar.split())
+    if not values or len(values) != count or not all(map(math.isfinite, values)):
+        accepted = f"finite numbers: {name} {metavar}, also with commas between them"
+        raise InputError(name.lstrip("-"), f"{text or 'nothing'} was given", accepted)
 
 
 _BEGINNINGS = {"html": (b"<!doctype html",), "output": (b"freefloat sha-256 ", b"\x89hdf")}
 """Beginnings of files that outputs may replace, lower case."""
-
-
-def comma_separated(key: str, text: str) -> list[float]:
-    """Numbers from a text; the key is named in errors.
-
-    Raises:
-        InputError: If they are not numbers.
-    """
-    try:
-        return [float(word) for word in text.split(",")]
-    except ValueError:
-        raise InputError(key, f"{text!r} was given", "numbers separated by commas") from None
 
 
 def prepare_outputs(

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import RenderableType
@@ -19,6 +20,7 @@ from freefloat.cli.console import (
     contact_lines,
     limit_tables,
     motion_lines,
+    present_lines,
     search_lines,
     short_label,
     table,
@@ -26,7 +28,6 @@ from freefloat.cli.console import (
 from freefloat.cli.delivery import Delivery
 from freefloat.cli.manoeuvre import goal_tables, manoeuvre_tables
 from freefloat.cli.options import Json, Page, Plots, Quiet, ResultFile, ScenarioName, Threads
-from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.io.scenario.scenario import Scenario
@@ -68,56 +69,32 @@ def plan(
 
     Example: freefloat plan spatial_6dof/line --json
     """
-    from freefloat.io.scenario.planned import goal_motion_of, manoeuvre_of, plan_of
     from freefloat.io.scenario.scenario import load_scenario
 
     console = Console(as_json, quiet)
     delivery = Delivery(console, output, html, plots, threads)
     loaded = load_scenario(scenario)
-    goal, settings = loaded.goal(), loaded.balance()
-    if stretch:
-        _require_stretchable(loaded)
+    settings = loaded.balance()
     delivery.prepare(loaded.source)
-    if goal is not None:
-        with console.progress("looking for motions") as progress:
-            result = goal_motion_of(loaded, goal, progress)
-        feasible = result.feasible
-        delivery.deliver(result, goal_tables(scenario, result), scenario, loaded)
-    elif loaded.has_phases:
-        with console.progress("planning the phases") as progress:
-            manoeuvre = manoeuvre_of(loaded, threads, progress)
-        feasible = manoeuvre.feasible
-        tables = manoeuvre_tables(scenario, manoeuvre, verbose)
-        delivery.deliver(manoeuvre, tables, scenario, loaded)
-    elif settings is not None:
+    if settings is not None and not (loaded.has_phases or stretch):
         feasible = _plan_balanced(delivery, loaded, scenario, settings)
-    else:
-        with console.progress("integrating motions") as progress:
-            found = plan_of(loaded, threads, progress, stretch=stretch)
-        feasible = found.feasible
-        delivery.deliver(found, _tables(scenario, found), scenario, loaded)
-    raise typer.Exit(DONE if feasible else NEGATIVE)
-
-
-def _require_stretchable(loaded: Scenario) -> None:
-    """Raise an InputError unless the scenario has a path and nothing else with a duration."""
-    accepted = "longer durations in the scenario"
-    if loaded.goal() is not None:
-        raise InputError("stretch", "a motion to a goal is not stretched", "goal.duration")
-    if loaded.has_phases:
-        raise InputError("stretch", "phases are not stretched", accepted)
-    if loaded.balance() is not None:
-        raise InputError("stretch", "an arm balances", accepted)
+        raise typer.Exit(DONE if feasible else NEGATIVE)
+    with console.progress("integrating motions") as progress:
+        result = loaded.plan(stretch=stretch, threads=threads, progress=progress)
+    tables: dict[str, Callable[[str, Any], Iterator[RenderableType]]] = {
+        "plan": _tables, "goal": goal_tables,
+        "manoeuvre": partial(manoeuvre_tables, verbose=verbose),
+    }  # fmt: skip
+    delivery.deliver(result, tables[result.kind](scenario, result), scenario, loaded)
+    raise typer.Exit(DONE if result.feasible else NEGATIVE)
 
 
 def _plan_balanced(
     delivery: Delivery, loaded: Scenario, name: str, settings: BalanceSettings
 ) -> bool:
     """Plan a path while an arm balances, and deliver the plan; whether it is feasible."""
-    from freefloat.io.scenario.planned import balanced_plan_of
-
     with delivery.console.progress("integrating motions") as progress:
-        found, balanced = balanced_plan_of(loaded, settings, delivery.threads, progress)
+        found, balanced = loaded.balanced_plan(settings, delivery.threads, progress)
     document = {**found.to_dict(), "balance": balanced and balanced.to_dict()}
     tables = itertools.chain(_balance_lines(balanced), _tables(name, found))
     delivery.deliver(found, tables, name, loaded, document)
@@ -174,6 +151,7 @@ def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
         feasible = plan.map.feasible_percentage
         yield f"{name}: {feasible} of {plan.map.samples:,} initial attitudes are feasible{scope}"
     yield from search_lines(plan.search)
+    yield from present_lines(plan.problem, plan.search.from_attitude, plan.search.joints)
     for sentence in plan.disagreements:
         yield Text(f"not confirmed: {sentence}", "yellow")
     heading = "" if plan.heading is None else f"heading {math.degrees(plan.heading):.4f} deg, "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import typer
@@ -13,24 +14,28 @@ from freefloat.cli.options import (
     Json,
     Page,
     Plots,
-    Quaternion,
     Quiet,
     ResultFile,
     ScenarioName,
-    comma_separated,
+    numbers,
 )
 
 _From = Annotated[
-    Quaternion | None,
+    Sequence[float] | None,
     typer.Option(
-        "--from", metavar="X Y Z W", help="Attitude at the start; default search.from_attitude."
+        "--from", metavar="X Y Z W", help="Attitude at the start; default search.from_attitude.",
+        parser=numbers,
     ),
+]  # fmt: skip
+_To = Annotated[
+    Sequence[float],
+    typer.Option("--to", metavar="X Y Z W", help="Attitude at the end.", parser=numbers),
 ]
-_To = Annotated[Quaternion, typer.Option("--to", metavar="X Y Z W", help="Attitude at the end.")]
 _Joints = Annotated[
-    str | None,
+    Sequence[float] | None,
     typer.Option(
-        metavar="Q1,Q2,...",
+        metavar="Q1 Q2 ...",
+        parser=numbers,
         help="Where the arm begins and ends, rad or m; default search.joints, without these an arm "
         "branch at the start of the path that keeps the limits, else the middles of joint ranges.",
     ),
@@ -82,7 +87,7 @@ def reorient(
         raise InputError("from", "it is missing", accepted)
     delivery = Delivery(console, output, html, plots)
     delivery.prepare(loaded.source)
-    rest = search.joints if joints is None else comma_separated("joints", joints)
+    rest = search.joints if joints is None else joints
     with console.progress("looking for motions") as progress:
         result = find_motion(
             problem, attitude, goal, loaded.limits(), joints=rest, duration=duration,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import RenderableType
@@ -18,6 +18,7 @@ from freefloat.cli.console import (
     decimals,
     limit_tables,
     motion_lines,
+    present_lines,
     short_label,
     table,
 )
@@ -29,13 +30,11 @@ from freefloat.cli.options import (
     Quiet,
     ResultFile,
     ScenarioName,
-    comma_separated,
+    numbers,
 )
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
-
     from freefloat.planning.simulated_branch import SimulatedBranch
     from freefloat.planning.simulation import Simulation
 
@@ -47,9 +46,12 @@ _Heading = Annotated[
     ),
 ]
 _Joints = Annotated[
-    str | None,
-    typer.Option(metavar="Q1,Q2,...", help="Choose the arm branch near these joints, rad or m."),
-]
+    Sequence[float] | None,
+    typer.Option(
+        metavar="Q1 Q2 ...", help="Choose the arm branch near these joints, rad or m.",
+        parser=numbers,
+    ),
+]  # fmt: skip
 _Branch = Annotated[
     int | None, typer.Option(metavar="K", help="Choose the arm branch with this number.")
 ]
@@ -85,50 +87,60 @@ def simulate(
         accepted = "--attitude X Y Z W, or --heading DEG for planar tasks"
         raise InputError("attitude", f"{number} of --attitude and --heading given", accepted)
     from freefloat.io.scenario.scenario import load_scenario
-    from freefloat.limits.result import violated
-    from freefloat.planning.simulation import simulate as simulate_branches
 
     console = Console(as_json, quiet)
     loaded = load_scenario(scenario)
     delivery = Delivery(console, output, html)
     delivery.prepare(loaded.source)
-    problem = loaded.problem()
-    limits, phases = loaded.limits(), loaded.phases()
-    start = problem.attitude(attitude, heading=None if heading is None else math.radians(heading))
-    near: npt.ArrayLike | None = None if joints is None else comma_separated("joints", joints)
-    mark = " (*)"
-    if near is None and branch is None:
-        with loaded.error_context():
-            near = loaded.search().applied_to(problem).closest_start(start)
-        mark = mark if near is None else " (*, closest to search.joints)"
-    options = ("attitude", "branch", "joints")
-    with loaded.error_context(options=options), console.progress("integrating motions"):
-        simulation = simulate_branches(
-            problem, start, branch=branch, joints=near, others=True, limits=limits,
-            stop_at_margin=stop_at_margin,
+    phases = loaded.phases()
+    with console.progress("integrating motions"):
+        simulation = loaded.simulate(
+            attitude, heading=None if heading is None else math.radians(heading), branch=branch,
+            joints=joints, stop_at_margin=stop_at_margin,
         )  # fmt: skip
-    delivery.deliver(simulation, _tables(scenario, simulation, mark), scenario, loaded)
+    present, why = (joints, "near --joints") if joints else (loaded.search().joints, "")
+    if branch is not None:
+        why = "by --branch"
+    elif present is not None and not why:
+        why = "closest to search.joints"
+    tables = _tables(scenario, simulation, why or _why_best(simulation), present)
+    delivery.deliver(simulation, tables, scenario, loaded)
     if phases:
         console.tables(["The first path alone is simulated; plan finds the phases after it, too."])
-    kept = not violated(simulation.limit_results)
+    kept = not simulation.violation
     raise typer.Exit(DONE if kept and simulation.chosen.motion.completed else NEGATIVE)
 
 
-def _tables(name: str, simulation: Simulation, mark: str) -> Iterator[RenderableType]:
-    problem = simulation.problem
+def _why_best(simulation: Simulation) -> str:
+    """Why a motion is shown where none was requested."""
+    if not simulation.chosen.feasible:
+        return "none keeps the margin, it comes nearest to it"
+    if simulation.violation:
+        return "largest minimum margin, none keeps the limits"
+    others = " that keeps the limits" if len(simulation.verdicts) > 1 else ""
+    return f"largest minimum margin{others}"
+
+
+def _tables(name: str, simulation: Simulation, why: str, present: Any) -> Iterator[RenderableType]:
+    problem, chosen = simulation.problem, simulation.chosen
     start, kind = ("start", "configurations") if problem.redundant else ("branch", "branches")
-    yield f"{name}: arm {kind} at this attitude"
+    completed = sum(entry.motion.completed for entry in simulation.branches)
+    yield (
+        f"{name}: {completed} of {len(simulation.branches)} arm {kind} follow the whole path; "
+        f"{start} {chosen.branch.index} is shown ({why})"
+    )
+    yield from present_lines(problem, chosen.motion.initial.attitude, present)
     minimum = f"minimum |{problem.margin.measure.name}|"
     branches = table(start, "initial joints [rad, m]", minimum, "verdict")
     for entry in simulation.branches:
-        number = f"{entry.branch.index}{'*' if entry is simulation.chosen else ''}"
+        number = f"{entry.branch.index}{'*' if entry is chosen else ''}"
         branches.add_row(
             f"{number} {short_label(entry.branch.label)}",
             decimals(entry.branch.joints, 3), f"{entry.minimum_margin:.4g}",
             _verdict(simulation, entry),
         )  # fmt: skip
     yield branches
-    yield from motion_lines(simulation.chosen, mark)
+    yield from motion_lines(chosen)
     if simulation.out_of_reach is not None:
         yield Text(f"  {simulation.out_of_reach}", "red")
     yield from limit_tables(simulation.limit_results)

@@ -13,7 +13,7 @@ from rich.console import RenderableType
 
 from freefloat.cli.console import Console, decimals, short_label, table
 from freefloat.cli.delivery import Delivery
-from freefloat.cli.options import Json, Plots, Quiet, ResultFile, comma_separated
+from freefloat.cli.options import Json, Plots, Quiet, ResultFile
 from freefloat.cli.robots import (
     EndEffector,
     FileOptions,
@@ -130,11 +130,13 @@ def _fixed(options: Sequence[str]) -> dict[str, float]:
     values: dict[str, float] = {}
     for option in options:
         name, _, value = option.partition("=")
-        numbers = comma_separated("fix", value)
-        if len(numbers) != 1 or name in values:
+        try:
+            if name in values:
+                raise ValueError
+            values[name] = float(value)
+        except ValueError:
             accepted = "a joint and its only value: q1=0.5"
-            raise InputError("fix", f"{option!r} was given", accepted)
-        values[name] = numbers[0]
+            raise InputError("fix", f"{option!r} was given", accepted) from None
     return values
 
 

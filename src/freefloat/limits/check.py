@@ -9,20 +9,20 @@ from freefloat.errors import require_type
 from freefloat.limits.kinds import KINDS
 from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.limit import Limit
-from freefloat.limits.limits import Limits, require_applicable
+from freefloat.limits.limits import Limits, limits_for, require_applicable
 from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 
 
-def check_limits(motion: Motion, limits: Limits) -> tuple[LimitResult, ...]:
+def check_limits(motion: Motion, limits: Limits | None = None) -> tuple[LimitResult, ...]:
     """The results of all limits along a motion, the scene's corridor and joint ranges first.
 
     Args:
         motion: Along a path or with prescribed joints, which are compared with their ranges as they
             are; see :func:`freefloat.motion.extrema.unwrapped`.
-        limits: The limits in addition to the joint ranges.
+        limits: The limits in addition to the joint ranges; those of the problem when left out.
 
     Raises:
         InputError: If there are not as many limits as joints.
@@ -36,6 +36,7 @@ def check_limits(motion: Motion, limits: Limits) -> tuple[LimitResult, ...]:
         joint_rate False
     """
     require_type("motion", motion, Motion, "a Motion, such as simulate(...).chosen.motion")
+    limits = limits_for(motion.problem, limits) or Limits()
     return LimitChecker(motion.problem, limits).results(motion)
 
 

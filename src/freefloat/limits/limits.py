@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 from freefloat.errors import require_type
 from freefloat.limits.joint_limit import MagnitudeLimit
 from freefloat.limits.kinds import KINDS
 from freefloat.limits.limit import Limit
 from freefloat.motion.pointing import AttitudeLimits
+from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
@@ -87,14 +88,6 @@ class Limits(AttitudeLimits):
         }  # fmt: skip
         return replace(self, **bounds)
 
-    def seen_from(self, centre: Array) -> Limits:
-        """The limits in a frame that begins at another place of the centre of mass.
-
-        Args:
-            centre: The place in the frame of these limits [m], shape (3,).
-        """
-        return replace(self, pointing=tuple(limit.moved(-centre) for limit in self.pointing))
-
     @property
     def timed(self) -> bool:
         """Whether any of them depends on the speed along the path."""
@@ -109,10 +102,23 @@ GIVEN: tuple[type[Limit[Any]], ...] = tuple(
 """The limits that are attributes of :class:`Limits`, those of attitude last."""
 
 
-def require_applicable(model: FreeFloatingModel, limits: Limits) -> None:
+def require_applicable(model: FreeFloatingModel, limits: AttitudeLimits) -> None:
     """Raise an InputError unless limits are those of a robot's joints and links."""
     accepted = "Limits, such as Limits(base_rate=0.02), or load_scenario(...).limits()"
     require_type("limits", limits, Limits, accepted)
     for kind in GIVEN:
         if (bound := getattr(limits, kind.name)) is not None:
             kind.value.require_applicable(f"limits.{kind.name}", bound, model)
+
+
+def limits_for(problem: Problem, given: Limits | None) -> Limits | None:
+    """The limits of a problem's motions: those that were given, else those that it carries.
+
+    Raises:
+        InputError: If they are not those of the robot's joints and links.
+    """
+    limits = problem.limits if given is None else given
+    if limits is None:
+        return None
+    require_applicable(problem.model, limits)
+    return cast(Limits, limits)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -161,6 +161,18 @@ class AttitudeLimits:
 
     pointing: tuple[PointingLimit, ...] = ()
     base_turn: float | None = None
+
+    def of_joints(self, count: int) -> Self:
+        """The limits of a robot of whose joints only the first ones move."""
+        return self
+
+    def seen_from(self, centre: Array) -> Self:
+        """The limits in a frame that begins at another place of the centre of mass.
+
+        Args:
+            centre: The place in the frame of these limits [m], shape (3,).
+        """
+        return replace(self, pointing=tuple(limit.moved(-centre) for limit in self.pointing))
 
     @property
     def number(self) -> int:

@@ -25,6 +25,7 @@ from freefloat.motion.arm_curves import ArmCurves
 from freefloat.motion.attitude_values import checked_attitude
 from freefloat.motion.margin import Margin
 from freefloat.motion.planar_requirements import require_planar
+from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.revolutions import require_few_revolutions
 from freefloat.paths.orientation import FreeOrientation
 from freefloat.paths.timing import TimedPath
@@ -69,6 +70,8 @@ class Problem:
             [N m s], shape (3,): the wheels turn with constant rates relative to the spacecraft, and
             their masses and inertias belong to it.
         arms: Joint curves of further arms that move along these.
+        limits: :class:`~freefloat.limits.limits.Limits` that functions keep or check unless others
+            are given; None for none. The problem of a scenario has those of the scenario.
 
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
@@ -90,6 +93,7 @@ class Problem:
     scene: Scene = field(default=Scene(), repr=False)
     wheel_momentum: Array = field(default_factory=zeros, repr=False)
     arms: ArmCurves = field(default_factory=ArmCurves, repr=False)
+    limits: AttitudeLimits | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         require_type("path", self.path, TimedPath, "TimedPath(EndEffectorPath(...), Timing(...))")
@@ -112,6 +116,8 @@ class Problem:
             self.redundancy.require_applicable(self.model, self.task)
         require_type("scene", self.scene, Scene, "Scene(bodies, corridor)")
         self.scene.require_applicable(self.model, self.path.duration)
+        accepted = "Limits, such as Limits(base_rate=0.02), or None"
+        require_type("limits", self.limits, AttitudeLimits | None, accepted)
         if self.task.planar:
             require_planar(self.plane, self.system, self.path, self.task)
         require_few_revolutions(self.system, self.path.duration)
@@ -204,7 +210,11 @@ class Problem:
 
     def with_arms_resting(self, t: float) -> Problem:
         """The same problem, further arms on joint curves being fixed as at a time [s]."""
-        return self.replace(model=self.chain(t), arms=ArmCurves()) if self.arms else self
+        if not self.arms:
+            return self
+        chain, limits = self.chain(t), self.limits
+        limits = limits and limits.of_joints(chain.dof)
+        return self.replace(model=chain, arms=ArmCurves(), limits=limits)
 
     def reach(self, t: float = 0.0) -> float:
         """Upper bound of the distance from the centre of mass to the end-effector [m].

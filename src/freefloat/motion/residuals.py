@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import momentum_map
@@ -64,6 +65,21 @@ def path_errors(problem: Problem, times: Array, attitudes: Array, joints: Array)
         for pair in zip(zip(*poses, strict=True), zip(*paths, strict=True), strict=True)
     ]
     return np.asarray(np.max(errors, axis=0))
+
+
+def start_offset(
+    problem: Problem, attitude: Array, joints: Mapping[str, float] | npt.ArrayLike
+) -> tuple[float, float]:
+    """Distance [m] and angle [rad] of the start of the path from a pose of the end-effector.
+
+    Args:
+        problem: Robot, path and task.
+        attitude: Attitude of the spacecraft, unit quaternion x, y, z, w, shape (4,).
+        joints: Joint values by name, or shape (n,).
+    """
+    values = problem.all_joints(problem.model.joint_vector(joints), 0.0)
+    distance, angle = path_errors(problem, np.zeros(1), attitude[None], values[None])[0]
+    return float(distance), float(angle)
 
 
 def _pose_errors(problem: Problem, poses: Sequence[Pose], path: Sequence[Pose]) -> Array:

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.concurrency import Progress, step_of
 from freefloat.errors import InputError, finite_vector, require_type
 from freefloat.limits.check import LimitChecker
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import Limits, limits_for
 from freefloat.motion.arm_curves import ArmCurve, ArmCurves
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
@@ -115,7 +115,8 @@ def plan_balanced(
         The plan along the joint curve; where the first plan is not feasible, that and None.
     """
     search = search or Search()
-    BalanceSteps(problem, settings, limits or Limits())  # refuses what it cannot balance at once
+    limits = limits_for(problem, limits) or Limits()
+    BalanceSteps(problem, settings, limits)  # refuses what it cannot balance at once
     first = plan(
         problem, search, limits, threads=threads, progress=step_of(progress, 0.0, _FIRST_PLAN)
     )
@@ -194,7 +195,7 @@ def balance(
         (True, True)
     """
     require_type("settings", settings, BalanceSettings, "BalanceSettings(arm, axes)")
-    limits, attitude = limits or Limits(), problem.attitude(attitude)
+    limits, attitude = limits_for(problem, limits) or Limits(), problem.attitude(attitude)
     near = finite_vector("joints", joints, problem.model.arm_dof)
     problem = problem.replace(start_joints=near)
     steps = BalanceSteps(problem, settings, limits)

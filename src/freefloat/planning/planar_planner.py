@@ -30,7 +30,7 @@ from freefloat.planning.plane.segment import Segment
 from freefloat.planning.reasons import NO_HEADING_WITHIN_LIMITS, margin_text, not_confirmed
 from freefloat.planning.settings import HEADINGS, Search
 from freefloat.planning.simulated_branch import SimulatedBranch, integrate_branch
-from freefloat.planning.simulation import simulate
+from freefloat.planning.simulation import best_motion
 from freefloat.singularities.planar_regions import has_two_angle_form
 
 _NEARBY = np.geomspace(1e-6, 0.5, 64)
@@ -125,7 +125,7 @@ def _integrate(problem: Problem, heading: float, branch: int) -> SimulatedBranch
     """The precise motion from a heading; of a redundant arm that of its best branch."""
     attitude = problem.plane.attitudes(heading)
     if problem.redundant:
-        return simulate(problem, attitude).chosen
+        return best_motion(problem, attitude)
     return integrate_branch(problem, attitude, branch)
 
 

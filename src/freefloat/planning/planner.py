@@ -8,7 +8,7 @@ from functools import partial
 
 from freefloat.concurrency import Progress
 from freefloat.errors import require_type
-from freefloat.limits.limits import Limits, require_applicable
+from freefloat.limits.limits import Limits, limits_for
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.path_planner import plan_path
 from freefloat.planning.plan import Plan
@@ -37,8 +37,8 @@ def plan(
     Args:
         problem: Robot, path, momentum and margin.
         search: What to choose; the largest minimum margin when left out.
-        limits: Limits to keep in addition to the margin, and joint ranges with them; none are
-            checked when left out.
+        limits: Limits to keep in addition to the margin, and joint ranges with them; those of the
+            problem when left out.
         stretch: Whether the duration may grow until rates and torques keep their limits.
         threads: Number of cores to use; all available ones when left out.
         progress: Called with the fraction done, in [0, 1]; not where ranges of heading are exact.
@@ -58,8 +58,7 @@ def plan(
     require_problem(problem)
     search = Search() if search is None else search
     require_type("search", search, Search, "a Search, such as Search(samples=1024)")
-    if limits is not None:
-        require_applicable(problem.model, limits)
+    limits = limits_for(problem, limits)
     problem = search.applied_to(problem)
     planned = partial(plan_path, search=search, threads=threads, progress=progress)
     if problem.path.timing.is_sought:

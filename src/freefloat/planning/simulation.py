@@ -12,7 +12,7 @@ from freefloat.errors import InputError
 from freefloat.ik.branches import ArmBranch
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.contact import Contact, deepest_contact
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import Limits, limits_for
 from freefloat.limits.result import LimitResult, violated
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem, require_problem
@@ -116,7 +116,7 @@ def simulate(
             chosen, see :class:`Simulation`.
         joints: Integrate the branch near these joint values, shape (n,).
         others: Integrate the other branches, too, for comparison with the requested one.
-        limits: Check these limits and the joint ranges.
+        limits: Check these limits, by default those of the problem, and the joint ranges.
         stop_at_margin: End motions where they reach the problem's margin.
         tolerance: As for :func:`~freefloat.motion.integration.integrate_motion`.
 
@@ -135,6 +135,7 @@ def simulate(
     """
     require_problem(problem)
     attitude = problem.attitude(attitude, heading=heading)
+    limits = limits_for(problem, limits)
     checker = None if limits is None else LimitChecker(problem, limits)
     branches, requested = _branches(problem, attitude, branch, joints)
     if requested is not None and not others:
@@ -153,18 +154,23 @@ def simulate(
     return Simulation(tuple(simulated), chosen, limits, results, contact, verdicts)
 
 
-def chosen_joints(
-    problem: Problem, attitude: Array, joints: Array | None, limits: Limits | None
-) -> Array:
+def chosen_joints(problem: Problem, attitude: Array, joints: Array | None) -> Array:
     """Initial joint values of the motion that :func:`simulate` chooses, shape (n,).
 
     Arguments and errors are those of :func:`simulate`; contact is not searched for.
     """
+    limits = limits_for(problem, None)
     checker = None if limits is None else LimitChecker(problem, limits)
     branches, requested = _branches(problem, attitude, None, joints)
     starts = branches if requested is None else [requested]
     simulated = _ranked([integrate_from(problem, attitude, start) for start in starts])
     return _within_limits(simulated, checker)[0][0].branch.joints
+
+
+def best_motion(problem: Problem, attitude: Array) -> SimulatedBranch:
+    """The motion from an attitude (4,) with the largest minimum margin, whatever its limits."""
+    branches, _ = _branches(problem, attitude, None, None)
+    return _ranked([integrate_from(problem, attitude, start) for start in branches])[0]
 
 
 def _branches(

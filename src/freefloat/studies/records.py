@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from freefloat.errors import InputError, UnreachableError, finite_number
-from freefloat.io.scenario.planned import answer_of
 from freefloat.motion.problem import Problem
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
@@ -38,16 +37,10 @@ def computed_record(
     """
     scenario = scenario_from(document, source)
     if command is Command.PLAN:
-        return answer_of(scenario, threads=1)
-    problem = scenario.problem()
+        return scenario.plan(threads=1)
     if command is Command.MAP:
-        from freefloat.planning.space.mapping import (
-            attitude_map,  # compiled kernels are slow to import
-        )
-
-        search, limits = scenario.search(), scenario.limits()
-        with scenario.error_context():
-            return attitude_map(problem, search=search, limits=limits, refine=True, threads=1)
+        return scenario.map(threads=1)
+    problem = scenario.problem()
     heading = start.get("heading_deg")
     if heading is not None:
         heading = math.radians(finite_number("heading_deg", heading, "a finite number of degrees"))
@@ -55,7 +48,7 @@ def computed_record(
     choice = branch_choice(start.get("branch"), base, problem, attitude, source)
     if "joints" in choice:  # of a redundant arm, whose arm branches are others with another robot
         problem = problem.replace(start_joints=choice.pop("joints"))
-    return simulate(problem, attitude, limits=scenario.limits(), **choice)
+    return simulate(problem, attitude, **choice)
 
 
 @lru_cache(maxsize=8)
@@ -101,7 +94,7 @@ def _undisturbed_joints(base: str, source: Path, attitude: tuple[float, ...]) ->
     problem = scenario.problem()
     near = scenario.search().applied_to(problem).closest_start(attitude)
     try:
-        return chosen_joints(problem, problem.attitude(attitude), near, scenario.limits())
+        return chosen_joints(problem, problem.attitude(attitude), near)
     except UnreachableError as error:
         reason = f"the unvaried scenario has no motion: {error.problem}"
         accepted = "branch: best, or the number of an arm branch"

@@ -1,92 +1,177 @@
-"""What the command ``plan`` finds for a scenario: a plan, a manoeuvre, or a motion to a goal.
-
-Functions raise an InputError for values that planning does not accept; it names the file.
-"""
+"""What planning finds for a scenario, as the commands do."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING, Any
+
+import numpy.typing as npt
 
 from freefloat.concurrency import Progress
-from freefloat.io.scenario.scenario import Scenario
+from freefloat.dynamics.system import System
+from freefloat.errors import InputError
+from freefloat.io.scenario.schema import ScenarioFile
+from freefloat.limits.limits import Limits
+from freefloat.motion.problem import Problem
+from freefloat.planning.balance_settings import BalanceSettings
+from freefloat.planning.goals.goal import Goal
+from freefloat.planning.phases.phase import Phase
+from freefloat.planning.settings import Search
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.scene.scene import Scene
 
 if TYPE_CHECKING:  # compiled kernels are slow to import
-    from freefloat.planning.answer import Answer
     from freefloat.planning.balance import Balance
-    from freefloat.planning.balance_settings import BalanceSettings
-    from freefloat.planning.goals.goal import Goal
     from freefloat.planning.goals.goal_motion import GoalMotion
     from freefloat.planning.phases.manoeuvre import Manoeuvre
     from freefloat.planning.plan import Plan
+    from freefloat.planning.plane.heading_map import HeadingMap
+    from freefloat.planning.simulation import Simulation
+    from freefloat.planning.space.attitude_map import AttitudeMap
 
 
-def answer_of(scenario: Scenario, threads: int | None = None) -> Answer:
-    """The answer to whatever the scenario asks."""
-    goal, settings = scenario.goal(), scenario.balance()
-    if goal is not None:
-        return goal_motion_of(scenario, goal)
-    if scenario.has_phases:
-        return manoeuvre_of(scenario, threads)
-    if settings is not None:
-        return balanced_plan_of(scenario, settings, threads)[0]
-    return plan_of(scenario, threads)
+class PlannedScenario:
+    """The base of scenarios: plans, simulations and maps with their search and their limits.
 
+    Errors of values that planning does not accept name the file.
+    """
 
-def goal_motion_of(scenario: Scenario, goal: Goal, progress: Progress | None = None) -> GoalMotion:
-    """The motion of the joints to the goal of a scenario."""
-    from freefloat.planning.goals.mover import move
+    if TYPE_CHECKING:  # methods of scenarios
+        content: ScenarioFile
+        model: Callable[[], FreeFloatingModel]
+        problem: Callable[[], Problem]
+        problem_at_rest: Callable[[], Problem]
+        goal: Callable[[], Goal | None]
+        balance: Callable[[], BalanceSettings | None]
+        phases: Callable[[], tuple[Phase, ...]]
+        search: Callable[[], Search]
+        limits: Callable[[], Limits]
+        scene: Callable[[], Scene]
+        system: Callable[[], System]
+        error_context: Callable[..., AbstractContextManager[None]]
 
-    search, limits = scenario.search(), scenario.limits()
-    with scenario.error_context():
-        state = search.present_state(scenario.model())
-        return move(
-            scenario.system(), state, goal, limits, scenario.scene(), seed=search.seed,
-            progress=progress,
-        )  # fmt: skip
+        @property
+        def has_phases(self) -> bool:
+            """Whether a manoeuvre is planned."""
 
+    def plan(
+        self, *, stretch: bool = False, threads: int | None = None, progress: Progress | None = None
+    ) -> Plan | Manoeuvre | GoalMotion:
+        """What the command ``plan`` finds.
 
-def manoeuvre_of(
-    scenario: Scenario, threads: int | None = None, progress: Progress | None = None
-) -> Manoeuvre:
-    """The manoeuvre of a scenario with phases."""
-    from freefloat.planning.phases.manoeuvre_planner import plan_manoeuvre
+        Args:
+            stretch: Whether the duration may grow until rates and torques keep their limits.
+            threads: Number of cores to use; all available ones when left out.
+            progress: Called with the fraction done, in [0, 1].
 
-    phases, limits = scenario.phases(), scenario.limits()
-    with scenario.error_context():
-        return plan_manoeuvre(
-            scenario.problem(), phases, scenario.search(), limits,
-            reorient=scenario.content.search.reorient, threads=threads, progress=progress,
-        )  # fmt: skip
+        Returns:
+            A plan of the path; a manoeuvre where phases follow it or a reorientation leads to it; a
+            motion of the joints where the scenario has a goal.
 
+        Raises:
+            InputError: If a value of the scenario is not accepted, or what is not a path alone is
+                to be stretched.
 
-def plan_of(
-    scenario: Scenario,
-    threads: int | None = None,
-    progress: Progress | None = None,
-    *,
-    stretch: bool = False,
-) -> Plan:
-    """The plan of a scenario's path."""
-    from freefloat.planning.planner import plan
+        Example:
+            >>> ff.load_scenario("planar_2dof/line").plan().feasible
+            True
+        """
+        goal, settings = self.goal(), self.balance()
+        if stretch and (goal is not None or self.has_phases or settings is not None):
+            reason = "a goal, phases or an arm that balances have durations of their own"
+            raise InputError("stretch", reason, "longer durations in the scenario")
+        options: dict[str, Any] = {"threads": threads, "progress": progress}
+        if goal is not None:
+            return self._motion_to(goal, progress)
+        if settings is not None and not self.has_phases:
+            return self.balanced_plan(settings, **options)[0]
+        from freefloat.planning.phases.manoeuvre_planner import plan_manoeuvre
+        from freefloat.planning.planner import plan
 
-    problem, limits = scenario.problem(), scenario.limits()
-    with scenario.error_context():
-        return plan(
-            problem, scenario.search(), limits, stretch=stretch, threads=threads, progress=progress
-        )
+        problem, search, phases = self.problem(), self.search(), self.phases()
+        with self.error_context():
+            if not self.has_phases:
+                return plan(problem, search, stretch=stretch, **options)
+            reorient = self.content.search.reorient
+            return plan_manoeuvre(problem, phases, search, reorient=reorient, **options)
 
+    def _motion_to(self, goal: Goal, progress: Progress | None) -> GoalMotion:
+        from freefloat.planning.goals.mover import move
 
-def balanced_plan_of(
-    scenario: Scenario,
-    settings: BalanceSettings,
-    threads: int | None = None,
-    progress: Progress | None = None,
-) -> tuple[Plan, Balance | None]:
-    """The plan of a scenario's path while an arm balances, and what this arm achieves."""
-    from freefloat.planning.balance import plan_balanced
+        search = self.search()
+        with self.error_context():
+            state = search.present_state(self.model())
+            return move(
+                self.system(), state, goal, self.limits(), self.scene(), seed=search.seed,
+                progress=progress,
+            )  # fmt: skip
 
-    problem, limits = scenario.problem_at_rest(), scenario.limits()
-    with scenario.error_context():
-        return plan_balanced(
-            problem, settings, scenario.search(), limits, threads=threads, progress=progress
-        )
+    def balanced_plan(
+        self,
+        settings: BalanceSettings,
+        threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> tuple[Plan, Balance | None]:
+        """The plan of the path while an arm balances, and what this arm achieves."""
+        from freefloat.planning.balance import plan_balanced
+
+        problem, search = self.problem_at_rest(), self.search()
+        with self.error_context():
+            return plan_balanced(problem, settings, search, threads=threads, progress=progress)
+
+    def simulate(
+        self,
+        attitude: npt.ArrayLike | None = None,
+        *,
+        heading: float | None = None,
+        branch: int | None = None,
+        joints: npt.ArrayLike | None = None,
+        stop_at_margin: bool = False,
+    ) -> Simulation:
+        """The motions of all arm branches from one attitude, as the command ``simulate``.
+
+        The arguments are those of :func:`~freefloat.planning.simulation.simulate`; without
+        ``branch`` and ``joints`` the arm configuration closest to the joints of the search is
+        chosen, where it has joints.
+
+        Raises:
+            InputError: As for that function.
+            UnreachableError: If no arm configuration reaches the start of the path.
+
+        Example:
+            >>> ff.load_scenario("planar_2dof/line").simulate(heading=0.0).feasible
+            True
+        """
+        from freefloat.planning.simulation import simulate
+
+        problem, search = self.problem(), self.search()
+        start = problem.attitude(attitude, heading=heading)
+        with self.error_context(options=("branch", "joints")):
+            if joints is None and branch is None:
+                joints = search.applied_to(problem).closest_start(start)
+            return simulate(
+                problem, start, branch=branch, joints=joints, others=True,
+                stop_at_margin=stop_at_margin,
+            )  # fmt: skip
+
+    def map(self, samples: int | None = None, **options: Any) -> AttitudeMap | HeadingMap:
+        """The minimum margins over all initial attitudes, as the command ``map``.
+
+        Args:
+            samples: Number of attitudes; by default that of the search.
+            **options: As for :func:`~freefloat.planning.space.mapping.attitude_map`.
+
+        Raises:
+            InputError: As for that function.
+
+        Example:
+            >>> round(ff.load_scenario("planar_2dof/line").map(24).feasible_fraction, 2)
+            0.42
+        """
+        from freefloat.planning.space.mapping import attitude_map
+
+        problem = self.problem()
+        options = {"search": self.search(), "refine": True, **options}
+        with self.error_context(options=("samples", *options)):
+            return attitude_map(problem, samples, **options)

@@ -22,6 +22,7 @@ from freefloat.io.scenario.arms_section import balance_of, curves_of, paths_of_a
 from freefloat.io.scenario.limits_section import limits_of
 from freefloat.io.scenario.path_section import frame_of, path_of, timed_path
 from freefloat.io.scenario.phase_section import phases_of
+from freefloat.io.scenario.planned import PlannedScenario
 from freefloat.io.scenario.robot_section import RobotFile
 from freefloat.io.scenario.sampled_paths import sample_texts
 from freefloat.io.scenario.scene_section import FileShapes
@@ -47,7 +48,7 @@ from freefloat.so3 import Array, Pose, frozen, unit_quaternion
 
 
 @dataclass(frozen=True, eq=False)
-class Scenario:
+class Scenario(PlannedScenario):
     """A scenario file that passed the schema; robot and problem are built once, when needed.
 
     Attributes:
@@ -130,14 +131,14 @@ class Scenario:
                 redundancy = Redundancy(**content.redundancy.model_dump(exclude_none=True))
             drift = np.array(content.drift)
             timed = timed_path(path, timing, drift, frame)
-        further = self._paths_of_arms(timing, drift, scene, now)
+        further, limits = self._paths_of_arms(timing, drift, scene, now), self.limits()
         with self.error_context():
             if further:
                 timed = PathStack.of(timed, further)
             momentum, margin = np.array(content.momentum), Margin(measure, value)
             return Problem(
                 model, timed, content.task, momentum, margin, redundancy, scene=scene,
-                wheel_momentum=np.array(content.wheels.momentum), arms=arms,
+                wheel_momentum=np.array(content.wheels.momentum), arms=arms, limits=limits,
             )  # fmt: skip
 
     def _paths_of_arms(
@@ -238,7 +239,7 @@ class Scenario:
         return bool(self.content.phases) or self.content.search.reorient
 
     def limits(self) -> Limits:
-        """The limits of motions.
+        """The limits of motions, those of the problem.
 
         Raises:
             InputError: If a joint is unknown, or the URDF lacks a limit that is taken from it.

@@ -17,7 +17,7 @@ from freefloat.io.scenario.phase_section import phases_content
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.io.scenario.scene_section import file_shapes, scene_content
 from freefloat.io.scenario.timing_section import timing_content
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import Limits, limits_for
 from freefloat.motion.problem import Problem
 from freefloat.planning.objectives.objectives import NAMED, Weights
 from freefloat.planning.phases.phase import Phase
@@ -41,7 +41,7 @@ def scenario_of(
     Args:
         problem: The problem of the path.
         search: The search for a plan.
-        limits: Limits to keep.
+        limits: Limits to keep; those of the problem when left out.
         phases: What follows the path.
         reorient: Whether a reorientation leads to the start of the path.
 
@@ -53,7 +53,7 @@ def scenario_of(
     stated, timing = problem.path.stated
     margin = problem.margin
     search = search or Search(joints=problem.start_joints)
-    limits = limits or Limits()
+    limits = limits_for(problem, limits) or Limits()
     if type(search.objective) not in (Weights, *map(type, NAMED.values())):
         raise inexpressible("search.objective", search.objective, f"{', '.join(NAMED)}, Weights")
     shapes = file_shapes(problem.scene)

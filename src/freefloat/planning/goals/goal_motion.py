@@ -129,9 +129,10 @@ def last_state(motion: Motion) -> EndState:
 
 
 def earlier(problem: Problem, duration: float) -> Problem:
-    """The problem a duration [s] earlier, with the scene from the centre of mass at that time."""
-    scene = problem.scene.later(-duration, duration * problem.path.drift)
-    return replace(problem, scene=scene)
+    """The problem a duration [s] earlier, seen from the centre of mass at that time."""
+    way, limits = duration * problem.path.drift, problem.limits
+    limits = limits and limits.seen_from(-way)
+    return replace(problem, scene=problem.scene.later(-duration, way), limits=limits)
 
 
 def goal_problem(

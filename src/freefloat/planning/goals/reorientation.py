@@ -10,7 +10,7 @@ import numpy.typing as npt
 from freefloat.concurrency import Progress
 from freefloat.errors import InputError
 from freefloat.limits.check import LimitChecker
-from freefloat.limits.limits import Limits, require_applicable
+from freefloat.limits.limits import Limits, limits_for
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.goals.goal import Goal
 from freefloat.planning.goals.goal_motion import GoalMotion
@@ -41,7 +41,8 @@ def reorient(
         problem: Robot, momentum and scene; its path is not followed.
         start: Attitude at the start, quaternion x, y, z, w.
         goal: Attitude at the end.
-        limits: Limits in addition to the joint ranges; ``base_turn`` is not considered.
+        limits: Limits in addition to the joint ranges, by default those of the problem;
+            ``base_turn`` is not considered.
         joints: Where the arm begins and ends, by name or shape (n,); by default the problem's
             ``start_joints``, without these the first arm branch from which the path can begin at
             the goal and that keeps the limits, or the middles of the joint ranges.
@@ -65,9 +66,7 @@ def reorient(
 
     require_problem(problem)
     problem.model.require_one_arm("reorientations")
-    if limits is not None:
-        require_applicable(problem.model, limits)
-    limits = Limits() if limits is None else limits.without_turn
+    limits = (limits_for(problem, limits) or Limits()).without_turn
     begin, end = problem.attitude(start, key="from"), problem.attitude(goal, key="to")
     if angle_between(begin, end) < _SAME:
         raise InputError("to", "it is the attitude at the start", "another attitude")

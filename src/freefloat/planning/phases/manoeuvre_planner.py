@@ -8,7 +8,7 @@ import numpy as np
 
 from freefloat.concurrency import Progress, step_of
 from freefloat.errors import InputError, require_type
-from freefloat.limits.limits import Limits
+from freefloat.limits.limits import Limits, limits_for
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.answer import PhaseResult
 from freefloat.planning.goals.goal import require_inside
@@ -48,8 +48,9 @@ def plan_manoeuvre(
             times.
         phases: What follows.
         search: What to choose; with ``reorient`` it has the present attitude and joints.
-        limits: Limits to keep in all phases; ``base_turn`` on paths only. Where none of them
-            depends on the speed, the reorientation takes as long as the path.
+        limits: Limits to keep in all phases, by default those of the problem; ``base_turn`` on
+            paths only. Where none of them depends on the speed, the reorientation takes as long as
+            the path.
         reorient: Whether the present state is another one than that of the path.
         threads: As for :func:`~freefloat.planning.planner.plan`.
         progress: Called with the fraction done, in [0, 1].
@@ -71,8 +72,8 @@ def plan_manoeuvre(
     """
     search = Search() if search is None else search
     require_type("search", search, Search, "a Search, such as Search(samples=1024)")
-    limits = Limits() if limits is None else limits
     require_problem(problem)
+    limits = limits_for(problem, limits) or Limits()
     following = checked_phases(problem, phases)
     present = None
     if reorient:

@@ -85,7 +85,9 @@ class SystemState:
             path: Path in the frame of the motion, whose origin is the present centre of mass.
             **changes: Other attributes of the problem.
         """
-        return self.problem.replace(path=path, scene=self.scene, **changes)
+        limits = self.problem.limits
+        limits = limits and limits.seen_from(self.centre)
+        return self.problem.replace(path=path, scene=self.scene, limits=limits, **changes)
 
     @property
     def scene(self) -> Scene:

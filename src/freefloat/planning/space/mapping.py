@@ -19,7 +19,7 @@ from freefloat.concurrency import Progress, require_memory, step_of
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import BranchResults, EnsembleResult
 from freefloat.errors import InputError, require_type, whole_number
-from freefloat.limits.limits import Limits, require_applicable
+from freefloat.limits.limits import Limits, limits_for
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.candidates import BoundaryPoint
 from freefloat.planning.evaluator import evaluator_for
@@ -75,8 +75,9 @@ def attitude_map(
         samples: Number of attitudes; when left out that of the search, else 360 headings or
             36,864 attitudes.
         search: Its seed rotates the grid of attitudes, its joints and domain restrict the map.
-        limits: Limits, of which motions are compared with those of pointing and of the spacecraft's
-            turn: an attitude is feasible where a motion keeps them and the margin.
+        limits: Limits, by default those of the problem. Motions are compared with those of pointing
+            and of the spacecraft's turn: an attitude is feasible where one keeps them and the
+            margin.
         nearest: Attitude to find the nearest feasible one to, quaternion x, y, z, w.
         boundary: Points on the boundary of the feasible set to find for each arm branch.
         tangency: Points on the boundary to find from tangency points (Section VI).
@@ -102,8 +103,7 @@ def attitude_map(
     start = time.perf_counter()
     search = Search() if search is None else search
     require_type("search", search, Search, "a Search, such as Search(seed=1)")
-    if limits is not None:
-        require_applicable(problem.model, limits)
+    limits = limits_for(problem, limits)
     problem = search.applied_to(problem)
     samples = search.samples if samples is None else samples
     if problem.task.planar:
