@@ -9,6 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from meshcat import Visualizer
 from meshcat.path import Path as ScenePath
@@ -23,6 +24,7 @@ from freefloat.visualization.scenes.description import MarginColours
 from freefloat.visualization.scenes.scene import motion_scene
 from freefloat.visualization.scenes.scene_builder import Scene
 from freefloat.visualization.scenes.visuals import body_poses, robot_visuals
+from tests.errors import error_key
 from tests.scene_commands import commands, tracks
 
 GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
@@ -100,6 +102,27 @@ def test_a_playback_goes_into_a_visualizer(motion: Motion) -> None:
         assert sum(path.startswith(root) for path in objects) == shapes
     clips = [clip["path"] for clip in sent[-1]["animations"]]
     assert "/meshcat/mine/second/Robot/spacecraft" in clips
+    assert sent[-1]["options"]["play"]
+    matrices = {command["path"]: np.reshape(command["matrix"], (4, 4), order="F")
+                for command in sent if command["type"] == "set_transform"}  # fmt: skip
+    model, first = motion.problem.model, motion.initial
+    q = model.configuration(first.attitude, first.joints)
+    data = model.pin_model.createData()
+    pin.forwardKinematics(model.pin_model, data, q)
+    for number, body in enumerate(model.body_names):  # link by link, before anything is played
+        placed = matrices[f"/meshcat/mine/second/Robot/{body}"]
+        assert placed == pytest.approx(data.oMi[number + 1].homogeneous, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_a_result_is_shown_in_a_visualizer(motion: Motion) -> None:
+    sent: list[dict[str, Any]] = []
+    window = SimpleNamespace(send=lambda command: sent.append(command.lower()))
+    simulation = ff.simulate(motion.problem, motion.initial.attitude, branch=0)
+    ff.show(simulation, Visualizer.view_into(window, ScenePath(("meshcat", "plan"))))
+    assert sent[-1]["type"] == "set_animation"
+    assert all(clip["path"].startswith("/meshcat/plan/") for clip in sent[-1]["animations"])
+    assert error_key(ff.show, simulation, "a title") == "viewer"
 
 
 def test_colours_show_what_is_below_the_margin() -> None:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.errors import InputError
+from freefloat.errors import InputError, require_type
 from freefloat.io.files import written_beside
 from freefloat.motion.motion import Motion
 from freefloat.planning.answer import Answer
@@ -149,15 +149,23 @@ class Playback:
         open_browser(self.save(folder / "playback.html").as_uri())
 
     def into(self, visualizer: meshcat.Visualizer) -> None:
-        """Send the scene to a visualizer, whose controls play the animation.
+        """Send the scene to a visualizer, which shows the first instant and plays the animation.
 
         Panels, labels, the growing trail and the choice of a motion exist on pages only.
 
         Args:
-            visualizer: Visualizer; its path becomes the root of the scene.
+            visualizer: Visualizer of MeshCat, such as ``meshcat.Visualizer()["plan"]``; its path
+                becomes the root of the scene.
+
+        Raises:
+            InputError: If it is another object.
         """
+        accepted = "a meshcat.Visualizer, such as meshcat.Visualizer()['plan']"
+        require_type("viewer", visualizer, meshcat.Visualizer, accepted)
         root = visualizer.path.lower()
         for command in self.scene.commands():
+            if "animations" in command:
+                command["options"]["play"] = True
             for item in (command, *command.get("animations", ())):
                 if item["path"].startswith(f"/{ROOT}/"):
                     item["path"] = root + item["path"].removeprefix(f"/{ROOT}")
@@ -188,13 +196,32 @@ def licences() -> str:
     return "MeshCat\n\n" + "\n".join(texts).replace("--", "- -")
 
 
-def show(result: Any, title: str = "freefloat", *, height: int = 600) -> None:
-    """Show a result in a notebook cell or a browser; see :func:`playback`.
+def show(
+    result: Any,
+    viewer: meshcat.Visualizer | None = None,
+    *,
+    title: str = "freefloat",
+    height: int = 600,
+) -> None:
+    """Show a result in a notebook cell or a browser, or play it in a visualizer of MeshCat.
+
+    Args:
+        result: As for :func:`playback`.
+        viewer: Visualizer, see :meth:`Playback.into`; a page is shown when left out.
+        title: Title of the page.
+        height: Height of a notebook's cell [pixels].
+
+    Raises:
+        InputError: As for :func:`playback`, or if the viewer is another object.
 
     Example:
         >>> ff.show(ff.plan(ff.load_scenario("planar_2dof/line").problem()))
     """
-    playback(result, title).show(height)
+    played = playback(result, title)
+    if viewer is None:
+        played.show(height)
+    else:
+        played.into(viewer)
 
 
 def playback(

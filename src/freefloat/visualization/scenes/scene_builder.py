@@ -17,7 +17,7 @@ from meshcat.commands import SetObject, SetProperty, SetTransform
 from meshcat.path import Path
 
 from freefloat.robot.shapes import Box, Cylinder, Sphere
-from freefloat.so3 import Array, IntArray, Pose
+from freefloat.so3 import Array, IntArray, Pose, rotation_matrix
 from freefloat.visualization.scenes.description import SceneDescription
 from freefloat.visualization.scenes.visuals import Visual
 
@@ -175,7 +175,11 @@ class SceneBuilder:
         self._objects.append(umsgpack.packb(command))
 
     def move(self, path: str, times: Array, positions: Array, quaternions: Array) -> None:
-        """Animate a path: positions (K, 3) and quaternions x, y, z, w (K, 4) at times (K,)."""
+        """Animate a path: positions (K, 3) and quaternions x, y, z, w (K, 4) at times (K,).
+
+        Until the animation is played, it is in the first pose.
+        """
+        self.place(path, Pose(positions[0], rotation_matrix(quaternions[0])))
         self._track(path, "position", "vector3", times, _floats(positions))
         self._track(path, "quaternion", "quaternion", times, _floats(quaternions))
 
