@@ -64,12 +64,26 @@ def test_the_spacecraft_keeps_its_attitude(two_ur5, axes, seed):
     balanced = problem.replace(arms=ff.ArmCurves({"left": found.curve}))
     start = [0.0, 0.0, 0.0, 1.0]
     motion = ff.simulate(balanced, start, joints=found.joints).motion
-    turns = Rotation.from_quat(motion.attitudes)
+    turns = Rotation.from_quat(motion.evaluate(np.linspace(0.0, motion.panels, 40001))[1])
     if axes == "xyz":
         assert turns.magnitude().max() == pytest.approx(found.turn, rel=1e-6)
     else:  # the axis that is not balanced keeps its direction
         tilt = np.arccos(turns.apply([0.0, 1.0, 0.0])[:, 1]).max()
         assert tilt == pytest.approx(found.turn, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_the_largest_turn_lies_between_the_nodes_of_the_integration(two_ur5):
+    problem, joints = line(two_ur5, np.random.default_rng(4))
+    problem = problem.replace(momentum=[0.02, -0.01, 0.015])
+    limits, start = ff.Limits(joint_rate=np.full(12, RATE)), [0.0, 0.0, 0.0, 1.0]
+    found = ff.balance(problem, start, joints, ff.BalanceSettings("left", starts=1), limits)
+    balanced = problem.replace(arms=ff.ArmCurves({"left": found.curve}))
+    motion = ff.simulate(balanced, start, joints=found.joints).motion
+    attitudes = motion.evaluate(np.linspace(0.0, motion.panels, 20001))[1]
+    turn = Rotation.from_quat(attitudes).magnitude().max()
+    assert turn > (1.0 + 1e-5) * Rotation.from_quat(motion.attitudes).magnitude().max()
+    assert found.turn == pytest.approx(turn, rel=1e-6)
 
 
 @pytest.mark.slow

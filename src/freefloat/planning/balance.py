@@ -18,7 +18,7 @@ from freefloat.errors import InputError, finite_vector, require_type
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import Limits, limits_for
 from freefloat.motion.arm_curves import ArmCurve, ArmCurves
-from freefloat.motion.extrema import closest_approach
+from freefloat.motion.extrema import at_nodes, closest_approach, maximum
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
@@ -255,5 +255,9 @@ def _motion(problem: Problem, attitude: Array, near: Array) -> Motion | None:
 def _turn(motion: Motion, axes: str) -> float:
     """Largest turn from the first attitude [rad], or tilt of the axis that is not balanced."""
     start = Rotation.from_quat(motion.attitudes[0])
-    return max(float(np.linalg.norm(turn_back(start, Rotation.from_quat(a), axes)))
-               for a in motion.attitudes)  # fmt: skip
+
+    def turn(panel: int, x: float) -> Array:
+        back = turn_back(start, Rotation.from_quat(motion.at(panel, x)[1]), axes)
+        return np.array([np.linalg.norm(back)])
+
+    return maximum(at_nodes(motion, turn), turn).value
