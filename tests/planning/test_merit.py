@@ -90,7 +90,8 @@ def test_errors_of_weights() -> None:
     problem = ff.load_scenario("planar_2dof/line").problem()
     assert error_key(lambda: ff.Weights(-1.0)) == "search.objective.margin"
     assert error_key(ff.Weights) == "search.objective"
-    assert error_key(ff.plan, problem, ff.Search(ff.Weights(time=1.0))) == "search.objective.time"
+    timed = ff.Search(ff.Weights(time=1.0))
+    assert error_key(ff.plan, problem, timed, ff.Limits()) == "search.objective.time"
     with pytest.raises(ff.InputError, match=r"search\.joints: .* for objective soonest"):
         ff.Search("soonest", [0.0, 0.0, 0.0, 1.0], within=0.3)
     assert error_key(lambda: ff.Search("soonest", joints=[0.5, 0.8])) == "search.from_attitude"

@@ -135,7 +135,7 @@ def _require_numbers(name: str, text: str, metavar: str) -> None:
     count = len(values) if metavar.endswith("...") else len(metavar.split())
     if not values or len(values) != count or not all(map(math.isfinite, values)):
         accepted = f"finite numbers: {name} {metavar}, also with commas between them"
-        raise InputError(name.lstrip("-"), f"{text or 'nothing'} was given", accepted)
+        raise InputError(name.lstrip("-").replace("-", "_"), f"{text or 'nothing'} was given", accepted)
 
 
 _BEGINNINGS = {"html": (b"<!doctype html",), "output": (b"freefloat sha-256 ", b"\x89hdf")}

@@ -1,0 +1,131 @@
+"""Scenarios as a whole: what they plan, simulate and map, and the limits that problems carry."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+import freefloat as ff
+from tests.commands import document
+from tests.errors import error_key
+
+LINE = "planar_2dof/line"
+"""Has limits of joint rates."""
+ATTITUDE = [0.0, 0.0, 0.0, 1.0]
+
+
+@pytest.fixture
+def line() -> ff.Problem:
+    return ff.load_scenario(LINE).problem()
+
+
+def scenario(**sections: Any) -> Any:
+    robot = {"robot": {"urdf": "planar_2dof", "end_effector": "end_effector"}}
+    return ff.load_scenario(yaml.safe_load(ff.load_scenario(LINE).text) | robot | sections)
+
+
+def names(results: Any) -> set[str]:
+    return {result.limit for result in results}
+
+
+@pytest.mark.slow
+def test_two_lines_of_python_and_the_command_find_the_same() -> None:
+    shown = document("plan", "servicing/inspect_client")
+    loaded = ff.load_scenario("servicing/inspect_client")
+    plan = ff.plan(loaded.problem(), loaded.search())
+    assert plan.feasible is shown["feasible"] is True
+    assert plan.reason == shown["reason"]
+    attitude = plan.chosen.motion.initial.attitude
+    assert attitude == pytest.approx(shown["initial"]["attitude"], abs=1e-12)
+    assert [result.limit for result in plan.limit_results] == [
+        entry["limit"] for entry in shown["limits"]
+    ]
+    turn = next(entry for entry in plan.limit_results if entry.limit == "base_turn")
+    assert turn.worst <= turn.bound == pytest.approx(np.radians(5.0))
+
+
+@pytest.mark.slow
+def test_a_scenario_simulates_and_maps_as_the_commands_do() -> None:
+    loaded = scenario(search={"joints": [0.3, 1.2]})
+    Path("near.yaml").write_text(yaml.safe_dump(yaml.safe_load(loaded.text)))
+    motion = loaded.simulate(heading=0.0)
+    assert motion.to_dict() == document("simulate", "near.yaml", "--heading", 0)
+    assert loaded.map(24).margins == pytest.approx(ff.attitude_map(
+        loaded.problem(), 24, search=loaded.search()).margins)  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.slow
+def test_a_scenario_plans_whatever_it_asks() -> None:
+    assert scenario().plan().kind == "plan"
+    rest = {"goal": {"joints": [0.2, -0.4], "duration": 30.0}}
+    manoeuvre = scenario(phases=[rest]).plan()
+    assert [phase.kind for phase in manoeuvre.phases] == ["path", "goal"]
+    assert manoeuvre.path.limits.joint_rate is not None
+    present = {"from_attitude": ATTITUDE, "joints": [0.6, 0.2]}
+    moved = ff.load_scenario(
+        {"robot": {"urdf": "planar_2dof", "end_effector": "end_effector"}, "search": present, "goal": {"joints": [0.2, -0.4]},
+         "limits": {"joint_rate": 0.1}}
+    ).plan()  # fmt: skip
+    assert (moved.kind, moved.feasible) == ("goal", True)
+    assert error_key(scenario(phases=[rest]).plan, stretch=True) == "stretch"
+
+
+def test_functions_use_the_limits_of_a_problem_unless_others_are_given(line: ff.Problem) -> None:
+    motion = ff.simulate(line, ATTITUDE)
+    assert "joint_rate" in names(motion.limit_results)
+    assert "joint_rate" in names(ff.check_limits(motion.motion))
+    other = ff.simulate(line, ATTITUDE, limits=ff.Limits(base_rate=1.0))
+    assert names(other.limit_results) >= {"base_rate"}
+    assert "joint_rate" not in names(other.limit_results)
+    for none in (ff.simulate(line, ATTITUDE, limits=ff.Limits()),
+                 ff.simulate(line.replace(limits=None), ATTITUDE)):  # fmt: skip
+        assert "joint_rate" not in names(none.limit_results)
+    assert error_key(line.replace, limits=0.2) == "limits"
+
+
+@pytest.mark.slow
+def test_plans_and_maps_use_the_limits_of_a_problem(line: ff.Problem) -> None:
+    strict = line.replace(limits=ff.Limits(joint_rate=[1e-4, 1e-4]))
+    assert ff.plan(line, limits=ff.Limits()).feasible
+    assert not ff.plan(strict).feasible
+    manoeuvre = ff.plan_manoeuvre(strict)
+    assert (manoeuvre.feasible, manoeuvre.path.feasible) == (False, False)
+    turned = ff.reorient(line, ATTITUDE, line.attitude(heading=0.1))
+    assert "joint_rate" in names(turned.limit_results)
+    seen = ff.PointingLimit("spacecraft", [1, 0, 0], 0.01, direction=[0, 1, 0])
+    away = line.replace(limits=ff.Limits(pointing=(seen,)))
+    assert ff.attitude_map(away, 24).feasible_fraction < ff.attitude_map(line, 24).feasible_fraction
+
+
+@pytest.mark.slow
+def test_copies_and_files_keep_the_limits_of_a_problem(line: ff.Problem) -> None:
+    for copy in (line.replace(momentum=[0.0, 0.0, 0.1]), line.stretched(2.0),
+                 ff.Search(joints=[0.3, 1.2]).applied_to(line)):  # fmt: skip
+        assert copy.limits is line.limits
+    ff.save(ff.simulate(line, ATTITUDE), "motion.h5")
+    loaded = ff.load("motion.h5")
+    assert repr(loaded.problem.limits) == repr(loaded.limits) == repr(line.limits)
+    assert ff.check(loaded).passed
+
+
+@pytest.mark.slow
+def test_a_later_phase_sees_a_point_from_its_own_centre_of_mass() -> None:
+    """With drift the frame of a later phase begins elsewhere."""
+    point, drift = np.array([0.0, 0.0, 5.0]), np.array([0.01, -0.02, 0.0])
+    cone = {"body": "spacecraft", "axis": [1, 0, 0], "target": {"point": point.tolist()},
+            "keep": "outside", "angle_deg": 1}  # fmt: skip
+    rest = {"goal": {"joints": [0.2, -0.4], "duration": 30.0}}
+    loaded = scenario(limits={"pointing": [cone]}, drift=drift.tolist(), phases=[rest])
+    first, second = (phase.motion.problem for phase in loaded.plan().phases)
+    (before,), (after,) = first.limits.pointing, second.limits.pointing
+    assert before.point == pytest.approx(point)
+    assert after.point == pytest.approx(point - first.path.duration * drift)
