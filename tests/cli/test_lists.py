@@ -52,9 +52,9 @@ def test_a_negative_number_begins_a_list() -> None:
 @pytest.mark.slow
 def test_parts_have_both_forms() -> None:
     spaces = ("--mass", "150", "--inertia", "16", "16", "20", "--size", "1", "1", "0.8",
-              "--com", "-0.1", "0", "0.1", "--mount", "0", "0", "0.4", "0", "0", "-0.5")  # fmt: skip
+              "--com", "-0.1", "0", "0.1", "--mount", "0", "0", "0.4", "0", "0", "-1")  # fmt: skip
     commas = ("--mass", "150", "--inertia=16,16,20", "--size", "1,1,0.8",
-              "--com=-0.1,0,0.1", "--mount", "0,0,0.4,0,0,-0.5")  # fmt: skip
+              "--com=-0.1,0,0.1", "--mount", "0,0,0.4,0,0,-1")  # fmt: skip
     texts = []
     for words in (spaces, commas):
         document("assemble", *UR5, *words)

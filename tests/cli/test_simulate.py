@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio
 import pytest
 
+import freefloat as ff
 from tests.commands import document, error, run
 from tests.scenarios import PARABOLA
 
@@ -67,6 +69,62 @@ def test_a_singular_motion_has_place_and_time() -> None:
     assert motion["min_margin"]["value"] < 1e-6
     text = run("simulate", *SINGULAR).stdout
     assert f"singular at t = {singular['time']:.4f} s, s = {singular['s']:.4f}" in text
+
+
+BAD = ("spatial_6dof/line", "--attitude", "0.1", "0.5", "0.2", "-0.8367")
+"""The paper's attitude from which some branches become singular, Fig. 9."""
+
+
+@pytest.mark.parametrize("words", [
+    pytest.param(BAD, marks=pytest.mark.slow), ("planar_3dof/parabola", "--heading", "140"),
+])  # fmt: skip
+def test_the_head_counts_the_branches_that_follow_the_path(words: tuple[str, ...]) -> None:
+    motion, head = simulated(*words), run("simulate", *words).stdout.partition("\n")[0]
+    branches = motion["branches"]
+    completed = sum(branch["completed"] for branch in branches)
+    assert 0 < completed < len(branches)
+    assert f"{completed} of {len(branches)} arm branches follow the whole path" in head
+    assert f"branch {motion['branch']} is shown" in head
+
+
+@pytest.mark.parametrize(("words", "reason"), [
+    (PLANAR, "largest minimum margin"), ((*PLANAR, "--branch", "1"), "by --branch"),
+    (("planar_3dof/parabola", "--heading", "140"), "none keeps the margin"),
+])  # fmt: skip
+def test_the_head_says_why_a_branch_is_shown(words: tuple[str, ...], reason: str) -> None:
+    assert f"({reason}" in run("simulate", *words).stdout.partition("\n")[0]
+
+
+@pytest.mark.parametrize(("quaternion", "text"), [
+    ((0, 0, 1, 0), "180 deg about z"), ((0, 0, -1, 0), "180 deg about z"),
+    ((0, 0, 0, 1), "(0 deg)"), ((0, 0, -0.6, 0.8), "73.74 deg about -z"),
+])  # fmt: skip
+def test_attitudes_are_shown_with_axis_and_angle(quaternion: Any, text: str) -> None:
+    result = run("simulate", PLANAR[0], "--attitude", *quaternion)
+    (line,) = [row for row in result.stdout.splitlines() if "initial attitude" in row]
+    assert text in line
+
+
+def test_the_distance_of_the_path_from_the_present_pose_is_printed() -> None:
+    """Against Pinocchio's kinematics; nothing is said where the path begins there."""
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    model, joints, attitude = problem.model.pin_model, [0.3, 1.4], [0.0, 0.0, 0.0, 1.0]
+    data = model.createData()
+    q = np.array([0.0, 0.0, 0.0, *attitude, *joints])
+    pinocchio.framesForwardKinematics(model, data, q)
+    centre = pinocchio.centerOfMass(model, data, q)
+    place = data.oMf[model.getFrameId("end_effector")].translation - centre
+    apart = np.linalg.norm(place - problem.path.pose(0.0).position)
+    words = ("simulate", "planar_2dof.yaml", "--attitude", *attitude, "--branch", "0")
+    text = ff.load_scenario("planar_2dof/line").text.replace("planar_2dof.urdf", "planar_2dof")
+    Path("planar_2dof.yaml").write_text(f"{text}search: {{joints: {joints}}}\n")
+    assert f"begins {apart:.4g} m from" in run(*words).stdout
+    there = problem.branches(attitude)[0].joints.tolist()
+    Path("planar_2dof.yaml").write_text(f"{text}search: {{joints: {there}}}\n")
+    assert "The path begins" not in run(*words).stdout
+    present = f"{{joints: {joints}, from_attitude: {attitude}}}"
+    Path("planar_2dof.yaml").write_text(f"{text}search: {present}\n")
+    assert f"begins {apart:.4g} m from" in run("plan", "planar_2dof.yaml").stdout
 
 
 def comma(values: Any) -> str:

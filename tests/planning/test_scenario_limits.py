@@ -15,6 +15,7 @@ from tests.errors import error_key
 
 LINE = "planar_2dof/line"
 """Has limits of joint rates."""
+ROBOT = {"robot": {"urdf": "planar_2dof", "end_effector": "end_effector"}}
 ATTITUDE = [0.0, 0.0, 0.0, 1.0]
 
 
@@ -24,8 +25,7 @@ def line() -> ff.Problem:
 
 
 def scenario(**sections: Any) -> Any:
-    robot = {"robot": {"urdf": "planar_2dof", "end_effector": "end_effector"}}
-    return ff.load_scenario(yaml.safe_load(ff.load_scenario(LINE).text) | robot | sections)
+    return ff.load_scenario(yaml.safe_load(ff.load_scenario(LINE).text) | ROBOT | sections)
 
 
 def names(results: Any) -> set[str]:
@@ -71,10 +71,8 @@ def test_a_scenario_plans_whatever_it_asks() -> None:
     assert [phase.kind for phase in manoeuvre.phases] == ["path", "goal"]
     assert manoeuvre.path.limits.joint_rate is not None
     present = {"from_attitude": ATTITUDE, "joints": [0.6, 0.2]}
-    moved = ff.load_scenario(
-        {"robot": {"urdf": "planar_2dof", "end_effector": "end_effector"}, "search": present, "goal": {"joints": [0.2, -0.4]},
-         "limits": {"joint_rate": 0.1}}
-    ).plan()  # fmt: skip
+    goal = {"search": present, "goal": {"joints": [0.2, -0.4]}, "limits": {"joint_rate": 0.1}}
+    moved = ff.load_scenario(ROBOT | goal).plan()
     assert (moved.kind, moved.feasible) == ("goal", True)
     assert error_key(scenario(phases=[rest]).plan, stretch=True) == "stretch"
 

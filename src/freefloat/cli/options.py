@@ -118,12 +118,12 @@ class ListCommand(TyperCommand):
 
 def _continues(words: Sequence[str], first: bool) -> bool:
     """Whether a list goes on with the first of some words, which may be a misspelt number."""
-    word, *after = list(words)[:2]
+    word, after = words[0], words[1] if len(words) > 1 else ""
     if _LIST.fullmatch(word):
         return True
     if _MISSPELT.match(word):
         return not os.path.exists(word)
-    return not word.startswith("-") and (first or bool(after and _LIST.fullmatch(after[0])))
+    return not word.startswith("-") and (first or bool(_LIST.fullmatch(after)))
 
 
 def _require_numbers(name: str, text: str, metavar: str) -> None:
@@ -135,7 +135,9 @@ def _require_numbers(name: str, text: str, metavar: str) -> None:
     count = len(values) if metavar.endswith("...") else len(metavar.split())
     if not values or len(values) != count or not all(map(math.isfinite, values)):
         accepted = f"finite numbers: {name} {metavar}, also with commas between them"
-        raise InputError(name.lstrip("-").replace("-", "_"), f"{text or 'nothing'} was given", accepted)
+        raise InputError(
+            name.lstrip("-").replace("-", "_"), f"{text or 'nothing'} was given", accepted
+        )
 
 
 _BEGINNINGS = {"html": (b"<!doctype html",), "output": (b"freefloat sha-256 ", b"\x89hdf")}

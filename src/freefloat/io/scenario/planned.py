@@ -147,7 +147,7 @@ class PlannedScenario:
 
         problem, search = self.problem(), self.search()
         start = problem.attitude(attitude, heading=heading)
-        with self.error_context(options=("branch", "joints")):
+        with self.error_context(options=("attitude", "branch", "joints")):
             if joints is None and branch is None:
                 joints = search.applied_to(problem).closest_start(start)
             return simulate(
