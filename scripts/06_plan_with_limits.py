@@ -13,10 +13,8 @@ import freefloat as ff
 from freefloat.limits.result import LimitResult, needed_stretch
 
 scenario = ff.load_scenario("planar_2dof/line")
-problem = scenario.problem()
-limits = scenario.limits()  # from "limits:" in the file; joint ranges always apply
-
-plan = ff.plan(problem, limits=limits)
+plan = scenario.plan()  # with the limits of the file; joint ranges always apply
+problem, limits = plan.problem, plan.limits
 print(f"chosen for {plan.reason}")
 
 

@@ -34,7 +34,7 @@ print("written:", playback.save("playback.html"))
 print(f"{', '.join(playback.titles)}; {playback.duration:g} s")
 
 # `playback.show()` opens the page in a browser or a notebook's cell. `playback.into(visualizer)`
-# sends the scene to a `meshcat.Visualizer()`, whose own controls play the animation.
+# sends the scene to a `meshcat.Visualizer()`, shows the first instant and plays the animation.
 
 # Numbers of a motion at any times, such as the end of the shorter one:
 end = singular.final.time

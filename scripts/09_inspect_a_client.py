@@ -16,11 +16,10 @@ import numpy as np
 import freefloat as ff
 
 scenario = ff.load_scenario("servicing/inspect_client")
-problem, search, limits = scenario.problem(), scenario.search(), scenario.limits()
 
 # The plan compares motions from 1,024 attitudes within 60 deg of the present one, by margin, turn
 # and joint rates. Each row is the extreme value of a limit along the whole chosen motion.
-plan = ff.plan(problem, search, limits)
+plan = scenario.plan()
 print(f"attitude {plan.chosen.motion.initial.attitude.round(2)}: {plan.reason}")
 for result in plan.limit_results:
     print(f"  {result.limit:12} {result.ratio:4.0%} of the limit, {result.where}")
@@ -36,8 +35,8 @@ ff.figures(plan)["angles"].savefig("angles.png", dpi=150)
 print("drawn: angles.png")
 
 # Without the cones another attitude has a better sum. From there both would be violated:
-free = ff.plan(problem, search, replace(limits, pointing=()))
-for limit in limits.pointing:
+free = ff.plan(scenario.problem(), plan.search, replace(plan.limits, pointing=()))
+for limit in plan.limits.pointing:
     results = ff.check_limits(free.chosen.motion, ff.Limits(pointing=[limit]))
     worst = next(result for result in results if result.limit == "pointing")
     print(f"{limit.keep} {np.degrees(limit.angle):.0f} deg: {np.degrees(worst.worst):.0f} deg")

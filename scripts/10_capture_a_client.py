@@ -14,11 +14,10 @@ import numpy as np
 import freefloat as ff
 
 scenario = ff.load_scenario("servicing/capture_client")
-problem, search, limits = scenario.problem(), scenario.search(), scenario.limits()
 
 # The attitude nearest to the present one from which the approach can be followed is found first.
 # The arm turns the spacecraft there; the other phases begin where the one before ends.
-manoeuvre = ff.plan_manoeuvre(problem, scenario.phases(), search, limits, reorient=True)
+manoeuvre = scenario.plan()
 print(manoeuvre.reason)
 for phase in manoeuvre.phases:
     print(f"  {phase.start:7.1f} s {phase.name:14} {phase.duration:5.1f} s {phase.reason}")

@@ -12,8 +12,8 @@ import freefloat as ff
 
 # In the scenario the left arm is held: it is part of the spacecraft.
 scenario = ff.load_scenario("servicing/two_arms")
-limits, attitude = scenario.limits(), [0.0, 0.0, 0.0, 1.0]
-held = ff.simulate(scenario.problem(), attitude, limits=limits)
+attitude = [0.0, 0.0, 0.0, 1.0]
+held = ff.simulate(scenario.problem(), attitude)
 print(f"held: {held.reason}, {len(held.problem.model.joint_names)} joints move")
 
 # The same robot with a left arm that moves: from a working posture, by a quarter turn of the wrist.
@@ -22,13 +22,14 @@ model = ff.FreeFloatingModel(
 )  # fmt: skip
 start = np.array([0.72, -0.69, 0.88, 0.12, 0.21, 1.18])
 curve = ff.ArmCurve.evenly([start, start + 1.57 * np.eye(6)[5]], held.problem.path.duration)
-problem = held.problem.replace(model=model, arms=ff.ArmCurves({"left": curve}))
+arms = ff.ArmCurves({"left": curve})
+problem = held.problem.replace(model=model, arms=arms, limits=None)  # those were of fewer joints
 moved = ff.simulate(problem, attitude)
 joints = moved.chosen.branch.joints
 print(f"moving: {moved.reason}, {len(model.joint_names)} joints move")
 
 # The left arm balances: its joints keep the spacecraft's attitude while the right one works.
-limits = replace(limits, joint_rate=np.full(model.dof, 0.2))
+limits = replace(held.limits, joint_rate=np.full(model.dof, 0.2))
 balance = ff.balance(
     problem, attitude, joints, ff.BalanceSettings("left", starts=1), limits
 )  # fmt: skip

@@ -115,30 +115,20 @@ def gallery(name: str) -> Figure:
     return ff.figures(GALLERY[name]())[name]
 
 
-def plan(name: str) -> ff.Plan:
-    """The plan of a bundled scenario."""
-    scenario = ff.load_scenario(name)
-    return ff.plan(scenario.problem(), scenario.search(), scenario.limits())
+def plan(name: str) -> Any:
+    """What is planned for a bundled scenario."""
+    return ff.load_scenario(name).plan()
 
 
 def simulated(name: str, attitude: Sequence[float]) -> ff.Simulation:
     """The motion of a bundled scenario from an attitude."""
-    scenario = ff.load_scenario(name)
-    return ff.simulate(scenario.problem(), attitude, limits=scenario.limits())
+    return ff.load_scenario(name).simulate(attitude)
 
 
 def singular_regions() -> ff.SingularityMap:
     """The certified map of the joint space of the spatial robot."""
     model = ff.load_scenario("spatial_6dof/line").problem().model
     return ff.singularity_map(model, "pose", np.radians(5.0))
-
-
-def manoeuvre() -> ff.Manoeuvre:
-    """The bundled capture of a client."""
-    scenario = ff.load_scenario("servicing/capture_client")
-    search, limits = scenario.search(), scenario.limits()
-    phases = scenario.phases()
-    return ff.plan_manoeuvre(scenario.problem(), phases, search, limits, reorient=True)
 
 
 GALLERY: dict[str, Callable[[], Any]] = {
@@ -149,11 +139,11 @@ GALLERY: dict[str, Callable[[], Any]] = {
     "margin": lambda: simulated("ur5_servicer/arc", TURNED["turned by −20° about y"]),
     "angles": lambda: plan("servicing/inspect_client"),
     "slices": singular_regions,
-    "manoeuvre": manoeuvre,
+    "manoeuvre": lambda: plan("servicing/capture_client"),
 }
 """Results whose figures with these names are in the gallery."""
 SCENES: dict[str, tuple[Callable[[], Any], float]] = {
-    "capture": (manoeuvre, 80.0),
+    "capture": (lambda: plan("servicing/capture_client"), 80.0),
     "mission": (lambda: plan("servicing/inspect_client"), 45.0),
     "ball": (lambda: plan("spatial_6dof/line").map, 0.0),
     "surfaces": (singular_regions, 0.0),

@@ -25,7 +25,7 @@ def planned(name: str, folder: Path) -> Path:
     path = folder / (name.replace("/", "_") + ".h5")
     if not path.exists():
         scenario = ff.load_scenario(name)
-        ff.save(ff.plan(scenario.problem(), scenario.search(), scenario.limits()), path)
+        ff.save(ff.plan(scenario.problem(), scenario.search()), path)
     return path
 
 

@@ -79,8 +79,7 @@ def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None 
 
     Example:
         >>> scenario = ff.load_scenario("planar_2dof/line")
-        >>> plan = ff.plan(scenario.problem(), limits=scenario.limits())
-        >>> fastest = ff.retime(plan)
+        >>> fastest = ff.retime(scenario.plan())
         >>> fastest.plan.feasible, round(fastest.duration / fastest.before, 1)
         (True, 0.5)
     """
