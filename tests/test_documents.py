@@ -21,6 +21,7 @@ CHECKOUT = ("src", "models", "scripts", "tests", "docs", "pyproject.toml", "READ
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")  # json.load(open(...))
+@pytest.mark.filterwarnings("ignore:Unclosed socket:ResourceWarning")  # of MeshCat
 @pytest.mark.parametrize("name", [name for name in PAGES if "\n```" in PAGES[name]])
 def test_every_block_prints_what_is_shown(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
