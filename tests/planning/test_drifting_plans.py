@@ -45,7 +45,7 @@ def test_exact_ranges_agree_with_a_sweep(name: str, seed: int) -> None:
     if name == "planar_2dof/line" and seed > 2:
         timing = replace(problem.path.timing, stops=[Stop(0.3, 0.4 * duration)])
         problem = replace(problem, path=replace(problem.path, timing=timing))
-    result = ff.plan(problem)
+    result = ff.plan(problem, limits=ff.Limits())
     headings = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False) + 0.0007
     motions = FeasibilityEvaluator(problem).evaluate(heading_quaternion(headings)).motions
     feasible = motions.keeps(problem.margin.threshold)

@@ -257,7 +257,7 @@ def test_the_timing_is_slowed_down_for_a_tumbling_body(tmp_path, monkeypatch) ->
 @pytest.mark.slow
 def test_errors() -> None:
     problem = ff.load_scenario("planar_2dof/line").problem()
-    plan = ff.plan(problem)
+    plan = ff.plan(problem, limits=ff.Limits())
     assert error_key(lambda: ff.retime(plan)) == "limits"
     assert error_key(lambda: ff.retime(problem)) == "plan"
     rates = ff.Limits(joint_rate=np.full(2, 1e-4))
