@@ -31,7 +31,8 @@ PRESENT = ff.Search("nearest", [0.0, 0.0, 0.0, 1.0], joints=[0.5, 0.8])
 @pytest.fixture(scope="module")
 def problem() -> ff.Problem:
     problem = ff.load_scenario("planar_2dof/line").problem()
-    return problem.replace(path=replace(problem.path, drift=[0.001, -0.002, 0.0]))
+    path = replace(problem.path, drift=[0.001, -0.002, 0.0])
+    return problem.replace(path=path, limits=None)
 
 
 @pytest.fixture(scope="module")

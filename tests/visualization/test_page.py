@@ -74,7 +74,7 @@ def test_a_page_plays_phases_in_turn(browser: Browser, tmp_path: Path, monkeypat
         ff.GoalPhase(ff.Goal(joints=joints, duration=duration), name)
         for joints, duration, name in (([0.2, -0.4], 20.0, "rest"), ([0.5, -0.1], 10.0, "berth"))
     ]
-    manoeuvre = ff.plan_manoeuvre(problem, phases)
+    manoeuvre = ff.plan_manoeuvre(problem, phases, limits=ff.Limits())
     assert manoeuvre.feasible, manoeuvre.reason
     earlier = [replace(phase, start=phase.start - 7.0) for phase in manoeuvre.phases]
     manoeuvre = replace(manoeuvre, phases=tuple(earlier))  # as after a reorientation
