@@ -52,7 +52,7 @@ def line(model, rng):
 @pytest.mark.parametrize(("axes", "seed"), [("xyz", 4), ("zx", 10)])
 def test_the_spacecraft_keeps_its_attitude(two_ur5, axes, seed):
     problem, joints = line(two_ur5, np.random.default_rng(seed))
-    limits = ff.Limits(joint_rate=np.full(12, RATE))
+    limits = ff.Limits(joint_rate=np.full(12, RATE), clearance="off")
     settings = ff.BalanceSettings("left", axes, starts=4)
     found = ff.balance(problem, [0.0, 0.0, 0.0, 1.0], joints, settings, limits)
     assert found.held_turn > np.radians(0.3)
@@ -76,7 +76,7 @@ def test_the_spacecraft_keeps_its_attitude(two_ur5, axes, seed):
 def test_the_largest_turn_lies_between_the_nodes_of_the_integration(two_ur5):
     problem, joints = line(two_ur5, np.random.default_rng(4))
     problem = problem.replace(momentum=[0.02, -0.01, 0.015])
-    limits, start = ff.Limits(joint_rate=np.full(12, RATE)), [0.0, 0.0, 0.0, 1.0]
+    limits, start = ff.Limits(joint_rate=np.full(12, RATE), clearance="off"), [0.0, 0.0, 0.0, 1.0]
     found = ff.balance(problem, start, joints, ff.BalanceSettings("left", starts=1), limits)
     balanced = problem.replace(arms=ff.ArmCurves({"left": found.curve}))
     motion = ff.simulate(balanced, start, joints=found.joints).motion
