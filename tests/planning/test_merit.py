@@ -36,8 +36,8 @@ def test_still_in_the_plane_is_the_least_turn_of_a_sweep() -> None:
 
 @pytest.mark.slow
 def test_still_in_space_is_less_than_the_turns_of_samples() -> None:
-    problem = ff.load_scenario("ets_vii/line").problem()
-    plan = ff.plan(problem, ff.Search("still", samples=512), ff.Limits())
+    problem = ff.load_scenario("ets_vii/line").problem().replace(limits=None)
+    plan = ff.plan(problem, ff.Search("still", samples=512))
     least, margins = turn(plan.chosen.motion), plan.map.margins
     assert plan.feasible
     feasible = np.argwhere(problem.margin.keeps(margins))
