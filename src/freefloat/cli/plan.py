@@ -60,10 +60,11 @@ def plan(
 
     For planar tasks all feasible headings are listed. For spatial tasks the motions from a grid of
     attitudes are integrated (search.samples in the scenario, default 4,096), and the choice is
-    refined between them. The chosen motion keeps joint ranges and the scenario's limits, too. Where
-    limits alone are violated, the motion that comes nearest to keeping them is shown and written;
-    where no motion keeps the margin, no page is. A scenario with a goal gets a motion of the joints
-    to it, one with phases a manoeuvre. Exit code 1: no feasible attitude or motion was found.
+    refined between them; search.from_attitude is tried, too. The chosen motion keeps joint ranges
+    and the scenario's limits, too. Where limits alone are violated, the motion that comes nearest
+    to keeping them is shown and written; where no motion keeps the margin, no page is. A scenario
+    with a goal gets a motion of the joints to it, one with phases a manoeuvre. Exit code 1: no
+    feasible attitude or motion was found.
 
     Example: freefloat plan planar_3dof/parabola -o plan.h5
 

@@ -19,7 +19,7 @@ from freefloat.planning.reasons import (
     reach_message,
     unreached_start_message,
 )
-from freefloat.planning.settings import Search
+from freefloat.planning.settings import HEADINGS, Search
 from freefloat.planning.simulated_branch import SimulatedBranch, integrate_branch
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.climbing import best_branch, largest_margins
@@ -44,19 +44,19 @@ def disagreement_message(
 def no_feasible_attitude_message(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> str:
     """Why no attitude of a map keeps the margin."""
     problem, motions = samples.problem, samples.results.motions
-    tried = f"of {samples.samples} attitudes"
+    tried = f"none of {samples.samples:,} attitudes"
     if (beyond := reach_message(problem)) is not None:
         return beyond
     if not samples.results.exist.any():
-        return unreached_start_message(problem, f"none {tried}")
+        return unreached_start_message(problem, tried)
     peaks = largest_margins(evaluator, samples)
     if not peaks:
         return none_completes(tried, motions.endings, _last_singularity(samples))
     best = max(peaks, key=lambda peak: peak.minimum_margin)
     name = problem.margin.measure.name
     return (
-        f"{tried} and those near the best of them none keeps {name} "
-        f"{problem.margin.threshold:.6g}; the largest minimum {name} is {best.minimum_margin:.6g}, "
+        f"{tried} keeps {name} {problem.margin.threshold:.6g}, nor do those near the best of "
+        f"them; the largest minimum {name} is {best.minimum_margin:.6g}, "
         f"from {np.round(best.attitude, 6).tolist()} with {_arm(evaluator, best)}; "
         f"{ending_fractions(motions.endings)}"
     )
@@ -74,8 +74,13 @@ def _last_singularity(samples: AttitudeMap) -> SingularEvent | None:
     )
 
 
-def no_feasible_heading_message(evaluator: FeasibilityEvaluator, search: Search) -> str:
-    """Why no heading keeps the margin: the best of some headings."""
+def no_feasible_heading_message(
+    evaluator: FeasibilityEvaluator, search: Search, exact: bool
+) -> str:
+    """Why no heading keeps the margin: the best of some headings.
+
+    Where ranges are ``exact`` and not searched for, none does; else none of the samples.
+    """
     problem = evaluator.problem
     attitudes = problem.plane.attitudes(search.domain.headings(_TRIED, problem.plane))
     if (beyond := reach_message(problem)) is not None:
@@ -83,15 +88,16 @@ def no_feasible_heading_message(evaluator: FeasibilityEvaluator, search: Search)
     motions = evaluator.evaluate(attitudes).motions
     tried = np.argwhere(np.isin(motions.endings, (COMPLETED, SINGULAR))).tolist()
     if not tried and (motions.endings == LIMITED).any():
-        return none_completes(f"of {_TRIED} headings", motions.endings)
+        return none_completes(f"none of {_TRIED} headings", motions.endings)
     if not tried:
         return unreached_start_message(problem, "no heading")
     n, branch = max(tried, key=lambda at: (motions.ended_at[*at], motions.minimum[*at]))
     best = integrate_branch(problem, attitudes[n], branch)
     t = best.closest_approach.time
     plane, position = problem.plane, problem.path.pose(t).position
+    none = "no heading" if exact else f"none of {search.samples or HEADINGS:,} headings"
     return (
-        f"every heading violates the margin; of {_TRIED} tried, along the best one "
+        f"{none} keeps the margin; of {_TRIED}, along the best one "
         f"{best.verdict()}, at s = {round(problem.path.timing.s(t), 4):g}, "
         f"{point_text(plane, complex(*plane.seen(position)[:2]))}; "
         f"{ending_fractions(motions.endings)}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -81,20 +82,24 @@ def require_radians(model: FreeFloatingModel, joints: Array) -> None:
         raise InputError("search.joints", f"{largest:g} rad was given", accepted)
 
 
-def branch_changes(problem: Problem) -> list[float]:
-    """Headings [rad] at which another arm branch becomes the closest to the present joints."""
+def branch_changes(problem: Problem, known: Sequence[float] = ()) -> list[float]:
+    """Headings [rad] at which another arm branch becomes the closest to the present joints.
+
+    Also those next to headings that are known, however near each other.
+    """
 
     def closest(headings: npt.NDArray[np.floating]) -> IntArray:
         exist = problem.many_branches(problem.plane.attitudes(headings)).exist
         return np.where(exist.any(axis=1), np.argmax(exist, axis=1), -1)
 
-    width = 2.0 * np.pi / _HEADINGS
-    low = width * np.arange(_HEADINGS)
+    even = np.arange(_HEADINGS) * (2.0 * np.pi / _HEADINGS)
+    low = np.unique(np.concatenate([even, np.mod(known, 2.0 * np.pi)]))
+    width = np.diff(low, append=2.0 * np.pi)
     before = closest(low)
     changed = before != np.roll(before, -1)
-    low, before = low[changed], before[changed]
-    while width > _EXACT:
-        width /= 2.0
+    low, before, width = low[changed], before[changed], width[changed]
+    while width.max(initial=0.0) > _EXACT:
+        width = width / 2.0
         low = low + np.where(closest(low + width) == before, width, 0.0)
     changes: list[float] = (low % (2.0 * np.pi)).tolist()
     return changes

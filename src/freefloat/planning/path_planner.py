@@ -12,6 +12,7 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import ScreenedCandidate
 from freefloat.planning.evaluator import evaluator_for, evaluator_near
+from freefloat.planning.further_search import searched_further
 from freefloat.planning.limits.holding import held_plan
 from freefloat.planning.limits.keeping import keep_limits
 from freefloat.planning.limits.trials import PassedTrial
@@ -41,9 +42,10 @@ def plan_path(
     evaluator = evaluator_for(problem, threads, limits, search)
     planner = plan_in_plane if problem.task.planar else plan_in_space
     result = planner(evaluator, search, limits, progress)
-    if limits is not None:
-        kept = limits.without_timed if to_retime else limits
+    kept = limits.without_timed if limits is not None and to_retime else limits
+    if kept is not None:
         result = keep_limits(evaluator, result, kept, progress, known)
+    result = searched_further(evaluator, result, kept)
     if to_retime and problem.depends_on_timing and result.feasible:
         return result
     return _with_tolerances(evaluator, certified(result))

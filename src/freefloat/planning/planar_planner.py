@@ -21,13 +21,13 @@ from freefloat.planning.diagnostics import infeasible_distance_message, no_feasi
 from freefloat.planning.domain import SearchDomain
 from freefloat.planning.evaluator import evaluator_near
 from freefloat.planning.plan import Plan
-from freefloat.planning.plane.arcs import BranchRanges
+from freefloat.planning.plane.arcs import BranchRanges, with_heading
 from freefloat.planning.plane.choices import RangeChoices
 from freefloat.planning.plane.limits import limited_ranges
 from freefloat.planning.plane.ranges import heading_ranges, limits_of_spans
 from freefloat.planning.plane.search import depth_of_start, searched_ranges
 from freefloat.planning.plane.segment import Segment
-from freefloat.planning.reasons import NO_HEADING_WITHIN_LIMITS, margin_text, not_confirmed
+from freefloat.planning.reasons import margin_text, not_confirmed
 from freefloat.planning.settings import HEADINGS, Search
 from freefloat.planning.simulated_branch import SimulatedBranch, integrate_branch
 from freefloat.planning.simulation import best_motion
@@ -44,25 +44,18 @@ def plan_in_plane(
     progress: Progress | None = None,
 ) -> Plan:
     """Find every feasible initial heading of a planar problem and choose one."""
-    problem = evaluator.problem
-    segments: tuple[Segment, ...] = ()
-    measure = problem.margin.measure.name
-    if has_two_angle_form(problem.model, problem.task) and measure == "system":
-        reason = infeasible_distance_message(problem)
-        if reason is not None:
-            return Plan(problem, search, False, reason)
-        margin_ranges, segments = _exact_ranges(problem, search.domain)
-        ranges = limited_ranges(evaluator, margin_ranges)
-        if any(e.ranges for e in margin_ranges) and not any(e.ranges for e in ranges):
-            return Plan(problem, search, False, NO_HEADING_WITHIN_LIMITS, ranges, segments)
-    else:
-        samples = search.samples or HEADINGS
-        ranges = searched_ranges(evaluator, samples, progress, search.domain)
+    problem, present = evaluator.problem, search.present
+    exact = _has_exact_ranges(problem)
+    if exact and (reason := infeasible_distance_message(problem)) is not None:
+        return Plan(problem, search, False, reason)
+    known = () if present is None else (problem.plane.heading(present),)
+    ranges, segments = _feasible_ranges(evaluator, search, known, progress)
     pairs = [(entry.branch, part) for entry in ranges for part in entry.ranges]
     if not pairs:
         return Plan(
-            problem, search, False, no_feasible_heading_message(evaluator, search), ranges, segments
-        )
+            problem, search, False, no_feasible_heading_message(evaluator, search, exact), ranges,
+            segments,
+        )  # fmt: skip
     choices = RangeChoices(evaluator, pairs, search, limits)
     heading, branch, reason, states_margin = search.objective.in_plane(choices)
     if problem.redundant:
@@ -75,6 +68,20 @@ def plan_in_plane(
         reason = f"{reason}, {margin_text(chosen.closest_approach)}"
     depth = heading_depth(evaluator, search.domain, ranges, chosen)
     return Plan(problem, search, True, reason, ranges, segments, chosen, depth)
+
+
+def ranges_containing(
+    evaluator: FeasibilityEvaluator, plan: Plan, chosen: SimulatedBranch
+) -> tuple[BranchRanges, ...]:
+    """The ranges of a plan with the heading of a feasible motion, around which they are narrow."""
+    present, ranges = plan.search.present, plan.ranges
+    plane = plan.problem.plane
+    heading = plane.heading(chosen.motion.initial.attitude)
+    number = 0 if plan.problem.redundant else chosen.branch.index
+    if not any(entry.branch == number and entry.depth(heading) >= 0.0 for entry in ranges):
+        known = (heading,) if present is None else (heading, plane.heading(present))
+        ranges, _ = _feasible_ranges(evaluator, plan.search, known)
+    return with_heading(ranges, number, chosen.branch.label, heading)
 
 
 def heading_depth(
@@ -97,8 +104,38 @@ def heading_depth(
     return min(depth, depth_of_start(near, heading, domain))
 
 
+def _has_exact_ranges(problem: Problem) -> bool:
+    """Whether ranges have a closed form."""
+    two_angles = has_two_angle_form(problem.model, problem.task)
+    return two_angles and problem.margin.measure.name == "system"
+
+
+def _feasible_ranges(
+    evaluator: FeasibilityEvaluator,
+    search: Search,
+    known: tuple[float, ...],
+    progress: Progress | None = None,
+) -> tuple[tuple[BranchRanges, ...], tuple[Segment, ...]]:
+    """The ranges, which contain those known headings [rad] that are feasible, and the segments."""
+    problem = evaluator.problem
+    segments: tuple[Segment, ...] = ()
+    if _has_exact_ranges(problem):
+        ranges, segments = _exact_ranges(problem, search.domain, known)
+        ranges = limited_ranges(evaluator, ranges, known)
+    else:
+        samples = search.samples or HEADINGS
+        ranges = searched_ranges(evaluator, samples, progress, search.domain, known)
+    if not known:
+        return ranges, segments
+    results = evaluator.evaluate(problem.plane.attitudes(known))
+    feasible = problem.margin.keeps(results.margins)
+    for row, branch in np.argwhere(feasible).tolist():
+        ranges = with_heading(ranges, 0 if problem.redundant else branch, str(branch), known[row])
+    return ranges, segments
+
+
 def _exact_ranges(
-    problem: Problem, domain: SearchDomain
+    problem: Problem, domain: SearchDomain, known: tuple[float, ...]
 ) -> tuple[tuple[BranchRanges, ...], tuple[Segment, ...]]:
     """Ranges at the start in a domain; with stops also segment by segment, of all headings."""
     duration = problem.path.duration
@@ -106,7 +143,7 @@ def _exact_ranges(
     spans = list(pairwise(rests))
     onward = [(start, duration) for start in rests[:-1]]
     limits = limits_of_spans(problem, (*spans, *onward))
-    ranges = heading_ranges(problem, limits[onward[0]], onward[0], 0.0, domain)
+    ranges = heading_ranges(problem, limits[onward[0]], onward[0], 0.0, domain, known)
     if len(spans) == 1:
         return ranges, ()
     every = problem if problem.start_joints is None else replace(problem, start_joints=None)

@@ -26,9 +26,6 @@ from freefloat.so3 import Array
 
 HELD = "the attitude whose motion has this timing"
 NOT_UNIQUE = "; the optimum is not unique, attitudes around it have the same margin"
-NO_HEADING_WITHIN_LIMITS = (
-    "some headings keep the margin, but none of these keeps the limits of pointing and turn"
-)
 FASTEST = "with its fastest timing"
 NO_FASTEST = "no timing was found that is the fastest of its own motion"
 FIRST_GUESS = "{reason} (at {duration:g} s, with which the search for the fastest timing begins)"
@@ -212,12 +209,12 @@ def none_completes(
     """That no motion completes the path, and how they end.
 
     Args:
-        tried: Those tried, such as ``"of 24 headings"``.
+        tried: That none is, such as ``"none of 24 headings"``.
         endings: Endings of their arm branches, shape (K, B).
         last: The singularity that ends the longest motion, where it is known.
     """
     within = " within its limits" if (endings == LIMITED).any() else ""
-    return f"{tried} none completes the path{within}: {ending_fractions(endings, last)}"
+    return f"{tried} completes the path{within}: {ending_fractions(endings, last)}"
 
 
 def ending_fractions(endings: npt.NDArray[np.int8], last: SingularEvent | None = None) -> str:
@@ -268,14 +265,35 @@ def none_within_limits(
                 f"the path itself leaves the corridor at t = {result.time:.4g} s, "
                 f"{result.sentence}; no attitude helps"
             )
+    total = sum(violations.values())
     counts = ", ".join(f"{name} {number}" for name, number in violations.items())
-    reason = f"attitudes keep the margin, but every candidate violates a limit: {counts}"
+    reason = f"attitudes keep the margin, but none of {total:,} tried keeps the limits: {counts}"
     worst = max(violating, key=lambda result: result.ratio, default=None)
     if worst is not None:
         reason += f"; in the best of {count} integrated precisely {all_violations([worst])}"
     if stretch is not None:
         return f"{reason}; {rounded_up(stretch):.4g} times the duration suffices"
     return f"{reason}; none of the longer durations tried suffices" if longer_tried else reason
+
+
+def found_further(reason: str) -> str:
+    """Why an attitude is chosen where no candidate keeps margin and limits."""
+    return f"{reason}; none of the samples tried keeps margin and limits"
+
+
+def none_further(reason: str, attitudes: int, present: bool) -> str:
+    """That there is none for a reason, nor among further attitudes.
+
+    Args:
+        reason: The reason.
+        attitudes: Number of further attitudes.
+        present: Whether the present one is among them.
+    """
+    own = "the attitude the spacecraft has and " if present else ""
+    return (
+        f"{reason}; {own}{attitudes:,} further attitudes, with those nearby that violate the "
+        "least, were tried, too"
+    )
 
 
 def point_text(plane: Plane, point: complex) -> str:

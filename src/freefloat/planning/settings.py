@@ -42,7 +42,7 @@ class Search:
             along the motion, the one at whose start the arm is estimated to be soonest:
             ``margin``, ``nearest``, ``robust``, ``still`` or ``soonest``; a sum with
             :class:`Weights`; or another object of the class Objective.
-        from_attitude: Present attitude of the spacecraft, x, y, z, w.
+        from_attitude: Present attitude of the spacecraft, x, y, z, w; one of the attitudes tried.
         joints: Present joints of the arm, in chain order or by name [rad or m]: of the arm
             configurations at every attitude only the closest is considered; all when left out.
         within: Only attitudes within this angle of ``from_attitude`` are searched [rad]; all when
@@ -89,7 +89,9 @@ class Search:
             object.__setattr__(self, "joints", joints)
         if self.within is not None:
             accepted = "an angle above 0, up to pi"
-            finite_number("search.within", self.within, accepted, np.finfo(float).tiny, np.pi)
+            smallest = np.finfo(float).tiny
+            within = finite_number("search.within", self.within, accepted, smallest, np.pi)
+            object.__setattr__(self, "within", within)
             reason = "a search within an angle"
         if reason is not None and self.from_attitude is None:
             raise InputError("search.from_attitude", f"it is missing, for {reason}", "x, y, z, w")
@@ -103,6 +105,13 @@ class Search:
         if self.from_attitude is None or self.within is None:
             return SearchDomain()
         return SearchDomain(self.from_attitude, self.within)
+
+    @property
+    def present(self) -> Array | None:
+        """Present attitude: without ``from_attitude``, that of paths in the spacecraft's frame."""
+        if self.from_attitude is None and self.joints is not None:
+            return frozen([0.0, 0.0, 0.0, 1.0])
+        return self.from_attitude
 
     @property
     def required_radius(self) -> float:

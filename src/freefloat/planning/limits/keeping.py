@@ -15,6 +15,7 @@ from freefloat.limits.kinds.corridor import CorridorLimit
 from freefloat.limits.kinds.joint_rate import JointRateLimit
 from freefloat.limits.limits import Limits
 from freefloat.planning.candidates import ScreenedCandidate
+from freefloat.planning.evaluator import evaluator_near
 from freefloat.planning.limits.screening import screen
 from freefloat.planning.limits.trials import PassedTrial, Trials
 from freefloat.planning.objectives.objective import Comparison
@@ -22,6 +23,7 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.planar_planner import heading_depth
 from freefloat.planning.reasons import margin_text, none_within_limits
 from freefloat.planning.simulated_branch import SimulatedBranch
+from freefloat.planning.space.robust_radius import robust_radius
 from freefloat.so3 import Array, rotated, rotation_vector_to
 
 _HEADINGS = 720
@@ -47,10 +49,11 @@ def keep_limits(
 ) -> Plan:
     """The plan if its motion keeps the limits, else the best other candidate that does.
 
-    Candidates are the samples that keep the margin (for planar tasks 720 headings), in the order of
-    the search's objective; those next to one that violates a limit are skipped, and the slowest of
-    them tried in the end. An objective that approaches ``from_attitude`` then has the attitude
-    moved toward it as far as everything is kept. The ``known`` candidate is tried in the end.
+    Candidates are the samples that keep the margin (for planar tasks 720 headings) and the present
+    attitude, in the order of the search's objective; those next to one that violates a limit are
+    skipped, and the slowest of them tried in the end. An objective that approaches
+    ``from_attitude`` then has the attitude moved toward it as far as everything is kept. The
+    ``known`` candidate is tried in the end.
     """
     plan = replace(plan, limits=limits)
     if plan.chosen is None:
@@ -82,6 +85,9 @@ def _first_passing(
     else:
         spacing = _SPACING
         results = evaluator.evaluate(_attitudes(plan, _HEADINGS))
+    present, fallback = search.present, None
+    if present is not None:
+        results = results.and_others(evaluator.evaluate(present[None]))
     margins = results.margins
     compared = Comparison.of(search.objective, search.from_attitude, limits, evaluator, margins)
     total = int(plan.problem.margin.keeps(margins).sum())
@@ -95,18 +101,40 @@ def _first_passing(
         if candidate.violation is not None:
             trials.violations[candidate.violation] += 1
             trials.screened_out.append(candidate)
-        elif candidate.is_near(refused, spacing):
+            continue
+        at_present = np.array_equal(candidate.attitude, np.asarray(present))
+        if candidate.is_near(refused, spacing) and not at_present:
             skipped.append(candidate)
         else:
             passed = trials.check_candidate(candidate)
-            if passed is not None:
+            if passed is not None and _has_spare(evaluator, plan, passed[0]):
                 return passed
-            refused.append(candidate)
+            fallback = fallback or passed
+            refused += [] if at_present else [candidate]
             if trials.count >= _MOST:
                 break
+    if fallback is not None:
+        return fallback
     again = () if limits.joint_rate is None else _slowest(skipped)
     checked = (trials.check_candidate(candidate) for candidate in again)
     return next((passed for passed in checked if passed is not None), None)
+
+
+def _has_spare(evaluator: FeasibilityEvaluator, plan: Plan, chosen: SimulatedBranch) -> bool:
+    """Whether the margin is kept within ``spare`` around a motion from the present attitude.
+
+    Others that an objective approaches from are moved toward that attitude by as much.
+    """
+    search, attitude = plan.search, chosen.motion.initial.attitude
+    spare = search.required_radius
+    if not spare or not np.array_equal(attitude, np.asarray(search.present)):
+        return True
+    depth = heading_depth_of(evaluator, plan, chosen)
+    if depth is None:
+        near = evaluator_near(evaluator, chosen.branch.joints)
+        branch = None if plan.problem.redundant else chosen.branch.index
+        depth = robust_radius(near, attitude, branch, spare)
+    return depth >= spare
 
 
 def _nearest_to_passing(screened_out: list[ScreenedCandidate]) -> list[ScreenedCandidate]:
@@ -124,16 +152,16 @@ def _with_candidate(plan: Plan, trials: Trials, passed: PassedTrial) -> Plan:
     """The plan with another candidate that keeps the limits."""
     search = plan.search
     if search.objective.approaches and search.from_attitude is not None:
-        passed = _moved_nearer(trials, search.from_attitude, search.spare, passed)
+        passed = moved_nearer(trials, search.from_attitude, search.spare, passed)
     elif search.objective.departs and plan.chosen is not None:
-        passed = _moved_nearer(trials, plan.chosen.motion.initial.attitude, 0.0, passed)
+        passed = moved_nearer(trials, plan.chosen.motion.initial.attitude, 0.0, passed)
     chosen, results = passed
     plan = replace(
         plan,
         chosen=chosen,
         limit_results=results,
         excluded=dict(trials.violations),
-        robust_radius=_heading_depth(trials, plan, chosen),
+        robust_radius=heading_depth_of(trials.evaluator, plan, chosen),
     )
     reason = search.objective.limited_reason(plan.deviation, margin_text(chosen.closest_approach))
     return replace(plan, reason=reason)
@@ -160,7 +188,7 @@ def _without_candidate(plan: Plan, trials: Trials) -> Plan:
         feasible=False,
         reason=none_within_limits(excluded, results, count, stretch, longer_tried),
         chosen=nearest,
-        robust_radius=_heading_depth(trials, plan, nearest),
+        robust_radius=heading_depth_of(trials.evaluator, plan, nearest),
         limit_results=results,
         excluded=excluded,
         needed_stretch=stretch,
@@ -174,14 +202,16 @@ def _attitudes(plan: Plan, count: int) -> Array:
     return plane.attitudes(plan.search.domain.headings(count, plane))
 
 
-def _heading_depth(trials: Trials, plan: Plan, chosen: SimulatedBranch | None) -> float | None:
+def heading_depth_of(
+    evaluator: FeasibilityEvaluator, plan: Plan, chosen: SimulatedBranch | None
+) -> float | None:
     """Distance of a heading from the limits of its range [rad]; None for spatial tasks."""
     if plan.map is not None or chosen is None:
         return None
-    return heading_depth(trials.evaluator, plan.search.domain, plan.ranges, chosen)
+    return heading_depth(evaluator, plan.search.domain, plan.ranges, chosen)
 
 
-def _moved_nearer(trials: Trials, present: Array, spare: float, passed: PassedTrial) -> PassedTrial:
+def moved_nearer(trials: Trials, present: Array, spare: float, passed: PassedTrial) -> PassedTrial:
     """The motion from nearer to the present attitude that keeps everything, or from there.
 
     The margin and the limits are also kept up to an angle ``spare`` [rad] nearer, or beyond the
@@ -214,4 +244,4 @@ def _moved_nearer(trials: Trials, present: Array, spare: float, passed: PassedTr
             low, nearest = middle, nearer
     if not spare:
         return nearest
-    return trial(rotated(nearest[0].motion.initial.attitude, step)[0]) or passed
+    return trial(rotated(nearest[0].motion.initial.attitude, step)[0]) or there or passed

@@ -45,12 +45,13 @@ class Trials:
         screened_out: Candidates that violate a limit without a precise motion.
     """
 
-    def __init__(self, evaluator: FeasibilityEvaluator, limits: Limits) -> None:
+    def __init__(self, evaluator: FeasibilityEvaluator, limits: Limits | None) -> None:
+        """Prepare the limits; without them the margin alone is compared."""
         problem = evaluator.problem
         self.problem = problem
         self.evaluator = evaluator
         self._limits = limits
-        self.checker = LimitChecker(problem, limits)
+        self.checker = LimitChecker(problem, limits or Limits())
         self.violations: Counter[str] = Counter()
         self.count = 0
         self.too_fast: list[tuple[float, SimulatedBranch]] = []
@@ -67,6 +68,8 @@ class Trials:
         if not simulated.feasible:
             self.violations["margin"] += 1
             return None
+        if self._limits is None:
+            return simulated, ()
         motion = simulated.motion
         results, first = self.checker.results_unless_violated(motion)
         if first is None:
@@ -108,7 +111,7 @@ class Trials:
                 enough = self._integrated_stretch(candidate, needed)
             if enough is not None:
                 return enough, candidate
-        joint_rate = self._limits.joint_rate
+        joint_rate = None if self._limits is None else self._limits.joint_rate
         if not ranked or joint_rate is None or not self.problem.depends_on_timing:
             return None, None
         try:

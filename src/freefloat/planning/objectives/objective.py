@@ -55,6 +55,9 @@ class HeadingChoices(Protocol):
         None where no range is wide enough for ``spare``.
         """
 
+    def present(self) -> tuple[float, int] | None:
+        """Heading [rad] of ``from_attitude`` and an arm branch that keeps the margin there."""
+
     @property
     def spare(self) -> float:
         """Angle within which the margin is to be kept [rad]."""
@@ -75,6 +78,9 @@ class AttitudeChoices(Protocol):
     def nearest(self) -> Sequence[Candidate]:
         """Those nearest to ``from_attitude`` that keep the margin within ``spare``, if any."""
 
+    def present(self) -> Sequence[Candidate]:
+        """``from_attitude`` itself, with the arm branches that keep the margin there, if any."""
+
     @property
     def spare(self) -> float:
         """Angle within which the margin is to be kept [rad]."""
@@ -89,6 +95,7 @@ class Objective(ABC):
         name: The word that names it in scenario files; empty where other data do.
         criterion: What it asks for, in reasons.
         measures_turn: Whether its merits need the largest turn of the spacecraft along motions.
+        compares_motions: Whether its merits are those of each motion alone, whatever the others.
         approaches: Whether it looks for an attitude near ``from_attitude``, which must be given,
             that keeps the margin within ``spare``.
         departs: Whether it needs ``from_attitude`` and ``joints``.
@@ -97,6 +104,7 @@ class Objective(ABC):
     name: ClassVar[str] = ""
     criterion: ClassVar[str]
     measures_turn: ClassVar[bool] = False
+    compares_motions: ClassVar[bool] = True
     approaches: ClassVar[bool] = False
     departs: ClassVar[bool] = False
 
@@ -136,6 +144,10 @@ class Objective(ABC):
     def limited_reason(self, deviation: float | None, margin: str) -> str:
         """Why an attitude, at an angle [rad] from ``from_attitude``, was chosen for its limits."""
         return f"{self.criterion} among the samples that keep the limits, {margin}"
+
+    def found_reason(self, deviation: float | None, margin: str) -> str:
+        """Why an attitude that was found where no sample keeps everything was chosen."""
+        return f"{self.criterion} of those found, {margin}"
 
 
 @dataclass(frozen=True, eq=False)

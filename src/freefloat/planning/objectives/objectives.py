@@ -69,8 +69,10 @@ class Nearest(Objective):
         return -motions.minimum, -self.merits(compared, attitudes, motions)
 
     def in_plane(self, choices: HeadingChoices) -> HeadingChoice:
-        """The nearest heading that is deep enough inside a range; else the deepest."""
+        """The nearest heading deep enough inside a range; else the present one, or the deepest."""
         found = choices.nearest()
+        if found is None and (present := choices.present()) is not None:
+            return HeadingChoice(*present, _nearest(0.0, choices.spare))
         if found is None:
             middle, branch, width = choices.widest()
             return HeadingChoice(middle, branch, _too_narrow(choices.spare, width / 2.0))
@@ -78,9 +80,9 @@ class Nearest(Objective):
         return HeadingChoice(heading, branch, _nearest(deviation, choices.spare))
 
     def in_space(self, choices: AttitudeChoices) -> Sequence[Candidate]:
-        """The nearest attitudes; where none has enough around it the deepest."""
+        """The nearest attitudes; where none has enough around it the present or the deepest."""
         found = choices.nearest()
-        return found if found or not choices.spare else choices.deepest()
+        return found if found or not choices.spare else choices.present() or choices.deepest()
 
     def reason(self, candidate: Candidate, spare: float, margin: str) -> str:
         """See :class:`Objective`."""
@@ -97,6 +99,10 @@ class Nearest(Objective):
             return "the attitude the spacecraft has keeps margin and limits already"
         return f"the nearest found that keeps the limits, {np.degrees(deviation):.4g} degrees away"
 
+    def found_reason(self, deviation: float | None, margin: str) -> str:
+        """See :class:`Objective`."""
+        return self.limited_reason(deviation, margin)
+
 
 @dataclass(frozen=True)
 class Robust(Objective):
@@ -104,6 +110,7 @@ class Robust(Objective):
 
     name = "robust"
     criterion = "the deepest inside"
+    compares_motions = False
 
     def merits(self, compared: Comparison, attitudes: Array, motions: EnsembleResult) -> Array:
         """See :class:`Objective`."""

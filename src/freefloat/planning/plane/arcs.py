@@ -118,6 +118,20 @@ def arcs_between(ends: Sequence[tuple[float, str]]) -> Iterator[HeadingRange]:
             yield HeadingRange(low, low + width, (first, second))
 
 
+def with_heading(
+    ranges: tuple[BranchRanges, ...], branch: int, label: str, heading: float
+) -> tuple[BranchRanges, ...]:
+    """Ranges with a feasible heading [rad] of an arm branch, alone where it is in none of them."""
+    own = next((e for e in ranges if e.branch == branch), BranchRanges(branch, label, (), ()))
+    if own.depth(heading) >= 0.0:
+        return ranges
+    alone = HeadingRange(heading, heading, (MARGIN, MARGIN))
+    parts = sorted((*own.ranges, alone), key=lambda part: part.low)
+    limits = sorted((*own.limits, heading, heading))
+    added = BranchRanges(branch, own.label, tuple(parts), tuple(limits))
+    return tuple(sorted((*(e for e in ranges if e is not own), added), key=lambda e: e.branch))
+
+
 def branch_ranges(
     index: int, label: str, arcs: list[HeadingRange], feasible: list[bool]
 ) -> BranchRanges:

@@ -74,6 +74,13 @@ class RangeChoices:
                 choices.append((heading % tau, branch, deviation))
         return min(choices, key=lambda choice: choice[2], default=None)
 
+    def present(self) -> tuple[float, int] | None:
+        """Heading [rad] of ``from_attitude`` and an arm branch that keeps the margin there."""
+        heading = self.evaluator.problem.plane.heading(np.asarray(self.search.from_attitude))
+        depths = [(part.depth(heading), branch) for branch, part in self.ranges]
+        depth, branch = max(depths)
+        return (heading, branch) if depth >= 0.0 else None
+
     @property
     def _ends(self) -> list[tuple[float, float]]:
         return [_inner_ends(part) for _, part in self.ranges]

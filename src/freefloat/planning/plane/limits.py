@@ -7,6 +7,7 @@ finer where the slack may reach zero between neighbours, and refined by precise 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from math import tau
 
@@ -35,12 +36,15 @@ _Edge = tuple[float, str]
 
 
 def limited_ranges(
-    evaluator: FeasibilityEvaluator, ranges: tuple[BranchRanges, ...]
+    evaluator: FeasibilityEvaluator, ranges: tuple[BranchRanges, ...], known: Sequence[float] = ()
 ) -> tuple[BranchRanges, ...]:
-    """The parts of ranges from which motions keep the evaluator's limits of attitude, too."""
+    """The parts of ranges from which motions keep the evaluator's limits of attitude, too.
+
+    Narrow ones are looked for around headings that are known [rad].
+    """
     if not evaluator.limits.number:
         return ranges
-    return tuple(_limited(_Slack(evaluator, entry.branch), entry) for entry in ranges)
+    return tuple(_limited(_Slack(evaluator, entry.branch, known), entry) for entry in ranges)
 
 
 def _limited(slack: _Slack, entry: BranchRanges) -> BranchRanges:
@@ -60,8 +64,10 @@ def _limited(slack: _Slack, entry: BranchRanges) -> BranchRanges:
 class _Slack:
     """The smallest slack of the motions of an arm branch, by heading."""
 
-    def __init__(self, evaluator: FeasibilityEvaluator, branch: int) -> None:
-        self._evaluator, self._branch = evaluator, branch
+    def __init__(
+        self, evaluator: FeasibilityEvaluator, branch: int, known: Sequence[float]
+    ) -> None:
+        self._evaluator, self._branch, self._known = evaluator, branch, known
         self._limits = attitude_limits(evaluator.problem, evaluator.limits)
 
     def __call__(self, headings: Array) -> Array:
@@ -74,6 +80,8 @@ class _Slack:
         """Headings inside a range at which the slack changes its sign, and the limits there."""
         count = max(3, int(np.ceil(part.width / _SPACING)) + 1)
         headings = np.linspace(part.low + _INSIDE, part.high - _INSIDE, count)
+        known = [part.low + (h - part.low) % tau for h in self._known if part.depth(h) > _INSIDE]
+        headings = np.unique(np.append(headings, known))
         values = self(headings)
         headings, values = headings[np.isfinite(values)], values[np.isfinite(values)]
         for _ in range(_LEVELS):

@@ -6,7 +6,7 @@ at which the arm just reaches the path. Between neighbouring limits one motion d
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from itertools import compress
@@ -153,6 +153,7 @@ def heading_ranges(
     span: Span,
     at: float,
     domain: SearchDomain | None = None,
+    known: Sequence[float] = (),
 ) -> tuple[BranchRanges, ...]:
     """Ranges of the heading at one time of a span from which the whole span keeps the margin.
 
@@ -162,6 +163,7 @@ def heading_ranges(
         span: First and last time [s].
         at: Time of the headings [s], in the span.
         domain: Only its headings count; all when left out.
+        known: Headings [rad] around which narrow ranges of an arm branch are looked for.
 
     Returns:
         One entry for each arm branch.
@@ -172,7 +174,7 @@ def heading_ranges(
     if not domain.whole:
         edges += [(end % tau, None, SEARCH) for end in domain.heading_limits(problem.plane)]
     if problem.start_joints is not None and at == 0.0:
-        edges += [(heading, None, SEARCH) for heading in branch_changes(problem)]
+        edges += [(heading, None, SEARCH) for heading in branch_changes(problem, known)]
     for heading, joints in states_at(problem, limits, at):
         edges.append((heading, _branch_of(problem, heading, joints, at), MARGIN))
 

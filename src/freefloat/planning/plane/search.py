@@ -8,7 +8,7 @@ to all other headings, samples included, until none of them is feasible.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from math import tau
 
@@ -20,7 +20,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
-from freefloat.planning.domain import SearchDomain
+from freefloat.planning.domain import SearchDomain, branch_changes
 from freefloat.planning.plane.arcs import (
     MARGIN,
     REACH,
@@ -55,8 +55,11 @@ def searched_ranges(
     samples: int,
     progress: Progress | None = None,
     domain: SearchDomain | None = None,
+    known: Sequence[float] = (),
 ) -> tuple[BranchRanges, ...]:
     """Feasible ranges of heading; narrower ones than the spacing of the samples may be missed.
+
+    Headings that are known [rad] are samples, too.
 
     Inside ranges, headings are added where the margin or det S* may vanish between neighbours.
     Ranges are those of each arm branch; of a redundant arm a heading is feasible when any of the
@@ -64,7 +67,7 @@ def searched_ranges(
     """
     problem, domain = evaluator.problem, domain or SearchDomain()
     evaluator.require_memory(samples)
-    headings = _headings(problem, samples, domain)
+    headings = _headings(problem, samples, domain, known)
     results = evaluator.evaluate(
         problem.plane.attitudes(headings), stop_at_margin=True, progress=progress
     )
@@ -201,8 +204,12 @@ def _causes(
     return causes
 
 
-def _headings(problem: Problem, samples: int, domain: SearchDomain) -> Array:
-    """Even headings, and some next to the limits of the reach, where narrow ranges may lie.
+def _headings(
+    problem: Problem, samples: int, domain: SearchDomain, known: Sequence[float]
+) -> Array:
+    """Even headings, known ones and some next to changes, where narrow ranges may lie.
+
+    Such changes are the limits of the reach and those of the arm branch closest to given joints.
 
     Outside a domain that has not all headings there is one next to each of its limits.
     """
@@ -211,8 +218,11 @@ def _headings(problem: Problem, samples: int, domain: SearchDomain) -> Array:
         low, high = domain.heading_limits(problem.plane)
         outside = min(headings[1] - headings[0], np.pi - domain.radius)
         headings = np.array([low - outside, *headings, high + outside]) % tau
-    if not has_two_angle_form(problem.model, problem.task):
-        return np.sort(headings)
-    limits = np.array([*reach_limits(problem, 0.0)])
-    added = np.concatenate([limits - _NEAR_REACH, limits + _NEAR_REACH]) % tau
+    changes: list[float] = []
+    if has_two_angle_form(problem.model, problem.task):
+        changes += reach_limits(problem, 0.0)
+    if problem.start_joints is not None and not problem.redundant:
+        changes += branch_changes(problem, known)
+    limits = np.array(changes)
+    added = np.concatenate([known, limits - _NEAR_REACH, limits + _NEAR_REACH]) % tau
     return np.unique(np.concatenate([headings, added]))

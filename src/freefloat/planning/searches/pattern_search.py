@@ -112,6 +112,23 @@ class Clouds:
         return np.asarray((searches.better & (angles < _SAME * sizes[:, None])).any(axis=1))
 
 
+@dataclass(frozen=True, eq=False)
+class Turns(Clouds):
+    """Attitudes turned about an axis (3,): headings around others."""
+
+    axis: Array
+
+    def around(
+        self, points: Array, previous: Array, sizes: Array, number: int
+    ) -> tuple[Array, Array]:
+        """See :class:`Pattern`."""
+        steps = _CONE_SPIRAL ** np.arange(_CLOUD // 2)
+        angles = sizes[:, None] * np.concatenate([steps, -steps])
+        vectors = angles.reshape(-1, 1) * self.axis
+        attitudes = rotated(np.repeat(points, _CLOUD, axis=0), vectors)
+        return attitudes.reshape(len(points), _CLOUD, 4), np.abs(angles)
+
+
 @dataclass(frozen=True)
 class Cones:
     """Vectors in directions around those of others, shorter by ``reductions`` or as long."""

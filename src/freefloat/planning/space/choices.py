@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.result import EnsembleResult
 from freefloat.limits.limits import Limits
-from freefloat.planning.candidates import Ball, Candidate, NearAttitude
+from freefloat.planning.candidates import Ball, Candidate, NearAttitude, Peak
 from freefloat.planning.objectives.objective import Comparison
 from freefloat.planning.settings import Search
 from freefloat.planning.space.attitude_map import AttitudeMap
@@ -49,7 +50,14 @@ class SampledChoices:
 
     def largest_margins(self) -> Sequence[Candidate]:
         """Those with locally largest minimum margins."""
-        return most_robust_first(self.samples, feasible_peaks(self.evaluator, self.samples))
+        peaks = most_robust_first(self.samples, feasible_peaks(self.evaluator, self.samples))
+        largest = max((peak.minimum_margin for peak in peaks), default=0.0)
+
+        def margins(_: Array, motions: EnsembleResult) -> Array:
+            kept = motions.keeps(self.samples.problem.margin.threshold)
+            return np.where(kept, motions.minimum, -np.inf)
+
+        return [*(Peak(*entry) for entry in self._better_at_present(largest, margins)), *peaks]
 
     def largest_merits(self) -> Sequence[Candidate]:
         """Those with locally largest merits."""
@@ -57,19 +65,27 @@ class SampledChoices:
         compared = Comparison.of(
             search.objective, search.from_attitude, self.limits, evaluator, margins
         )
-        return best_by_merit(evaluator, self.samples, compared)
+        scored = best_by_merit(evaluator, self.samples, compared)
+        largest = max((entry.merit for entry in scored), default=-np.inf)
+        better = self._better_at_present(largest, compared)
+        return [*(ScoredAttitude(*entry) for entry in better), *scored]
 
     def deepest(self) -> Sequence[Candidate]:
         """Those deepest inside the feasible set, with the radius of the ball around them."""
         evaluator, samples = self.evaluator, self.samples
-        if (deep := deepest(evaluator, samples)) is not None:
+        deep = deepest(evaluator, samples)
+        if deep is not None and deep.radius > samples.spacing:
             return [deep]
+        centres: list[Candidate] = [*self.present()]
+        if deep is None:
+            centres += feasible_peaks(evaluator, samples)
         balls = [
             Ball(
-                p.attitude, p.branch,
-                robust_radius(evaluator, p.attitude, p.branch, samples.spacing),
-            ) for p in feasible_peaks(evaluator, samples)
+                c.attitude, c.branch,
+                robust_radius(evaluator, c.attitude, c.branch, samples.spacing),
+            ) for c in centres
         ]  # fmt: skip
+        balls += [] if deep is None else [deep]
         return sorted(balls, key=lambda ball: -ball.radius)
 
     def nearest(self) -> Sequence[Candidate]:
@@ -84,9 +100,37 @@ class SampledChoices:
             ]
         return sorted(nearest, key=lambda candidate: candidate.deviation)
 
+    def present(self) -> Sequence[Candidate]:
+        """``from_attitude`` itself, with the arm branches that keep the margin there, if any."""
+        if self.search.present is None:
+            return []
+        margins = self.evaluator.evaluate(self._present[None]).margins[0]
+        kept = np.flatnonzero(self.samples.problem.margin.keeps(margins)).tolist()
+        kept.sort(key=lambda branch: -margins[branch])
+        branches = [None][: len(kept)] if self.samples.problem.redundant else kept
+        return [NearAttitude(self._present, branch, 0.0) for branch in branches]
+
+    def _better_at_present(
+        self, largest: float, merit: Callable[[Array, EnsembleResult], Array]
+    ) -> list[tuple[Array, int | None, float]]:
+        """Attitudes climbed to from ``from_attitude``, where merits there exceed the largest."""
+        present, evaluator = self.search.present, self.evaluator
+        if present is None:
+            return []
+        merits = merit(present[None], evaluator.evaluate(present[None]).motions)[0]
+        better = merits > largest
+        starts = [Candidate(present, branch) for branch in np.flatnonzero(better).tolist()]
+        values = merits[better].tolist()
+        if starts and evaluator.problem.redundant:
+            starts, values = [Candidate(present, None)], [max(values)]
+        return climbed(
+            partial(evaluator.largest, merit=merit), self.search.domain, starts, values,
+            self.samples.spacing / 2.0, _FINE,
+        )  # fmt: skip
+
     @property
     def _present(self) -> Array:
-        return np.asarray(self.search.from_attitude)
+        return np.asarray(self.search.present)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +148,7 @@ def best_by_merit(
 
     def climb(starts: list[ScoredAttitude], size: float) -> list[ScoredAttitude]:
         merits = [start.merit for start in starts]
-        moved = climbed(largest, samples, starts, merits, size, _FINE)
+        moved = climbed(largest, samples.search.domain, starts, merits, size, _FINE)
         return [ScoredAttitude(*entry) for entry in moved]
 
     scored = climb(_starts(evaluator, samples, merit), spacing)

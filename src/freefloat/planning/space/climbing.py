@@ -16,6 +16,7 @@ from freefloat.planning.searches.pattern_search import (
     ROUNDS,
     Clouds,
     Flags,
+    Pattern,
     Searches,
     pattern_search,
     shortest,
@@ -96,10 +97,10 @@ def largest_margins(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> li
 
     def climb(peaks: list[Peak], size: float, rounds: int = ROUNDS) -> list[Peak]:
         margins = [peak.minimum_margin for peak in peaks]
-        moved = climbed(evaluator.margins, samples, peaks, margins, size, _FINE, rounds)
+        moved = climbed(evaluator.margins, domain, peaks, margins, size, _FINE, rounds)
         return [Peak(*entry) for entry in moved]
 
-    spacing = samples.spacing
+    spacing, domain = samples.spacing, samples.search.domain
     peaks = climb(_peaks(samples, 1.5 * spacing), spacing, _FEW)
     return climb(peaks[:_FINISHED], spacing / 2.0) + peaks[_FINISHED:]
 
@@ -142,21 +143,23 @@ def best_branch(evaluator: FeasibilityEvaluator, attitude: Array) -> tuple[int, 
 
 def climbed(
     merit: Callable[[Array, IntArray | None], Array],
-    samples: AttitudeMap,
+    domain: SearchDomain,
     starts: Sequence[Candidate],
     merits: Sequence[float],
     size: float,
     finest: float,
     rounds: int = ROUNDS,
+    pattern: Pattern | None = None,
 ) -> list[tuple[Array, int | None, float]]:
     """Attitudes moved to larger merits nearby, inside the searched domain, the best first.
 
     Each has the branch of its start, and its merit: that of attitudes (K, 4) along branches (K,).
-    Clouds have a first size and end a search when they are smaller than the finest [rad].
+    Patterns, clouds when left out, have a first size and end a search when they are smaller than
+    the finest [rad].
     """
     if not starts:
         return []
-    domain, branches = samples.search.domain, branch_numbers(starts)
+    branches = branch_numbers(starts)
 
     def inside(attitudes: Array, searched: IntArray) -> Array:
         values = merit(attitudes, None if branches is None else branches[searched])
@@ -167,7 +170,7 @@ def climbed(
         np.array(merits),
         np.zeros(len(starts), np.int64) if branches is None else branches,
     )
-    last = pattern_search(Clouds(), inside, first, size, finest, rounds)
+    last = pattern_search(pattern or Clouds(), inside, first, size, finest, rounds)
     found = zip(last.points, starts, last.merits.tolist(), strict=True)
     moved = [(attitude, start.branch, value) for attitude, start, value in found]
     return sorted(moved, key=lambda entry: -entry[2])
