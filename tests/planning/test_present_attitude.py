@@ -1,0 +1,238 @@
+"""The attitude that the spacecraft has, and thin feasible sets, are never missed by a plan.
+
+Witnesses are simulated motions; limits are closed down to just outside them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import freefloat as ff
+from freefloat.motion.extrema import joint_extents
+from freefloat.motion.motion import Motion
+from freefloat.paths import PolynomialCurve
+from freefloat.planning.objectives.objectives import NAMED
+from freefloat.planning.plan import Plan
+from freefloat.so3 import angle_between, heading_quaternion
+from tests.motions import SEVEN, bundled, from_here
+from tests.plans import IDENTITY
+from tests.redundant import redundant
+
+OBJECTIVES = [name for name in NAMED if name != "soonest"]
+DECK_ARM = """<robot name="deck_arm">
+<link name="bus"><inertial><origin xyz="0.01 0 0"/><mass value="50"/>
+<inertia ixx="2" ixy="0" ixz="0" iyy="2" iyz="0" izz="2.2"/></inertial></link>
+<link name="a"><inertial><origin xyz="0.15 0 0"/><mass value="1.2"/>
+<inertia ixx="0.004" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+<link name="b"><inertial><origin xyz="0.15 0 0"/><mass value="1.1"/>
+<inertia ixx="0.004" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+<link name="c"><inertial><origin xyz="0.1 0 0"/><mass value="0.9"/>
+<inertia ixx="0.004" ixy="0" ixz="0" iyy="0.006" iyz="0" izz="0.006"/></inertial></link>
+<joint name="j1" type="revolute"><parent link="bus"/><child link="a"/><origin xyz="0.2 0 0.06"/>
+<axis xyz="0 0 1"/><limit lower="-2.5" upper="2.5" effort="5" velocity="1"/></joint>
+<joint name="j2" type="revolute"><parent link="a"/><child link="b"/><origin xyz="0.3 0 0"/>
+<axis xyz="0 0 1"/><limit lower="-2.5" upper="2.5" effort="5" velocity="1"/></joint>
+<joint name="j3" type="revolute"><parent link="b"/><child link="c"/><origin xyz="0.3 0 0"/>
+<axis xyz="0 0 1"/><limit lower="-2.5" upper="2.5" effort="5" velocity="1"/></joint>
+<joint name="jt" type="fixed"><parent link="c"/><child link="tool"/><origin xyz="0.2 0 0"/></joint>
+<link name="tool"/></robot>"""
+"""Its joints turn about z, 0.06 m above the spacecraft's centre of mass."""
+LEAST = 2.284e-4
+"""Minimum |det S*| of the deck arm's motion from the present attitude [m^3]."""
+
+
+pytestmark = [pytest.mark.usefixtures("smaller"), pytest.mark.slow]
+
+
+def deck_problem() -> ff.Problem:
+    """A line of the deck arm, whose start it reaches from turns about two axes alone."""
+    model = ff.FreeFloatingModel.from_urdf(DECK_ARM, "tool")
+    start = np.array([0.4912300103105926, 0.5515122660565797, 0.05639097744360902])
+    line = PolynomialCurve.line(start, start + np.array([-0.05, 0.05, 0.0]))
+    path = ff.TimedPath(ff.EndEffectorPath(line), ff.Timing(40.0))
+    measure = ff.singularity_measure(model, ff.Task.POSITION, "gjm")
+    return ff.Problem(model, path, ff.Task.POSITION, np.zeros(3), ff.Margin(measure, 3.8e-7))
+
+
+def require_kept(plan: Plan) -> None:
+    """The plan has a motion, which keeps its limits."""
+    assert plan.feasible
+    assert all(result.kept for result in plan.limit_results)
+
+
+def worst(motion: Motion, limits: ff.Limits, name: str) -> float:
+    """The largest value of a limit along a motion."""
+    return next(r.worst for r in ff.check_limits(motion, limits) if r.limit == name)
+
+
+def cone(problem: ff.Problem, motion: Motion, axis: np.ndarray, spare: float) -> ff.Limits:
+    """A cone around the first direction of an axis of the spacecraft, just wider than it moves."""
+    body = next(name for name, (number, _) in problem.model.link_places.items() if not number)
+    direction = ff.so3.rotation_matrix(motion.initial.attitude) @ axis
+
+    def limits(angle: float) -> ff.Limits:
+        return ff.Limits(pointing=(ff.PointingLimit(body, axis, angle, direction=direction),))
+
+    return limits(worst(motion, limits(3.0), "pointing") * spare)
+
+
+def with_ranges(text: str, motion: Motion, spare: float) -> str:
+    """A robot whose joint ranges are just wider than a motion."""
+    extents = joint_extents(motion)
+    for number, (low, high) in enumerate(zip(extents.low, extents.high, strict=True)):
+        limit = f'<limit lower="{low - spare}" upper="{high + spare}" effort="9" velocity="9"/>'
+        head, tail = text.split(f'name="q{number + 1}" type="continuous"')
+        tail = tail.replace("</joint>", f"{limit}</joint>", 1)
+        text = f'{head}name="q{number + 1}" type="revolute"{tail}'
+    return text
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_feasible_sets_without_volume_contain_the_present_attitude(
+    objective: str,
+) -> None:
+    """No sample reaches the start; the present attitude follows the path, and check agrees."""
+    plan = ff.plan(deck_problem(), ff.Search(objective, IDENTITY, 64))
+    assert plan.map.feasible_fraction == 0.0
+    require_kept(plan)
+    if objective == "nearest":
+        assert plan.deviation == 0.0
+        assert plan.chosen.minimum_margin == pytest.approx(LEAST, rel=1e-3)
+        assert ff.check(plan).passed
+
+
+def test_feasible_sets_without_volume_are_searched_from_the_present_attitude() -> None:
+    """From a present attitude that is turned about the joints' axes, the start is out of reach."""
+    problem = deck_problem()
+    present = heading_quaternion(2.75)
+    assert not problem.branches(present)
+    plan = ff.plan(problem, ff.Search("nearest", present, 64))
+    require_kept(plan)
+    assert plan.deviation > 0.0
+
+
+@pytest.mark.parametrize(
+    ("objective", "momentum"), [("margin", 0.0), ("nearest", 0.3), ("robust", 0.0), ("still", 0.3)]
+)
+def test_narrow_cones_contain_the_present_attitude(objective: str, momentum: float) -> None:
+    problem = bundled("ets_vii/line").replace(momentum=momentum * np.array([0.5, -0.6, 0.6]))
+    simulation = ff.simulate(problem, IDENTITY, limits=ff.Limits())
+    axis = np.array([0.48, 0.6, 0.64])
+    limits = cone(problem, simulation.motion, axis, 1.01)
+    assert ff.simulate(problem, IDENTITY, limits=limits).feasible
+    plan = ff.plan(problem, ff.Search(objective, IDENTITY, 64), limits)
+    require_kept(plan)
+    if objective == "nearest":
+        assert plan.deviation == 0.0
+
+
+@pytest.mark.parametrize("samples", [64, 256])
+def test_violations_lead_to_narrow_cones_from_anywhere(samples: int) -> None:
+    """Without a present attitude no sample is feasible, whatever their number."""
+    problem = bundled("ets_vii/line")
+    motion = ff.simulate(problem, IDENTITY, limits=ff.Limits()).motion
+    limits = cone(problem, motion, np.array([0.48, 0.6, 0.64]), 1.2)
+    plan = ff.plan(problem, ff.Search(samples=samples), limits)
+    assert plan.map.feasible_fraction == 0.0
+    require_kept(plan)
+
+
+@pytest.mark.parametrize("objective", ["still", "nearest"])
+def test_violations_lead_the_search_of_redundant_arms(objective: str) -> None:
+    """Where the spacecraft may turn by 2.46 degrees, no one of 1,024 samples is feasible."""
+    problem = bundled("panda_servicer/line")
+    limits = ff.Limits(base_turn=np.radians(2.46))
+    plan = ff.plan(problem, ff.Search(objective, IDENTITY, 1024), limits)
+    require_kept(plan)
+
+
+@pytest.mark.parametrize("measure", ["gjm", "system"])
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_narrow_ranges_of_headings_contain_the_present_one(objective: str, measure: str) -> None:
+    """Joints that are given and a cone leave less than half a degree between two samples."""
+    problem = bundled("planar_2dof/line")
+    margin = ff.Margin(ff.singularity_measure(problem.model, problem.task, measure), 0.01)
+    problem = problem.replace(margin=margin)
+    heading = np.radians(20.43)
+    present = heading_quaternion(heading)
+    motion = ff.simulate(problem, present).motion
+    limits = cone(problem, motion, np.array([1.0, 0.0, 0.0]), 1.0 + 1e-3)
+    search = ff.Search(objective, present, joints=motion.initial.joints)
+    plan = ff.plan(problem, search, limits)
+    require_kept(plan)
+    assert plan.feasible_fraction < 0.02
+    assert max(entry.depth(heading) for entry in plan.ranges) >= 0.0
+    assert ff.check(plan).passed
+
+
+def test_ranges_without_width_contain_the_present_heading() -> None:
+    """The margin is the largest minimum of any heading: another one does not keep it."""
+    problem = bundled("planar_2dof/line")
+    best = ff.plan(problem)
+    margin = replace(problem.margin, threshold=best.chosen.minimum_margin)
+    present = best.motion.initial.attitude
+    plan = ff.plan(problem.replace(margin=margin), ff.Search("nearest", present))
+    require_kept(plan)
+    assert plan.deviation == 0.0
+    assert max(entry.depth(best.heading) for entry in plan.ranges) == pytest.approx(0.0, abs=1e-3)
+    assert ff.check(plan).passed
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_given_joints_that_keep_their_ranges_are_not_missed(objective: str) -> None:
+    """Of a redundant arm whose ranges leave 0.02 rad around the motion from its present state."""
+    text, joints = SEVEN, np.array([0.3, -0.5, 1.1, 0.4, 0.9, -0.2, 0.3])
+    first = _lines(text, joints)
+    motion = ff.simulate(first, IDENTITY, joints=joints).motion
+    problem = _lines(with_ranges(text, motion, 0.02), joints)
+    plan = ff.plan(problem, ff.Search(objective, IDENTITY, 64, joints=joints), ff.Limits())
+    require_kept(plan)
+
+
+def _lines(text: str, joints: np.ndarray) -> ff.Problem:
+    model = ff.FreeFloatingModel.from_urdf(text, "tool")
+    timing, step = ff.Timing(20.0), np.array([0.1, 0.1, -0.1])
+    return from_here(
+        model, ff.Task.POSE, np.zeros(3), np.array(IDENTITY), joints, step, np.zeros(3), timing
+    )
+
+
+def test_given_joints_of_planar_redundant_arms_are_not_missed() -> None:
+    start = redundant("4", ff.Task.PLANAR_POSE, None, momentum=False)
+    limits = ff.Limits()
+    simulation = ff.simulate(start.problem, start.attitude, joints=start.joints)
+    limits = cone(start.problem, simulation.motion, np.array([1.0, 0.0, 0.0]), 1.001)
+    search = ff.Search("margin", start.attitude, joints=start.joints)
+    plan = ff.plan(start.problem, search, limits)
+    assert plan.feasible
+
+
+def test_the_merit_at_the_present_attitude_is_never_larger() -> None:
+    """Of the largest margin that few samples lead to, where the present attitude has a larger."""
+    problem = bundled("spatial_6dof/line")
+    present = ff.plan(problem, ff.Search(samples=512)).motion.initial.attitude
+    plan = ff.plan(problem, ff.Search("margin", present, 8))
+    own = max(b.minimum_margin for b in ff.simulate(problem, present).branches)
+    assert plan.chosen.minimum_margin >= own * (1.0 - 1e-6)
+
+
+def test_an_infeasible_plan_says_how_many_attitudes_were_tried() -> None:
+    problem = bundled("spatial_6dof/line")
+    problem = problem.replace(margin=replace(problem.margin, threshold=60.0))
+    plan = ff.plan(problem, ff.Search("nearest", IDENTITY, 64))
+    assert not plan.feasible
+    assert "none of 64 attitudes" in plan.reason
+    assert "further attitudes" in plan.reason
+
+
+def test_joints_without_an_attitude_are_given_in_inertial_axes() -> None:
+    """A path in the spacecraft's frame then begins in the attitude whose axes are inertial."""
+    problem = bundled("ets_vii/line")
+    simulation = ff.simulate(problem, IDENTITY, limits=ff.Limits())
+    limits = cone(problem, simulation.motion, np.array([0.48, 0.6, 0.64]), 1.001)
+    plan = ff.plan(problem, ff.Search(samples=64, joints=simulation.motion.initial.joints), limits)
+    require_kept(plan)
+    assert angle_between(plan.motion.initial.attitude, np.array(IDENTITY)) < 0.5
