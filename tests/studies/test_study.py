@@ -166,7 +166,6 @@ PAYLOAD = {"mass": 5, "inertia": [0.1, 0.1, 0.1]}
     ("key", "section", "keys"),
     [
         ("robot.payload.inertia", {"uniform": [[0.1, 0.1, 0.3], [0.1, 0.1, 0.4]]}, {"cases": 9}),
-        ("robot.payload.inertia", {"list": [[0.1, 0.1, 0.1], [1, 1, 5]]}, {}),
         ("robot.payload.inertia", {"grid": {"from": [0.05, 0.06, 0.07], "to": [0.2, 0.25, 0.3],
                                             "count": [2, 2, 2]}}, {}),
         ("robot.payload.inertia.0", {"uniform": [0.01, 0.5]}, {"cases": 20}),

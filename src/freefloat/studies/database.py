@@ -123,8 +123,8 @@ def open_results(
 ) -> Iterator[StudyDatabase]:
     """Open the database of a study; a new folder gets a new database.
 
-    This process alone writes to it; others may read it meanwhile. Rows that are damaged are removed
-    with a warning: they are those of runs that are not finished.
+    This process alone writes to it; others may read it meanwhile. Rows whose digest is wrong are
+    removed with a warning: they are those of runs that are not finished.
 
     Args:
         folder: Folder of the study.
@@ -146,9 +146,9 @@ def open_results(
             connection.execute("BEGIN IMMEDIATE")
             _create_or_check(connection, study, files)
             if damaged := drop_damaged(connection, progress):
-                rows = "1 row is" if damaged == 1 else f"{damaged:,} rows are"
-                problem = f"{folder / DATABASE}: {rows} damaged, and computed again"
-                logging.getLogger("freefloat").warning(problem)
+                rows = "1 row does" if damaged == 1 else f"{damaged:,} rows do"
+                said = f"{folder / DATABASE}: {rows} not match the digest, to be computed again"
+                logging.getLogger("freefloat").warning(said)
             connection.commit()
         yield StudyDatabase(folder, study, connection)
 

@@ -28,13 +28,15 @@ def check_extreme_runs(study: Study) -> None:
     """Check that numbers of varied keys are accepted in the runs where they are extreme.
 
     These are the smallest and largest number of each component, the shortest and longest
-    quaternion, and a list that is the inertia of no body. What is accepted only together with
-    values of other keys, and what is not a number, is a matter of each run.
+    quaternion, and a list that is the inertia of no body. Values that the study lists one by one,
+    and what is accepted only together with those of other keys, are a matter of each run.
 
     Raises:
         InputError: The first error, with its run.
     """
-    for key in study.content.vary:
+    for key, section in study.content.vary.items():
+        if section.values is not None:
+            continue
         for number in sorted(set(_extreme_runs(study, key))):
             try:
                 _check(study, key, number)
@@ -84,8 +86,8 @@ def _extreme_runs(study: Study, key: str) -> Iterator[int]:
         if values.shape[1:] == (4,):
             columns["norm"] = np.linalg.norm(values, axis=1)
         for name, column in columns.items():
-            for sign in (1.0, -1.0) if np.isfinite(column).any() else ():
-                place = int(np.nanargmin(sign * column))
+            for sign in (1.0, -1.0):
+                place = int(np.argmin(sign * column))
                 found = sign * float(column[place]), int(numbers[place])
                 extremes[name, sign] = min(extremes.get((name, sign), found), found)
     yield from (number for _, number in extremes.values())
@@ -94,17 +96,11 @@ def _extreme_runs(study: Study, key: str) -> Iterator[int]:
 
 
 def _blocks(study: Study, key: str) -> Iterator[tuple[IntArray, Array]]:
-    """Numbers of runs and their values of a key, NaN where one is no number or list of numbers.
-
-    Of listed values the first run with each.
-    """
+    """Numbers of runs and their values of a key; of a range or grid the first run with each."""
     listed = study.variation.listed.get(key)
     if listed is not None:
         places, numbers = np.unique(study.variation.places(0, study.count)[key], return_index=True)
-        values = [listed[place] for place in places.tolist()]
-        lengths = {len(value) if isinstance(value, list) else None for value in values}
-        for length in lengths:
-            yield numbers, as_numbers(values, () if length is None else (length,))
+        yield numbers, np.array(listed, dtype=float)[places]
         return
     section, seed = study.content.vary[key], study.content.seed
     for first in range(0, study.count, _BLOCK):
