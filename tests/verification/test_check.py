@@ -70,10 +70,11 @@ def test_a_plan_is_verified_with_both_engines(request, name):
 def test_ranges_of_headings_that_keep_limits_of_attitude_are_verified():
     problem = ff.load_scenario("planar_2dof/line").problem()
     sun = ff.PointingLimit("spacecraft", [1, 0, 0], 1.2, "outside", direction=[1, 0, 0])
-    found = ff.plan(problem, limits=ff.Limits(pointing=[sun], base_turn=2.0))
+    limits = ff.Limits(pointing=[sun], base_turn=2.0, clearance="off")
+    found = ff.plan(problem, limits=limits)
     assert found.feasible
     assert ff.check(found).passed
-    shifted = replace(found, limits=ff.Limits(pointing=[replace(sun, angle=1.0)], base_turn=2.0))
+    shifted = replace(found, limits=replace(limits, pointing=[replace(sun, angle=1.0)]))
     assert "ranges of headings" in {entry.name for entry in ff.check(shifted).discrepancies}
 
 
@@ -267,7 +268,7 @@ def test_a_motion_whose_last_joint_would_spin_is_verified_to_end_there():
 
 def test_a_violated_limit_is_verified_to_be_violated():
     problem = ff.load_scenario("planar_2dof/line").problem()
-    limits = ff.Limits(joint_rate=[0.05, 0.05])
+    limits = ff.Limits(joint_rate=[0.05, 0.05], clearance="off")
     simulation = ff.simulate(problem, heading=0.5, limits=limits)
     assert (simulation.feasible, ff.check(simulation).passed) == (False, True)
     (stated,) = simulation.limit_results

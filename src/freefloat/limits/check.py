@@ -34,6 +34,7 @@ def check_limits(motion: Motion, limits: Limits | None = None) -> tuple[LimitRes
         >>> for result in ff.check_limits(motion, ff.Limits(joint_rate=np.array([0.2, 0.01]))):
         ...     print(result.limit, result.kept)
         joint_rate False
+        clearance True
     """
     require_type("motion", motion, Motion, "a Motion, such as simulate(...).chosen.motion")
     limits = limits_for(motion.problem, limits) or Limits()

@@ -47,6 +47,7 @@ class Limits(AttitudeLimits):
         ...     print(result.limit, result.kept)
         joint_rate True
         base_rate False
+        clearance True
     """
 
     joint_rate: Array | None = None
