@@ -38,6 +38,8 @@ _FINE = 1e-6
 """Patterns smaller than this end a search [rad]."""
 _SLACK = 1e-4
 """Violation up to which a compiled motion may be feasible, and from which it may not."""
+_LEAST = float(np.finfo(float).min)
+"""Merit of the least motion that has one."""
 _TRIED = 6
 """Attitudes of the smallest violations that are integrated precisely."""
 _PRECISE = 8
@@ -194,6 +196,7 @@ class _FurtherSearch:
             start = Candidate(attitude, None if self._problem.redundant else branch)
             largest = partial(self._evaluator.largest, merit=merit)
             value = float(largest(attitude[None], branch_numbers([start]))[0])
+            value = max(value, _LEAST)  # it may be just what precise motions keep
             ((best, number, _),) = climbed(
                 largest, search.domain, [start], [value], starts.spacing / 2.0, _FINE,
                 pattern=self._pattern,
