@@ -129,6 +129,12 @@ def test_an_altered_database_is_refused(
         ('UPDATE runs SET "momentum.2" = 0.5 WHERE number = 2', [0, 1]),
         ("DELETE FROM digests WHERE numbers = '[0]'", [1, 2]),
         ("UPDATE digests SET numbers = '[0, 1' WHERE numbers = '[0]'", [1, 2]),
+        ("UPDATE digests SET numbers = NULL WHERE numbers = '[0]'", [1, 2]),
+        pytest.param(
+            f"UPDATE digests SET numbers = '{100_000 * '['}' WHERE numbers = '[0]'",
+            [1, 2],
+            id="nested numbers",
+        ),
         ("INSERT INTO runs (number, verdict) VALUES (7, 'feasible')", [0, 1, 2]),
         ("UPDATE runs SET bytes = 7", [0, 1, 2]),
     ],

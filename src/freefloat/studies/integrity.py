@@ -100,11 +100,11 @@ def drop_damaged(connection: sqlite3.Connection, progress: Progress) -> int:
     return len(damaged)
 
 
-def _numbers(text: str) -> list[int]:
+def _numbers(text: str | None) -> list[int]:
     """The numbers of a stored list, none where it is damaged."""
     try:
         numbers = json.loads(text)
-    except ValueError:
+    except (ValueError, TypeError, RecursionError):
         return []
     whole = isinstance(numbers, list) and all(type(number) is int for number in numbers)
     return numbers if whole else []
