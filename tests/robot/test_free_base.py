@@ -62,7 +62,32 @@ def test_a_free_base_is_that_of_the_robot_without_it(base: str) -> None:
 
 def test_what_a_free_base_says_beside_that_is_listed() -> None:
     counts = {name: len(read_urdf(within(base)).not_read) for name, base in FREE.items()}
-    assert list(counts.values()) == [0, 0, 1, 6, 6, 6, 6]
+    assert list(counts.values()) == [0, 0, 1, 12, 9, 12, 12]  # also ranges
+
+
+UNUSED = {
+    "an axis": ('<axis xyz="0 0 1"/>', "axis of joint virtual", ""),
+    "a limit": ('<limit lower="-1" upper="1" velocity="0.3"/>', "limit of joint virtual", ""),
+    "damping": ('<dynamics damping="2"/>', "dynamics of joint virtual", "damping"),
+}
+
+
+@pytest.mark.parametrize(("content", "element", "attribute"), UNUSED.values(), ids=UNUSED)
+def test_all_that_a_floating_joint_says_is_listed(
+    content: str, element: str, attribute: str
+) -> None:
+    base = link_text("world") + FLOATING.replace("</joint>", f"{content}</joint>")
+    (entry,) = read_urdf(within(base)).not_read
+    assert (entry.element, entry.attribute) == (element, attribute)
+
+
+def test_what_a_world_says_is_listed_and_its_errors_stay() -> None:
+    base = link_text("world", "<Inertial/>") + FLOATING
+    assert [entry.element for entry in read_urdf(within(base)).not_read] == [
+        "Inertial of link world"
+    ]
+    wrong = link_text("world") + FLOATING.replace('"0 0 0"', '"1 2 x"', 1)
+    assert error_key(read_urdf, within(wrong)) == "joint virtual"
 
 
 def test_an_arm_with_a_free_base_is_mounted_by_its_base() -> None:
@@ -92,6 +117,28 @@ REFUSED = {
     "virtual joints with tiny masses": (virtual("PPPRRR", [X, Y, Z, X, Y, Z], TINY), "joint jv1"),
     "virtual joints with shapes": (virtual("PPPRRR", [X, Y, Z, X, Y, Z], BALL), "joint jv1"),
 }  # fmt: skip
+SIX = virtual("PPPRRR", [X, Y, Z, X, Y, Z])
+
+
+@pytest.mark.parametrize(
+    ("joint", "limits"),
+    [("jv3", (0, 0)), ("jv3", (-0.5, 0.5)), ("jv4", (0, 0)), ("jv5", (-1, 1)), ("jbus", (3, -3))],
+)
+def test_a_virtual_joint_of_a_narrow_range_is_refused_by_name(
+    joint: str, limits: tuple[float, float]
+) -> None:
+    old = re.search(rf'name="{joint}".*?(<limit [^>]*>)', SIX, re.DOTALL)
+    assert old is not None
+    new = old[0].replace(old[1], '<limit lower="{}" upper="{}" effort="1" velocity="1"/>'.format(
+        *limits))  # fmt: skip
+    (fault, *_) = examine(within(SIX.replace(old[0], new)))
+    assert (fault.element, fault.severity) == (f"joint {joint}", "error")
+    assert f"from {limits[0]} to {limits[1]} " in fault.problem
+
+
+def test_a_virtual_joint_that_follows_another_is_refused() -> None:
+    base = SIX.replace("</joint>", '<mimic joint="jv2"/></joint>', 1)
+    assert examine(within(base))[0].element == "joint jv1"
 
 
 @pytest.mark.parametrize(("base", "element"), REFUSED.values(), ids=REFUSED)

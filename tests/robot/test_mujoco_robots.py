@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import mujoco
@@ -107,6 +108,36 @@ def test_bases_that_are_tied_to_the_world_are_refused(tmp_path: Path) -> None:
         assert error_key(ff.FreeFloatingModel.from_urdf, file, "hand") == "root"
         file.write_text(file.read_text().replace("<weld", '<weld active="false"'))
     ff.FreeFloatingModel.from_urdf(file, "hand")
+
+
+FIXED = '<body name="post"><body name="plate"/></body><body name="target" mocap="true"/>'
+
+
+@pytest.mark.parametrize("tie", [
+    '<weld body1="bus" body2="post"/>', '<weld body1="plate" body2="hand"/>',
+    '<connect body1="lower" body2="world" anchor="0 0 0"/>',
+    '<connect body1="hand" body2="target" anchor="0 0 0"/>',
+])  # fmt: skip
+def test_robots_that_are_tied_to_what_is_fixed_are_refused(tie: str, tmp_path: Path) -> None:
+    file = written(tmp_path, before=FIXED, tail=f"<equality>{tie}</equality>")
+    assert error_key(ff.FreeFloatingModel.from_urdf, file, "hand") == "root"
+
+
+@pytest.mark.parametrize("tie", [
+    '<weld body1="bus" body2="hand"/>', '<weld body1="client" body2="hand"/>',
+    '<joint joint1="q1" polycoef="0.4 0 0 0 0"/>',
+])  # fmt: skip
+def test_ties_to_what_floats_leave_a_base_free(tie: str, tmp_path: Path) -> None:
+    client = '<body name="client"><freejoint/><geom size="1"/></body>'
+    file = written(tmp_path, before=client, tail=f"<equality>{tie}</equality>")
+    model = ff.FreeFloatingModel.from_urdf(ff.RobotSource(file, "bus"), "hand")
+    assert model.joint_names == ("q1", "q2", "q3")
+
+
+def test_a_coupled_joint_of_a_base_is_refused(tmp_path: Path) -> None:
+    tail = '<equality><joint joint1="z"/></equality>'
+    file = written(tmp_path, "".join([*SLIDES, *HINGES]), tail=tail)
+    assert error_key(ff.FreeFloatingModel.from_urdf, file, "hand") == "root"
 
 
 def test_bases_on_massless_carriages_are_refused(tmp_path: Path) -> None:
@@ -256,6 +287,25 @@ def test_what_is_not_used_is_listed_once(tmp_path: Path) -> None:
     shown = run("info", file, "--end-effector", "finger").stdout
     assert "armature" in shown
     assert "gravcomp" in shown
+
+
+def test_elements_without_names_are_listed_each(tmp_path: Path) -> None:
+    more = """<geom type="ellipsoid" size="0.1 0.2 0.3"/><geom type="mesh" mesh="tet"/>
+    <geom type="ellipsoid" size="0.1 0.1 0.2"/><site name="imu"/>"""
+    tail = """<sensor><gyro site="imu"/><accelerometer name="acc" site="imu"/></sensor>
+    <keyframe><key name="home"/><key/></keyframe>"""
+    floor = '<geom type="plane" size="1 1 1"/>'
+    root = "".join([*SLIDES, *HINGES]).replace("/>", ' damping="1"/>')
+    root = re.sub(r'name="\w+"', "", root)
+    file = written(tmp_path, root, more, head=HEAD[HEAD.index("<asset") :], tail=tail,
+                   before=2 * floor)  # fmt: skip
+    listed = [entry["element"] for entry in document("info", file)["not_read"]]
+    assert sorted(listed) == sorted([
+        *(f"joint bus_joint_{number}" for number in range(1, 7)),
+        *(f"geom number {number} of body hand" for number in (2, 3, 4)),
+        *(f"geom number {number} of the world" for number in (1, 2)),
+        "sensor number 1", "sensor acc", "key home", "key number 2",
+    ])  # fmt: skip
 
 
 def test_a_model_of_what_is_used_has_nothing_else(tmp_path: Path) -> None:

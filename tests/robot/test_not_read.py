@@ -33,6 +33,11 @@ UNUSED = {
     "an unknown geometry": ("hand", SHAPE.format('<cone radius="1"/>'), ""),
     "a second geometry": (
         "hand", SHAPE.format('<sphere radius="1"/><box size="1 1 1"/>'), ""),
+    "a collision without geometry": ("hand", "<collision/>", ""),
+    "a geometry without shape": ("hand", SHAPE.format(""), ""),
+    "a quaternion before URDF 1.1": (
+        "hand", '<visual><origin quat_xyzw="0 0 1 0"/><geometry><sphere radius="1"/></geometry>'
+        "</visual>", "quat_xyzw"),
     "a flat box": ("hand", SHAPE.format('<box size="1 0 1"/>'), "size"),
     "a sphere without radius": ("hand", SHAPE.format("<sphere/>"), "radius"),
     "a misspelt attribute": (

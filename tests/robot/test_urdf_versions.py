@@ -86,6 +86,7 @@ def test_a_quaternion_is_not_read_before_version_1_1(tmp_path: Path) -> None:
         (tmp_path / "robot.urdf").write_text(old)
         model = ff.FreeFloatingModel.from_urdf(tmp_path / "robot.urdf")
         assert len(model.warnings) == old.count("quat_xyzw")
+        assert [entry.attribute for entry in model.not_read] == ["quat_xyzw"] * len(model.warnings)
         assert_same_robot(model, tmp_path / "robot.urdf", rng)
 
 
@@ -114,6 +115,7 @@ def test_a_long_quaternion_is_normalized_with_a_warning() -> None:
     long, unit = (read_urdf(one_origin(f'quat_xyzw="{q}"')) for q in ("0 3 0 4", "0 0.6 0 0.8"))
     np.testing.assert_allclose(long.joints[0].origin.rotation, unit.joints[0].origin.rotation)
     assert (len(long.warnings), len(unit.warnings)) == (3, 0)
+    assert unit.not_read == ()
 
 
 def test_an_unknown_version_is_warned_of_and_not_written() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from lxml import etree
 from scipy.spatial.transform import Rotation
 
-from freefloat.robot.description import IDENTITY, Joint, RobotDescription
+from freefloat.robot.description import IDENTITY, Joint, RobotDescription, Severity
 from freefloat.robot.not_read import NotRead
 from freefloat.robot.urdf_text import Element
 from freefloat.so3 import Pose
@@ -22,6 +22,8 @@ _ANYWHERE = 0.4
 """Value of virtual joints at which their axes are independent if they are anywhere [rad, m]."""
 _INDEPENDENT = 1e-6
 """Smallest singular value of axes that are independent."""
+_WIDTHS = {"prismatic": 2.0, "revolute": 6.2}
+"""Smallest width of the range of a virtual joint that leaves a base free [m, rad]: a full turn."""
 
 
 def with_free_base(robot: RobotDescription, element: Element) -> RobotDescription:
@@ -33,13 +35,12 @@ def with_free_base(robot: RobotDescription, element: Element) -> RobotDescriptio
     joint = _floating(robot)
     if joint is not None:
         kept = _below(robot, joint.child)
-        not_read = tuple(_placement(joint))
+        virtual: tuple[Joint, ...] = ()
     else:
         virtual = virtual_joints(robot)
         if not _is_free(robot, virtual):
             return robot
         kept = _below(robot, virtual[-1].child)
-        not_read = tuple(_ranges(virtual))
     links = {link.name for link in robot.links} - kept
     joints = {joint.name for joint in robot.joints if joint.parent not in kept}
     for child in element.xpath("link | joint | *[@reference]"):
@@ -52,12 +53,14 @@ def with_free_base(robot: RobotDescription, element: Element) -> RobotDescriptio
         links=tuple(link for link in robot.links if link.name in kept),
         joints=tuple(joint for joint in robot.joints if joint.name not in joints),
         text=etree.tostring(element, encoding="unicode"),
-        diagnostics=tuple(entry for entry in robot.diagnostics if entry.element not in gone),
+        diagnostics=tuple(entry for entry in robot.diagnostics
+                          if entry.element not in gone or entry.severity is Severity.ERROR),
         not_read=(
-            *not_read,
-            *(entry for entry in robot.not_read if entry.element.rpartition(" of ")[2] not in gone),
+            *(entry for joint in robot.joints if joint.name in joints
+              for entry in _unused(joint, virtual=joint in virtual)),
+            *robot.not_read,
         ),
-    )
+    )  # fmt: skip
 
 
 def floating_problem(robot: RobotDescription, joint: Joint) -> str:
@@ -87,6 +90,15 @@ def virtual_joints(robot: RobotDescription) -> tuple[Joint, ...]:
     return tuple(joints) if robot.rigid_groups[at].joints else ()
 
 
+def held_joint(joints: Collection[Joint]) -> Joint | None:
+    """The first virtual joint that does not move freely: its range is narrow, or it is coupled."""
+    for joint in joints:
+        width = joint.upper - joint.lower
+        if joint.mimic is not None or not width >= _WIDTHS.get(joint.type, 0.0):
+            return joint
+    return None
+
+
 def _floating(robot: RobotDescription) -> Joint | None:
     """The floating joint that carries the spacecraft on a massless part without shapes."""
     floating = [joint for joint in robot.joints if joint.type == "floating"]
@@ -100,9 +112,9 @@ def _floating(robot: RobotDescription) -> Joint | None:
 
 
 def _is_free(robot: RobotDescription, joints: Collection[Joint]) -> bool:
-    """Whether six virtual joints without mass and shapes move their base in all directions."""
+    """Whether six virtual joints without mass and shapes move their base freely."""
     kinds = [joint.type == "prismatic" for joint in joints]
-    if (len(kinds), sum(kinds)) != (FREE, FREE // 2):
+    if (len(kinds), sum(kinds)) != (FREE, FREE // 2) or held_joint(joints) is not None:
         return False
     above = {link.name for link in robot.links} - _below(robot, [*joints][-1].child)
     if any(robot.links_by_name[name].mass or robot.links_by_name[name].shapes for name in above):
@@ -143,17 +155,18 @@ def _below(robot: RobotDescription, first: str) -> set[str]:
     return names
 
 
-def _placement(joint: Joint) -> Iterator[NotRead]:
-    """What the origin of a floating joint says."""
-    if not (np.allclose(joint.origin.rotation, np.eye(3)) and not joint.origin.position.any()):
-        line = joint.lines.get("origin") or None
-        meaning = "where the spacecraft is in the world; attitudes are given to commands"
-        yield NotRead(f"origin of joint {joint.name}", "", line, meaning)
-
-
-def _ranges(joints: Collection[Joint]) -> Iterator[NotRead]:
-    """What virtual joints say beside that the base is free."""
-    for joint in joints:
+def _unused(joint: Joint, *, virtual: bool) -> Iterator[NotRead]:
+    """What a joint above the spacecraft says beside that this is free."""
+    name = f"joint {joint.name}"
+    if virtual:
         meaning = "one of six virtual joints; the spacecraft is free without them"
-        line = joint.lines["joint"] or None
-        yield NotRead(f"joint {joint.name}", "", line, meaning)
+        yield NotRead(name, "", joint.lines["joint"] or None, meaning)
+    elif not (np.allclose(joint.origin.rotation, np.eye(3)) and not joint.origin.position.any()):
+        meaning = "where the spacecraft is in the world; attitudes are given to commands"
+        yield NotRead(f"origin of {name}", "", joint.lines.get("origin") or None, meaning)
+    if "limit" in joint.lines and joint.type != "fixed":
+        meaning = "limits of motion in the world; the spacecraft has none"
+        yield NotRead(f"limit of {name}", "", joint.lines["limit"] or None, meaning)
+    if "axis" in joint.lines and joint.type == "floating":
+        meaning = "an axis; the spacecraft is free about and along all"
+        yield NotRead(f"axis of {name}", "", joint.lines["axis"] or None, meaning)

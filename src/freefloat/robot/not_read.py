@@ -78,12 +78,15 @@ _READ: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "mesh": (("filename", "scale"), ()),
 }
 """Attributes and elements that are read, by the tag of the element that has them."""
-_SEVERAL = ("link", "joint", "visual", "collision")
+_SHAPED = ("visual", "collision")
+_SEVERAL = ("link", "joint", *_SHAPED)
 """Elements of which all are read, and not the first alone."""
 _WITHOUT_PHYSICS = ("material", "verbose", "plugin", "dont_collapse")
 """Elements and attributes of pictures and programs."""
 _OF_MOTION = ("axis", "limit", "dynamics", "safety_controller", "calibration", "mimic")
 """Elements that mean nothing in a fixed joint."""
+_FIRST = "1.0"
+"""Version of URDF of a file that states none."""
 _SCHEMA = "{http://www.w3.org/2001/XMLSchema-instance}"
 """Namespace of what a schema says about a file."""
 
@@ -111,6 +114,10 @@ def _of_element(element: Any) -> Iterator[NotRead]:
             yield _entry(element, key, meaning)
     if (element.text or "").strip():
         yield _entry(element, "", "text in place of attributes")
+    if (element.tag in _SHAPED and element.find("geometry") is None) or (
+        element.tag == "geometry" and not len(element)
+    ):
+        yield _entry(element, "", "it has no shape")
     if element.tag in _SOLIDS:
         for key in attributes:
             if key not in element.attrib:
@@ -145,6 +152,9 @@ def _of_other(element: Any, known: tuple[str, ...]) -> Iterator[NotRead]:
 
 def _unused_value(element: Any, key: str, value: str) -> str:
     """What the value of an attribute means that is read and then not used; nothing if it is."""
+    root = element.getroottree().getroot()
+    if key == "quat_xyzw" and root.get("version", _FIRST) == _FIRST:
+        return "a rotation in URDF 1.1; this file is URDF 1.0, which has rpy alone"
     kind = element.getparent().get("type") if element.tag == "limit" else None
     if kind == "continuous" and key in ("lower", "upper") and not _is_zero(value):
         return "an end of a range; a continuous joint has none, a revolute one has"

@@ -12,7 +12,7 @@ import numpy as np
 from freefloat.errors import ModelError
 from freefloat.robot.description import MOVING, Joint, RobotDescription, Severity, UrdfDiagnostic
 from freefloat.robot.flat_links import with_flat_links
-from freefloat.robot.free_base import FREE, floating_problem, virtual_joints
+from freefloat.robot.free_base import FREE, floating_problem, held_joint, virtual_joints
 from freefloat.robot.plausibility import (
     WARNINGS,
     Fault,
@@ -192,7 +192,13 @@ def _virtual_base(robot: RobotDescription, mounted: bool) -> Faults:
             "no joint above the spacecraft; or a floating joint, or three prismatic and three "
             "revolute ones between links without mass and shapes, which mean the same"
         )
-        yield Fault(joints[0], "joint", problem, remedy)
+        held = held_joint(joints)
+        if held is not None:
+            unit = "m" if held.type == "prismatic" else "rad"
+            moves = f"moves from {held.lower:g} to {held.upper:g} {unit} alone"
+            problem += f"; {held.name} {f'follows {held.mimic}' if held.mimic else moves}"
+            remedy += ", with ranges of at least 2 m and a full turn"
+        yield Fault(held or joints[0], "joint", problem, remedy)
 
 
 def _masses(robot: RobotDescription) -> Faults:

@@ -16,6 +16,8 @@ WORLD = 0
 _KINDS = ("free", "ball", "slide", "hinge")
 _TIES = (0, 1)
 """Types of equality constraints between bodies or sites: connect and weld."""
+_COUPLING = 2
+"""Type of equality constraints of joints."""
 _SITE = 6
 """Type of object of MuJoCo's sites."""
 _ORTHOGONAL = 1e-6
@@ -47,8 +49,8 @@ def root_body(model: Any, root: str | None, source: str) -> int:
         )
         raise ModelError("root", problem, accepted, source)
     if _is_tied(model, found):
-        problem = f"an active equality constraint ties the root body {body_name(model, found)}"
-        accepted = "a root body that no <connect> or <weld> ties to the world"
+        problem = f"an active equality constraint ties the robot of {body_name(model, found)}"
+        accepted = "a robot that no <connect>, <weld> or <joint> ties to what is fixed"
         raise ModelError("root", f"{problem} to the world", accepted, source)
     return found
 
@@ -121,13 +123,25 @@ def moves_in_plane(model: Any, root: int) -> bool:
 
 
 def _is_tied(model: Any, root: int) -> bool:
-    """Whether a constraint that is active at the start connects or welds a root to the world."""
-    for number in range(model.neq):
+    """Whether a constraint that is active at the start ties a body of a root's robot to the world.
+
+    Bodies without joints in the world, and those that are moved from outside, are as the world. One
+    that couples a joint of the root ties it, too.
+    """
+    robot = [body for body in range(1, model.nbody) if root in line(model, body)]
+    joints = {joint for body in line(model, root) for joint in joints_of(model, body)}
+    for number in np.flatnonzero(model.eq_active0):
         ends = [int(model.eq_obj1id[number]), int(model.eq_obj2id[number])]
+        if int(model.eq_type[number]) == _COUPLING and joints & set(ends):
+            return True
+        if int(model.eq_type[number]) not in _TIES:
+            continue
         if int(model.eq_objtype[number]) == _SITE:
             ends = [int(model.site_bodyid[site]) for site in ends]
-        tie = model.eq_active0[number] and int(model.eq_type[number]) in _TIES
-        if tie and set(ends) == {WORLD, root}:
+        others = [body for body in ends if body not in robot]
+        if len(others) == 1 and (
+            model.body_weldid[others[0]] == WORLD or model.body_mocapid[others[0]] >= 0
+        ):
             return True
     return False
 
@@ -178,8 +192,11 @@ def body_names(model: Any, bodies: Iterable[int]) -> list[str]:
 
 
 def joint_name(model: Any, joint: int) -> str:
-    """Name of a joint, or one made of the name of its body."""
-    return str(model.joint(joint).name) or f"{body_name(model, int(model.jnt_bodyid[joint]))}_joint"
+    """Name of a joint, or one made of the name of its body, with a number if that has several."""
+    body = int(model.jnt_bodyid[joint])
+    several = joints_of(model, body)
+    number = f"_{several.index(joint) + 1}" if len(several) > 1 else ""
+    return str(model.joint(joint).name) or f"{body_name(model, body)}_joint{number}"
 
 
 def _joint_texts(model: Any, joints: Iterable[int]) -> str:

@@ -80,6 +80,8 @@ _SECTIONS = (
     "visual", "worldbody",
 )  # fmt: skip
 """Elements of a model; others are listed."""
+_GROUPS = ("actuator", "tendon", "equality", "sensor")
+"""Elements that name the kind of those in them."""
 
 
 def not_read(model: Any, bodies: Collection[int], documents: Iterable[Path]) -> Iterator[NotRead]:
@@ -117,7 +119,7 @@ def _of_model(model: Any, bodies: Collection[int], lines: Lines) -> Iterator[Not
     for geom in range(model.ngeom):
         if model.geom_bodyid[geom] == WORLD:
             name = str(model.geom(geom).name)
-            element = f"geom {name}".strip() + " of the world"
+            element = f"geom {name or f'number {geom + 1}'} of the world"
             meaning = f"it {_UNSHAPED}; robot and scene of a scenario are"
             yield NotRead(element, "", lines.get(("geom", name)), meaning)
     yield from _couplings(model, mujoco, lines)
@@ -143,7 +145,8 @@ def _of_body(model: Any, plain: Any, body: int, lines: Lines) -> Iterator[NotRea
     geoms = int(model.body_geomadr[body])
     for geom in range(geoms, geoms + int(model.body_geomnum[body])):
         label = str(model.geom(geom).name)
-        element, line = f"geom {label}".strip() + f" of body {name}", lines.get(("geom", label))
+        element = f"geom {label or f'number {geom - geoms + 1}'} of body {name}"
+        line = lines.get(("geom", label))
         kind = int(model.geom_type[geom])
         if kind not in SHAPES:
             shape = _OTHER_SHAPES.get(kind, "shape")
@@ -190,6 +193,9 @@ def _couplings(model: Any, mujoco: Any, lines: Lines) -> Iterator[NotRead]:
         ("pair", kinds.mjOBJ_PAIR, model.npair, _CONTACT),
         ("flex", kinds.mjOBJ_FLEX, model.nflex, f"a deformable body; it {_UNSHAPED}"),
         ("skin", kinds.mjOBJ_SKIN, model.nskin, "it is not drawn"),
+        ("sensor", kinds.mjOBJ_SENSOR, model.nsensor, "a sensor; none is modelled"),
+        ("key", kinds.mjOBJ_KEY, model.nkey,
+         "a state of a keyframe; attitudes and joint values are given to commands"),
         ("plugin", kinds.mjOBJ_PLUGIN, model.nplugin, "forces or shapes of a plugin of MuJoCo"),
     )  # fmt: skip
     for kind, number, count, meaning in groups:
@@ -234,6 +240,6 @@ def _lines(root: Any) -> Lines:
         if name is None or parent is None or parent.tag == "default":
             continue
         kind = {"freejoint": "joint"}.get(element.tag, element.tag)
-        kind = parent.tag if parent.tag in ("actuator", "tendon", "equality") else kind
+        kind = parent.tag if parent.tag in _GROUPS else kind
         found.setdefault((kind, name), element.sourceline)
     return found
