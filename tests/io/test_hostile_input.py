@@ -173,7 +173,7 @@ def test_small_result_files_that_expand_are_refused(
 ) -> None:
     file = sealed(tmp_path / "small.h5", write)
     done = subprocess.run(
-        [sys.executable, "-c", LOAD, str(file)], timeout=60, capture_output=True, text=True
+        [sys.executable, "-c", LOAD, str(file)], timeout=600, capture_output=True, text=True
     )
     assert done.stderr == ""
     assert int(done.stdout) < 1_000_000
