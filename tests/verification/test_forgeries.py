@@ -6,15 +6,18 @@ The values of a record are found by its classes alone, so that a new field takes
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from enum import Enum
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 import freefloat as ff
 from freefloat.dynamics.momentum import inertia_matrices
@@ -24,11 +27,12 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.verification.check import recomputed
 from freefloat.verification.report import CheckReport
 from tests.commands import document
-from tests.test_result_kinds import IDENTITY, result
+from tests.test_result_kinds import IDENTITY
+from tests.test_result_kinds import result as usual_result
 
 INPUTS = Problem, ff.Search, ff.Limits, FreeFloatingModel
 SMALLEST = 1e-7
-"""Numbers below this are rounding, of which no digit is compared."""
+"""Numbers of an array below this fraction of its largest are rounding, not compared."""
 
 Place = tuple[Any, ...]
 
@@ -81,7 +85,8 @@ def forgeries(value: Any) -> list[Any]:
     if isinstance(value, float):
         return numbers(value)
     if isinstance(value, np.ndarray):
-        chosen = np.flatnonzero(np.isfinite(value) & (np.abs(value) > SMALLEST))
+        size = np.where(np.isfinite(value), np.abs(value), 0.0)
+        chosen = np.flatnonzero(size > SMALLEST * size.max(initial=0.0))
         if value.dtype.kind not in "iuf" or not len(chosen):
             return []
         n = int(chosen[len(chosen) // 2])
@@ -94,7 +99,7 @@ def forgeries(value: Any) -> list[Any]:
 def numbers(value: float) -> list[float]:
     if not math.isfinite(value):
         return []
-    return [1.01 * value, 10.0 * value, -value] if abs(value) > SMALLEST else [value + 0.5]
+    return [1.01 * value, 10.0 * value, -value] if value else [0.5]
 
 
 def with_number(values: Any, n: int, new: float) -> Any:
@@ -119,8 +124,42 @@ def is_named(place: Place, report: Any) -> bool:
     return any(name == entry or entry.startswith(f"{name}.") for entry in named(report))
 
 
-KINDS = "plan", "motion", "goal", "manoeuvre", "map", "attitude map", "singularity map"
+SMALL = "small plan", "small map"
+KINDS = "plan", "motion", "goal", "manoeuvre", "map", "attitude map", "singularity map", *SMALL
 MOTIONS = "motion", "goal"
+
+
+@cache
+def result(kind: str) -> Any:
+    """A result of a kind; a small one is that of a robot of centimetres and grams."""
+    if kind not in SMALL:
+        return usual_result(kind)
+    content = yaml.safe_load(ff.load_scenario("planar_2dof/line").text)
+    content["path"] = {"line": {"from": [0.057, 0.006, 0], "to": [0.015, 0.036, 0]}}
+    content["limits"] = {"joint_torque": 0.1, "joint_rate": 1.0}
+    content["search"] = {"from_attitude": IDENTITY}
+    with TemporaryDirectory() as folder:
+        content["robot"]["urdf"] = str(small_robot(Path(folder)))
+        scenario = ff.load_scenario(content)
+        if kind == "small map":
+            return ff.attitude_map(scenario.problem(), 36)
+        return ff.plan(scenario.problem(), scenario.search(), scenario.limits())
+
+
+def small_robot(folder: Path, k: float = 0.03) -> Path:
+    """The planar robot, with all lengths times k, at the same density."""
+    text = Path("models/planar_2dof/planar_2dof.urdf").read_text(encoding="utf-8")
+    lengths, inertias = r"xyz|size|radius|length", r"i[xyz]{2}"
+    for names, factor in ((lengths, k), ("value", k**3), (inertias, k**5)):
+        text = re.sub(rf'(?<!axis )\b({names})="([^"]*)"', partial(scaled, factor), text)
+    file = folder / "small.urdf"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def scaled(factor: float, attribute: re.Match[str]) -> str:
+    numbers = " ".join(str(factor * float(number)) for number in attribute[2].split())
+    return f'{attribute[1]}="{numbers}"'
 
 
 @cache

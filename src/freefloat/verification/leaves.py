@@ -24,8 +24,10 @@ class _Rule(NamedTuple):
 
     Attributes:
         relative: Deviation as a fraction of the recomputed number: rounding.
-        absolute: Deviation in its unit.
-        of_largest: Deviation as a fraction of the largest number of an array.
+        absolute: Deviation in its unit, but where all numbers of an array are below 1, as a
+            fraction of the largest: those of a small robot have as many true digits. A deviation
+            between the two is no discrepancy, but not verified either.
+        scaled: Whether absolute and slack are fractions of the largest number in every case.
         factor: Between such numbers that are as far apart as other machines may compute them: no
             discrepancy, but not verified either.
         slack: Absolute deviation that is likewise no discrepancy.
@@ -34,7 +36,7 @@ class _Rule(NamedTuple):
 
     relative: float = 1e-6
     absolute: float = 1e-9
-    of_largest: float = 0.0
+    scaled: bool = False
     factor: float = 1.0
     slack: float = 0.0
     free: bool = False
@@ -65,7 +67,8 @@ _RULES = {
     "integration.joints_time": _ANY,
     "integration.joint": _ANY,
     # a proof stops at nine tenths of the minimum or above
-    "minima.bound": _Rule(factor=10.0 / 9.0),
+    "minima.bound": _Rule(absolute=0.0, factor=10.0 / 9.0, slack=1e-9),
+    "minima.value": _Rule(absolute=0.0, slack=1e-9),  # each in the unit of its measure
     "certificate.intervals": _SEARCHED,
     # distances are found up to a tenth of a millimetre, where they hardly change at any time
     "contact.depth": _Rule(slack=2e-4),
@@ -85,11 +88,11 @@ _RULES = {
     "tolerance.longest": _SEARCHED,
     "ranges.low": _Rule(absolute=1e-6, slack=5e-4),
     "ranges.high": _Rule(absolute=1e-6, slack=5e-4),
-    "polynomial.coefficients": _Rule(of_largest=1e-9),
+    "polynomial.coefficients": _Rule(scaled=True),
     # compiled motions: in float32, at the steps of the integrator, or near a singularity
     "results.joints": _Rule(absolute=1e-6),
     "motions.ended_at": _STATE,
-    "motions.minimum": _STATE,
+    "motions.minimum": _STATE._replace(scaled=True),
     "motions.minimum_at": _STATE,
     "motions.attitudes": _STATE,
     "motions.joints": _STATE,
@@ -204,10 +207,12 @@ def _agreement(stated: Array, found: Array, rule: _Rule) -> tuple[BoolArray, Boo
     a, b = stated.astype(float), found.astype(float)
     same = (a == b) | (np.isnan(a) & np.isnan(b))
     size, finite = np.abs(b), np.isfinite(a) & np.isfinite(b)
-    rounding = rule.absolute + rule.of_largest * float(size.max(initial=0.0, where=finite))
+    largest = float(size.max(initial=0.0, where=finite))
+    rounding = rule.absolute * (largest if rule.scaled else min(largest, 1.0))
     error = np.abs(np.subtract(a, b, where=finite, out=np.full(a.shape, np.inf)))
     if "f" in kinds:
         same |= finite & (error <= rule.relative * size + rounding)
     smaller = np.where(finite, np.minimum(np.abs(a), size), 0.0)
-    apart = finite & (error <= (rule.factor - 1.0) * smaller + rule.slack)
+    slack = max(rule.slack, rule.absolute) * (largest if rule.scaled else 1.0)
+    apart = finite & (error <= (rule.factor - 1.0) * smaller + slack)
     return same, same | apart | rule.free
