@@ -182,12 +182,13 @@ def test_ranges_without_width_contain_the_present_heading() -> None:
     assert ff.check(plan).passed
 
 
-@pytest.mark.parametrize("objective", OBJECTIVES)
+@pytest.mark.parametrize("objective", ["margin", "nearest"])
 def test_given_joints_that_keep_their_ranges_are_not_missed(objective: str) -> None:
     """Of a redundant arm whose ranges leave 0.02 rad around the motion from its present state."""
     text, joints = SEVEN, np.array([0.3, -0.5, 1.1, 0.4, 0.9, -0.2, 0.3])
     first = _lines(text, joints)
     motion = ff.simulate(first, IDENTITY, joints=joints).motion
+    assert motion.completed
     problem = _lines(with_ranges(text, motion, 0.02), joints)
     plan = ff.plan(problem, ff.Search(objective, IDENTITY, 64, joints=joints), ff.Limits())
     require_kept(plan)
@@ -195,7 +196,7 @@ def test_given_joints_that_keep_their_ranges_are_not_missed(objective: str) -> N
 
 def _lines(text: str, joints: np.ndarray) -> ff.Problem:
     model = ff.FreeFloatingModel.from_urdf(text, "tool")
-    timing, step = ff.Timing(20.0), np.array([0.1, 0.1, -0.1])
+    timing, step = ff.Timing(20.0), np.array([-0.1, -0.1, 0.1])
     return from_here(
         model, ff.Task.POSE, np.zeros(3), np.array(IDENTITY), joints, step, np.zeros(3), timing
     )

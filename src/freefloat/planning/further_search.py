@@ -227,11 +227,12 @@ class _FurtherSearch:
     def with_candidate(self, passed: PassedTrial) -> Plan:
         """The plan with a motion that keeps everything."""
         chosen, results = passed
-        plan = replace(self._plan, feasible=True, chosen=chosen, limit_results=results)
         plan = replace(
-            plan, excluded={}, needed_stretch=None, stretch_candidate=None,
-            ranges=ranges_containing(self._evaluator, plan, chosen),
+            self._plan, feasible=True, chosen=chosen, limit_results=results, excluded={},
+            needed_stretch=None, stretch_candidate=None,
         )  # fmt: skip
+        if plan.map is None:
+            plan = replace(plan, ranges=ranges_containing(self._evaluator, plan, chosen))
         plan = replace(plan, robust_radius=heading_depth_of(self._evaluator, plan, chosen))
         objective, margin = self._search.objective, margin_text(chosen.closest_approach)
         reason = objective.found_reason(plan.deviation, margin)
