@@ -51,7 +51,7 @@ class Trials:
         self.problem = problem
         self.evaluator = evaluator
         self._limits = limits
-        self.checker = LimitChecker(problem, limits or Limits())
+        self.checker = LimitChecker(problem, limits or Limits(clearance="off"))
         self.violations: Counter[str] = Counter()
         self.count = 0
         self.too_fast: list[tuple[float, SimulatedBranch]] = []
