@@ -212,15 +212,6 @@ def test_given_joints_of_planar_redundant_arms_are_not_missed() -> None:
     assert plan.feasible
 
 
-def test_the_merit_at_the_present_attitude_is_never_larger() -> None:
-    """Of the largest margin that few samples lead to, where the present attitude has a larger."""
-    problem = bundled("spatial_6dof/line")
-    present = ff.plan(problem, ff.Search(samples=512)).motion.initial.attitude
-    plan = ff.plan(problem, ff.Search("margin", present, 8))
-    own = max(b.minimum_margin for b in ff.simulate(problem, present).branches)
-    assert plan.chosen.minimum_margin >= own * (1.0 - 1e-6)
-
-
 def test_an_infeasible_plan_says_how_many_attitudes_were_tried() -> None:
     problem = bundled("spatial_6dof/line")
     problem = problem.replace(margin=replace(problem.margin, threshold=60.0))
