@@ -152,7 +152,10 @@ def test_links_that_held_joints_separate_are_compared(tmp_path, rpy, held, where
     }  # fmt: skip
     scenario = ff.load_scenario(content)
     problem, limits = scenario.problem(), scenario.limits()
-    result, free = (ff.simulate(problem, [0, 0, 0, 1], limits=each) for each in (limits, None))
+    permitted = ff.Limits(clearance="off")
+    result, free = (
+        ff.simulate(problem, ff.so3.UPRIGHT, limits=each) for each in (limits, permitted)
+    )
     (limit,) = (entry for entry in result.limit_results if entry.limit == "clearance")
     assert (limit.where, limit.kept, limit.time, limit.notes) == (where, distance > 0.0, 0.0, ())
     assert_close(limit.worst, distance, atol=1e-6)

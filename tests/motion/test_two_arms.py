@@ -149,7 +149,7 @@ def test_combinations_of_branches_reach_both_poses_and_none_is_lost(seed, count,
 @pytest.mark.parametrize("scenario", [PLANAR, BOTH])
 def test_plans_are_saved_loaded_and_checked(tmp_path, scenario):
     problem = ff.load_scenario(scenario).problem()
-    plan = ff.plan(problem, ff.Search("robust"), Limits(joint_rate=[1.0] * 4))
+    plan = ff.plan(problem, ff.Search("robust"), Limits(joint_rate=[1.0] * 4, clearance="off"))
     assert plan.feasible
     widths = [part.width for entry in plan.ranges for part in entry.ranges]
     assert 0.5 < min(widths) < max(widths) < 2.0 if problem.arms else widths == [2 * np.pi] * 4
@@ -173,6 +173,7 @@ def test_plans_are_saved_loaded_and_checked(tmp_path, scenario):
     assert {"/meshcat/plan/Trail/end_effector", "/meshcat/plan/Trail/left_end_effector"} <= {*drawn}
     # what one motion of this arm does, another one may take from its file
     saved = changed(*LAW, value={"joints": str(tmp_path / "plan.h5")})
+    saved = saved | {"limits": {"clearance": "off"}}
     drawn = document("simulate", _written(tmp_path, saved), "--heading", 190)
     assert drawn["final"]["joints"][2:] == pytest.approx(left[-1], abs=1e-6)
 

@@ -81,9 +81,9 @@ def checked(found: Manoeuvre, scenario: Scenario, folder: Path) -> Manoeuvre:
         ff.save(loaded, file, other)
     loaded = ff.load(file)
     if found.feasible:
-        # the plans of these tests are without tolerances
+        # the plans of these tests are without maps and tolerances
         names = {entry.name.rpartition(".")[2] for entry in ff.check(loaded).discrepancies}
-        assert names <= {"robust_radius", "tolerance"}
+        assert names <= {"map", "robust_radius", "tolerance"}
     return loaded
 
 

@@ -113,7 +113,7 @@ def test_basilisk_finds_a_motion_that_violates_the_equations() -> None:
     motion = simulation.chosen.motion
     report = ff.check(simulation, "basilisk")
     assert report.passed
-    assert report.checks[-1].name == "basilisk: final attitude"
+    assert "basilisk: final attitude" in {check.name for check in report.checks}
     attitudes = Rotation.from_quat(motion.attitudes)
     rotations = (attitudes[0].inv() * attitudes).as_rotvec()
     other = replace(
