@@ -7,6 +7,7 @@ import sqlite3
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from hashlib import sha256
+from typing import Any
 
 import numpy as np
 
@@ -100,7 +101,7 @@ def drop_damaged(connection: sqlite3.Connection, progress: Progress) -> int:
     return len(damaged)
 
 
-def _numbers(text: str | None) -> list[int]:
+def _numbers(text: Any) -> list[int]:
     """The numbers of a stored list, none where it is damaged."""
     try:
         numbers = json.loads(text)
