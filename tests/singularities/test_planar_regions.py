@@ -6,7 +6,7 @@ import pytest
 import freefloat as ff
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
-from freefloat.singularities.planar_regions import PlanarArm, margin_curves
+from freefloat.singularities.planar_regions import PlanarArm
 from freefloat.so3 import heading_quaternion
 
 URDF = """<robot name="bent"><link name="l0"><inertial><origin xyz="0.1 -0.2 0"/><mass value="90"/>
@@ -66,20 +66,3 @@ def test_determinant_rate_is_the_derivative_of_the_determinant():
     step = 1e-6
     difference = arm.determinant(angles + step * rates) - arm.determinant(angles - step * rates)
     assert arm.determinant_rate(angles, rates) == pytest.approx(difference / (2 * step), abs=1e-6)
-
-
-@pytest.mark.parametrize("level", [0.0, 5.0, -60.0])
-def test_margin_curves_satisfy_22a_and_22b(planar_3dof, level):
-    """On a curve q2 is one of the two closed forms, with k0, k1, k2 read off S at three angles."""
-    S = ff.singularity_measure(planar_3dof, ff.Task.PLANAR_POSE, "system")
-    curves = margin_curves(PlanarArm.of(planar_3dof), level)
-    assert curves
-    for curve in curves:
-        for q1, q2 in curve.joints[:: max(1, len(curve.joints) // 15)]:
-            at_0, at_90, at_180 = (S(np.array([q1, q, 0.0])) for q in (0.0, np.pi / 2, np.pi))
-            k0, k2 = (at_0 + at_180) / 2, (at_0 - at_180) / 2
-            k1 = at_90 - k0
-            height = np.clip((level - k0) / np.hypot(k1, k2), -1.0, 1.0)
-            shift = np.arctan2(k2, k1)
-            forms = np.array([np.pi - np.arcsin(height) - shift, np.arcsin(height) - shift])
-            assert np.abs(np.angle(np.exp(1j * (forms - q2)))).min() < 2e-5

@@ -9,12 +9,10 @@ the last link) from the centre of mass, at any heading: (21), (28).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from contourpy import contour_generator
 
 from freefloat.dynamics.plane import plane_of
 from freefloat.dynamics.tasks import Task
@@ -22,14 +20,13 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.branches import ClosedForm, closed_form
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, Pose, frozen
+from freefloat.so3 import Array, Pose
 
 Complex = npt.NDArray[np.complex128]
 Interval = tuple[float, float]
 
 _GRID = 721
 """Angles per joint, half a degree apart."""
-_POLISHES = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,80 +148,6 @@ def point_3(arm: PlanarArm, joints: npt.ArrayLike) -> Complex:
     return np.asarray(arm.vectors(two_angles(arm, joints))[..., :3].sum(axis=-1))
 
 
-@dataclass(frozen=True, eq=False)
-class MarginCurve:
-    """A continuous curve S(q1, q2) = level in joint space (22).
-
-    Attributes:
-        level: Value of S; zero for singularity curves.
-        joints: q1 and q2 along the curve [rad], shape (K, 2); a curve ends at the edge of the
-            square [-pi, pi] and continues as another one at the opposite edge.
-        radii: Distance of point 3 from the centre of mass [m], shape (K,).
-    """
-
-    level: float
-    joints: Array
-    radii: Array
-
-
-def margin_curves(arm: PlanarArm, *levels: float) -> tuple[MarginCurve, ...]:
-    """All curves in joint space on which S has one of several values.
-
-    They are contours on a grid of half a degree, refined by Newton's method. Closed curves smaller
-    than half a degree may be missed.
-
-    Args:
-        arm: Planar arm of two or three joints.
-        levels: Values of S.
-    """
-    axis = np.linspace(-np.pi, np.pi, _GRID)
-    contours = contour_generator(axis, axis, _determinants(arm, axis))
-    lines = [(level, np.asarray(line)) for level in levels for line in contours.lines(level)]
-    if not lines:
-        return ()
-    counts = [len(line) for _, line in lines]
-    values = np.repeat([level for level, _ in lines], counts)
-    joints = _polished(arm, np.concatenate([line for _, line in lines]), values)
-    ends = np.cumsum(counts)[:-1]
-    radii = np.split(np.abs(point_3(arm, joints)), ends)
-    curves = zip(lines, np.split(joints, ends), radii, strict=True)
-    return tuple(MarginCurve(level, frozen(q), frozen(r)) for (level, _), q, r in curves)
-
-
-def _determinants(arm: PlanarArm, axis: Array) -> Array:
-    """S at all pairs of angles of an axis, those of q1 along the columns, shape (N, N)."""
-    return _on_grid(lambda q: arm.determinant(two_angles(arm, q)), axis)
-
-
-def _on_grid(function: Callable[[Array], Array], axis: Array) -> Array:
-    """A trigonometric polynomial of degree 2 in q1 and q2 at all pairs of angles of an axis."""
-    waves = np.exp(1j * np.multiply.outer(axis, np.fft.fftfreq(5, 0.2)))
-    return np.asarray((waves @ harmonics(function) @ waves.T).real)
-
-
-def harmonics(function: Callable[[Array], Array]) -> Complex:
-    """Coefficients of such a polynomial, those of q2 along the rows, in NumPy's order, (5, 5)."""
-    angles = np.arange(5) * (2.0 * np.pi / 5)
-    samples = function(np.stack(np.meshgrid(angles, angles), axis=-1))
-    return np.asarray(np.fft.fft2(samples, norm="forward"))
-
-
-def _polished(arm: PlanarArm, joints: Array, level: Array) -> Array:
-    """Points of contours, shape (K, 2), after small Newton steps along the gradient of S.
-
-    ``level`` is the value of S for each of them.
-    """
-    step = 1e-6
-    around = np.array([[0, 0], [1, 0], [0, 1], [-1, 0], [0, -1]])[:, None]
-    for _ in range(_POLISHES):
-        S, *moved = arm.determinant(two_angles(arm, joints + step * around))
-        gradient = np.stack(moved[:2], axis=-1) - np.stack(moved[2:], axis=-1)
-        gradient /= 2.0 * step
-        length = np.maximum((gradient**2).sum(axis=-1), 1e-12)
-        joints = joints - np.clip((S - level) / length, -0.01, 0.01)[:, None] * gradient
-    return joints
-
-
 def point_3_on_path(problem: Problem, t: float) -> complex:
     """Point 3 at time t [s] on the path [m]."""
     return point_3_of_pose(problem, problem.path.pose(t))
@@ -245,9 +168,8 @@ def most_singular_place(problem: Problem, angles: int = _GRID) -> tuple[float, f
     the value is accurate to about one percent.
     """
     arm, axis = PlanarArm.of(problem.model), np.linspace(-np.pi, np.pi, angles)
-    S = np.abs(_determinants(arm, axis))
-    squares = _on_grid(lambda q: np.abs(point_3(arm, q)) ** 2, axis)
-    radii = np.sqrt(np.maximum(squares, 0.0))
+    joints = np.stack(np.meshgrid(axis, axis), axis=-1)
+    S, radii = np.abs(arm.determinant(two_angles(arm, joints))), np.abs(point_3(arm, joints))
     shells = np.linspace(0.0, radii.max(), 401)
     largest = np.zeros(len(shells))
     np.maximum.at(largest, np.ceil(radii / shells[1]).astype(int).clip(max=400), S)

@@ -19,13 +19,8 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.singularities.certified_areas import certified_areas
-from freefloat.singularities.curve_radii import covered_radii
-from freefloat.singularities.planar_regions import (
-    Interval,
-    PlanarArm,
-    has_two_angle_form,
-    margin_curves,
-)
+from freefloat.singularities.margin_curves import margin_curves
+from freefloat.singularities.planar_regions import Interval, PlanarArm, has_two_angle_form
 from freefloat.singularities.spatial_regions import elbow_arm, wrist_in_tool
 from freefloat.so3 import Array, frozen
 
@@ -135,7 +130,7 @@ def exact_workspace(problem: Problem) -> Workspace | None:
         offset = wrist_in_tool(virtual)
     else:
         return None
-    dependent = merged(covered_radii(arm, margin_curves(arm, 0.0)))
+    dependent = merged([curve.covered for curve in margin_curves(arm, 0.0)])
     measure = singularity_measure(problem.model, problem.task, name)
     extremes = joint_space_extremes(problem.model, measure)
     return Workspace(

@@ -22,7 +22,7 @@ from scipy.optimize import root
 from freefloat.motion.problem import Problem
 from freefloat.planning.plane.candidates import PathState, PlanarCandidates
 from freefloat.records import Joints
-from freefloat.singularities.planar_regions import MarginCurve
+from freefloat.singularities.margin_curves import MarginCurve
 from freefloat.so3 import Array, frozen, wrapped
 
 _EXACT = 1e-9

@@ -1,0 +1,181 @@
+"""Singularity and margin curves of planar arms in closed form: (21), (22), (48) to (50).
+
+S of (21a) is a trigonometric polynomial, of the first degree in q2:
+S(q1, q2) = k0(q1) + k1(q1) sin q2 + k2(q1) cos q2. So S = S0 has two solutions q2 for each q1 at
+which (S0 - k0)² is at most k1² + k2²: (22a) and (22b). They meet at the ends of these intervals.
+Here q1 and q2 are the angles of links relative to the ones before, about +z: joint angles where the
+joints turn about +z.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.optimize import brentq, minimize_scalar
+
+from freefloat.singularities.planar_regions import Complex, Interval, PlanarArm, point_3
+from freefloat.so3 import Array, frozen
+
+_STEP = np.radians(0.5)
+"""Largest distance of successive points of a curve [rad]."""
+_FINE = 2049
+"""Points by which the length of a curve is measured."""
+_EXACT = 1e-9
+"""Accuracy of the parameter of the smallest and the largest distance, on which their errors depend
+by the square."""
+
+
+@dataclass(frozen=True, eq=False)
+class TwoAngleDeterminant:
+    """The S of a planar arm (21a) whose joints turn about +z, from barycentric vectors and inertia.
+
+    Attributes:
+        coefficients: S is the imaginary part of the sum over x and y of
+            ``coefficients[x, y] exp(i (x q1 + y q2))`` with x and y from -2 to 2, shape (5, 5);
+            those of y = 2 and -2 cancel.
+    """
+
+    coefficients: Complex
+
+    @classmethod
+    def of(cls, arm: PlanarArm) -> TwoAngleDeterminant:
+        """The products of inertia and barycentric vectors, sorted by their angles."""
+        turns = np.array([[0, 0], [1, 0], [1, 1]])
+        sums = np.zeros((5, 5), dtype=complex)
+        for j, k, l in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            area = np.conj(arm.links[k]) * arm.links[l] / 2.0
+            for m in range(3):
+                moment, turn = arm.inertia[m, j], turns[j] - turns[m]
+                for factor, side in ((moment, turn), (np.conj(moment), -turn)):
+                    x, y = turns[l] - turns[k] + side
+                    sums[x, y] += factor * area
+        return cls(sums)
+
+    def k(self, q1: Array) -> tuple[Array, Array, Array]:
+        """The paper's k0, k1 and k2 (48) to (50) at first joint angles [rad], each of that shape.
+
+        The letters a, b, c and a_ij of Appendix B stand for an arm whose centres of mass lie on the
+        lines between its joints; here they may lie anywhere.
+        """
+        waves = np.exp(1j * np.multiply.outer(q1, np.fft.fftfreq(5, 0.2)))
+        none, up, down = (waves @ self.coefficients[:, y] for y in (0, 1, -1))
+        return np.imag(none), np.real(up - down), np.imag(up + down)
+
+    def __call__(self, q1: Array, q2: Array) -> Array:
+        """S at joint angles [rad] that are broadcast against one another."""
+        k0, k1, k2 = self.k(q1)
+        return np.asarray(k0 + k1 * np.sin(q2) + k2 * np.cos(q2))
+
+    def room(self, q1: Array, level: float) -> Array:
+        """k1² + k2² - (S0 - k0)²: S reaches the level S0 at an angle q1 unless this is negative."""
+        k0, k1, k2 = self.k(q1)
+        return np.asarray(k1**2 + k2**2 - (level - k0) ** 2)
+
+    def q2(self, q1: Array, level: float, *, first: bool) -> Array:
+        """The solution q2 of (22a), the first one, or of (22b), at angles q1 (K,), continuous."""
+        k0, k1, k2 = self.k(q1)
+        sine = np.arcsin(np.clip((level - k0) / np.hypot(k1, k2), -1.0, 1.0))
+        angle = (np.pi - sine if first else sine) - np.arctan2(k2, k1)
+        return np.asarray(np.unwrap(angle))
+
+    def intervals(self, level: float) -> list[Interval]:
+        """Intervals of q1 in which S reaches a level [rad], begun in [-pi, pi).
+
+        :meth:`room` is a trigonometric polynomial of degree four; between the angles of the roots
+        of its derivative it is monotonic.
+        """
+        k = np.fft.fftfreq(16, 1.0 / 16).astype(int)
+        waves = np.fft.fft(self.room(np.arange(16) * (np.pi / 8.0), level), norm="forward")
+        slope = np.fft.fftshift(1j * k * waves)[4:13]  # of exp(-4iq1) to exp(4iq1)
+        edges = np.sort(np.angle(np.roots(slope[::-1])))
+        edges = np.append(edges, edges[:1] + 2.0 * np.pi)
+        values = self.room(edges, level)
+        roots = [
+            float(brentq(self.room, a, b, args=(level,), xtol=1e-15))
+            for (a, b), (u, v) in zip(pairwise(edges), pairwise(values), strict=True)
+            if (u > 0.0) != (v > 0.0)
+        ]
+        if not roots:
+            return [(-np.pi, np.pi)] if values.max() > 0.0 else []
+        ends = [*roots, roots[0] + 2.0 * np.pi]
+        return [(a, b) for a, b in pairwise(ends) if self.room(np.array((a + b) / 2.0), level) > 0.0]
+
+
+@dataclass(frozen=True, eq=False)
+class MarginCurve:
+    """One of the two solutions (22) of S(q1, q2) = S0 over an interval of q1.
+
+    Attributes:
+        level: S0; zero for singularity curves.
+        first: Whether it is (22a), whose singularities lie in the path-dependent area A, not (22b),
+            whose singularities lie in B.
+        whole: Whether q1 takes all values; otherwise both ends are also those of the other
+            solution.
+        joints: q1 and q2 along the curve [rad], continuous, shape (K, 2).
+        radii: Distance of point 3 from the centre of mass [m], shape (K,).
+        covered: Smallest and largest distance along the curve, between its points, too [m].
+    """
+
+    level: float
+    first: bool
+    whole: bool
+    joints: Array
+    radii: Array
+    covered: Interval
+
+    @property
+    def name(self) -> str:
+        """The name of Fig. 2a: I and II for singularity curves, III and IV for margin curves."""
+        return {(True, True): "I", (False, True): "II", (True, False): "III"}.get(
+            (self.first, self.level == 0.0), "IV"
+        )
+
+
+def margin_curves(arm: PlanarArm, *levels: float) -> tuple[MarginCurve, ...]:
+    """All curves in joint space on which S has one of several values, in closed form.
+
+    Args:
+        arm: Planar arm of two joints, or of three with a prescribed orientation.
+        levels: Values S0 of S.
+    """
+    S, sign = TwoAngleDeterminant.of(arm), float(np.prod(arm.signs))
+    return tuple(
+        _curve(arm, S, level, interval, first=first)
+        for level in levels for interval in S.intervals(sign * level) for first in (True, False)
+    )  # fmt: skip
+
+
+def _curve(
+    arm: PlanarArm, S: TwoAngleDeterminant, level: float, interval: Interval, *, first: bool
+) -> MarginCurve:
+    """The curve over an interval, at points of equal distance."""
+    (low, high), sign = interval, float(np.prod(arm.signs))
+    whole = high - low == 2.0 * np.pi
+
+    def joints(u: Array) -> Array:
+        """At a parameter from 0 to pi; q2 has a vertical tangent at ends that are not the whole."""
+        share = u / np.pi if whole else (1.0 - np.cos(u)) / 2.0
+        q1 = low + (high - low) * share
+        angles = np.stack([q1, S.q2(q1, sign * level, first=first)], axis=-1)
+        return np.asarray(arm.signs[:2] * angles)
+
+    u = np.linspace(0.0, np.pi, _FINE)
+    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(joints(u), axis=0), axis=1)))
+    count = max(9, int(np.ceil(length[-1] / _STEP)) + 1)
+    places = np.interp(np.linspace(0.0, length[-1], count), length, u)
+    q = joints(places)
+    radii = np.abs(point_3(arm, q))
+
+    def extreme(sign: float) -> float:
+        k = int(np.argmin(sign * radii))
+        around = places[max(k - 1, 0)], places[min(k + 1, count - 1)]
+        found = minimize_scalar(
+            lambda u: sign * abs(point_3(arm, joints(np.array([u])))[0]), bounds=around,
+            method="bounded", options={"xatol": _EXACT},
+        )  # fmt: skip
+        return sign * min(float(found.fun), sign * float(radii[k]))
+
+    covered = extreme(1.0), extreme(-1.0)
+    return MarginCurve(level, first, whole, frozen(q), frozen(radii), covered)
