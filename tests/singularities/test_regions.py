@@ -44,6 +44,10 @@ def test_path_dependent_areas_have_the_published_radii(table, areas):
     """Annuli that S = 0 sweeps, computed elsewhere from the authors' own closed form."""
     workspace = ff.workspace_regions(problem_of(collinear(*table)))
     assert np.array(workspace.path_dependent) == pytest.approx(np.array(areas), abs=2e-5)
+    folded, stretched = areas  # where (22a) and (22b) are singular
+    assert (workspace.area_a, workspace.area_b) == (
+        (pytest.approx(folded, abs=2e-5),), (pytest.approx(stretched, abs=2e-5),)
+    )  # fmt: skip
     if table is PAPADOPOULOS_2R:  # an inner disc can be path-independent
         assert workspace.reach[0] == 0.0
         assert workspace.path_independent[0] == pytest.approx((0.0, 0.35106), abs=2e-5)

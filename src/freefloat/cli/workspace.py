@@ -42,6 +42,8 @@ def _tables(name: str, result: Workspace, problem: Problem) -> Iterator[Renderab
     regions = table("region", "from [m]", "to [m]")
     rows = [(f"reach of the {result.point}", result.reach)]
     rows += [("path-dependent", interval) for interval in result.path_dependent or ()]
+    rows += [("  PDW A (curve I)", interval) for interval in result.area_a]
+    rows += [("  PDW B (curve II)", interval) for interval in result.area_b]
     rows += [("path-independent", interval) for interval in result.path_independent or ()]
     rows += [("undecided", interval) for interval in result.undecided]
     for region, (low, high) in rows:

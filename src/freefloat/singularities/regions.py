@@ -47,6 +47,9 @@ class Workspace:
         largest_s: Largest S found in the joint space.
         smallest_s: Smallest S found in the joint space.
         undecided: Intervals of which neither is proven.
+        area_a: Of exact areas the path-dependent ones of singularity curve I, the paper's PDW A; empty
+            for others.
+        area_b: Likewise those of singularity curve II, PDW B.
         path: Intervals of s along the path, in order, each with whether it lies in a path-dependent
             area, None in an undecided one; ends accurate to 1e-3. Empty if the areas are unknown.
     """
@@ -61,6 +64,8 @@ class Workspace:
     largest_s: float
     smallest_s: float
     undecided: tuple[Interval, ...] = ()
+    area_a: tuple[Interval, ...] = ()
+    area_b: tuple[Interval, ...] = ()
     path: tuple[tuple[Interval, bool | None], ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
@@ -70,6 +75,8 @@ class Workspace:
             "measure": self.measure,
             "reach": self.reach,
             "pdw": self.path_dependent,
+            "pdw_a": self.area_a,
+            "pdw_b": self.area_b,
             "piw": self.path_independent,
             "undecided": self.undecided,
             "exact": self.exact,
@@ -130,12 +137,17 @@ def exact_workspace(problem: Problem) -> Workspace | None:
         offset = wrist_in_tool(virtual)
     else:
         return None
-    dependent = merged([curve.covered for curve in margin_curves(arm, 0.0)])
+    curves = margin_curves(arm, 0.0)
+    area_a, area_b = (
+        merged([curve.covered for curve in curves if curve.first is first])
+        for first in (True, False)
+    )
+    dependent = merged([*area_a, *area_b])
     measure = singularity_measure(problem.model, problem.task, name)
     extremes = joint_space_extremes(problem.model, measure)
     return Workspace(
         point, frozen(offset), name, arm.reach, dependent, _complement(dependent, arm.reach), True,
-        extremes.largest, extremes.smallest,
+        extremes.largest, extremes.smallest, area_a=area_a, area_b=area_b,
     )  # fmt: skip
 
 
