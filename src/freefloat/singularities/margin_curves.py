@@ -44,12 +44,12 @@ class TwoAngleDeterminant:
         """The products of inertia and barycentric vectors, sorted by their angles."""
         turns = np.array([[0, 0], [1, 0], [1, 1]])
         sums = np.zeros((5, 5), dtype=complex)
-        for j, k, l in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-            area = np.conj(arm.links[k]) * arm.links[l] / 2.0
+        for j, first, second in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            area = np.conj(arm.links[first]) * arm.links[second] / 2.0
             for m in range(3):
                 moment, turn = arm.inertia[m, j], turns[j] - turns[m]
                 for factor, side in ((moment, turn), (np.conj(moment), -turn)):
-                    x, y = turns[l] - turns[k] + side
+                    x, y = turns[second] - turns[first] + side
                     sums[x, y] += factor * area
         return cls(sums)
 
@@ -87,7 +87,8 @@ class TwoAngleDeterminant:
         of its derivative it is monotonic.
         """
         k = np.fft.fftfreq(16, 1.0 / 16).astype(int)
-        waves = np.fft.fft(self.room(np.arange(16) * (np.pi / 8.0), level), norm="forward")
+        samples = self.room(np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False), level)
+        waves = np.fft.fft(samples, norm="forward")
         slope = np.fft.fftshift(1j * k * waves)[4:13]  # of exp(-4iq1) to exp(4iq1)
         edges = np.sort(np.angle(np.roots(slope[::-1])))
         edges = np.append(edges, edges[:1] + 2.0 * np.pi)
@@ -100,7 +101,9 @@ class TwoAngleDeterminant:
         if not roots:
             return [(-np.pi, np.pi)] if values.max() > 0.0 else []
         ends = [*roots, roots[0] + 2.0 * np.pi]
-        return [(a, b) for a, b in pairwise(ends) if self.room(np.array((a + b) / 2.0), level) > 0.0]
+        middles = (np.array(ends[:-1]) + ends[1:]) / 2.0
+        return [part for part, room in zip(pairwise(ends), self.room(middles, level), strict=True)
+                if room > 0.0]  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

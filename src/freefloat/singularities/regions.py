@@ -47,8 +47,8 @@ class Workspace:
         largest_s: Largest S found in the joint space.
         smallest_s: Smallest S found in the joint space.
         undecided: Intervals of which neither is proven.
-        area_a: Of exact areas the path-dependent ones of singularity curve I, the paper's PDW A; empty
-            for others.
+        area_a: Of exact areas the path-dependent ones of singularity curve I, the paper's PDW A;
+            empty for others.
         area_b: Likewise those of singularity curve II, PDW B.
         path: Intervals of s along the path, in order, each with whether it lies in a path-dependent
             area, None in an undecided one; ends accurate to 1e-3. Empty if the areas are unknown.
