@@ -191,9 +191,10 @@ def _chosen_lines(plan: Plan) -> Iterator[str]:
         wanted = f", less than search.spare_deg {math.degrees(spare):g}" if less else ""
         yield f"Attitude tolerance{around}: {math.degrees(plan.robust_radius):.4f} deg{wanted}."
         if plan.radius_effort is not None:
-            redundant = plan.problem.redundant
-            start = ", with starts to which Newton's method leads from the joints below"
-            yield f"  {plan.radius_effort}{start if redundant else ''}"
+            given = plan.problem.start_joints is not None
+            joints = "search.joints" if given else "the joints below"
+            start = f", with starts to which Newton's method leads from {joints}"
+            yield f"  {plan.radius_effort}{start if plan.problem.redundant else ''}"
     tolerance = plan.tolerance
     if tolerance is not None:
         more = " or more" if tolerance.momentum >= tolerance.momentum_limit else ""
