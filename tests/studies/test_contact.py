@@ -42,8 +42,8 @@ def test_a_study_that_states_no_clearance_keeps_ensembles_and_says_so(tmp_path: 
     words, folder = ("batch", tmp_path / "study.yaml"), tmp_path / "out"
     dry = run(*words, "--dry-run").stdout
     shown = run(*words, "-o", folder, "--report").stdout
-    told = [dry, shown, (folder / "report.html").read_text()]
-    assert [" ".join(text.split()).count("is not considered") for text in told] == [1, 1, 1]
+    outputs = [dry, shown, (folder / "report.html").read_text()]
+    assert [" ".join(text.split()).count("is not considered") for text in outputs] == [1, 1, 1]
     answer = document(*words, "-o", folder)
     assert answer["contact_unchecked"] == loaded.contact_unchecked
     assert answer["verdicts"]["feasible"] == 20
