@@ -170,7 +170,7 @@ def test_a_goal_is_dragged_reached_and_saved(opened: Show, studio: Studio) -> No
     page.mouse.up()
     page.get_by_text(re.compile("^goal: the goal is reached")).wait_for()
     page.locator("#save").click()
-    page.get_by_text(re.compile("^Saved ")).wait_for()
+    page.get_by_text(re.compile("^Saved .*around.h5")).wait_for()
     motion = ff.load(studio.folder / "around.h5").phases[0].motion
     pose = motion.problem.model.end_effector_pose(motion.final.attitude, motion.final.joints)
     assert pose.position == pytest.approx(content(page)["goal"]["pose"]["position"], abs=1e-8)

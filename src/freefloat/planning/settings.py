@@ -53,9 +53,9 @@ class Search:
         spare: Objective nearest: the margin is kept within this angle around the attitude [rad].
 
     Example:
-        >>> problem = ff.load_scenario("planar_2dof/line").problem()
+        >>> problem = ff.load_scenario("planar_3dof/parabola").problem()
         >>> ff.plan(problem, ff.Search("robust")).reason
-        'the middle of the widest range, 151.3 degrees wide'
+        'the middle of the widest range, 261.8 degrees wide'
     """
 
     objective: Objective = NAMED["margin"]
