@@ -18,7 +18,7 @@ import freefloat as ff
 from freefloat.io.files import written_beside
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.singularities.regions import exact_workspace
+from freefloat.regions.workspace import exact_workspace
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figure_style import PAGE, new_figure, save_figures, styled
 from freefloat.visualization.figures.motion_figures import motion_figures
@@ -74,7 +74,7 @@ def joint_space() -> Figure:
 
 
 def motion() -> Figure:
-    """Fig. 11: the motion of Example 2 from the attitude of the tangency point."""
+    """Fig. 11: the motion of Example 2 from the attitude of the touch point."""
     problem = ff.load_scenario("spatial_6dof/line").problem()
     chosen = ff.simulate(problem, TANGENT, branch=2).chosen
     return motion_figures(chosen.motion, chosen.closest_approach)["motion"]

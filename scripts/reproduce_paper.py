@@ -24,8 +24,8 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
 from freefloat.planning.space.margin_lines import StatesOnPath
-from freefloat.planning.space.tangency import TangencyPoint, boundary_attitude, tangency_points
-from freefloat.singularities.regions import merged, workspace_regions
+from freefloat.planning.space.touch_points import TouchPoint, boundary_attitude, touch_points
+from freefloat.regions.workspace import merged, workspace_regions
 from freefloat.so3 import axes_rotation, unit_quaternion
 
 
@@ -79,7 +79,7 @@ def planar() -> Iterator[Line]:
         ("AF, second", [-0.7348, 2.9014, 0.2833]),
     )
     for name, joints in printed_points:
-        yield Line(f"Example 1: S at the tangency point of {name}", 5.0, S(np.array(joints)),
+        yield Line(f"Example 1: S at the touch point of {name}", 5.0, S(np.array(joints)),
                    0.01, "joints printed to 1e-4")  # fmt: skip
     F = problem.path.pose(69.73).position
     yield from lines("Example 1: F in m", [-0.5, 1.4583], F[:2], 2e-4)
@@ -96,14 +96,16 @@ def planar() -> Iterator[Line]:
 
 
 def planar_ranges() -> Iterator[Line]:
-    """Section V on Example 1: tangency points, ranges segment by segment, ranges at A.
+    """Section V on Example 1: touch points, ranges segment by segment, ranges at A.
 
-    The paper looks at motions with S > 0 alone. At its printed tangency points S is 5.006,
+    The paper looks at motions with S > 0 alone. At its printed touch points S is 5.006,
     4.992 and 4.996 instead of 5, so that they can be met to a few milliradians only.
     """
     plan = ff.plan(ff.load_scenario("planar_3dof/parabola").problem())
     AF, FB = (
-        sorted((x for x in segment.limits if x.tangency.level > 0), key=lambda x: x.tangency.time)
+        sorted(
+            (x for x in segment.limits if x.touch_point.level > 0), key=lambda x: x.touch_point.time
+        )
         for segment in plan.segments
     )
     A, F, B = plan.segments[0].span[0], plan.segments[1].span[0], plan.segments[1].span[1]
@@ -113,10 +115,10 @@ def planar_ranges() -> Iterator[Line]:
         ("AF, second", AF[1], (A, F), [1.5922, -0.7348, 2.9014, 0.2833], 0.6413),
     )
     for name, limit, (start, end), printed, tau in points:
-        point = limit.tangency
+        point = limit.touch_point
         computed = np.array([point.heading, *point.joints])
         near = np.array(printed) + np.angle(np.exp(1j * (computed - printed)))
-        yield from lines(f"Example 1: tangency point of {name} in rad", printed, near, 6e-3)
+        yield from lines(f"Example 1: touch point of {name} in rad", printed, near, 6e-3)
         computed_tau = (point.time - start) / (end - start)
         yield Line(f"Example 1: its dimensionless time, {name}", tau, computed_tau, 6e-3)
     limits = (
@@ -146,7 +148,7 @@ def example_2() -> ff.Problem:
     """Example 2 with B in the plane (41), in which it is said to lie.
 
     With its printed z of 0.33 m it is not; with the z that (41) gives, the printed point C and the
-    printed tangency point lie on the path to all their digits.
+    printed touch point lie on the path to all their digits.
     """
     problem = ff.load_scenario("spatial_6dof/line").problem()
     normal, offset = np.array([0.4683, 1.1683, -0.7]), 0.4683
@@ -164,17 +166,19 @@ def with_momentum(
 
 
 def spatial() -> Iterator[Line]:
-    """Table II and Example 2: the second attitude, and the printed tangency point as it stands."""
+    """Table II and Example 2: the second attitude, and the printed touch point as it stands."""
     problem = example_2()
     yield Line("Example 2: z of B in m", 0.33, problem.path.pose(100.0).position[2], 5e-3,
                "computed from (41)")  # fmt: skip
     yield Line("Example 2: PDW areas that point 3 crosses, L", 1, crossed_areas(problem), 0)
     S = problem.margin.measure(PRINTED_JOINTS)
-    yield Line("Example 2: S at its tangency point", -5.0, S, 0.01, "joints printed to 1e-4")
+    yield Line("Example 2: S at its touch point", -5.0, S, 0.01, "joints printed to 1e-4")
     printed = problem.path.pose(PRINTED_TAU * problem.path.duration).position
     attitude = unit_quaternion("attitude", PRINTED_ATTITUDE)
     at_joints = problem.model.end_effector_pose(attitude, PRINTED_JOINTS).position
-    yield from lines("Example 2: end-effector at its tangency in m", list(printed), at_joints, 2e-4)
+    yield from lines(
+        "Example 2: end-effector at its touch point in m", list(printed), at_joints, 2e-4
+    )
     simulation = ff.simulate(problem, [0.1, 0.5, 0.2, -0.8367])
     singular = [branch.motion for branch in simulation.branches if not branch.motion.completed]
     yield Line(
@@ -206,17 +210,17 @@ PRINTED_ATTITUDE = [0.4295, -0.147, 0.6898, -0.564]
 PRINTED_TAU = 0.4225
 
 
-def spatial_tangency() -> Iterator[Line]:
-    """Section VI on Example 2: from q1 and q2 to the tangency point and back to the start.
+def spatial_touch_point() -> Iterator[Line]:
+    """Section VI on Example 2: from q1 and q2 to the touch point and back to the start.
 
-    dS/dt = 0 holds at the printed tangency point if the first two components of the momentum are
+    dS/dt = 0 holds at the printed touch point if the first two components of the momentum are
     exchanged, and it is integrated backward with the momentum as printed.
     """
     problem = example_2()
-    exchanged = nearest_tangency(with_momentum(problem, [0.3, 0.5, 0.1]))
-    yield from tangency_lines("tangency point, h = (0.3, 0.5, 0.1)", exchanged, 2e-4, "")
-    as_printed = nearest_tangency(problem)
-    yield from tangency_lines("tangency point, h as printed", as_printed, np.inf, "")
+    exchanged = nearest_touch_point(with_momentum(problem, [0.3, 0.5, 0.1]))
+    yield from touch_point_lines("touch point, h = (0.3, 0.5, 0.1)", exchanged, 2e-4, "")
+    as_printed = nearest_touch_point(problem)
+    yield from touch_point_lines("touch point, h as printed", as_printed, np.inf, "")
     printed = [0.46, 0.0935, 0.7352, -0.489]
     back = ff.integrate_motion(
         problem, exchanged.attitude, exchanged.joints, start=exchanged.time, end=0.0
@@ -226,7 +230,7 @@ def spatial_tangency() -> Iterator[Line]:
     for remark, state, tolerance in (
         ("from there", back.final, 5e-2),
         (
-            "from the tangency point by h as printed",
+            "from the touch point by h as printed",
             boundary_attitude(problem, as_printed),
             5e-4,
         ),
@@ -237,9 +241,9 @@ def spatial_tangency() -> Iterator[Line]:
         yield Line("Example 2: S_max", -5.0, closest.sign * closest.value, tolerance, remark)
 
 
-def nearest_tangency(problem: ff.Problem) -> TangencyPoint:
-    """The tangency point at the printed q1 and q2 that comes nearest to the printed one."""
-    points = tangency_points(problem, *PRINTED_JOINTS[:2], level=-5.0)
+def nearest_touch_point(problem: ff.Problem) -> TouchPoint:
+    """The touch point at the printed q1 and q2 that comes nearest to the printed one."""
+    points = touch_points(problem, *PRINTED_JOINTS[:2], level=-5.0)
     return min(points, key=lambda point: np.abs(nearby(point.joints) - PRINTED_JOINTS).max())
 
 
@@ -252,8 +256,8 @@ def towards(printed: list[float], quaternion: np.ndarray) -> np.ndarray:
     return quaternion * np.sign(quaternion @ printed)
 
 
-def tangency_lines(
-    what: str, point: TangencyPoint, tolerance: float, remark: str
+def touch_point_lines(
+    what: str, point: TouchPoint, tolerance: float, remark: str
 ) -> Iterator[Line]:
     """Time, elbow and shoulder do not depend on the momentum, wrist and attitude do."""
     yield Line(f"Example 2: {what}: tau", PRINTED_TAU, point.tau, 2e-4)
@@ -269,7 +273,7 @@ def main() -> int:
     table = Table(title="Printed and computed")
     for column in ("quantity", "printed", "computed", "difference", "tolerance", ""):
         table.add_column(column)
-    rows = [*planar(), *planar_ranges(), *spatial(), *spatial_tangency()]
+    rows = [*planar(), *planar_ranges(), *spatial(), *spatial_touch_point()]
     for line in rows:
         table.add_row(
             line.what, f"{line.printed:.6g}", f"{line.computed:.6g}",

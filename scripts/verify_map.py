@@ -1,6 +1,6 @@
-"""Check the spatial searches of Example 2 against tangency points, a fine map, random attitudes.
+"""Check the spatial searches of Example 2 against touch points, a fine map, random attitudes.
 
-(a) Attitudes integrated backward from tangency points lie on the boundary found by bisection.
+(a) Attitudes integrated backward from touch points lie on the boundary found by bisection.
 (b) A plan for the largest margin keeps no less than the best attitude of a fine map.
 (c) Nearest feasible attitudes, from random ones and from the paper's infeasible one, are never
 farther than the fine map's nearest feasible sample, for each branch and two margins.
@@ -67,13 +67,13 @@ class Check:
     seconds: float
 
 
-def tangency(evaluator: FeasibilityEvaluator, seed: int) -> Iterator[Check]:
+def touch_points(evaluator: FeasibilityEvaluator, seed: int) -> Iterator[Check]:
     begin = time.perf_counter()
     points = tangent_boundary(evaluator, POINTS, Search(seed=seed))
     gaps = np.degrees([point.gap for point in points if point.gap is not None])
     worst, value = float(gaps.max(initial=0.0)), evaluator.problem.margin.threshold
     yield Check(
-        f"tangency points, margin {value:g}", f"{len(gaps)}, worst gap {worst:.2g} deg",
+        f"touch points, margin {value:g}", f"{len(gaps)}, worst gap {worst:.2g} deg",
         f"{POINTS}, {GAP} deg", len(gaps) == POINTS and worst <= GAP, time.perf_counter() - begin,
     )  # fmt: skip
 
@@ -158,7 +158,7 @@ def checks(arguments: argparse.Namespace) -> Iterator[Check]:
     yield from largest(problem, fine, threads)
     for case in (problem, harder):
         evaluator = FeasibilityEvaluator(case, threads)
-        yield from tangency(evaluator, seed)
+        yield from touch_points(evaluator, seed)
         yield from nearest(evaluator, fine, [frozen(target) for target in targets], names, seed)
         yield from robust(case, threads, seed)
 

@@ -30,8 +30,8 @@ from freefloat.paths import DirectedOrientation, FixedOrientation
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.ranges import find_range_limits, heading_ranges
-from freefloat.singularities.planar_regions import PlanarArm, point_3_on_path
-from freefloat.singularities.regions import workspace_regions
+from freefloat.regions.planar_regions import PlanarArm, point_3_on_path
+from freefloat.regions.workspace import workspace_regions
 from freefloat.so3 import heading_quaternion
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))

@@ -46,7 +46,7 @@ from .limits.check import check_limits as check_limits
 from .planning.simulation import simulate as simulate
 
 # All attitudes
-from .singularities.regions import workspace_regions as workspace_regions
+from .regions.workspace import workspace_regions as workspace_regions
 from .singularities.singularity_map import singularity_map as singularity_map
 from .singularities.singularity_components import singularity_components as singularity_components
 from .singularities.singularity_distance import distance_to_singularity as distance_to_singularity

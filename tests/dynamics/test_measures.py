@@ -16,8 +16,8 @@ from freefloat.dynamics.momentum import inertia_matrices, system_matrix
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from tests.robots import in_units, joint_values, random_robot, robots
 
-TANGENCY = np.array([0.1, 2.0, 3.3076, -2.6104, 2.2981, 1.4288])
-"""Joints at the tangency point printed in the paper's Example 2."""
+TOUCH_POINT = np.array([0.1, 2.0, 3.3076, -2.6104, 2.2981, 1.4288])
+"""Joints at the touch point printed in the paper's Example 2."""
 
 
 @pytest.mark.slow
@@ -123,12 +123,12 @@ def factors(model: ff.FreeFloatingModel, q: np.ndarray) -> tuple[float, float, f
     return tuple(float(np.linalg.det(block)) for block in blocks)
 
 
-def test_published_tangency_point_of_example_two(spatial_6dof: ff.FreeFloatingModel) -> None:
-    """Printed: S = -5 at the tangency point; the shoulder's factor, per inertia, is 0.20 there."""
+def test_published_touch_point_of_example_two(spatial_6dof: ff.FreeFloatingModel) -> None:
+    """Printed: S = -5 at the touch point; the shoulder's factor, per inertia, is 0.20 there."""
     arm = ff.singularity_measure(spatial_6dof, ff.Task.POSE, "arm")
-    assert arm(TANGENCY) == pytest.approx(-5.0003, abs=5e-5)
-    in_plane, other, inertia = factors(spatial_6dof, TANGENCY)
-    assert in_plane == pytest.approx(arm(TANGENCY), rel=1e-9)
+    assert arm(TOUCH_POINT) == pytest.approx(-5.0003, abs=5e-5)
+    in_plane, other, inertia = factors(spatial_6dof, TOUCH_POINT)
+    assert in_plane == pytest.approx(arm(TOUCH_POINT), rel=1e-9)
     assert other / inertia == pytest.approx(0.20, abs=5e-3)
 
 

@@ -1,4 +1,4 @@
-"""Plans while the centre of mass moves: ranges, tangency, tolerances, scenes, files, commands."""
+"""Plans while the centre of mass moves: ranges, touch points, tolerances, scenes, files, commands."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import yaml
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.paths import Stop
-from freefloat.planning.space.tangency import boundary_attitude, sample_tangency_points
+from freefloat.planning.space.touch_points import boundary_attitude, sample_touch_points
 from freefloat.so3 import heading_quaternion
 from tests.commands import document, run
 from tests.motions import bundled
@@ -56,9 +56,9 @@ def test_exact_ranges_agree_with_a_sweep(name: str, seed: int) -> None:
 
 
 @pytest.mark.slow
-def test_motions_have_their_minimum_at_tangency_points() -> None:
+def test_motions_have_their_minimum_at_touch_points() -> None:
     problem = drifting(NAME, DRIFT, momentum=np.zeros(3))
-    points = sample_tangency_points(problem, 4, 0)
+    points = sample_touch_points(problem, 4, 0)
     starts = [(point, boundary_attitude(problem, point)) for point in points]
     found = [(point, start) for point, start in starts if start is not None]
     assert len(found) > 1

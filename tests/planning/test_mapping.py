@@ -1,4 +1,4 @@
-"""Samples of SO(3) agree with simulations; the boundary by bisection and from tangency points."""
+"""Samples of SO(3) agree with simulations; the boundary by bisection and from touch points."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_precise_motions_from_the_boundary_just_keep_the_margin(
 
 
 @pytest.mark.slow
-def test_tangency_points_lie_where_bisection_finds_the_boundary(
+def test_touch_points_lie_where_bisection_finds_the_boundary(
     evaluator: FeasibilityEvaluator, margin_30: ff.Problem
 ) -> None:
     """To a tenth of a degree; precise motions from there just keep the margin."""

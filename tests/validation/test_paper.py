@@ -52,7 +52,7 @@ def test_example_2_becomes_singular_at_c_from_the_bad_attitude(spatial):
             assert motion.completed
 
 
-def test_the_printed_tangency_point_leads_back_to_the_printed_attitude(spatial):
+def test_the_printed_touch_point_leads_back_to_the_printed_attitude(spatial):
     """From q_t, eps_t at tau_t = 0.4225 back to A: [0.46 0.0935 0.7352 -0.489] to 5e-4."""
     attitude = spatial.attitude([0.4295, -0.147, 0.6898, -0.564])
     printed = [0.1, 2.0, 3.3076, -2.6104, 2.2981, 1.4288]
@@ -67,7 +67,7 @@ def test_the_printed_tangency_point_leads_back_to_the_printed_attitude(spatial):
     assert motion.completed
     assert motion.final.time == 0.0
     error = np.abs(motion.final.attitude - [0.46, 0.0935, 0.7352, -0.489]).max()
-    assert_agrees("test_the_printed_tangency_point_leads_back_to_the_printed_attitude", error)
+    assert_agrees("test_the_printed_touch_point_leads_back_to_the_printed_attitude", error)
     where = spatial.model.end_effector_pose(motion.final.attitude, motion.final.joints).position
     assert_close(where, [1.0, 0.0, 0.0], atol=1e-8)
 
@@ -85,7 +85,7 @@ def test_example_1_at_140_and_200_degrees(planar):
         assert ff.closest_approach(other, planar.margin.measure).sign == -1
 
 
-TANGENCY_POINTS = [  # the paper's touch points
+TOUCH_POINTS = [
     # segment, tau_t, theta_0t, q_t, where printed, degrees there
     ("FB", 0.9495, -0.7463, [-3.6512, 0.1762, 1.7885], 100.0, 318.9),
     ("FB", 0.9495, -0.7463, [-3.6512, 0.1762, 1.7885], 69.73, 354.2),
@@ -95,28 +95,28 @@ TANGENCY_POINTS = [  # the paper's touch points
 ]
 
 
-@pytest.mark.parametrize(("segment", "tau", "theta", "joints", "t", "printed"), TANGENCY_POINTS)
-def test_printed_tangency_points_lead_to_the_printed_headings(
+@pytest.mark.parametrize(("segment", "tau", "theta", "joints", "t", "printed"), TOUCH_POINTS)
+def test_printed_touch_points_lead_to_the_printed_headings(
     planar, segment, tau, theta, joints, t, printed
 ):
     """S = 5 at the printed point, and the motion through it ends at the printed degrees."""
     begin, length = (0.0, 69.73) if segment == "AF" else (69.73, 30.27)
-    t_tangency, attitude = begin + tau * length, heading_quaternion(theta)
+    t_touch, attitude = begin + tau * length, heading_quaternion(theta)
     gaps = {}
-    for branch in planar.branches(attitude, t_tangency):
+    for branch in planar.branches(attitude, t_touch):
         gap = (branch.joints - joints + np.pi) % (2 * np.pi) - np.pi
         gaps[float(np.abs(gap).max())] = branch.joints
     assert min(gaps) < 1e-3
     assert planar.margin.measure(gaps[min(gaps)]) == pytest.approx(5.0, abs=0.03)
-    motion = ff.integrate_motion(planar, attitude, gaps[min(gaps)], start=t_tangency, end=t)
+    motion = ff.integrate_motion(planar, attitude, gaps[min(gaps)], start=t_touch, end=t)
     assert motion.completed
     result = np.degrees(heading_of(motion.final.attitude))
     error = abs((result - printed + 180.0) % 360.0 - 180.0)
-    assert_agrees("test_printed_tangency_points_lead_to_the_printed_headings", error)
+    assert_agrees("test_printed_touch_points_lead_to_the_printed_headings", error)
 
 
-def test_the_tangency_at_the_end_leads_to_the_printed_heading_at_f(planar):
-    """Tangency at the end B: S = 5 at 259.4 degrees, which is 298.7 degrees at F."""
+def test_the_touch_point_at_the_end_leads_to_the_printed_heading_at_f(planar):
+    """The touch point at the end B: S = 5 at 259.4 degrees, which is 298.7 degrees at F."""
     attitude = heading(259.4)
     values = {planar.margin.measure(b.joints): b for b in planar.branches(attitude, 100.0)}
     nearest = min(values, key=lambda value: abs(value - 5.0))

@@ -38,7 +38,7 @@ def result(spatial: ff.Problem) -> AttitudeMap:
         best=Peak(quaternion(BEST), 0, 53.25),
         robust=Ball(quaternion(ROBUST), 3, 0.2),
         boundary=(BoundaryPoint(quaternion(EDGE), 2),),
-        tangency=(BoundaryPoint(quaternion([0.0, 0.0, 3.0]), 0),),
+        touch=(BoundaryPoint(quaternion([0.0, 0.0, 3.0]), 0),),
     )
 
 

@@ -9,7 +9,7 @@ import freefloat as ff
 from freefloat.motion.motion import Motion
 from freefloat.planning.plane.arcs import BranchRanges, HeadingRange
 from freefloat.planning.plane.heading_map import HeadingMap
-from freefloat.singularities.planar_regions import PlanarArm, two_angles
+from freefloat.regions.planar_regions import PlanarArm, two_angles
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figures.planar_figures import headings_figure, joint_space_figure
 from tests.figures import labels, line

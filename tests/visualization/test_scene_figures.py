@@ -11,8 +11,8 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 import freefloat as ff
 from freefloat.motion.motion import Motion
-from freefloat.singularities.planar_regions import point_3_on_path
-from freefloat.singularities.regions import exact_workspace
+from freefloat.regions.planar_regions import point_3_on_path
+from freefloat.regions.workspace import exact_workspace
 from freefloat.visualization.figures.scene_figures import (
     outlines,
     snapshots_figure,

@@ -63,7 +63,7 @@ _Touch = Annotated[
     typer.Option(
         min=1, metavar="N",
         help="For arms with an elbow and a spherical wrist: compute N attitudes of the "
-        "boundary from tangency points (the paper's touch points, Section VI) and compare.",
+        "boundary from touch points (Section VI) and compare.",
     ),
 ]  # fmt: skip
 
@@ -91,7 +91,6 @@ def map_(
     Example: freefloat map spatial_6dof/line --samples 4096 --nearest 0 0 0 1 -o map.h5
     """
     from freefloat.io.scenario.scenario import load_scenario
-    from freefloat.io.scenario.yaml import file_keys
 
     console = Console(as_json, quiet)
     loaded = load_scenario(scenario)
@@ -101,10 +100,10 @@ def map_(
     delivery.prepare(loaded.source)
     if seed is not None and problem.task.planar:
         raise InputError("seed", "the task is planar", "a spatial task, whose grid it rotates")
-    with file_keys(tangency="touch"), console.progress("integrating motions") as progress:
+    with console.progress("integrating motions") as progress:
         result = loaded.map(
             samples, search=search if seed is None else replace(search, seed=seed),
-            nearest=nearest, boundary=boundary or 0, tangency=touch or 0, threads=threads,
+            nearest=nearest, boundary=boundary or 0, touch=touch or 0, threads=threads,
             progress=progress,
         )  # fmt: skip
     tables: Any = _heading_tables if problem.task.planar else _attitude_tables
@@ -196,10 +195,10 @@ def _candidate_lines(result: AttitudeMap) -> Iterator[str]:
         yield f"robust:  {_place(robust)}, attitude tolerance {math.degrees(robust.radius):.6g} deg"
     if nearest is not None:
         yield f"nearest: {_place(nearest)}, {math.degrees(nearest.deviation):.6g} deg away"
-    if result.tangency is not None:
+    if result.touch is not None:
         worst = result.worst_gap
         gap = "" if worst is None else f"; bisection agrees within {math.degrees(worst):.2g} deg"
-        yield f"{len(result.tangency)} attitudes of the boundary from tangency points{gap}"
+        yield f"{len(result.touch)} attitudes of the boundary from touch points{gap}"
     if result.boundary is not None:
         yield f"{len(result.boundary)} attitudes of the boundary by bisection, see --json or -o"
 

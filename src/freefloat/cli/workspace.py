@@ -14,7 +14,7 @@ _WORDS = {True: "inside", False: "outside", None: "undecided"}
 
 if TYPE_CHECKING:
     from freefloat.motion.problem import Problem
-    from freefloat.singularities.regions import Workspace
+    from freefloat.regions.workspace import Workspace
 
 
 def workspace(scenario: ScenarioName, as_json: Json = False, quiet: Quiet = False) -> None:
@@ -23,7 +23,7 @@ def workspace(scenario: ScenarioName, as_json: Json = False, quiet: Quiet = Fals
     Example: freefloat workspace planar_3dof/parabola
     """
     from freefloat.io.scenario.scenario import load_scenario
-    from freefloat.singularities.regions import workspace_regions
+    from freefloat.regions.workspace import workspace_regions
 
     console = Console(as_json, quiet)
     loaded = load_scenario(scenario)

@@ -79,7 +79,7 @@ class NearAttitude(Candidate):
 class BoundaryPoint(Candidate):
     """An attitude on the boundary of the feasible set.
 
-    One that comes from a tangency point has its gap, the angle to the boundary that bisection finds
+    One that comes from a touch point has its gap, the angle to the boundary that bisection finds
     [rad].
     """
 

@@ -23,7 +23,7 @@ from freefloat.planning.settings import HEADINGS, Search
 from freefloat.planning.simulated_branch import SimulatedBranch, integrate_branch
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.climbing import best_branch, largest_margins
-from freefloat.singularities.planar_regions import PlanarArm, most_singular_place, point_3_of_pose
+from freefloat.regions.planar_regions import PlanarArm, most_singular_place, point_3_of_pose
 
 _TRIED = 24
 """Headings that are tried to report the best infeasible one."""

@@ -31,7 +31,7 @@ from freefloat.planning.reasons import margin_text, not_confirmed
 from freefloat.planning.settings import HEADINGS, Search
 from freefloat.planning.simulated_branch import SimulatedBranch, integrate_branch
 from freefloat.planning.simulation import best_motion
-from freefloat.singularities.planar_regions import has_two_angle_form
+from freefloat.regions.planar_regions import has_two_angle_form
 
 _NEARBY = np.geomspace(1e-6, 0.5, 64)
 """Angles to headings nearby that are tried where a redundant arm has no feasible start [rad]."""

@@ -48,10 +48,10 @@ def _attitudes(found: AttitudeMap) -> Known:
     """The same map again; how many points of a boundary were asked for is not known."""
     points = Counter(point.branch for point in found.boundary or ())
     most = max(points.values(), default=int(found.boundary is not None))
-    touching = 0 if found.tangency is None else len(found.tangency) or 1
+    touching = 0 if found.touch is None else len(found.touch) or 1
     again = attitude_map(
         found.problem, found.samples, search=found.search, limits=found.limits,
-        nearest=found.nearest_to, boundary=most, tangency=touching,
+        nearest=found.nearest_to, boundary=most, touch=touching,
         refine=bool(found.regions) or (found.best, found.robust) != (None, None),
     )  # fmt: skip
     if not isinstance(again, AttitudeMap):
@@ -69,7 +69,7 @@ def known_samples(found: AttitudeMap, again: AttitudeMap) -> Known:
 
     Where the path was made faster since, the motions are those of its first timing.
     """
-    names = "regions", "best", "robust", "nearest", "boundary", "tangency", "results"
+    names = "regions", "best", "robust", "nearest", "boundary", "touch", "results"
     values: dict[str, Any] = {name: getattr(again, name) for name in names}
     values["limits"] = Origin.GIVEN
     if found.nearest_to is None:

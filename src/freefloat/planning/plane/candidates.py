@@ -11,8 +11,8 @@ import numpy.typing as npt
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.problem import Problem
 from freefloat.paths.timing import Timing
-from freefloat.singularities.margin_curves import margin_curves
-from freefloat.singularities.planar_regions import Complex, PlanarArm, point_3, two_angles
+from freefloat.regions.margin_curves import margin_curves
+from freefloat.regions.planar_regions import Complex, PlanarArm, point_3, two_angles
 from freefloat.so3 import Array
 
 _TIMES = 400

@@ -1,4 +1,4 @@
-"""Exact feasible ranges of initial heading for planar arms, from tangency points.
+"""Exact feasible ranges of initial heading for planar arms, from touch points.
 
 Every limit of a range is the heading of a motion that is tangent to the margin surface (29), or one
 at which the arm just reaches the path. Between neighbouring limits one motion decides for all.
@@ -27,8 +27,8 @@ from freefloat.planning.plane.arcs import (
     arcs_between,
     branch_ranges,
 )
-from freefloat.planning.plane.tangency import PlanarTangencyPoint, planar_tangency_points
-from freefloat.singularities.planar_regions import PlanarArm, point_3_on_path
+from freefloat.planning.plane.touch_points import PlanarTouchPoint, planar_touch_points
+from freefloat.regions.planar_regions import PlanarArm, point_3_on_path
 from freefloat.so3 import Array
 
 if TYPE_CHECKING:
@@ -53,18 +53,18 @@ class RangeLimit:
     """A motion that is tangent to its margin and keeps it everywhere else.
 
     Attributes:
-        tangency: Where its |S| is smallest.
+        touch_point: Where its |S| is smallest.
         start_heading: Its heading at the start of the span [rad], in [0, 2 pi).
         end_heading: The same at the end of the span.
     """
 
-    tangency: PlanarTangencyPoint
+    touch_point: PlanarTouchPoint
     start_heading: float
     end_heading: float
 
     def to_dict(self, span: Span) -> dict[str, Any]:
-        """The JSON document of the tangency point, with the headings at both ends of a span."""
-        point, (start, end) = self.tangency, span
+        """The JSON document of the touch point, with the headings at both ends of a span."""
+        point, (start, end) = self.touch_point, span
         return {
             **asdict(point),
             "kind": str(point.kind),
@@ -88,11 +88,11 @@ def limits_of_spans(
 ) -> dict[Span, tuple[RangeLimit, ...]]:
     """The limits of :func:`find_range_limits` for several spans, which share their motions."""
     level = _level(problem)
-    points = {span: planar_tangency_points(problem, level, span) for span in spans}
+    points = {span: planar_touch_points(problem, level, span) for span in spans}
     pairs = list(dict.fromkeys(
         (point, end) for span, on_span in points.items() for point in on_span for end in span
     ))  # fmt: skip
-    results = _integrated(problem, [_from_tangency(point, end) for point, end in pairs])
+    results = _integrated(problem, [_from_touch_point(point, end) for point, end in pairs])
     headings = {
         pair: problem.plane.heading(attitude)
         for pair, attitude, keeps in zip(
@@ -114,12 +114,12 @@ def states_at(
     problem: Problem, limits: tuple[RangeLimit, ...], at: float
 ) -> list[tuple[float, Array]]:
     """Heading [rad] in [0, 2 pi) and joints (n,) of the motions of limits at a time [s]."""
-    motions = _integrated(problem, [_from_tangency(limit.tangency, at) for limit in limits])
+    motions = _integrated(problem, [_from_touch_point(limit.touch_point, at) for limit in limits])
     headings = [problem.plane.heading(attitude) for attitude in motions.attitudes]
     return list(zip(headings, motions.joints, strict=True))
 
 
-def _from_tangency(point: PlanarTangencyPoint, end: float) -> _Planned:
+def _from_touch_point(point: PlanarTouchPoint, end: float) -> _Planned:
     return point.heading, point.joints, point.time, end
 
 

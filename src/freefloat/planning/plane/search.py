@@ -33,7 +33,7 @@ from freefloat.planning.plane.continuation import FollowedStarts
 from freefloat.planning.plane.ranges import reach_limits
 from freefloat.planning.searches.line_search import Function, Samples, resolved
 from freefloat.planning.searches.pattern_search import Flags
-from freefloat.singularities.planar_regions import has_two_angle_form
+from freefloat.regions.planar_regions import has_two_angle_form
 from freefloat.so3 import Array, IntArray, wrapped
 
 _NEAR_REACH = 1e-6

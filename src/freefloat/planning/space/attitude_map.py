@@ -34,7 +34,7 @@ class AttitudeMap(MarginMap):
         nearest_to: The attitude that :attr:`nearest` was searched for, x, y, z, w.
         nearest: The feasible attitude nearest to it; None where none is.
         boundary: Points on the boundary by bisection; None where none were asked for.
-        tangency: Points on the boundary from tangency points; None where none were asked for.
+        touch: Points on the boundary from touch points; None where none were asked for.
     """
 
     kind: ClassVar[str] = "attitude map"
@@ -45,7 +45,7 @@ class AttitudeMap(MarginMap):
     nearest_to: Quaternions | None = None
     nearest: NearAttitude | None = None
     boundary: tuple[BoundaryPoint, ...] | None = field(default=None, repr=False)
-    tangency: tuple[BoundaryPoint, ...] | None = field(default=None, repr=False)
+    touch: tuple[BoundaryPoint, ...] | None = field(default=None, repr=False)
 
     @property
     def seed(self) -> int:
@@ -78,8 +78,8 @@ class AttitudeMap(MarginMap):
 
     @property
     def worst_gap(self) -> float | None:
-        """Largest gap of the points from tangency points [rad]; None where none has one."""
-        return max((p.gap for p in self.tangency or () if p.gap is not None), default=None)
+        """Largest gap of the points from touch points [rad]; None where none has one."""
+        return max((p.gap for p in self.touch or () if p.gap is not None), default=None)
 
     def regular(self, branch: int | None) -> npt.NDArray[np.bool_]:
         """Where a branch, or any, is feasible and avoids all singularities, shape (N,)."""
@@ -152,10 +152,10 @@ class AttitudeMap(MarginMap):
             document["nearest"] = self.nearest and self.nearest.to_dict()
         if self.boundary is not None:
             document["boundary"] = [point.to_dict() for point in self.boundary]
-        if self.tangency is not None:
+        if self.touch is not None:
             document["touch"] = {
-                "count": len(self.tangency),
+                "count": len(self.touch),
                 "worst_gap_deg": degrees(self.worst_gap),
-                "points": [point.to_dict() for point in self.tangency],
+                "points": [point.to_dict() for point in self.touch],
             }
         return document

@@ -1,7 +1,7 @@
 """Maps of a problem over all initial attitudes, and points on the boundary of the feasible set.
 
 A motion tangent to the margin surface that keeps the margin elsewhere begins on the boundary.
-Tangency points, which come from equations alone, so check what bisection between samples finds.
+Touch points, which come from equations alone, so check what bisection between samples finds.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.climbing import EXACT, bisect, edge, feasible_peaks, nearest_feasible
 from freefloat.planning.space.deepest_ball import deepest
 from freefloat.planning.space.regions import find_regions
-from freefloat.planning.space.tangency import (
+from freefloat.planning.space.touch_points import (
     boundary_attitude,
-    require_tangency_points,
-    sample_tangency_points,
+    require_touch_points,
+    sample_touch_points,
 )
 from freefloat.so3 import Array, angle_between, frozen, rotated, rotation_vector_to
 
@@ -47,10 +47,10 @@ _RADIUS, _CLOUD = 0.02, 96
 """Distance from an attitude at which both sides of the boundary are searched for [rad], and the
 attitudes that search."""
 _BATCHES, _SPARE = 8, 3
-"""Maximum number of batches of tangency points, and points per missing one in each: many belong
+"""Maximum number of batches of touch points, and points per missing one in each: many belong
 to wrist-flipped branches or to motions that violate the margin elsewhere."""
 _POINT_SIZE = 10_000
-"""Memory for a point found from tangency points and the pairs of angles that are tried [bytes]."""
+"""Memory for a point found from touch points and the pairs of angles that are tried [bytes]."""
 
 
 def attitude_map(
@@ -61,7 +61,7 @@ def attitude_map(
     limits: Limits | None = None,
     nearest: npt.ArrayLike | None = None,
     boundary: int = 0,
-    tangency: int = 0,
+    touch: int = 0,
     refine: bool = False,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -80,7 +80,7 @@ def attitude_map(
             margin.
         nearest: Attitude to find the nearest feasible one to, quaternion x, y, z, w.
         boundary: Points on the boundary of the feasible set to find for each arm branch.
-        tangency: Points on the boundary to find from tangency points (Section VI).
+        touch: Points on the boundary to find from touch points (Section VI).
         refine: Search between the samples for the largest margin and the largest ball of feasible
             attitudes, and divide the feasible set into regions; this takes longer than the map.
         threads: Number of cores to use; all available ones when left out.
@@ -91,7 +91,7 @@ def attitude_map(
 
     Raises:
         InputError: If an argument is not usable, the task is planar and attitudes are to be
-            searched for, or the arm or the margin has no tangency points.
+            searched for, or the arm or the margin has no touch points.
 
     Example:
         >>> problem = ff.load_scenario("planar_2dof/line").problem()
@@ -107,20 +107,20 @@ def attitude_map(
     problem = search.applied_to(problem)
     samples = search.samples if samples is None else samples
     if problem.task.planar:
-        _require_none(nearest=nearest is not None, boundary=boundary, tangency=tangency)
+        _require_none(nearest=nearest is not None, boundary=boundary, touch=touch)
         count = HEADINGS if samples is None else samples
         headings = sample_headings(evaluator_for(problem, threads, limits), count, search, progress)
         return replace(headings, limits=limits, seconds=time.perf_counter() - start)
     target = None if nearest is None else problem.attitude(nearest, key="nearest")
-    if tangency:
-        require_tangency_points(problem)
-        require_memory("tangency", tangency, _POINT_SIZE)
+    if touch:
+        require_touch_points(problem)
+        require_memory("touch", touch, _POINT_SIZE)
     evaluator = evaluator_for(problem, threads, limits)
     sampled = sample_attitudes(
         evaluator, _ATTITUDES if samples is None else samples, search,
         step_of(progress, 0.0, _SAMPLING),
     )  # fmt: skip
-    points = tangent_boundary(evaluator, tangency, search) if tangency else ()
+    points = tangent_boundary(evaluator, touch, search) if touch else ()
     near = () if target is None else nearest_feasible(evaluator, sampled, target)
     result = replace(
         sampled,
@@ -128,7 +128,7 @@ def attitude_map(
         nearest_to=target,
         nearest=next(iter(near), None),
         boundary=boundary_points(evaluator, sampled, boundary) if boundary else None,
-        tangency=points if tangency else None,
+        touch=points if touch else None,
     )
     if refine:
         result = replace(
@@ -203,22 +203,22 @@ def boundary_points(
 def tangent_boundary(
     evaluator: FeasibilityEvaluator, count: int, search: Search | None = None
 ) -> tuple[BoundaryPoint, ...]:
-    """Attitudes on the boundary of the feasible set, integrated backward from tangency points.
+    """Attitudes on the boundary of the feasible set, integrated backward from touch points.
 
     Of wrist-flipped branches the first alone counts; fewer than ``count`` are found where few
     motions keep the margin elsewhere, or begin in the domain of the search. Its seed varies the
-    tangency points.
+    touch points.
 
     Raises:
-        InputError: If the arm has no such tangency points, or the margin is zero.
+        InputError: If the arm has no such touch points, or the margin is zero.
     """
     problem, search = evaluator.problem, search or Search()
     points: list[BoundaryPoint] = []
     for batch in range(_BATCHES):
-        for tangency in sample_tangency_points(
+        for touch_point in sample_touch_points(
             problem, _SPARE * (count - len(points)), search.seed + batch
         ):
-            start = boundary_attitude(problem, tangency)
+            start = boundary_attitude(problem, touch_point)
             if start is None or not search.domain.contains(start.attitude):
                 continue
             branch = problem.nearest(start.joints, problem.branches(start.attitude))

@@ -24,7 +24,7 @@ from freefloat.attitude_grids import even_directions
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.analytic import spherical_wrist_angles
 from freefloat.motion.problem import Problem
-from freefloat.planning.plane.tangency import roots_between
+from freefloat.planning.plane.touch_points import roots_between
 from freefloat.so3 import Array
 
 _TIMES = 201

@@ -28,8 +28,8 @@ from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.plane.heading_search import sample_headings
 from freefloat.planning.simulation import Simulation, simulate
 from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.singularities.planar_regions import has_two_angle_form
-from freefloat.singularities.regions import Workspace, workspace_regions
+from freefloat.regions.planar_regions import has_two_angle_form
+from freefloat.regions.workspace import Workspace, workspace_regions
 from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.visualization.figure_style import Figures, styled
 from freefloat.visualization.figures.manoeuvre_figure import manoeuvre_figure

@@ -14,8 +14,8 @@ from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.heading_map import HeadingMap
-from freefloat.singularities.margin_curves import margin_curves
-from freefloat.singularities.planar_regions import PlanarArm, point_3, point_3_on_path
+from freefloat.regions.margin_curves import margin_curves
+from freefloat.regions.planar_regions import PlanarArm, point_3, point_3_on_path
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (
     BLACK,

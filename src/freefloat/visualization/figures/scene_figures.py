@@ -17,8 +17,8 @@ from freefloat.dynamics.plane import Plane
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.paths.timing import TimedPath
-from freefloat.singularities.planar_regions import Interval
-from freefloat.singularities.regions import Workspace
+from freefloat.regions.planar_regions import Interval
+from freefloat.regions.workspace import Workspace
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (
     BLACK,

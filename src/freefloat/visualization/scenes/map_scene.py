@@ -78,7 +78,7 @@ def map_scene(result: AttitudeMap, title: str = "freefloat") -> Scene:
     if result.samples > _MAX_SAMPLES:
         chosen = np.random.default_rng(0).choice(result.samples, _MAX_SAMPLES, replace=False)
     colours = MarginColours.over(margin, [np.array([result.largest_margin])], result.limited)
-    edges = [*(result.boundary or ()), *(result.tangency or ())]
+    edges = [*(result.boundary or ()), *(result.touch or ())]
     builder = SceneBuilder()
     scenes = []
     groups = list(_groups(result))

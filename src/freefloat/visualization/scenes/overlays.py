@@ -9,7 +9,7 @@ from trimesh.creation import icosphere
 
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
-from freefloat.singularities.regions import Workspace
+from freefloat.regions.workspace import Workspace
 from freefloat.so3 import Array, IntArray, Pose
 from freefloat.visualization.scenes.description import Label
 from freefloat.visualization.scenes.scene_builder import SceneBuilder

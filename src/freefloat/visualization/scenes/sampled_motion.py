@@ -9,8 +9,8 @@ import numpy as np
 
 from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import PointingLimit
+from freefloat.regions.workspace import Workspace
 from freefloat.scene.tumbling import Tumbling
-from freefloat.singularities.regions import Workspace
 from freefloat.so3 import Array
 from freefloat.visualization.scenes.pointing_cones import PointingCone
 from freefloat.visualization.scenes.surroundings import Surroundings

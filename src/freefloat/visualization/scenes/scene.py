@@ -16,7 +16,7 @@ from freefloat.limits.contact import deepest_contact
 from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import PointingLimit
 from freefloat.motion.singularity import singular_event
-from freefloat.singularities.regions import exact_workspace
+from freefloat.regions.workspace import exact_workspace
 from freefloat.so3 import Array
 from freefloat.visualization.scenes.description import (
     MarginColours,

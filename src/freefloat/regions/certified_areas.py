@@ -15,8 +15,8 @@ import numpy.typing as npt
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import end_effector_distance
 from freefloat.motion.problem import Problem
+from freefloat.regions.planar_regions import Interval
 from freefloat.singularities.global_maximum import halved, whole_joint_space
-from freefloat.singularities.planar_regions import Interval
 from freefloat.singularities.singularity_polynomial import SingularityPolynomial, fitted
 from freefloat.so3 import Array, IntArray
 

@@ -1,7 +1,7 @@
-"""Tangency points of spatial arms: Section VI, states at which a motion is tangent to S = S0.
+"""Touch points of spatial arms: Section VI, states at which a motion is tangent to S = S0.
 
 At given first two joint angles the states on the path and on the margin surface form lines; the
-motion through a state of them is tangent to the surface (the paper's touch point) where
+motion through a state of them is tangent to the surface where
 dS/dt = 0 (14).
 
 Only tangency inside the path is computed: the paper's Case I. A minimum at an end of the path needs
@@ -28,20 +28,20 @@ from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import State
 from freefloat.motion.problem import Problem
-from freefloat.planning.plane.tangency import distinct, roots_between
+from freefloat.planning.plane.touch_points import distinct, roots_between
 from freefloat.planning.space.margin_lines import StatesOnPath, margin_lines
 from freefloat.so3 import Array, frozen
 
 _EXACT = 1e-8
 _SAME = 1e-6
 _ON_BOUNDARY = 1e-4
-"""Fraction of S0 by which the minimum of a motion through a tangency point may differ from S0."""
+"""Fraction of S0 by which the minimum of a motion through a touch point may differ from S0."""
 _PAIRS = 50
-"""Pairs (q1, q2) tried for each tangency point requested."""
+"""Pairs (q1, q2) tried for each touch point requested."""
 
 
 @dataclass(frozen=True, eq=False)
-class TangencyPoint:
+class TouchPoint:
     """A state at which a motion has S = S0 as a minimum of the magnitude.
 
     Attributes:
@@ -63,12 +63,12 @@ class TangencyPoint:
     label: str
 
 
-def tangency_points(
+def touch_points(
     problem: Problem, q1: float, q2: float, level: float | None = None
-) -> tuple[TangencyPoint, ...]:
-    """Every tangency point with given first two joint angles, in the order of time.
+) -> tuple[TouchPoint, ...]:
+    """Every touch point with given first two joint angles, in the order of time.
 
-    Maxima of the magnitude of S are left out. Whether a motion through a tangency point keeps the
+    Maxima of the magnitude of S are left out. Whether a motion through a touch point keeps the
     margin elsewhere is decided by :func:`boundary_attitude`.
 
     Points closer together than the samples of time (1/200 of the duration), q3 (2 degrees) and
@@ -85,7 +85,7 @@ def tangency_points(
     Raises:
         InputError: For other tasks or arms, or a level of zero, where S has no margin surface.
     """
-    require_tangency_arm(problem)
+    require_touch_point_arm(problem)
     value = problem.margin.threshold if level is None else level
     if not np.isfinite(value) or value == 0.0:
         key = "margin.value" if level is None else "level"
@@ -99,39 +99,39 @@ def tangency_points(
         for point in _points_on_line(on_path, wrist, value, line)
     ]
 
-    def same(point: TangencyPoint, other: TangencyPoint) -> bool:
+    def same(point: TouchPoint, other: TouchPoint) -> bool:
         distance = float(problem.model.joint_distance(point.joints, other.joints))
         return max(abs(point.tau - other.tau), distance) < _SAME
 
     return distinct(points, same)
 
 
-def sample_tangency_points(problem: Problem, count: int, seed: int) -> tuple[TangencyPoint, ...]:
-    """Tangency points of both signs at evenly spread first two joint angles.
+def sample_touch_points(problem: Problem, count: int, seed: int) -> tuple[TouchPoint, ...]:
+    """Touch points of both signs at evenly spread first two joint angles.
 
     There are fewer than ``count`` where 50 times as many pairs (q1, q2) have no more; the seed
     shifts the pairs.
 
     Raises:
-        InputError: As :func:`tangency_points`.
+        InputError: As :func:`touch_points`.
     """
     shift = np.random.default_rng(seed).random(2)
-    points: list[TangencyPoint] = []
+    points: list[TouchPoint] = []
     for pair in low_discrepancy(_PAIRS * count, 2):
         q1, q2 = np.pi * (2.0 * ((pair + shift) % 1.0) - 1.0)
-        points += tangency_points(problem, q1, q2)
+        points += touch_points(problem, q1, q2)
         if len(points) >= count:
             break
     return tuple(points[:count])
 
 
-def boundary_attitude(problem: Problem, point: TangencyPoint) -> State | None:
-    """The initial state from which a motion has a tangency point as its closest approach.
+def boundary_attitude(problem: Problem, point: TouchPoint) -> State | None:
+    """The initial state from which a motion has a touch point as its closest approach.
 
-    The motion is integrated backward (Appendix A) from the tangency point to the path's start.
+    The motion is integrated backward (Appendix A) from the touch point to the path's start.
 
     Returns:
-        None where the motion through the tangency point becomes singular or comes closer to a
+        None where the motion through the touch point becomes singular or comes closer to a
         singularity elsewhere.
     """
     backward = integrate_motion(problem, point.attitude, point.joints, start=point.time, end=0.0)
@@ -144,31 +144,31 @@ def boundary_attitude(problem: Problem, point: TangencyPoint) -> State | None:
     return start if motion.completed and on_boundary else None
 
 
-def require_tangency_arm(problem: Problem) -> None:
-    """Raise an InputError unless the task and arm suit :func:`tangency_points`."""
+def require_touch_point_arm(problem: Problem) -> None:
+    """Raise an InputError unless the task and arm suit :func:`touch_points`."""
     arm = "six revolute joints, the second and third parallel, the last three intersecting"
-    problem.model.require_one_arm("tangency points")
+    problem.model.require_one_arm("touch points")
     if problem.task is not Task.POSE:
         raise InputError(
-            "task", f"{problem.task} has no tangency points in space",
-            f"pose, with {arm}; the plan of a planar task has its tangency points",
+            "task", f"{problem.task} has no touch points in space",
+            f"pose, with {arm}; the plan of a planar task has its touch points",
         )  # fmt: skip
     if not VirtualManipulator.of(problem.model).has_elbow_and_spherical_wrist:
         raise InputError("robot", "the arm has no elbow and spherical wrist", arm)
 
 
-def require_tangency_points(problem: Problem) -> None:
-    """Raise an InputError unless a problem can have tangency points of its margin."""
-    require_tangency_arm(problem)
+def require_touch_points(problem: Problem) -> None:
+    """Raise an InputError unless a problem can have touch points of its margin."""
+    require_touch_point_arm(problem)
     if problem.margin.threshold == 0.0:
         raise InputError(
-            "tangency", "the margin is zero, no motion is tangent to it", "a margin other than zero"
+            "touch", "the margin is zero, no motion is tangent to it", "a margin other than zero"
         )
 
 
 def _points_on_line(
     on_path: StatesOnPath, wrist: float, level: float, line: Array
-) -> Iterator[TangencyPoint]:
+) -> Iterator[TouchPoint]:
     """Minima of the magnitude of S where dS/dt changes sign along a line."""
     slopes = on_path.slopes(line[:, 0], *on_path.configurations(line, wrist))
     for i in roots_between(slopes):
@@ -180,7 +180,7 @@ def _points_on_line(
 
 def _refined(
     on_path: StatesOnPath, wrist: float, level: float, start: Array, steepness: float
-) -> TangencyPoint | None:
+) -> TouchPoint | None:
     """Solve the distance of point 3, S = S0 and dS/dt = 0 to rounding.
 
     Returns:
@@ -211,6 +211,4 @@ def _refined(
     quaternion = attitude.as_quat()
     branches = problem.branches(quaternion, t)
     branch = min(branches, key=lambda b: problem.model.joint_distance(b.joints, q))
-    return TangencyPoint(
-        t, tau, frozen(quaternion), branch.joints, level, branch.index, branch.label
-    )
+    return TouchPoint(t, tau, frozen(quaternion), branch.joints, level, branch.index, branch.label)

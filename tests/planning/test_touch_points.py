@@ -1,4 +1,4 @@
-"""Tangency points in space: states at which a motion has S = S0 as its minimum magnitude."""
+"""Touch points in space: states at which a motion has S = S0 as its minimum magnitude."""
 
 from functools import cache
 
@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.planning.space.tangency import require_tangency_points, tangency_points
+from freefloat.planning.space.touch_points import require_touch_points, touch_points
 from tests.errors import error_key
 from tests.motions import bundled
 from tests.robots import random_robot
@@ -47,9 +47,9 @@ CASES = [
 
 @cache
 def computed(measure, value, h, pair):
-    """A problem, q1 and q2, and their tangency points."""
+    """A problem, q1 and q2, and their touch points."""
     problem = changed(bundled("spatial_6dof/line"), h=h, measure=measure, value=value)
-    return problem, *pair, tangency_points(problem, *pair)
+    return problem, *pair, touch_points(problem, *pair)
 
 
 @pytest.fixture(params=CASES, ids=lambda case: f"{case[0]}{case[2]}")
@@ -58,7 +58,7 @@ def case(request):
 
 
 def increase(problem, point, step):
-    """|S| - |S0| on the precise motion through a tangency point, before and after it."""
+    """|S| - |S0| on the precise motion through a touch point, before and after it."""
     ends = [
         ff.integrate_motion(
             problem, point.attitude, point.joints, start=point.time, end=point.time + sign * step
@@ -69,7 +69,7 @@ def increase(problem, point, step):
 
 
 @pytest.mark.slow
-def test_tangency_points_are_on_the_path_and_on_the_margin_surface(case):
+def test_touch_points_are_on_the_path_and_on_the_margin_surface(case):
     """(35) and (34) with S = S0, at the requested angles, on the reported branch."""
     problem, q1, q2, points = case
     assert points
@@ -91,7 +91,7 @@ def test_tangency_points_are_on_the_path_and_on_the_margin_surface(case):
 
 
 @pytest.mark.slow
-def test_motions_have_their_minimum_at_tangency_points(case):
+def test_motions_have_their_minimum_at_touch_points(case):
     """(14): before and after |S| is larger, to second order in the time between."""
     problem, _, _, points = case
     assert points
@@ -211,7 +211,7 @@ def is_minimum_there(problem, t, attitude, joints):
 
 
 @pytest.mark.slow
-def test_brute_force_finds_no_other_tangency_point(case):
+def test_brute_force_finds_no_other_touch_point(case):
     """A dense grid over time and roll, with other formulas."""
     problem, q1, q2, points = case
     brute, seen = BruteForce(problem, q1, q2), 0
@@ -226,17 +226,17 @@ def test_brute_force_finds_no_other_tangency_point(case):
     assert seen >= 0.5 * len(points)
 
 
-def test_problems_without_tangency_points_are_refused(problem, tmp_path):
+def test_problems_without_touch_points_are_refused(problem, tmp_path):
     """Planar tasks, other arms, zero margins."""
     planar = bundled("planar_3dof/parabola")
-    assert error_key(require_tangency_points, planar) == "task"
+    assert error_key(require_touch_points, planar) == "task"
     robot = random_robot(np.random.default_rng(5))
     (tmp_path / "robot.urdf").write_text(robot.text)
     model = ff.FreeFloatingModel.from_urdf(tmp_path / "robot.urdf", robot.end_effector)
     margin = ff.Margin(ff.singularity_measure(model, ff.Task.POSE, "gjm"), 0.1)
     other = ff.Problem(model, problem.path, ff.Task.POSE, STILL, margin)
-    assert error_key(tangency_points, other, 0.1, 2.0) == "robot"
+    assert error_key(touch_points, other, 0.1, 2.0) == "robot"
     bare = changed(problem, measure="arm", value=0.0)
-    assert error_key(tangency_points, bare, 0.1, 2.0) == "margin.value"
-    assert error_key(ff.attitude_map, bare, 64, tangency=4) == "tangency"
-    assert error_key(tangency_points, problem, 0.1, 2.0, 0.0) == "level"
+    assert error_key(touch_points, bare, 0.1, 2.0) == "margin.value"
+    assert error_key(ff.attitude_map, bare, 64, touch=4) == "touch"
+    assert error_key(touch_points, problem, 0.1, 2.0, 0.0) == "level"

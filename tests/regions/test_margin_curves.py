@@ -7,9 +7,9 @@ import pytest
 from scipy.optimize import minimize
 
 import freefloat as ff
-from freefloat.singularities.margin_curves import TwoAngleDeterminant, margin_curves
-from freefloat.singularities.planar_regions import PlanarArm
-from freefloat.singularities.regions import workspace_regions
+from freefloat.regions.margin_curves import TwoAngleDeterminant, margin_curves
+from freefloat.regions.planar_regions import PlanarArm
+from freefloat.regions.workspace import workspace_regions
 
 LINK = """<link name="l{0}"><inertial><origin xyz="{1} {2} 0"/><mass value="{3}"/>
 <inertia ixx="{4}" ixy="0" ixz="0" iyy="{4}" iyz="0" izz="{4}"/></inertial></link>"""

@@ -1,4 +1,4 @@
-"""Tangency points of planar arms (the paper's touch points): where |S| = S0 is smallest.
+"""Touch points of planar arms: where |S| = S0 is smallest.
 
 A motion is tangent to S = S0 at an instant of its path (Case I, (14) and (15)), or has its smallest
 |S| at one of its ends (Case II, (15) and (16)). At a point of the path S = S0 and the distance (28)
@@ -22,7 +22,7 @@ from scipy.optimize import root
 from freefloat.motion.problem import Problem
 from freefloat.planning.plane.candidates import PathState, PlanarCandidates
 from freefloat.records import Joints
-from freefloat.singularities.margin_curves import MarginCurve
+from freefloat.regions.margin_curves import MarginCurve
 from freefloat.so3 import Array, frozen, wrapped
 
 _EXACT = 1e-9
@@ -34,7 +34,7 @@ _STEP = 1e-7
 Point = TypeVar("Point")
 
 
-class TangencyKind(StrEnum):
+class TouchKind(StrEnum):
     """Where a motion is tangent to its margin."""
 
     TANGENT = "tangent"
@@ -43,7 +43,7 @@ class TangencyKind(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class PlanarTangencyPoint:
+class PlanarTouchPoint:
     """A state at which a motion may have S = S0 as its smallest magnitude.
 
     Attributes:
@@ -55,7 +55,7 @@ class PlanarTangencyPoint:
         joints: Joint values [rad or m], shape (n,).
     """
 
-    kind: TangencyKind
+    kind: TouchKind
     time: float
     s: float
     level: float
@@ -63,13 +63,13 @@ class PlanarTangencyPoint:
     joints: Joints
 
 
-def planar_tangency_points(
+def planar_touch_points(
     problem: Problem, level: float, span: tuple[float, float]
-) -> tuple[PlanarTangencyPoint, ...]:
+) -> tuple[PlanarTouchPoint, ...]:
     """Every state that satisfies the conditions of Case I or Case II.
 
     Minima of the magnitude are kept, maxima left out by the second derivative. Whether a motion
-    through a tangency point keeps the margin elsewhere is decided by integrating it.
+    through a touch point keeps the margin elsewhere is decided by integrating it.
 
     Args:
         problem: A planar problem whose S depends on two joint angles.
@@ -79,8 +79,8 @@ def planar_tangency_points(
     candidates = _candidates(problem, level)
     first, last = span
     inside = [point for point in _tangent_points(candidates) if first < point.time < last]
-    start = _at_end(candidates, TangencyKind.START, first)
-    return distinct([*inside, *start, *_at_end(candidates, TangencyKind.END, last)], _same)
+    start = _at_end(candidates, TouchKind.START, first)
+    return distinct([*inside, *start, *_at_end(candidates, TouchKind.END, last)], _same)
 
 
 @lru_cache(maxsize=2)
@@ -90,7 +90,7 @@ def _candidates(problem: Problem, level: float) -> PlanarCandidates:
 
 
 @lru_cache(maxsize=2)
-def _tangent_points(candidates: PlanarCandidates) -> tuple[PlanarTangencyPoint, ...]:
+def _tangent_points(candidates: PlanarCandidates) -> tuple[PlanarTouchPoint, ...]:
     """The points of Case I, which all spans have in common."""
     starts = [start for curve in candidates.curves for start in _along_path(candidates, curve)]
     if not starts:
@@ -100,8 +100,8 @@ def _tangent_points(candidates: PlanarCandidates) -> tuple[PlanarTangencyPoint, 
 
 @lru_cache(maxsize=16)
 def _at_end(
-    candidates: PlanarCandidates, kind: TangencyKind, t: float
-) -> tuple[PlanarTangencyPoint, ...]:
+    candidates: PlanarCandidates, kind: TouchKind, t: float
+) -> tuple[PlanarTouchPoint, ...]:
     """Case II: margin curves crossed with the distance curve of an end of a span."""
     path = candidates.path_at(t)
     points = []
@@ -143,7 +143,7 @@ def roots_between(values: Array) -> list[int]:
 
 def _refined(
     candidates: PlanarCandidates, level: Array, q: Array, t: Array
-) -> Iterator[PlanarTangencyPoint]:
+) -> Iterator[PlanarTouchPoint]:
     """Minima that solve S = S0, (28) and dS/dt = 0 to rounding, by Newton steps from all starts.
 
     Args:
@@ -174,20 +174,20 @@ def _refined(
     exact = np.abs(errors(q, candidates.path_at(t))).max(axis=1) < _EXACT
     minimal = candidates.curvatures(q, t) * level >= 0.0
     for k in np.flatnonzero(exact & minimal & (t > 0.0) & (t < duration)):
-        yield _point(candidates, TangencyKind.TANGENT, q[k], float(t[k]), float(level[k]))
+        yield _point(candidates, TouchKind.TANGENT, q[k], float(t[k]), float(level[k]))
 
 
 def _point(
-    candidates: PlanarCandidates, kind: TangencyKind, q: Array, t: float, level: float
-) -> PlanarTangencyPoint:
+    candidates: PlanarCandidates, kind: TouchKind, q: Array, t: float, level: float
+) -> PlanarTouchPoint:
     """The state of a candidate."""
     angles = candidates.angles(q, candidates.path_at(t))
     joints = wrapped(candidates.arm.signs * np.diff(angles))
     heading = float(angles[0] % (2.0 * np.pi))
-    return PlanarTangencyPoint(kind, t, candidates.timing.s(t), level, heading, frozen(joints))
+    return PlanarTouchPoint(kind, t, candidates.timing.s(t), level, heading, frozen(joints))
 
 
-def _same(point: PlanarTangencyPoint, other: PlanarTangencyPoint) -> bool:
+def _same(point: PlanarTouchPoint, other: PlanarTouchPoint) -> bool:
     angles = np.append(point.joints - other.joints, point.heading - other.heading)
     return bool(
         point.kind is other.kind
@@ -197,7 +197,7 @@ def _same(point: PlanarTangencyPoint, other: PlanarTangencyPoint) -> bool:
 
 
 def distinct(points: list[Point], same: Callable[[Point, Point], bool]) -> tuple[Point, ...]:
-    """Tangency points in the order of time, equal ones once."""
+    """Touch points in the order of time, equal ones once."""
     kept: list[Point] = []
     for point in sorted(points, key=attrgetter("time")):
         if not any(same(point, other) for other in kept):

@@ -136,7 +136,7 @@ def test_singular_configurations_fill_the_path_dependent_shells(
 
 
 def test_the_path_of_example_2_crosses_one_path_dependent_area(line, shells):
-    """As the paper says of point 3; its singular point C and tangency point lie in it."""
+    """As the paper says of point 3; its singular point C and touch point lie in it."""
     assert shells.point == "virtual wrist centre"
     parts = shells.path
     assert [inside for _, inside in parts] == [False, True, False]

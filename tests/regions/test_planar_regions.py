@@ -6,7 +6,7 @@ import pytest
 import freefloat as ff
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
-from freefloat.singularities.planar_regions import PlanarArm
+from freefloat.regions.planar_regions import PlanarArm
 from freefloat.so3 import heading_quaternion
 
 URDF = """<robot name="bent"><link name="l0"><inertial><origin xyz="0.1 -0.2 0"/><mass value="90"/>

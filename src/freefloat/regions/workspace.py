@@ -18,10 +18,10 @@ from freefloat.dynamics.tasks import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem, require_problem
-from freefloat.singularities.certified_areas import certified_areas
-from freefloat.singularities.margin_curves import margin_curves
-from freefloat.singularities.planar_regions import Interval, PlanarArm, has_two_angle_form
-from freefloat.singularities.spatial_regions import elbow_arm, wrist_in_tool
+from freefloat.regions.certified_areas import certified_areas
+from freefloat.regions.elbow_arm import elbow_arm, wrist_in_tool
+from freefloat.regions.margin_curves import margin_curves
+from freefloat.regions.planar_regions import Interval, PlanarArm, has_two_angle_form
 from freefloat.so3 import Array, frozen
 
 _ADJACENT = 1e-9

@@ -9,8 +9,8 @@ from freefloat.dynamics.measures import plane_axes, singularity_measure
 from freefloat.dynamics.tasks import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
+from freefloat.regions.planar_regions import Complex, PlanarArm, point_3, two_angles
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.singularities.planar_regions import Complex, PlanarArm, point_3, two_angles
 from freefloat.so3 import Array
 
 _GRID = 8

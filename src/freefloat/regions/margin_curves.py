@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from freefloat.singularities.planar_regions import Complex, Interval, PlanarArm, point_3
+from freefloat.regions.planar_regions import Complex, Interval, PlanarArm, point_3
 from freefloat.so3 import Array, frozen
 
 _STEP = np.radians(0.5)
