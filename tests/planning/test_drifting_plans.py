@@ -1,4 +1,4 @@
-"""Plans while the centre of mass moves: ranges, touch points, tolerances, scenes, files, commands."""
+"""Plans while the centre of mass moves: ranges, touch points, tolerances, files, commands."""
 
 from __future__ import annotations
 
