@@ -23,8 +23,9 @@ from freefloat.dynamics.joint_space import joint_space_extremes
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
-from freefloat.planning.space.margin_lines import StatesOnPath
-from freefloat.planning.space.touch_points import TouchPoint, boundary_attitude, touch_points
+from freefloat.planning.touching.margin_lines import StatesOnPath
+from freefloat.planning.touching.touch_point import TouchPoint
+from freefloat.planning.touching.touch_points import boundary_attitude, touch_points
 from freefloat.regions.workspace import merged, workspace_regions
 from freefloat.so3 import axes_rotation, unit_quaternion
 
@@ -260,7 +261,7 @@ def touch_point_lines(
     what: str, point: TouchPoint, tolerance: float, remark: str
 ) -> Iterator[Line]:
     """Time, elbow and shoulder do not depend on the momentum, wrist and attitude do."""
-    yield Line(f"Example 2: {what}: tau", PRINTED_TAU, point.tau, 2e-4)
+    yield Line(f"Example 2: {what}: tau", PRINTED_TAU, point.time / 100.0, 2e-4)
     for i, (printed, joint) in enumerate(zip(PRINTED_JOINTS, nearby(point.joints), strict=True)):
         allowed, note = (2e-4, "") if i < 3 else (tolerance, remark)
         yield Line(f"Example 2: {what}: q{i + 1} in rad", printed, joint, allowed, note)

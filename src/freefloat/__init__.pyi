@@ -7,6 +7,8 @@ from .robot.parts import Payload as Payload
 from .robot.parts import Spacecraft as Spacecraft
 from .robot.source import RobotSource as RobotSource
 from .dynamics.tasks import Task as Task
+from .dynamics.momentum import inertia_matrices as inertia_matrices
+from .dynamics.momentum import system_matrix as system_matrix
 from .dynamics.momentum import generalized_jacobian as generalized_jacobian
 from .dynamics.system import System as System
 from .dynamics.measures import singularity_measure as singularity_measure
@@ -47,6 +49,8 @@ from .planning.simulation import simulate as simulate
 
 # All attitudes
 from .regions.workspace import workspace_regions as workspace_regions
+from .regions.margin_curves import margin_curves as margin_curves
+from .planning.touching.touch_points import touch_points as touch_points
 from .singularities.singularity_map import singularity_map as singularity_map
 from .singularities.singularity_components import singularity_components as singularity_components
 from .singularities.singularity_distance import distance_to_singularity as distance_to_singularity

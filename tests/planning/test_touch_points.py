@@ -10,7 +10,11 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.planning.space.touch_points import require_touch_points, touch_points
+from freefloat.planning.touching.touch_points import (
+    boundary_attitude,
+    require_touch_points,
+    touch_points,
+)
 from tests.errors import error_key
 from tests.motions import bundled
 from tests.robots import random_robot
@@ -85,9 +89,7 @@ def test_touch_points_are_on_the_path_and_on_the_margin_surface(case):
         assert gap(point.joints[:2], np.array([q1, q2])) < 1e-7
         S = problem.margin.measure(point.joints)
         assert pytest.approx(point.level, rel=1e-8) == S
-        branches = {branch.index: branch for branch in problem.branches(point.attitude, point.time)}
-        assert branches[point.branch].label == point.label
-        assert gap(branches[point.branch].joints, point.joints) < 1e-9
+        assert problem.nearest(point.joints, problem.branches(point.attitude, point.time))
 
 
 @pytest.mark.slow
@@ -226,6 +228,104 @@ def test_brute_force_finds_no_other_touch_point(case):
     assert seen >= 0.5 * len(points)
 
 
+def unit(v):
+    return v / np.linalg.norm(v)
+
+
+def random_line(seed):
+    """A line that begins or ends on the margin at some states: a path, q1 and a roll."""
+    rng = np.random.default_rng(seed)
+    problem = bundled("spatial_6dof/line")
+    curve = ff.paths.PolynomialCurve.line(
+        *(rng.uniform(0.7, 1.6) * unit(rng.normal(size=3)) for _ in range(2))
+    )
+    orientation = ff.paths.FixedOrientation(Rotation.random(random_state=seed).as_matrix())
+    path = ff.TimedPath(ff.EndEffectorPath(curve, orientation), ff.Timing(rng.uniform(20, 200)))
+    measure, level = ("arm", rng.uniform(0.5, 8.0)) if seed % 2 else ("gjm", 0.004)
+    h = rng.normal(size=3) * (seed % 3)
+    changed_problem = changed(problem, h=h, path=path, measure=measure, value=level)
+    return changed_problem, *rng.uniform(-3.0, 3.0, 2)
+
+
+def joint_2_axis(problem, attitude, joints):
+    """The direction of the second joint's axis in inertial space."""
+    return attitude.apply(VirtualManipulator.of(problem.model).kinematics(joints)[3][1, 0])
+
+
+def end_equations(problem, point):
+    """(31), (15), q1, and the roll about point 3, as nine equations of a rotation and joints."""
+    pose = problem.path.pose(point.time)
+    zero = VirtualManipulator.of(problem.model)
+    to_wrist = zero.pose(np.zeros(6)).rotation.T @ (
+        zero.wrist_centre - zero.pose(np.zeros(6)).position
+    )
+    point_3 = pose.position + pose.rotation @ to_wrist
+    axis = joint_2_axis(problem, Rotation.from_quat(point.attitude), point.joints)
+    across = np.cross(point_3, axis)
+
+    def equations(x):
+        attitude, q = Rotation.from_rotvec(x[:3]), x[3:]
+        reached = problem.model.end_effector_pose(attitude.as_quat(), q)
+        turn = Rotation.from_matrix(pose.rotation.T @ reached.rotation).as_rotvec()
+        S = problem.margin.measure(q) / point.level - 1.0
+        return [*(reached.position - pose.position), *turn, S, np.sin(q[0] - point.joints[0]),
+                across @ joint_2_axis(problem, attitude, q)]  # fmt: skip
+
+    return equations
+
+
+END_PATHS = [0, 2, 4, 6, 8, 9, 11, 13, 15, 17, 23, 27, 33, 41, 43, 49, 51, 53, 55, 57]
+"""Even ones have the measure gjm, odd ones arm."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", END_PATHS)
+def test_touch_points_at_ends_of_paths_solve_the_equations(seed):
+    """Case II, (15) and (16): SciPy finds them from Pinocchio's poses and S, to 1e-8."""
+    problem, q1, roll = random_line(seed)
+    points = ff.touch_points(problem, q1, roll=roll)
+    rng = np.random.default_rng(seed)
+    for point in points[:: max(1, len(points) // 3)]:
+        state = [*Rotation.from_quat(point.attitude).as_rotvec(), *point.joints]
+        start = state + rng.uniform(-1e-2, 1e-2, 9)
+        solution = root(end_equations(problem, point), start, tol=1e-14)
+        assert np.abs(solution.fun).max() < 1e-11
+        turn = Rotation.from_rotvec(solution.x[:3]).inv() * Rotation.from_quat(point.attitude)
+        assert turn.magnitude() < 1e-8
+        assert gap(solution.x[3:], point.joints) < 1e-8
+    chosen = next(point for point in points if boundary_attitude(problem, point) is not None)
+    start = boundary_attitude(problem, chosen)
+    motion = ff.integrate_motion(problem, start.attitude, start.joints)
+    closest = ff.closest_approach(motion, problem.margin.measure)
+    end = 0.0 if chosen.kind == "start" else problem.path.duration
+    assert closest.time == pytest.approx(end, abs=1e-4 * problem.path.duration)
+    assert closest.value == pytest.approx(abs(chosen.level), rel=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [9, 2])
+def test_no_touch_point_at_an_end_is_missing(seed):
+    """What SciPy finds from random states at the same q1, roll, end and level is known."""
+    problem, q1, roll = random_line(seed)
+    points = ff.touch_points(problem, q1, roll=roll)
+    equations, rng, seen = end_equations(problem, points[0]), np.random.default_rng(seed), 0
+    axis = joint_2_axis(problem, Rotation.from_quat(points[0].attitude), points[0].joints)
+    for start in rng.uniform(-np.pi, np.pi, (80, 9)):
+        solution = root(equations, start, tol=1e-13)
+        attitude, q = Rotation.from_rotvec(solution.x[:3]), solution.x[3:]
+        same_roll = axis @ joint_2_axis(problem, attitude, q) > 0.0
+        if np.abs(solution.fun).max() > 1e-9 or not same_roll or np.cos(q[0] - q1) < 0.0:
+            continue
+        known = any(gap(q, point.joints) < 1e-6 for point in points)
+        inside = 0.05 if points[0].kind == "start" else points[0].time - 0.05
+        motion = ff.integrate_motion(
+            problem, attitude.as_quat(), q, start=points[0].time, end=inside
+        )
+        assert known or abs(problem.margin.measure(motion.final.joints)) < abs(points[0].level)
+        seen += known
+    assert seen >= 2
+
+
 def test_problems_without_touch_points_are_refused(problem, tmp_path):
     """Planar tasks, other arms, zero margins."""
     planar = bundled("planar_3dof/parabola")
@@ -239,4 +339,4 @@ def test_problems_without_touch_points_are_refused(problem, tmp_path):
     bare = changed(problem, measure="arm", value=0.0)
     assert error_key(touch_points, bare, 0.1, 2.0) == "margin.value"
     assert error_key(ff.attitude_map, bare, 64, touch=4) == "touch"
-    assert error_key(touch_points, problem, 0.1, 2.0, 0.0) == "level"
+    assert error_key(touch_points, problem, 0.1, 2.0, level=0.0) == "level"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
@@ -198,7 +199,9 @@ def _candidate_lines(result: AttitudeMap) -> Iterator[str]:
     if result.touch is not None:
         worst = result.worst_gap
         gap = "" if worst is None else f"; bisection agrees within {math.degrees(worst):.2g} deg"
-        yield f"{len(result.touch)} attitudes of the boundary from touch points{gap}"
+        kinds = Counter(str(point.kind) for point in result.touch)
+        counts = ", ".join(f"{kind} {count}" for kind, count in sorted(kinds.items()))
+        yield f"{len(result.touch)} attitudes of the boundary from touch points ({counts}){gap}"
     if result.boundary is not None:
         yield f"{len(result.boundary)} attitudes of the boundary by bisection, see --json or -o"
 

@@ -165,7 +165,8 @@ def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
             violation = plan.violation or "infeasible"
             yield Text(f"Nearest to keeping the limits: {heading}{violation}.", "yellow")
         yield from (f"  {line}" for line in _chosen_lines(plan))
-        yield from _segment_lines(plan)
+    yield from _segment_lines(plan)
+    if plan.chosen is not None:
         yield from motion_lines(plan.chosen)
     yield from limit_tables(plan.limit_results)
     yield from contact_lines(plan)
@@ -207,16 +208,28 @@ def _chosen_lines(plan: Plan) -> Iterator[str]:
         yield f"Better candidates that violate a limit: {counts}."
 
 
-def _segment_lines(plan: Plan) -> Iterator[str]:
+def _segment_lines(plan: Plan) -> Iterator[RenderableType]:
+    """What the segments alone allow, and the touch points that limit their ranges."""
     note = " (limits not considered)" if plan.limit_results else ""
+    points = table("touch point", "t [s]", "S", "heading [deg]", "at the start", "at the end")
     for segment in plan.segments:
         first, last = segment.span
+        for limit in segment.limits:
+            point = limit.touch_point
+            angles = point.heading, limit.start_heading, limit.end_heading
+            degrees = (f"{math.degrees(angle or 0.0):.3f}" for angle in angles)
+            points.add_row(str(point.kind), f"{point.time:.4f}", f"{point.level:+g}", *degrees)
+        if len(plan.segments) == 1:
+            continue
         yield f"  Feasible headings at the end of the segment from {first:g} to {last:g} s{note}:"
         scopes = {"this segment alone": segment.at_end,
                   "to the end of the path": segment.joined_at_end}  # fmt: skip
         for scope, branches in scopes.items():
             for entry in branches:
                 yield f"    {scope}, {short_label(entry.label)}: {_ranges(entry)} deg"
+    if points.row_count:
+        yield "  Motions that just keep the margin, by their touch points in each segment:"
+        yield points
 
 
 def _ranges(entry: BranchRanges) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from freefloat.planning.touching.touch_point import TouchKind
 from freefloat.records import Quaternions
 from freefloat.so3 import angle_between, frozen
 
@@ -80,15 +81,17 @@ class BoundaryPoint(Candidate):
     """An attitude on the boundary of the feasible set.
 
     One that comes from a touch point has its gap, the angle to the boundary that bisection finds
-    [rad].
+    [rad], and the kind of the touch point.
     """
 
     gap: float | None = None
+    kind: TouchKind | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document."""
         gap = {} if self.gap is None else {"gap_deg": float(np.degrees(self.gap))}
-        return {**super().to_dict(), **gap}
+        kind = {} if self.kind is None else {"kind": str(self.kind)}
+        return {**super().to_dict(), **gap, **kind}
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,7 +41,7 @@ class Plan(Answer):
         feasible: Whether a motion was found that keeps the margin and the limits.
         reason: Why the attitude was chosen, or why there is none.
         ranges: Planar tasks: the feasible headings of every arm branch.
-        segments: Planar tasks with stops: the segments between them.
+        segments: Planar tasks with exact ranges: the segments between rests, with touch points.
         chosen: The motion from the chosen attitude. Of an infeasible plan the one that keeps the
             margin and comes nearest to keeping the limits; None where none keeps the margin.
         robust_radius: How far the attitude may deviate in any direction before the chosen arm

@@ -137,24 +137,19 @@ def _feasible_ranges(
 def _exact_ranges(
     problem: Problem, domain: SearchDomain, known: tuple[float, ...]
 ) -> tuple[tuple[BranchRanges, ...], tuple[Segment, ...]]:
-    """Ranges at the start in a domain; with stops also segment by segment, of all headings."""
+    """Ranges at the start in a domain, and of all headings those of the segments between rests."""
     duration = problem.path.duration
     rests = [0.0, *(stop.t for stop in problem.path.timing.stops), duration]
     spans = list(pairwise(rests))
     onward = [(start, duration) for start in rests[:-1]]
     limits = limits_of_spans(problem, (*spans, *onward))
     ranges = heading_ranges(problem, limits[onward[0]], onward[0], 0.0, domain, known)
-    if len(spans) == 1:
-        return ranges, ()
     every = problem if problem.start_joints is None else replace(problem, start_joints=None)
-    segments = (
-        Segment(
-            span, limits[span],
-            heading_ranges(every, limits[span], span, span[0]),
-            heading_ranges(every, limits[span], span, span[1]),
-            heading_ranges(every, limits[rest], rest, span[1]),
-        ) for span, rest in zip(spans, onward, strict=True)
-    )  # fmt: skip
+    segments = []
+    for span, rest in zip(spans, onward, strict=True):
+        at_start, at_end = (heading_ranges(every, limits[span], span, t) for t in span)
+        joined = at_end if rest == span else heading_ranges(every, limits[rest], rest, span[1])
+        segments.append(Segment(span, limits[span], at_start, at_end, joined))
     return ranges, tuple(segments)
 
 

@@ -82,6 +82,7 @@ _RULES = {
     "touch.attitude": _ANY,
     "touch.branch": _ANY,
     "touch.gap": _ANY,
+    "touch.kind": _ANY,
     # searches of attitudes that end elsewhere where a machine rounds otherwise
     "tolerance.momentum": _SEARCHED,
     "tolerance.shortest": _SEARCHED,

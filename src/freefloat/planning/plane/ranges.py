@@ -7,7 +7,7 @@ at which the arm just reaches the path. Between neighbouring limits one motion d
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import compress
 from math import tau
@@ -27,7 +27,8 @@ from freefloat.planning.plane.arcs import (
     arcs_between,
     branch_ranges,
 )
-from freefloat.planning.plane.touch_points import PlanarTouchPoint, planar_touch_points
+from freefloat.planning.touching.planar_points import planar_touch_points
+from freefloat.planning.touching.touch_point import TouchPoint
 from freefloat.regions.planar_regions import PlanarArm, point_3_on_path
 from freefloat.so3 import Array
 
@@ -44,8 +45,8 @@ _NEAR = 1e-4
 _LABELS = "elbow+", "elbow-"
 
 Span = tuple[float, float]
-_Planned = tuple[float, Array, float, float]
-"""Heading [rad] and joints (n,) from which a motion is integrated, its first and last time [s]."""
+_Planned = tuple[Array, Array, float, float]
+"""Attitude (4,) and joints (n,) from which a motion is integrated, its first and last time [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +59,7 @@ class RangeLimit:
         end_heading: The same at the end of the span.
     """
 
-    touch_point: PlanarTouchPoint
+    touch_point: TouchPoint
     start_heading: float
     end_heading: float
 
@@ -66,8 +67,11 @@ class RangeLimit:
         """The JSON document of the touch point, with the headings at both ends of a span."""
         point, (start, end) = self.touch_point, span
         return {
-            **asdict(point),
             "kind": str(point.kind),
+            "time": point.time,
+            "s": point.s,
+            "level": point.level,
+            "heading": point.heading,
             "joints": point.joints.tolist(),
             "tau": (point.time - start) / (end - start),
             "heading_at_start_deg": float(np.degrees(self.start_heading)),
@@ -119,8 +123,8 @@ def states_at(
     return list(zip(headings, motions.joints, strict=True))
 
 
-def _from_touch_point(point: PlanarTouchPoint, end: float) -> _Planned:
-    return point.heading, point.joints, point.time, end
+def _from_touch_point(point: TouchPoint, end: float) -> _Planned:
+    return point.attitude, point.joints, point.time, end
 
 
 def _level(problem: Problem) -> float:
@@ -140,9 +144,9 @@ def _integrator(problem: Problem) -> EnsembleIntegrator:
 def _integrated(problem: Problem, motions: list[_Planned]) -> EnsembleResult:
     """Results of some motions."""
     columns = list(zip(*motions, strict=True)) or [()] * 4
-    headings, joints, starts, ends = (np.array(column, dtype=float) for column in columns)
+    attitudes, joints, starts, ends = (np.array(column, dtype=float) for column in columns)
     return _integrator(problem).integrate(
-        problem.plane.attitudes(headings), joints.reshape(-1, problem.model.arm_dof),
+        attitudes.reshape(-1, 4), joints.reshape(-1, problem.model.arm_dof),
         starts=starts, ends=ends,
     )  # fmt: skip
 
@@ -203,7 +207,7 @@ def _feasible_arcs(
             for branch in problem.branches(attitude, at):
                 if branch.index == index:
                     places.append((index, number))
-                    motions += [(arc.middle, branch.joints, at, end) for end in span]
+                    motions += [(attitude, branch.joints, at, end) for end in span]
     kept = _integrated(problem, motions).keeps(_level(problem)).tolist()
     both = map(all, zip(kept[::2], kept[1::2], strict=True))
     feasible = set(compress(places, both))

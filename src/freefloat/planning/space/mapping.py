@@ -30,7 +30,7 @@ from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.climbing import EXACT, bisect, edge, feasible_peaks, nearest_feasible
 from freefloat.planning.space.deepest_ball import deepest
 from freefloat.planning.space.regions import find_regions
-from freefloat.planning.space.touch_points import (
+from freefloat.planning.touching.touch_points import (
     boundary_attitude,
     require_touch_points,
     sample_touch_points,
@@ -227,7 +227,7 @@ def tangent_boundary(
             if evaluator.wrist_flipped and branch.index % 2:
                 continue  # the wrist-flipped branch has the same motion
             gap = _gap(evaluator, start.attitude, branch.index)
-            points.append(BoundaryPoint(start.attitude, branch.index, gap))
+            points.append(BoundaryPoint(start.attitude, branch.index, gap, touch_point.kind))
             if len(points) == count:
                 return tuple(points)
     return tuple(points)

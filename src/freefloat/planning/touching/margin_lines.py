@@ -24,7 +24,7 @@ from freefloat.attitude_grids import even_directions
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.analytic import spherical_wrist_angles
 from freefloat.motion.problem import Problem
-from freefloat.planning.plane.touch_points import roots_between
+from freefloat.planning.touching.touch_point import roots_between
 from freefloat.so3 import Array
 
 _TIMES = 201
@@ -43,43 +43,64 @@ _SHIFT = 1e-3
 """Step of differences across a contour, in cells."""
 
 
+class PathOfPoint3:
+    """The path of the wrist centre (36), which the first joints do not move.
+
+    Attributes:
+        times: Samples of time [s], shape (T,).
+        positions: Point 3 at those times [m], inertial frame, shape (T, 3).
+        reference: A direction that is far from parallel to all of them, from which rolls count.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self._path, virtual = problem.path, VirtualManipulator.of(problem.model)
+        p, R, _, _ = virtual.kinematics(np.zeros(6))
+        self._from_zero = Rotation.from_matrix(R[0]).inv()
+        self._wrist_to_tool = p[0] - virtual.wrist_centre
+        self.times = np.linspace(0.0, problem.path.duration, _TIMES)
+        self.positions = self.at(self.times)[0]
+        self.reference = _direction_across(self.positions)
+
+    def at(self, t: Array) -> tuple[Array, Rotation]:
+        """Point 3 [m], shape (K, 3), and rotations of the end-effector from zero joints."""
+        poses = [self._path.pose(time) for time in t.tolist()]
+        rotations = Rotation.from_matrix([pose.rotation for pose in poses]) * self._from_zero
+        positions = np.array([pose.position for pose in poses])
+        return positions - rotations.apply(self._wrist_to_tool), rotations
+
+
+@lru_cache(maxsize=4)
+def path_of_point_3(problem: Problem) -> PathOfPoint3:
+    """The path of point 3 of a problem, which all pairs of first joint angles have in common."""
+    return PathOfPoint3(problem)
+
+
 class StatesOnPath:
     """States at given (q1, q2), by time, q3, roll about point 3 and sign of the wrist.
 
     Attributes:
         problem: A pose task of an elbow arm with a spherical wrist.
-        q2: Second joint angle [rad].
+        q2: Second joint angle [rad], one for all states or one for each, shape (K,).
         measure: The problem's measure S.
         reach: Reach of the arm [m].
-        times: Samples of time [s], shape (T,).
-        point_3: Point 3 at those times [m], inertial frame, shape (T, 3).
+        path: Path of point 3.
     """
 
-    def __init__(self, problem: Problem, q1: float, q2: float) -> None:
+    def __init__(self, problem: Problem, q1: float, q2: float | Array) -> None:
         self.problem, self.q2, self._q1 = problem, q2, q1
         self.measure = problem.margin.measure
         self._gradient = lru_cache(1024)(self._gradient_in_plane)  # along a line it is constant
         self._by_time = problem.depends_on_timing
         self._solver = problem.resolved_rate_solver()
+        self.path = path_of_point_3(problem)
         virtual = VirtualManipulator.of(problem.model)
-        p, R, points, axes = virtual.kinematics(np.zeros(6))
+        _, _, points, axes = virtual.kinematics(np.zeros(6))
         P, self._h = points[:, 0], np.ascontiguousarray(axes[:, 0])
-        wrist, first = virtual.wrist_centre, _about(self._h[0], q1)
+        first = _about(self._h[0], q1)
         self._upper = first * _about(self._h[1], q2)
         self._normal = first.apply(self._h[1])
         self._elbow = P[0] + first.apply(P[1] - P[0]) + self._upper.apply(P[2] - P[1])
-        self._forearm, self._wrist_to_tool = wrist - P[2], p[0] - wrist
-        self._from_zero, self.reach = Rotation.from_matrix(R[0]).inv(), virtual.reach
-        self.times = np.linspace(0.0, problem.path.duration, _TIMES)
-        self.point_3 = self.point_3_at(self.times)[0]
-        self._reference = _direction_across(self.point_3)
-
-    def point_3_at(self, t: Array) -> tuple[Array, Rotation]:
-        """Point 3 by (36) [m], shape (K, 3), and rotations of the end-effector from zero joints."""
-        poses = [self.problem.path.pose(time) for time in t.tolist()]
-        rotations = Rotation.from_matrix([pose.rotation for pose in poses]) * self._from_zero
-        positions = np.array([pose.position for pose in poses])
-        return positions - rotations.apply(self._wrist_to_tool), rotations
+        self._forearm, self.reach = virtual.wrist_centre - P[2], virtual.reach
 
     def wrist(self, q3: Array) -> Array:
         """Virtual wrist from the centre of mass, in the spacecraft's frame [m], shape (K, 3)."""
@@ -98,14 +119,14 @@ class StatesOnPath:
             Attitudes, and joints of shape (K, 6), NaN where the wrist has no solution.
         """
         t, q3, roll = states.T
-        point_3, rotations = self.point_3_at(t)
-        rolled = _frames(point_3, self._reference) * _about(np.array([1.0, 0.0, 0.0]), roll)
+        point_3, rotations = self.path.at(t)
+        rolled = _frames(point_3, self.path.reference) * _about(np.array([1.0, 0.0, 0.0]), roll)
         attitude = rolled * _frames(self.wrist(q3), self._normal).inv()
         arm = self._upper * _about(self._h[2], q3)
-        first = np.broadcast_to([self._q1, self.q2], (len(q3), 2))
+        first = [np.broadcast_to(angle, len(q3)) for angle in (self._q1, self.q2)]
         required = ((attitude * arm).inv() * rotations).as_matrix()
         return attitude, np.column_stack([
-            first, q3, spherical_wrist_angles(self._h[3:], required, wrist)
+            *first, q3, spherical_wrist_angles(self._h[3:], required, wrist)
         ])  # fmt: skip
 
     def measures(self, joints: Array) -> Array:
@@ -162,8 +183,10 @@ def margin_lines(
         may overlap.
     """
     q3 = np.linspace(-np.pi, np.pi, _ELBOWS)
-    wrists, points = (np.linalg.norm(v, axis=1) for v in (on_path.wrist(q3), on_path.point_3))
-    generator = contour_generator(on_path.times, q3, wrists[:, None] - points[None, :])
+    wrists, points = (
+        np.linalg.norm(v, axis=1) for v in (on_path.wrist(q3), on_path.path.positions)
+    )
+    generator = contour_generator(on_path.path.times, q3, wrists[:, None] - points[None, :])
     for arc in generator.lines(0.0):
         if on_path.measure.name == "arm":
             yield from _lines_of_constant_elbow(on_path, levels, np.asarray(arc))

@@ -8,22 +8,18 @@ form a curve over (margin curve, time), and (27), dS/dt = 0, selects from it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from enum import StrEnum
+from collections.abc import Iterator
 from functools import lru_cache
-from operator import attrgetter
-from typing import TypeVar
 
 import numpy as np
 from contourpy import contour_generator
 from scipy.optimize import root
 
 from freefloat.motion.problem import Problem
-from freefloat.planning.plane.candidates import PathState, PlanarCandidates
-from freefloat.records import Joints
+from freefloat.planning.touching.planar_candidates import PathState, PlanarCandidates
+from freefloat.planning.touching.touch_point import TouchKind, TouchPoint, distinct, roots_between
 from freefloat.regions.margin_curves import MarginCurve
-from freefloat.so3 import Array, frozen, wrapped
+from freefloat.so3 import Array, angle_between, frozen, wrapped
 
 _EXACT = 1e-9
 _NEWTON_STEPS, _LONGEST, _ROUNDING = 30, 0.1, 1e-13
@@ -31,41 +27,10 @@ _NEWTON_STEPS, _LONGEST, _ROUNDING = 30, 0.1, 1e-13
 _STEP = 1e-7
 """Step of differences [rad, fraction of the duration]."""
 
-Point = TypeVar("Point")
-
-
-class TouchKind(StrEnum):
-    """Where a motion is tangent to its margin."""
-
-    TANGENT = "tangent"
-    START = "start"
-    END = "end"
-
-
-@dataclass(frozen=True, eq=False)
-class PlanarTouchPoint:
-    """A state at which a motion may have S = S0 as its smallest magnitude.
-
-    Attributes:
-        kind: Whether at an instant of the path, or at an end.
-        time: Time [s].
-        s: Place on the path.
-        level: Signed value of S.
-        heading: Heading of the spacecraft [rad], in [0, 2 pi).
-        joints: Joint values [rad or m], shape (n,).
-    """
-
-    kind: TouchKind
-    time: float
-    s: float
-    level: float
-    heading: float
-    joints: Joints
-
 
 def planar_touch_points(
     problem: Problem, level: float, span: tuple[float, float]
-) -> tuple[PlanarTouchPoint, ...]:
+) -> tuple[TouchPoint, ...]:
     """Every state that satisfies the conditions of Case I or Case II.
 
     Minima of the magnitude are kept, maxima left out by the second derivative. Whether a motion
@@ -90,7 +55,7 @@ def _candidates(problem: Problem, level: float) -> PlanarCandidates:
 
 
 @lru_cache(maxsize=2)
-def _tangent_points(candidates: PlanarCandidates) -> tuple[PlanarTouchPoint, ...]:
+def _tangent_points(candidates: PlanarCandidates) -> tuple[TouchPoint, ...]:
     """The points of Case I, which all spans have in common."""
     starts = [start for curve in candidates.curves for start in _along_path(candidates, curve)]
     if not starts:
@@ -99,9 +64,7 @@ def _tangent_points(candidates: PlanarCandidates) -> tuple[PlanarTouchPoint, ...
 
 
 @lru_cache(maxsize=16)
-def _at_end(
-    candidates: PlanarCandidates, kind: TouchKind, t: float
-) -> tuple[PlanarTouchPoint, ...]:
+def _at_end(candidates: PlanarCandidates, kind: TouchKind, t: float) -> tuple[TouchPoint, ...]:
     """Case II: margin curves crossed with the distance curve of an end of a span."""
     path = candidates.path_at(t)
     points = []
@@ -130,20 +93,9 @@ def _along_path(
             yield curve.level, (q[i] + q[i + 1]) / 2.0, float(t[i] + t[i + 1]) / 2.0
 
 
-def roots_between(values: Array) -> list[int]:
-    """Where a sign changes, or a magnitude has a deep minimum: two roots may hide between."""
-    size = np.abs(values)
-    near = values[:-1] * values[1:] <= 0.0
-    lowest = (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:])
-    deep = lowest & (2.0 * size[1:-1] < np.maximum(size[:-2], size[2:]) - size[1:-1])
-    near[:-1] |= deep
-    near[1:] |= deep
-    return [int(i) for i in np.flatnonzero(near)]
-
-
 def _refined(
     candidates: PlanarCandidates, level: Array, q: Array, t: Array
-) -> Iterator[PlanarTouchPoint]:
+) -> Iterator[TouchPoint]:
     """Minima that solve S = S0, (28) and dS/dt = 0 to rounding, by Newton steps from all starts.
 
     Args:
@@ -179,27 +131,22 @@ def _refined(
 
 def _point(
     candidates: PlanarCandidates, kind: TouchKind, q: Array, t: float, level: float
-) -> PlanarTouchPoint:
+) -> TouchPoint:
     """The state of a candidate."""
     angles = candidates.angles(q, candidates.path_at(t))
     joints = wrapped(candidates.arm.signs * np.diff(angles))
     heading = float(angles[0] % (2.0 * np.pi))
-    return PlanarTouchPoint(kind, t, candidates.timing.s(t), level, heading, frozen(joints))
+    attitude = candidates.plane.attitudes(heading)
+    return TouchPoint(
+        kind, t, candidates.timing.s(t), level, frozen(attitude), frozen(joints), heading
+    )
 
 
-def _same(point: PlanarTouchPoint, other: PlanarTouchPoint) -> bool:
-    angles = np.append(point.joints - other.joints, point.heading - other.heading)
+def _same(point: TouchPoint, other: TouchPoint) -> bool:
+    turn = angle_between(point.attitude, other.attitude)
+    angles = np.append(point.joints - other.joints, turn)
     return bool(
         point.kind is other.kind
         and abs(point.time - other.time) < 1e-9 * max(1.0, point.time)
         and np.abs(wrapped(angles)).max() < 1e-7
     )
-
-
-def distinct(points: list[Point], same: Callable[[Point, Point], bool]) -> tuple[Point, ...]:
-    """Touch points in the order of time, equal ones once."""
-    kept: list[Point] = []
-    for point in sorted(points, key=attrgetter("time")):
-        if not any(same(point, other) for other in kept):
-            kept.append(point)
-    return tuple(kept)

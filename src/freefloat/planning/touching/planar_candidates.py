@@ -46,6 +46,7 @@ class PlanarCandidates:
         arm: The arm.
         curves: Its margin curves.
         duration: Duration of the path [s].
+        plane: Plane of the arm.
         timing: Timing of the path.
         times: Instants at which candidates are looked at [s], dense near rests, shape (T,).
         path: The path at those instants.
@@ -57,10 +58,10 @@ class PlanarCandidates:
         self.duration = problem.path.duration
         self._problem = problem
         self.timing = problem.path.timing
-        self._plane = problem.plane
+        self.plane = problem.plane
         self._virtual = VirtualManipulator.of(problem.model)
         self._zero = self._virtual.pose(np.zeros(problem.model.dof)).rotation
-        self._momentum = float(self._plane.normal @ (problem.momentum - problem.wheel_momentum))
+        self._momentum = float(self.plane.normal @ (problem.momentum - problem.wheel_momentum))
         self._by_time = bool(self._momentum or problem.path.depends_on_time)
         self.times = _instants(self.timing)
         path = self.path_at(self.times)
@@ -86,15 +87,15 @@ class PlanarCandidates:
         if self._problem.task.prescribes_orientation:
             rotations = np.array([path.orientation.rotation(value) for value in s])
             link = self._flat(rotations @ self._virtual.last_link)
-            turned = self._flat(rotations @ self._zero.T @ self._plane.axes[:, 0])
-            angle, rate = np.angle(turned), tangents[:, 3:] @ self._plane.normal
+            turned = self._flat(rotations @ self._zero.T @ self.plane.axes[:, 0])
+            angle, rate = np.angle(turned), tangents[:, 3:] @ self.plane.normal
             position, velocity = position - link, velocity - 1j * rate * link
         values = position, velocity, angle, rate
         return PathState._make(np.reshape(value, times.shape) for value in values)
 
     def _flat(self, vectors: Array) -> Complex:
         """The complex numbers of vectors (K, 3) along the axes of the plane, shape (K,)."""
-        x, y = self._plane.seen(vectors)[:, :2].T
+        x, y = self.plane.seen(vectors)[:, :2].T
         return np.asarray(x + 1j * y)
 
     def path_between(self, index: Array) -> PathState:

@@ -1,0 +1,104 @@
+"""Touch points of spatial arms at an end of the path: Section VI, Case II.
+
+The time is given and dS/dt = 0 is no condition. At given first joint angle and roll about point 3
+the distance of point 3, (16), leaves curves of (q2, q3), and S = S0 (15) selects states on them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from contourpy import contour_generator
+from scipy.optimize import root
+from scipy.spatial.transform import Rotation
+
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.motion.problem import Problem
+from freefloat.planning.touching.margin_lines import StatesOnPath, path_of_point_3
+from freefloat.planning.touching.touch_point import (
+    TouchKind,
+    TouchPoint,
+    distinct_in_space,
+    roots_between,
+)
+from freefloat.so3 import Array
+
+_ANGLES = np.linspace(-np.pi, np.pi * (1.0 + 2.0 / 180), 182)
+"""Angles at which the distance is computed; one step more than a revolution, so that a root at its
+ends is found."""
+_EXACT = 1e-10
+
+
+def end_points(
+    problem: Problem, q1: float, roll: float, levels: tuple[float, ...]
+) -> tuple[TouchPoint, ...]:
+    """Every touch point of Case II with given first joint angle, roll [rad] and signed S0."""
+    ends = (TouchKind.START, 0.0), (TouchKind.END, problem.path.duration)
+    return distinct_in_space(problem, [
+        point
+        for kind, t in ends
+        for wrist in (1.0, -1.0)
+        for point in _EndStates(problem, kind, t, q1, roll, wrist).points(levels)
+    ])  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _EndStates:
+    """States at an end of the path, by places (q2, q3) of shape (K, 2)."""
+
+    problem: Problem
+    kind: TouchKind
+    t: float
+    q1: float
+    roll: float
+    wrist: float
+
+    def points(self, levels: tuple[float, ...]) -> Iterator[TouchPoint]:
+        """Touch points; (15) and (16) are solved from where S - S0 changes sign on a curve."""
+        q2, q3 = np.meshgrid(_ANGLES, _ANGLES)
+        off = self._off(np.column_stack([q2.ravel(), q3.ravel()])).reshape(q2.shape)
+        for line in contour_generator(_ANGLES, _ANGLES, off).lines(0.0):
+            places = np.asarray(line)
+            S = self._measures(places)
+            for level in levels:
+                for i in roots_between(S - level):
+                    yield from self._refined((places[i] + places[i + 1]) / 2.0, level)
+
+    def _on_path(self, places: Array) -> StatesOnPath:
+        return StatesOnPath(self.problem, self.q1, places[:, 0])
+
+    def _configurations(self, places: Array) -> tuple[Rotation, Array]:
+        t, roll = np.broadcast_to([[self.t], [self.roll]], (2, len(places)))
+        states = np.column_stack([t, places[:, 1], roll])
+        return self._on_path(places).configurations(states, self.wrist)
+
+    def _off(self, places: Array) -> Array:
+        """Distance of the wrist from the centre of mass, less the distance of point 3 [m], (K,)."""
+        point_3, _ = path_of_point_3(self.problem).at(np.array([self.t]))
+        wrist = self._on_path(places).wrist(places[:, 1])
+        return np.asarray(np.linalg.norm(wrist, axis=1) - np.linalg.norm(point_3))
+
+    def _measures(self, places: Array) -> Array:
+        """S, (K,); NaN where the wrist has no solution."""
+        return self._on_path(places).measures(self._configurations(places)[1])
+
+    def _refined(self, start: Array, level: float) -> Iterator[TouchPoint]:
+        """The touch point near a place, unless the magnitude of S falls inside the path."""
+        reach = VirtualManipulator.of(self.problem.model).reach
+
+        def errors(place: Array) -> Array:
+            places = place[None]
+            return np.append(self._measures(places) / level - 1.0, self._off(places) / reach)
+
+        solution = root(errors, start, tol=1e-13)
+        if not np.abs(solution.fun).max() < _EXACT:
+            return
+        attitudes, joints = self._configurations(solution.x[None])
+        (slope,) = self._on_path(solution.x[None]).slopes(np.array([self.t]), attitudes, joints)
+        inward = -1.0 if self.kind is TouchKind.END else 1.0
+        if inward * level * slope >= 0.0:
+            yield TouchPoint.in_space(
+                self.problem, self.kind, self.t, level, attitudes.as_quat()[0], joints[0]
+            )
