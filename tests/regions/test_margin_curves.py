@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize
 
 import freefloat as ff
-from freefloat.regions.margin_curves import TwoAngleDeterminant, margin_curves
+from freefloat.regions.margin_curves import TwoAngleDeterminant, level_curves
 from freefloat.regions.planar_regions import PlanarArm
 from freefloat.regions.workspace import workspace_regions
 
@@ -92,7 +92,7 @@ def test_no_curve_is_missed_and_all_points_lie_on_them(seed: int) -> None:
     step = 1e-4
     bend = (2.0 * largest - S(at[0] + step, at[1]) - S(at[0] - step, at[1])) / step**2
     for level in (0.0, 0.3 * largest, -0.2 * largest, largest - bend * 1e-6**2, 0.99 * largest):
-        curves = margin_curves(arm, sign * level)
+        curves = level_curves(arm, sign * level)
         wide = sum(np.ptp(curve.joints[:, 0]) for curve in curves if curve.first)
         assert wide > 1e-6
         q1 = np.linspace(-np.pi, np.pi, 10_001)[:-1] + 1e-9
@@ -110,7 +110,7 @@ def test_no_curve_is_missed_and_all_points_lie_on_them(seed: int) -> None:
 def test_the_areas_are_those_of_the_curves_of_figure_2() -> None:
     """Of the arm 40/4/3; its second joint is singular at -11.4108 and 171.44254 deg at -65."""
     model = ff.load_scenario("planar_2dof/line").problem().model
-    curves = {curve.name: curve for curve in margin_curves(PlanarArm.of(model), 0.0)}
+    curves = {curve.name: curve for curve in level_curves(PlanarArm.of(model), 0.0)}
     assert set(curves) == {"I", "II"}
     regions = workspace_regions(ff.load_scenario("planar_2dof/line").problem())
     covered = sorted(curve.covered for curve in curves.values())

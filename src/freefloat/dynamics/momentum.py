@@ -91,6 +91,12 @@ def inertia_matrices(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[A
 
     Raises:
         InputError: If the joints are not those of the robot.
+
+    Example:
+        >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
+        >>> D, Dq = ff.inertia_matrices(model, [0.3, 0.7])
+        >>> D[2, 2].round(4), Dq[2].round(4)
+        (np.float64(19.715), array([9.1811, 2.3222]))
     """
     A_G = momentum_map(model, joints)
     return A_G[3:, 3:6], A_G[3:, 6:]
@@ -120,6 +126,13 @@ def system_matrix(
     Raises:
         InputError: If there is no such task, it is planar and the robot does not stay in the plane,
             or the joints are not those of the robot.
+
+    Example:
+        >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
+        >>> ff.system_matrix(model, [0.3, 0.7], "planar-position").round(4)
+        array([[19.715 ,  9.1811,  2.3222],
+               [-1.0787, -1.0787, -0.8146],
+               [ 1.8023,  1.3768,  0.5231]])
     """
     task = applicable(model, task)
     A_G, J = _stacked(lambda q: _maps(model, q, task), joints)

@@ -15,7 +15,17 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from freefloat.regions.planar_regions import Complex, Interval, PlanarArm, point_3
+from freefloat.dynamics.tasks import Task
+from freefloat.errors import InputError
+from freefloat.motion.problem import Problem
+from freefloat.regions.elbow_arm import elbow_arm
+from freefloat.regions.planar_regions import (
+    Complex,
+    Interval,
+    PlanarArm,
+    has_two_angle_form,
+    point_3,
+)
 from freefloat.so3 import Array, frozen
 
 _STEP = np.radians(0.5)
@@ -136,7 +146,53 @@ class MarginCurve:
         )
 
 
-def margin_curves(arm: PlanarArm, *levels: float) -> tuple[MarginCurve, ...]:
+def margin_curves(problem: Problem, *levels: float) -> tuple[MarginCurve, ...]:
+    """The curves S(q1, q2) = S0 of (22a, b): singularity curves I and II, margin curves III and IV.
+
+    Of an elbow arm with a spherical wrist they are those of S(q2, q3) (40).
+
+    Args:
+        problem: A planar problem whose S depends on two joint angles, or a pose task of an elbow
+            arm with a spherical wrist.
+        levels: Values S0 of S, the measure ``system``, of elbow arms ``arm``. When left out, zero
+            and both signs of the problem's margin.
+
+    Raises:
+        InputError: For other arms, or if the margin is one of another measure and no levels are
+            given.
+
+    Example:
+        >>> problem = ff.load_scenario("planar_3dof/parabola").problem()
+        >>> [(curve.name, curve.level) for curve in ff.margin_curves(problem, 0.0, 5.0)]
+        [('I', 0.0), ('II', 0.0), ('III', 5.0), ('IV', 5.0)]
+    """
+    arm, name = reduced_arm(problem)
+    margin = problem.margin
+    if not levels:
+        if margin.measure.name != name:
+            raise InputError("levels", f"the margin is one of {margin.measure.name}", "values of S")
+        levels = tuple(dict.fromkeys((0.0, margin.threshold, -margin.threshold)))
+    return level_curves(arm, *levels)
+
+
+def reduced_arm(problem: Problem) -> tuple[PlanarArm, str]:
+    """The planar arm on whose two joint angles S depends, and the name of the measure S.
+
+    Raises:
+        InputError: For other arms.
+    """
+    if has_two_angle_form(problem.model, problem.task):
+        return PlanarArm.of(problem.model), "system"
+    if problem.task is Task.POSE and problem.model.has_one_arm:
+        return elbow_arm(problem.model), "arm"
+    raise InputError(
+        "robot", "S depends on more than two joint angles",
+        "a planar arm with as many revolute joints as the task has rows, or for pose tasks an "
+        "elbow arm with a spherical wrist",
+    )  # fmt: skip
+
+
+def level_curves(arm: PlanarArm, *levels: float) -> tuple[MarginCurve, ...]:
     """All curves in joint space on which S has one of several values, in closed form.
 
     Args:

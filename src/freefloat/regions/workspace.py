@@ -19,9 +19,9 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.regions.certified_areas import certified_areas
-from freefloat.regions.elbow_arm import elbow_arm, wrist_in_tool
-from freefloat.regions.margin_curves import margin_curves
-from freefloat.regions.planar_regions import Interval, PlanarArm, has_two_angle_form
+from freefloat.regions.elbow_arm import wrist_in_tool
+from freefloat.regions.margin_curves import level_curves, reduced_arm
+from freefloat.regions.planar_regions import Interval
 from freefloat.so3 import Array, frozen
 
 _ADJACENT = 1e-9
@@ -118,26 +118,17 @@ def exact_workspace(problem: Problem) -> Workspace | None:
     """
     if not problem.model.has_one_arm:
         return None
-    virtual = VirtualManipulator.of(problem.model)
-    name = "system"
-    offset = np.zeros(3)
-    if has_two_angle_form(problem.model, problem.task):
-        arm = PlanarArm.of(problem.model)
-        point = "end-effector"
-        if problem.task is Task.PLANAR_POSE:
-            point = "virtual last joint"
-            offset = -virtual.last_link
-    elif problem.task is Task.POSE:
-        try:
-            arm = elbow_arm(problem.model)
-        except InputError:
-            return None
-        name = "arm"
-        point = "virtual wrist centre"
-        offset = wrist_in_tool(virtual)
-    else:
+    try:
+        arm, name = reduced_arm(problem)
+    except InputError:
         return None
-    curves = margin_curves(arm, 0.0)
+    virtual = VirtualManipulator.of(problem.model)
+    point, offset = "end-effector", np.zeros(3)
+    if problem.task is Task.PLANAR_POSE:
+        point, offset = "virtual last joint", -virtual.last_link
+    elif problem.task is Task.POSE:
+        point, offset = "virtual wrist centre", wrist_in_tool(virtual)
+    curves = level_curves(arm, 0.0)
     area_a, area_b = (
         merged([curve.covered for curve in curves if curve.first is first])
         for first in (True, False)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.problem import Problem
 from freefloat.paths.timing import Timing
-from freefloat.regions.margin_curves import margin_curves
+from freefloat.regions.margin_curves import level_curves
 from freefloat.regions.planar_regions import Complex, PlanarArm, point_3, two_angles
 from freefloat.so3 import Array
 
@@ -54,7 +54,7 @@ class PlanarCandidates:
 
     def __init__(self, problem: Problem, level: float) -> None:
         self.arm = PlanarArm.of(problem.model)
-        self.curves = margin_curves(self.arm, level, -level)
+        self.curves = level_curves(self.arm, level, -level)
         self.duration = problem.path.duration
         self._problem = problem
         self.timing = problem.path.timing

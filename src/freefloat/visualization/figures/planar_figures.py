@@ -14,7 +14,7 @@ from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.heading_map import HeadingMap
-from freefloat.regions.margin_curves import margin_curves
+from freefloat.regions.margin_curves import level_curves
 from freefloat.regions.planar_regions import PlanarArm, point_3, point_3_on_path
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (
@@ -55,7 +55,7 @@ def joint_space_figure(
     levels: list[tuple[float, Any, float]] = [(0.0, "-", 1.2)]
     if margin.threshold > 0.0 and margin.measure.name == "system":  # the S of (21a)
         levels += [(margin.threshold, (0, (5, 1.5)), 0.8), (-margin.threshold, (0, (1, 1.2)), 0.8)]
-    curves = margin_curves(arm, *(value for value, _, _ in levels))
+    curves = level_curves(arm, *(value for value, _, _ in levels))
     for value, dashes, width in levels:
         rows = _joined(np.degrees(curve.joints) for curve in curves if curve.level == value)
         shown = amount(value, margin.measure.unit) if value else "0 (singular)"
