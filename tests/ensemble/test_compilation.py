@@ -109,6 +109,21 @@ def test_a_damaged_cache_entry_is_deleted_and_reported_once(
     assert CheckedCacheFile(str(tmp_path), "kernel", "other stamp").load("signature") is None
 
 
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+def test_cache_files_that_others_may_write_to_are_not_read(tmp_path: Path, suffix: str) -> None:
+    """Whoever wrote them while the folder was open could run code."""
+    files = CheckedCacheFile(str(tmp_path), "kernel", "stamp")
+    files.save("signature", b"machine code")
+    (path,) = tmp_path.glob(f"*{suffix}")
+    path.chmod(0o666)
+    assert files.load("signature") is None
+    path.chmod(0o644)
+    assert files.load("signature") == b"machine code"
+    path.rename(tmp_path / "elsewhere")
+    path.symlink_to(tmp_path / "elsewhere")
+    assert files.load("signature") is None
+
+
 def test_a_cache_that_cannot_be_written_is_no_error(tmp_path: Path) -> None:
     files = CheckedCacheFile(str(tmp_path / "missing"), "kernel", "stamp")
     files.save("signature", b"machine code")

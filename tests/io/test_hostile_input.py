@@ -182,6 +182,40 @@ def test_small_result_files_that_expand_are_refused(
     assert int(done.stdout) < 1_000_000
 
 
+def with_another_unit(file: h5py.File) -> None:
+    file["result/chosen/motion/joints"].attrs["unit"] = "deg"
+
+
+def with_an_attribute(file: h5py.File) -> None:
+    file["result/chosen/motion/joints"].attrs["offset"] = 3.0
+
+
+def with_a_number(file: h5py.File) -> None:
+    file["certified_margin"] = 12.0
+
+
+@pytest.fixture(scope="module")
+def saved_motion(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    file = tmp_path_factory.mktemp("motion") / "motion.h5"
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    ff.save(ff.simulate(problem, [0.0, 0.0, 0.0, 1.0]), file)
+    return file.read_bytes()
+
+
+@pytest.mark.parametrize("change", [with_another_unit, with_an_attribute, with_a_number])
+def test_what_other_programs_would_read_in_a_result_file_is_refused(
+    change: Callable[[h5py.File], None], saved_motion: bytes, tmp_path: Path
+) -> None:
+    """Units, further attributes and numbers, which the library does not write."""
+    (path := tmp_path / "changed.h5").write_bytes(saved_motion)
+    with h5py.File(path, "r+") as file:
+        change(file)
+    content = path.read_bytes()[512:]
+    block = f"freefloat SHA-256 {hashlib.sha256(content).hexdigest()}\n".encode()
+    path.write_bytes(block.ljust(512, b"\0") + content)
+    assert error_key(ff.load, path) == "file"
+
+
 # Pages
 
 

@@ -271,3 +271,15 @@ def test_the_command_denies_a_forged_file(kind: str, place: Place, tmp_path: Pat
     ff.save(result(kind), tmp_path / "true.h5")
     report = document("check", tmp_path / "true.h5")
     assert {"software_freefloat", "document"} <= {*report["not_verified"]}
+
+
+@pytest.mark.slow
+def test_arm_branches_that_are_left_out_or_stated_twice_are_denied() -> None:
+    """How many follow the path is a statement; a requested branch may be alone."""
+    simulation = ff.simulate(ff.load_scenario("spatial_6dof/line").problem(), IDENTITY)
+    branches = simulation.branches
+    others = [branch for branch in branches if branch is not simulation.chosen]
+    fewer = [branch for branch in branches if branch is not others[0]]
+    for forged in (fewer, [*branches, others[0]]):
+        assert not ff.check(replace(simulation, branches=tuple(forged))).passed
+    assert ff.check(replace(simulation, branches=(simulation.chosen,))).passed

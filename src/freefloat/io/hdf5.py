@@ -132,8 +132,14 @@ class _Reader:
             return self.group(item, depth + 1)
         place = h5py.h5o.get_info(item.id).addr
         if place not in self._known:
-            self._known[place] = Quantity(self._values(item, name))
+            self._known[place] = Quantity(self._values(item, name), self._unit(item, name))
         return self._known[place]
+
+    def _unit(self, item: Any, name: str) -> str:
+        """The unit of a dataset, which has no other attribute."""
+        if set(item.attrs) - {"unit"}:
+            raise ValueError(f"its part {name} has an unknown attribute")
+        return str(self._attribute(item, "unit")) if "unit" in item.attrs else ""
 
     def _attribute(self, group: Any, name: str) -> Any:
         scalar = group.attrs.get_id(name).shape == ()

@@ -72,9 +72,8 @@ def is_private(folder: Path, package: Path) -> bool:
         return True
     place = folder.resolve()
     above = (parent for parent in place.parents if not package.is_relative_to(parent))
-    trusted = {os.geteuid(), 0, package.stat().st_uid}
-    private = _is_closed(place, trusted) and all(
-        _is_closed(parent, trusted) or parent.stat().st_mode & stat.S_ISVTX for parent in above
+    private = _is_closed(place.stat()) and all(
+        _is_closed(parent.stat()) or parent.stat().st_mode & stat.S_ISVTX for parent in above
     )
     if not private:
         problem = "others may write to the kernel cache %s: it is not used, kernels are compiled"
@@ -82,12 +81,12 @@ def is_private(folder: Path, package: Path) -> bool:
     return private
 
 
-def _is_closed(folder: Path, trusted: set[int]) -> bool:
-    """Whether trusted users alone own a folder and may write to it, with groups of their own."""
+def _is_closed(entry: os.stat_result) -> bool:
+    """Whether the user, root and the owner of the package alone own and may write to a file."""
     import grp
     import pwd
 
-    entry = folder.stat()
+    trusted = {os.geteuid(), 0, os.stat(__file__).st_uid}
     if entry.st_uid not in trusted or entry.st_mode & stat.S_IWOTH:
         return False
     with suppress(KeyError):
@@ -99,7 +98,7 @@ def _is_closed(folder: Path, trusted: set[int]) -> bool:
 
 def _checked(path: str) -> Any:
     """The content of a file; a damaged one is deleted and as if it were missing."""
-    content = Path(path).read_bytes()
+    content = _content(path)
     data = content[_DIGEST:]
     if sha256(data).digest() != content[:_DIGEST]:
         _logger.warning("%s is damaged: the kernel is compiled again", path)
@@ -107,3 +106,15 @@ def _checked(path: str) -> Any:
             Path(path).unlink()
         raise FileNotFoundError(path)
     return pickle.loads(data)
+
+
+def _content(path: str) -> bytes:
+    """The content of a file; one that others own, or may write to, is as if it were missing."""
+    descriptor = os.open(
+        path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
+    )
+    with open(descriptor, "rb") as file:
+        if sys.platform != "win32" and not _is_closed(os.fstat(descriptor)):
+            _logger.warning("others may write to %s: the kernel is compiled again", path)
+            raise FileNotFoundError(path)
+        return file.read()

@@ -18,7 +18,7 @@ from typing import TypeVar
 from threadpoolctl import threadpool_limits
 
 from freefloat.errors import InputError
-from freefloat.studies.interrupts import interrupts_deferred
+from freefloat.process_starts import interrupts_deferred, isolated_starts
 from freefloat.studies.portable import PortableStudy
 
 FEW = 32
@@ -136,12 +136,13 @@ def _pool(
     """Workers and their first tasks; they end with the block or this process, not by Ctrl-C."""
     context = get_context("spawn")
     lifeline, held = context.Pipe(duplex=False)
-    pool = ProcessPoolExecutor(
-        processes or 1, context, initializer=_begin, initargs=(lifeline, study)
-    )
     starts: list[Future[None]] = []
+    with isolated_starts():
+        pool = ProcessPoolExecutor(
+            processes or 1, context, initializer=_begin, initargs=(lifeline, study)
+        )
     try:
-        with interrupts_deferred():
+        with isolated_starts(), interrupts_deferred():
             starts += [pool.submit(_start) for _ in range(processes)]
         yield pool, starts
     finally:

@@ -10,6 +10,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 
+from freefloat.process_starts import isolated_starts
 from freefloat.studio.messages import Answer, State, Task
 from freefloat.studio.worker import work
 
@@ -17,6 +18,8 @@ _PATIENCE = 180.0
 """Time without an answer after which a busy worker is replaced [s]; compiling takes 30 s."""
 _CLOSING = 2.0
 """Time in which a process that was told to end must have ended [s]."""
+_PAUSES = 0.0, 1.0, 5.0, 30.0
+"""Pauses before a process is started again that died before any answer [s]; the last repeats."""
 
 
 class WorkerProcess:
@@ -24,7 +27,6 @@ class WorkerProcess:
 
     Attributes:
         busy: Whether an answer is under way.
-        restarts: How often the process was replaced.
     """
 
     def __init__(self, answered: Callable[[Answer], None], lost: Callable[[], None]) -> None:
@@ -37,7 +39,8 @@ class WorkerProcess:
         self._answered, self._lost = answered, lost
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
-        self.busy, self.restarts = False, 0
+        self._starting: asyncio.TimerHandle | None = None
+        self.busy, self._failures = False, 0
         self._process, self._connection = self._start()
 
     @property
@@ -54,8 +57,9 @@ class WorkerProcess:
 
     def close(self) -> None:
         """End the process."""
-        if self._timer is not None:
-            self._timer.cancel()
+        for timer in (self._timer, self._starting):
+            if timer is not None:
+                timer.cancel()
         self._answered, self._lost = lambda _: None, lambda: None
         _end(self._process, self._connection)
 
@@ -63,7 +67,8 @@ class WorkerProcess:
         context = multiprocessing.get_context("spawn")
         ours, theirs = context.Pipe()
         process = context.Process(target=work, args=(theirs,), daemon=True)
-        process.start()
+        with isolated_starts():
+            process.start()
         theirs.close()
         threading.Thread(target=self._read, args=(ours,), daemon=True).start()
         return process, ours
@@ -80,7 +85,7 @@ class WorkerProcess:
     def _receive(self, connection: Connection, answer: Answer) -> None:
         if connection is not self._connection:
             return
-        self.busy = answer.kind != "idle"
+        self.busy, self._failures = answer.kind != "idle", 0
         self._watch()
         self._answered(answer)
 
@@ -96,7 +101,12 @@ class WorkerProcess:
         if connection is not self._connection or self._loop.is_closed():
             return
         _end(self._process, connection)
-        self.busy, self.restarts = False, self.restarts + 1
+        self.busy = False
+        pause = _PAUSES[min(self._failures, len(_PAUSES) - 1)]
+        self._failures += 1
+        self._starting = self._loop.call_later(pause, self._start_again)
+
+    def _start_again(self) -> None:
         self._process, self._connection = self._start()
         self._lost()
 

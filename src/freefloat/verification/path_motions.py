@@ -95,6 +95,7 @@ def simulation_report(
     chosen, feasible = simulation.chosen, simulation.feasible
 
     def others() -> Iterator[Check]:
+        yield _branches_check(simulation)
         for number, branch in enumerate(simulation.branches):
             if branch is not chosen:
                 yield from completed(f"branches.{number}.motion", _motion_check, branch, number)
@@ -135,6 +136,21 @@ def _verdicts(simulation: Simulation, results: tuple[LimitResult, ...]) -> dict[
             checker = LimitChecker(simulation.problem, simulation.limits or Limits())
             verdicts[branch.branch.index] = _verdict(branch, checker.results(branch.motion))
     return verdicts
+
+
+def _branches_check(simulation: Simulation) -> Check:
+    """Whether all arm branches are stated, or the requested one alone, and none twice.
+
+    Given joints of a redundant arm may be one more.
+    """
+    problem, branches = simulation.problem, simulation.branches
+    stated = [branch.branch.index for branch in branches]
+    known = problem.branches(branches[0].motion.initial.attitude)
+    numbers = [branch.index for branch in known]
+    others = stated[:-1] if problem.redundant and len(stated) == len(numbers) + 1 else stated
+    whole = len(stated) == 1 or others == numbers
+    detail = f"branches {stated} are stated of {numbers}"
+    return Check("branches", whole, "" if whole else detail)
 
 
 def _motion_check(branch: SimulatedBranch, number: int) -> Iterator[Check]:

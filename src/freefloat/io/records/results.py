@@ -41,7 +41,7 @@ _PREFIX = "freefloat "
 _SOFTWARE = ("freefloat", "pin", "numpy", "scipy")
 UNVERIFIED = (*(f"software_{package}" for package in (*_SOFTWARE, "python")), "document")
 """Parts of a file that nothing verifies: versions, and the texts of the JSON document."""
-GIVEN = "robot", "scenario"
+GIVEN = "robot", "robot_file", "scenario", "scenario_file"
 """Parts of a file that are the question."""
 _ACCEPTED = f"a plan, motion or map file of freefloat (-o), format {FORMAT_VERSION}"
 _ROUNDING = 1e-9
@@ -142,6 +142,10 @@ def _origin(model: FreeFloatingModel, scenario: Scenario | None) -> dict[str, An
     }
 
 
+_ROBOT_TEXTS = {"end_effector", "joint_names", "robot", "robot_file", "held", "arms", "path_arms"}
+_SCENARIO_TEXTS = {"scenario", "scenario_file", "samples", "scene"}
+
+
 def load(path: str | Path) -> Result:
     """Result of a file: a record of the class that was saved.
 
@@ -184,6 +188,10 @@ def _kind_of(tree: Tree, path: Path) -> type[Result]:
 
 def _load_record(tree: Tree, kind: type[Result]) -> Result:
     model = _read_robot(tree)
+    known = {"format", "version", "result", "document", *_software(), *_ROBOT_TEXTS}
+    unknown = tree.keys() - known - (set() if kind is SingularityMap else _SCENARIO_TEXTS)
+    if unknown:
+        raise ValueError(f"it has an unknown part {min(unknown)}")
     if kind is SingularityMap:
         result: Result = _decode_singularity_map(tree["result"], model)
     else:
@@ -205,6 +213,8 @@ def _require_same(stated: Any, read: Any, place: str) -> None:
         for name in stated.keys() | {key for key, entry in read.items() if entry is not None}:
             _require_same(stated.get(name), read.get(name), f"{place}/{name}")
         return
+    if getattr(stated, "unit", "") != getattr(read, "unit", ""):
+        raise ValueError(f"its part {place} has another unit")
     one, other = (np.asarray(getattr(entry, "values", entry)) for entry in (stated, read))
     numbers = {one.dtype.kind, other.dtype.kind} == {"f"}
     if one.shape != other.shape or not (

@@ -1,12 +1,33 @@
-"""Ctrl-C while processes start."""
+"""Ctrl-C, and modules in the current folder, while processes start."""
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
+
+_SAFE_PATH = "PYTHONSAFEPATH"
+
+
+@contextmanager
+def isolated_starts() -> Iterator[None]:
+    """Start processes that import nothing from the current folder before this one's modules.
+
+    They begin with ``python -c``, which would import a ``multiprocessing.py`` that lies there.
+    """
+    before = os.environ.get(_SAFE_PATH)
+    os.environ[_SAFE_PATH] = "1"
+    try:
+        resource_tracker.ensure_running()
+        yield
+    finally:
+        if before is None:
+            os.environ.pop(_SAFE_PATH, None)
+        else:
+            os.environ[_SAFE_PATH] = before
 
 
 @contextmanager
