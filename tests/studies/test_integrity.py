@@ -163,6 +163,22 @@ def test_the_command_computes_damaged_rows_again(tmp_path: Path) -> None:
     assert result.rows.column("margin").tolist() == margins
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("kernels")
+def test_damaged_and_missing_result_files_are_written_again(tmp_path: Path) -> None:
+    file, out = write_study(tmp_path, VARY, base=SHORT, cases=20, files="worst 3"), tmp_path / "out"
+    ff.run_study(ff.load_study(file), out, report=False)
+    files = sorted(out.glob("cases/*.h5"))
+    assert len(files) == 4
+    files[0].write_bytes(files[0].read_bytes()[:100])
+    files[1].unlink()
+    files[3].write_bytes(b"")
+    ff.run_study(ff.load_study(file), out, report=False)
+    assert sorted(out.glob("cases/*.h5")) == files
+    for path in files:
+        assert ff.load(path).feasible
+
+
 @pytest.mark.parametrize("name", OUTPUTS)
 def test_a_link_in_the_place_of_a_file_is_refused_before_the_runs(
     name: str, tmp_path: Path

@@ -83,20 +83,35 @@ def read_hdf5(path: Path, accepted: str) -> Tree:
         if not path.is_file():
             problem = "it is a folder" if path.is_dir() else "no such file"
             raise InputError("file", problem, accepted, str(path))
-        with path.open("rb") as stream:
-            block = stream.read(_BLOCK)
-            if not block.startswith(_MARK):
-                raise InputError("file", "it is not a result file", accepted, str(path))
-            stated = block[len(_MARK) :].split(b"\n")[0].decode("ascii", "replace")
-            stream.seek(_BLOCK)
-            if hashlib.file_digest(stream, "sha256").hexdigest() != stated:
-                problem = "it was altered: its SHA-256 is not the stated one"
-                raise AlteredFileError("file", problem, accepted, str(path))
+        stated, digest = _digests(path)
+        if stated is None:
+            raise InputError("file", "it is not a result file", accepted, str(path))
+        if digest != stated:
+            problem = "it was altered: its SHA-256 is not the stated one"
+            raise AlteredFileError("file", problem, accepted, str(path))
         with h5py.File(path, "r") as file:
             return _Reader(path.stat().st_size).group(file)
     except _UNREADABLE as error:
         problem = f"it cannot be read ({' '.join(str(error).split())})"
         raise InputError("file", problem, accepted, str(path)) from None
+
+
+def is_whole(path: Path) -> bool:
+    """Whether a file is there, and as it was written."""
+    try:
+        return path.is_file() and len(set(_digests(path))) == 1
+    except OSError:
+        return False
+
+
+def _digests(path: Path) -> tuple[str | None, str]:
+    """The digest that a file states, None where it states none, and the digest of its content."""
+    with path.open("rb") as stream:
+        block = stream.read(_BLOCK)
+        stream.seek(_BLOCK)
+        digest = hashlib.file_digest(stream, "sha256").hexdigest()
+    stated = block[len(_MARK) :].split(b"\n")[0].decode("ascii", "replace")
+    return (stated if block.startswith(_MARK) else None), digest
 
 
 class _Reader:

@@ -16,6 +16,7 @@ import numpy as np
 
 from freefloat.concurrency import Progress
 from freefloat.errors import InputError
+from freefloat.io.hdf5 import is_whole
 from freefloat.studies.columns import (
     BOOLEAN,
     FAMILIES,
@@ -65,14 +66,14 @@ class StudyDatabase:
 
     @property
     def has_undisturbed_file(self) -> bool:
-        """Whether the file of the undisturbed simulation is there."""
-        return (self.folder / FILES / "undisturbed.h5").is_file()
+        """Whether the file of the undisturbed simulation is there, as it was written."""
+        return is_whole(self.folder / FILES / "undisturbed.h5")
 
     def worst_without_file(self, count: int) -> list[int]:
-        """Numbers of those of the ``count`` runs with the smallest margins that have no file."""
+        """Numbers of those of the ``count`` runs with the smallest margins without a whole file."""
         query = "SELECT number, file FROM runs WHERE margin IS NOT NULL ORDER BY margin, number"
         ranked = self.rows.query(f"{query} LIMIT {count}")
-        return [number for number, file in ranked if file is None]
+        return [number for number, file in ranked if not (file and is_whole(self.folder / file))]
 
     def add(self, numbers: Column, results: Columns) -> None:
         """Commit rows of runs, ascending, with the values of their parameters.
