@@ -78,7 +78,7 @@ def test_help_begins_with_ten_lines_that_run(
     assert code.count("samples=1024") == 1
     exec(code.replace("samples=1024", "samples=16"), {})
     assert [plan.feasible for plan in shown] == [True]
-    assert capsys.readouterr().out.startswith("the largest margin, gjm 0.09")
+    assert capsys.readouterr().out.startswith("the largest margin, det S* 0.09")
 
 
 def test_a_notebook_shows_the_users_own_lines_and_what_is_accepted(

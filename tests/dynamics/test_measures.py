@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -173,3 +174,14 @@ def test_arms_with_coupled_plane_raise(
     model = ff.FreeFloatingModel.from_urdf(text.replace(old, new))
     with pytest.raises(ff.InputError):
         ff.singularity_measure(model, ff.Task.POSE, "arm")
+
+
+def test_names_and_keys_of_measures_mean_the_same(spatial_6dof: ff.FreeFloatingModel) -> None:
+    """Scenarios may say what a measure is, or its key."""
+    for name, key in (("det S*", "gjm"), ("det A", "system"), ("in-plane factor", "arm")):
+        named, keyed = (ff.singularity_measure(spatial_6dof, "pose", x) for x in (name, key))
+        assert named(TOUCH_POINT) == keyed(TOUCH_POINT)
+        assert (named.name, named.title) == (key, name)
+    document = yaml.safe_load(ff.load_scenario("spatial_6dof/line").text)
+    document["margin"]["measure"] = "in-plane factor"
+    assert ff.load_scenario(document).problem().margin.measure.name == "arm"

@@ -48,7 +48,9 @@ def test_a_page_plays_motions(browser: Browser, spatial: ff.Problem, tmp_path: P
         assert mark == pytest.approx([0.120, 0.469, 0.194], abs=1e-3)  # the paper's C
         page.only("Trail")
         page.ask("title => freefloat.show(title)", "feasible")
-        assert page.ask("document.getElementById('legend').textContent").startswith("|arm| [m⁴ kg]")
+        assert page.ask("document.getElementById('legend').textContent").startswith(
+            "|in-plane factor| [m⁴ kg]"
+        )
         pixels = []
         for time in (0.0, 50.0, 100.0):
             page.ask("t => freefloat.seek(t)", time)

@@ -21,7 +21,7 @@ def test_the_figure_has_a_panel_for_every_parameter_that_varies(tmp_path: Path) 
     figure = study_figure(
         TABLE, {"timing.duration": "T [s]", "fixed": "fixed", "robot.urdf": "robot.urdf"}, "m^2 kg"
     )
-    assert figure.axes[0].get_ylabel() == "minimum |system| [m$^{2}$ kg]"
+    assert figure.axes[0].get_ylabel() == "minimum |det A| [m$^{2}$ kg]"
     panels = {axes.get_xlabel(): axes for axes in figure.axes}
     assert list(panels) == ["T [s]", "robot.urdf", "runs"]
     lines = {line.get_label(): line for line in panels["T [s]"].lines}

@@ -20,6 +20,7 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from freefloat.dynamics.measures import measure_title
 from freefloat.errors import FreeFloatError
 
 if TYPE_CHECKING:  # the command line shows its help without NumPy
@@ -284,7 +285,7 @@ def motion_lines(chosen: SimulatedBranch) -> Iterator[str]:
     yield f"Motion {name}: {motion.outcome}"
     verdict = "keeps" if chosen.feasible else "violates"
     yield (
-        f"  minimum margin |{closest.measure}| {chosen.minimum_margin:.6g} "
+        f"  minimum margin |{measure_title(closest.measure)}| {chosen.minimum_margin:.6g} "
         f"at t = {closest.time:.4f} s, {verdict} the margin {problem.margin.threshold:g}"
     )
     yield f"  initial attitude x y z w  {attitude_text(initial.attitude)}"

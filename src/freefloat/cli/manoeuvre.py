@@ -11,6 +11,7 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from freefloat.cli.console import attitude_text, contact_lines, decimals, limit_tables, table
+from freefloat.dynamics.measures import measure_title
 
 if TYPE_CHECKING:
     from freefloat.dynamics.capture import Capture
@@ -111,7 +112,9 @@ def _turn(phase: PhaseResult) -> str:
 
 def _margin(phase: PhaseResult) -> str:
     chosen = phase.chosen
-    return f"{chosen.closest_approach.measure} {chosen.minimum_margin:.5g}" if chosen else ""
+    if chosen is None:
+        return ""
+    return f"{measure_title(chosen.closest_approach.measure)} {chosen.minimum_margin:.5g}"
 
 
 def _found(phase: PhaseResult) -> str:

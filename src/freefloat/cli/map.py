@@ -160,7 +160,7 @@ def _attitude_tables(name: str, result: AttitudeMap) -> Iterator[RenderableType]
     margin = result.problem.margin
     limits = " and the limits of pointing and turn" if result.limited else ""
     yield (
-        f"{result.feasible_percentage} of the attitudes keep {margin.measure.name} "
+        f"{result.feasible_percentage} of the attitudes keep {margin.measure.title} "
         f"{margin.threshold:g}{limits} with some arm branch, {result.motion_fraction:.2%} of the "
         f"{result.motions:,} motions do"
     )
@@ -190,7 +190,7 @@ def _candidate_lines(result: AttitudeMap) -> Iterator[str]:
         reach = reach_message(result.problem)
         yield "no feasible attitude was found" + (f": {reach}" if reach else "")
     else:
-        measure = result.problem.margin.measure.name
+        measure = result.problem.margin.measure.title
         yield f"best:    {_place(best)}, minimum {measure} {best.minimum_margin:.6g}"
     if robust is not None:
         yield f"robust:  {_place(robust)}, attitude tolerance {math.degrees(robust.radius):.6g} deg"

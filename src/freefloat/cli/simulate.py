@@ -130,7 +130,7 @@ def _tables(name: str, simulation: Simulation, why: str, present: Any) -> Iterat
         f"{start} {chosen.branch.index} is shown ({why})"
     )
     yield from present_lines(problem, chosen.motion.initial.attitude, present)
-    minimum = f"minimum |{problem.margin.measure.name}|"
+    minimum = f"minimum |{problem.margin.measure.title}|"
     branches = table(start, "initial joints [rad, m]", minimum, "verdict")
     for entry in simulation.branches:
         number = f"{entry.branch.index}{'*' if entry is chosen else ''}"

@@ -9,6 +9,7 @@ from rich.console import RenderableType
 
 from freefloat.cli.console import Console, extent, table
 from freefloat.cli.options import Json, Quiet, ScenarioName
+from freefloat.dynamics.measures import measure_title
 
 _WORDS = {True: "inside", False: "outside", None: "undecided"}
 
@@ -50,7 +51,7 @@ def _tables(name: str, result: Workspace, problem: Problem) -> Iterator[Renderab
         regions.add_row(region, f"{low:.5f}", f"{high:.5f}")
     yield regions
     yield (
-        f"S ({result.measure}) from {extent(result.smallest_s, result.largest_s)} "
+        f"S ({measure_title(result.measure)}) from {extent(result.smallest_s, result.largest_s)} "
         "over the joint space"
     )
     if measure not in (result.measure, "arm") and result.measure != "arm":

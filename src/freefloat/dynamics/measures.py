@@ -29,8 +29,11 @@ from freefloat.robot.joint_values import finite_after
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
-MeasureName = Literal["gjm", "system", "arm", "sigma"]
-NAMES: tuple[str, ...] = get_args(MeasureName)
+MeasureName = Literal["det S*", "det A", "in-plane factor", "sigma", "gjm", "system", "arm"]
+"""What scenarios may say: names, and the keys of three of them."""
+NAMES: tuple[str, ...] = ("gjm", "system", "arm", "sigma")
+_TITLES: dict[str, str] = dict(zip(NAMES, get_args(MeasureName), strict=False))
+_KEYS = {title: key for key, title in _TITLES.items()}
 _POWERS = 8.0, 64.0, 512.0
 """Of the norms that approach the smallest singular value."""
 
@@ -40,7 +43,7 @@ class SingularityMeasure:
     """A scalar function of the joints whose zeros are dynamic singularities.
 
     Attributes:
-        name: Its name in scenario files.
+        name: Its key in files.
         definition: Definition with the paper's equation number.
         unit: Unit, as printed in tables.
         function: Measure of joint values of shape (n,); signed where it is a determinant.
@@ -56,9 +59,19 @@ class SingularityMeasure:
     mass_power: int = 0
     smooth: tuple[Callable[[Array], float], ...] = field(default=(), repr=False)
 
+    @property
+    def title(self) -> str:
+        """Its name for people."""
+        return measure_title(self.name)
+
     def __call__(self, joints: Array) -> float:
         """Value at joint values of shape (n,)."""
         return self.function(joints)
+
+
+def measure_title(key: str) -> str:
+    """The name for people of a measure: what it is."""
+    return _TITLES[key]
 
 
 def singularity_measure(
@@ -69,10 +82,11 @@ def singularity_measure(
     Args:
         model: Robot.
         task: Task or its value, such as ``"position"``.
-        name: ``gjm``: det S* (6); for redundant arms sqrt(det(S* S*ᵀ)). ``system``: det A (5),
-            which is det D times ``gjm`` and the paper's planar S (21a). ``arm``: the factor of
-            det A that belongs to the plane of an elbow arm under a spherical wrist; S0 of the
-            paper's Example 2 is a value of it. ``sigma``: smallest singular value of S*, lengths in
+        name: ``det S*`` or ``gjm``: det S* (6); for redundant arms sqrt(det(S* S*ᵀ)). ``det A`` or
+            ``system``: det A (5), which is det D times det S* and the paper's planar S (21a).
+            ``in-plane factor`` or ``arm``: the factor of det A that belongs to the plane of an
+            elbow arm under a spherical wrist; S0 of the paper's Example 2 is a value of it.
+            ``sigma``: smallest singular value of S*, lengths in
             units of the reach. (The null-space objective ``sigma`` is the product of all singular
             values.)
 
@@ -86,7 +100,7 @@ def singularity_measure(
         >>> round(measure(np.array([0.5, 1.0])), 4)
         0.2759
     """
-    task = require_task(model, task)
+    task, name = require_task(model, task), _KEYS.get(name, name)
     if name == "arm" and not model.has_one_arm:
         raise InputError("measure", "arm, but another arm moves", "gjm, system or sigma")
     rows, n = prescribed_rows(model, task), model.arm_dof
@@ -111,7 +125,7 @@ def singularity_measure(
         function = partial(_arm, trigonometric_terms(model))
         definition = "determinant of the in-plane block of (39): h, v normal and in the arm's plane"
         return SingularityMeasure(name, definition, "m^4 kg", function, 1)
-    raise InputError("measure", f"{name!r} was given", ", ".join(NAMES))
+    raise InputError("measure", f"{name!r} was given", ", ".join(get_args(MeasureName)))
 
 
 def _unit(power: int) -> str:

@@ -53,7 +53,7 @@ def no_feasible_attitude_message(evaluator: FeasibilityEvaluator, samples: Attit
     if not peaks:
         return none_completes(tried, motions.endings, _last_singularity(samples))
     best = max(peaks, key=lambda peak: peak.minimum_margin)
-    name = problem.margin.measure.name
+    name = problem.margin.measure.title
     return (
         f"{tried} keeps {name} {problem.margin.threshold:.6g}, nor do those near the best of "
         f"them; the largest minimum {name} is {best.minimum_margin:.6g}, "

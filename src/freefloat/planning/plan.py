@@ -8,6 +8,7 @@ from html import escape
 from typing import Any, ClassVar
 
 from freefloat.certificate.certificate import Certificate
+from freefloat.dynamics.measures import measure_title
 from freefloat.limits.contact import Contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
@@ -160,11 +161,12 @@ class Plan(Answer):
         rows = {"feasible" if self.feasible else "not feasible": self.reason}
         if self.chosen is not None:
             closest = self.chosen.closest_approach
+            title = measure_title(closest.measure)
             attitude = self.chosen.motion.initial.attitude
             rows |= {
                 "attitude x y z w": " ".join(f"{value:.5f}" for value in attitude),
                 "arm": self.chosen.title,
-                f"minimum |{closest.measure}|": f"{closest.value:.6g} at {closest.time:.4f} s",
+                f"minimum |{title}|": f"{closest.value:.6g} at {closest.time:.4f} s",
             }
         if self.robust_radius is not None:
             rows["attitude tolerance"] = f"{degrees(self.robust_radius):.4f} deg"

@@ -53,7 +53,7 @@ def plan(
     Example:
         >>> plan = ff.plan(ff.load_scenario("planar_2dof/line").problem())
         >>> plan.reason
-        'the largest margin, system 6.12505'
+        'the largest margin, det A 6.12505'
     """
     require_problem(problem)
     search = Search() if search is None else search

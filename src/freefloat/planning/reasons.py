@@ -12,6 +12,7 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.dynamics.measures import measure_title
 from freefloat.dynamics.plane import Plane
 from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
 from freefloat.errors import UnreachableError
@@ -121,7 +122,12 @@ def verdict_on(
     margin = motion.problem.margin
     if approach is not None and not (motion.completed and margin.keeps(approach.value)):
         return Verdict(
-            Cause.MARGIN, approach.measure, "", approach.time, approach.value, margin.threshold
+            Cause.MARGIN,
+            measure_title(approach.measure),
+            "",
+            approach.time,
+            approach.value,
+            margin.threshold,
         )
     compared = tuple(results)
     violations = violated(compared)
@@ -195,7 +201,7 @@ def light_spacecraft_hint(problem: Problem) -> str:
 
 def margin_text(approach: ClosestApproach) -> str:
     """The measure and its smallest magnitude along a motion."""
-    return f"{approach.measure} {approach.value:.6g}"
+    return f"{measure_title(approach.measure)} {approach.value:.6g}"
 
 
 def not_confirmed(chosen: str, verdict: Verdict) -> str:

@@ -118,7 +118,8 @@ def _colours(
 def _reasons(problem: Problem, results: BranchResults, columns: IntArray) -> Iterator[str]:
     """A sentence on the motion of each attitude from an arm branch."""
     rows = np.arange(len(columns))
-    motions, name, required = results.motions, problem.margin.measure.name, problem.margin.threshold
+    motions, margin = results.motions, problem.margin
+    name, required = margin.measure.title, margin.threshold
     values = [
         getattr(motions, field)[rows, columns].tolist()
         for field in ("endings", "ended_at", "minimum", "minimum_at")

@@ -60,7 +60,7 @@ def outline(scenario: Scenario, problem: Problem, largest: float) -> dict[str, A
         "momentum": problem.momentum.tolist(),
         "duration": problem.path.duration,
         "margin": {
-            "measure": margin.measure.name,
+            "measure": margin.measure.title,
             "unit": margin.measure.unit,
             "threshold": margin.threshold,
             "value": margin.threshold if fraction is None else fraction,

@@ -14,7 +14,7 @@ from freefloat.certificate.certificate import (
     Comparison,
     integrate_again,
 )
-from freefloat.dynamics.measures import singularity_measure
+from freefloat.dynamics.measures import measure_title, singularity_measure
 from freefloat.dynamics.momentum import generalized_jacobian, inertia_matrices
 from freefloat.dynamics.redundancy import singular_speed
 from freefloat.errors import FreeFloatError, InputError
@@ -224,7 +224,7 @@ def _margin_check(minimum: CertifiedMinimum, motion: Motion, feasible: bool) -> 
     """Check that a measure does not vanish, and that the margin's measure keeps the margin."""
     problem = motion.problem
     unit = singularity_measure(problem.model, problem.task, minimum.measure).unit
-    name = "|det S*|" if minimum.measure == "gjm" else minimum.measure
+    name = f"|{measure_title(minimum.measure)}|"
     required = None
     if feasible and minimum.measure == problem.margin.measure.name:
         required = problem.margin.threshold

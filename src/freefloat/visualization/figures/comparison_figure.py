@@ -83,7 +83,7 @@ def _draw(panels: Any, motion: Motion, longest: int) -> None:
     panels[0].axhspan(0.0, sign * threshold, color=PALE, linewidth=0.0, zorder=0)
     panels[0].axhline(0.0, color=BLACK, linewidth=0.6)
     curves = [
-        (f"$S$ ({measure.name})", trajectory.measure[:, None], ("S",), measure.unit),
+        (f"$S$ ({measure.title})", trajectory.measure[:, None], ("S",), measure.unit),
         ("heading" if problem.task.planar else attitude, angles, names, "deg"),
         ("joints", scale * trajectory.joints, joint_names(problem.model), unit),
     ]

@@ -56,7 +56,7 @@ def manoeuvre_figure(manoeuvre: Manoeuvre) -> Figure:
             measure.plot(at[[0, -1]], [threshold, threshold], label=label, **MARGIN_LINE)
     turn.set_ylabel(axis_label("turn within\nthe phase", "deg"))
     joints.set_ylabel(axis_label("joints", joint_unit))
-    measure.set_ylabel(axis_label(f"|{problem.margin.measure.name}|", unit))
+    measure.set_ylabel(axis_label(f"|{problem.margin.measure.title}|", unit))
     for axes in (turn, joints, measure):
         handles, labels = axes.get_legend_handles_labels()
         once = dict(zip(labels, handles, strict=True))

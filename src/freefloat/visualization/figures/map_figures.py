@@ -96,7 +96,7 @@ def _patches(result: AttitudeMap, slices: Sequence[Slice]) -> list[Patch]:
 
 def _label(result: AttitudeMap, words: str = "") -> str:
     measure = result.problem.margin.measure
-    return axis_label(f"minimum |{measure.name}|{words}", measure.unit)
+    return axis_label(f"minimum |{measure.title}|{words}", measure.unit)
 
 
 def _draw_slice(axes: Any, plane: Slice, norm: Normalize) -> Any:

@@ -191,7 +191,7 @@ def _margin_figure(motion: Motion, trajectory: Trajectory, closest: ClosestAppro
         draw_point(axes, lowest, "o", 4.0, label=label, **style)
     mark_times(axes, motion, named=True)
     axes.set_xlabel(axis_label("time", "s"))
-    axes.set_ylabel(axis_label(f"$S$ ({measure.name})", measure.unit))
+    axes.set_ylabel(axis_label(f"$S$ ({measure.title})", measure.unit))
     legend_above(axes, longest=1)
     return figure
 

@@ -158,7 +158,7 @@ def headings_figure(
         if chosen is not None and branch in (None, chosen[0]):
             axes.axvline(np.degrees(chosen[1]), color=BLACK, linestyle=":", label="chosen")
         axes.set_xlim(0.0, 360.0)
-        axes.set_ylabel(axis_label(f"min |{measure.name}|", measure.unit))
+        axes.set_ylabel(axis_label(f"min |{measure.title}|", measure.unit))
         legend_above(axes, columns=3 if unreached.any() else None)
     panels[-1].set_xticks(np.arange(0, 361, 60))
     panels[-1].set_xlabel(axis_label("initial heading", "deg"))

@@ -12,6 +12,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from freefloat.dynamics.measures import measure_title
 from freefloat.so3 import Array
 from freefloat.statistics import confidence_interval
 from freefloat.visualization.figure_style import (
@@ -72,7 +73,7 @@ def study_figure(
     verdicts = table["verdict"]
     required = np.unique(table["margin_required"][~np.isnan(table["margin_required"])])
     measure = next(filter(None, table["measure"]), None)
-    quantity = "minimum margin" if measure is None else f"minimum |{measure}|"
+    quantity = "minimum margin" if measure is None else f"minimum |{measure_title(measure)}|"
     drawn = None
     for place, (axes, key) in enumerate(zip(panels, varied, strict=False)):
         drawn = _panel(axes, table[key], margins, verdicts)

@@ -161,7 +161,7 @@ class MarginColours:
         """The content of the page's legend."""
         stops = np.linspace(self.margin.threshold, self.largest, _STOPS)
         return {
-            "measure": self.margin.measure.name,
+            "measure": self.margin.measure.title,
             "unit": self.margin.measure.unit,
             "margin": self.margin.threshold,
             "largest": self.largest,

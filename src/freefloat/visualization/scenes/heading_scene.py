@@ -86,7 +86,7 @@ def _sectors(radii: Array, headings: Array, half: float) -> tuple[Array, IntArra
 
 def _lines(result: HeadingMap) -> Iterator[str]:
     """Text of the scene: the percentage of feasible headings, and the best one."""
-    measure, best = f"|{result.problem.margin.measure.name}|", result.best
+    measure, best = f"|{result.problem.margin.measure.title}|", result.best
     yield "initial heading from the x axis"
     kept = f"{measure} and limits" if result.limited else measure
     yield f"{result.feasible_fraction:.2%} of {len(result.headings):,} headings keep {kept}"

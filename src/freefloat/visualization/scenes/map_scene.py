@@ -169,7 +169,7 @@ def _draw_marks(builder: SceneBuilder, root: str, marks: Sequence[Mark]) -> list
 def _lines(result: AttitudeMap, group: _Group) -> Iterator[str]:
     """Text of a scene: the percentage of feasible attitudes and the scores of the marks."""
     margin = result.problem.margin
-    measure = f"|{margin.measure.name}|"
+    measure = f"|{margin.measure.title}|"
     percentage = 100.0 * margin.keeps(group.margins).mean()
     yield "rotation vectors of the initial attitude"
     kept = f"{measure} and limits" if result.limited else measure
