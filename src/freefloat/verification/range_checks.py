@@ -20,7 +20,7 @@ from freefloat.paths.time_laws import TimeLaw
 from freefloat.planning.candidates import Candidate
 from freefloat.planning.evaluator import evaluator_for, evaluator_near
 from freefloat.planning.plan import Plan
-from freefloat.planning.planar_planner import heading_depth, plan_in_plane
+from freefloat.planning.planar_planner import heading_depth, plan_in_plane, ranges_containing
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.continuation import keeps_from_nearby
 from freefloat.planning.searches.adversary import violations
@@ -67,9 +67,12 @@ def known_robustness(plan: Plan) -> dict[str, Any]:
         known |= dict.fromkeys(("map", "radius_effort", "tolerance")) | {"disagreements": ()}
         if again.reason == plan.reason:  # limits may lead to another heading, for another reason
             known["reason"] = again.reason
-        known |= {} if retimed else {"ranges": again.ranges, "segments": again.segments}
+        ranges = again.ranges
+        if chosen is not None and plan.feasible:  # narrow ranges are found around its heading
+            ranges = ranges_containing(evaluator, again, chosen)
+        known |= {} if retimed else {"ranges": ranges, "segments": again.segments}
         if chosen is not None:
-            depth = heading_depth(evaluator, search.domain, again.ranges, chosen)
+            depth = heading_depth(evaluator, search.domain, ranges, chosen)
             known["robust_radius"] = depth
         return known
     samples = sample_attitudes(evaluator, search.samples or PLAN_ATTITUDES, search)
