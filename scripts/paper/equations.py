@@ -28,9 +28,10 @@ from freefloat.paths.orientation import OrientationLaw
 from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import TimedPath, Timing
 from freefloat.planning.plane.ranges import heading_ranges
-from freefloat.planning.touching.planar_points import planar_touch_points
 from freefloat.planning.space.mapping import attitude_map
-from freefloat.planning.touching.margin_lines import StatesOnPath
+from freefloat.planning.touching.end_points import end_points
+from freefloat.planning.touching.margin_lines import PathOfPoint3, StatesOnPath
+from freefloat.planning.touching.planar_points import planar_touch_points
 from freefloat.planning.touching.touch_points import touch_points
 from freefloat.regions.elbow_arm import elbow_arm, wrist_in_tool
 from freefloat.regions.margin_curves import TwoAngleDeterminant, margin_curves
@@ -75,8 +76,9 @@ EQUATIONS = tuple(Equation(*row) for row in (
      "time and value of the smallest S of a motion, inside the path and at its ends"),
     ("13a, 13b", (attitude_map,),
      "smallest S of every initial attitude, in the plane of every heading"),
-    ("14, 15", (planar_touch_points, touch_points), "touch points inside the path, Case I"),
-    ("16", (end_effector_distance,), "distance from the centre of mass, a condition of Case II"),
+    ("14, 15", (touch_points,), "touch points inside the path (Case I) and, by (15), at its ends"),
+    ("16", (end_points, end_effector_distance),
+     "touch points at the ends of the path, Case II; distance from the centre of mass"),
     ("17a, 17b, 17c", (FreeFloatingModel.end_effector_pose, PlanarArm.vectors),
      "position and orientation of the end-effector from barycentric vectors"),
     ("18a", (TimeLaw,), "definition: a polynomial of fifth degree"),
@@ -100,7 +102,7 @@ EQUATIONS = tuple(Equation(*row) for row in (
     ("32", (unit_quaternion,), "unit length"),
     ("33a, 33b", (TimedPath.twist, OrientationLaw.rate), "end-effector velocity on the path"),
     ("34", (generalized_determinant,), "det S\\* of a spatial arm"),
-    ("35, 36", (wrist_in_tool, StatesOnPath.point_3_at),
+    ("35, 36", (wrist_in_tool, PathOfPoint3.at),
      "point 3 under a spherical wrist, on the path"),
     ("37, 39", (plane_axes,),
      "the system without the wrist; tests that it splits into an in-plane block and the rest"),

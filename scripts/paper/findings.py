@@ -42,6 +42,7 @@ def all_findings() -> Iterator[Finding]:
     yield momentum()
     yield in_plane_factor()
     yield inertia_of_body_3()
+    yield no_rigid_body()
     yield rest_at_f()
     yield determinant_of_a()
     yield printed_digits()
@@ -103,6 +104,15 @@ def inertia_of_body_3() -> Finding:
         f"Joint 3 turns about the y axis of the arm when that is stretched. With I_yy = 7.5 kg m²"
         f" about it, as printed, S is {values[0]:.2f} at the printed touch point; with 1.7 kg m²,"
         f" the printed I_zz, it is {values[1]:.4f}. The paper prints -5.",
+    )
+
+
+def no_rigid_body() -> Finding:
+    warnings = {w.element: w.problem for w in example_2().model.warnings}
+    return Finding(
+        "No rigid body has the inertia of body 3 in Table II.",
+        f"`freefloat info spatial_6dof` warns: {warnings['link link_3']}. All numbers here are"
+        " computed with the printed values.",
     )
 
 

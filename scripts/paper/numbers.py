@@ -7,15 +7,12 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from contourpy import contour_generator
 from scipy.optimize import brentq
 
 import freefloat as ff
 from freefloat.dynamics.joint_space import joint_space_extremes
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.planning.touching.margin_lines import StatesOnPath
 from freefloat.planning.touching.touch_points import boundary_attitude
-from freefloat.regions.workspace import merged, workspace_regions
 from freefloat.so3 import Array
 from paper.examples import (
     H_EXCHANGED,
@@ -118,10 +115,10 @@ def arm_and_path() -> Iterator[Number]:
     S_max = joint_space_extremes(model, S).largest
     yield Number("largest S", "m² kg", "150", S_max, "printed: about 150", digit=10.0)
     yield Number("S0 = 5 of the largest S", "%", "3.3", 500.0 / S_max, "printed: about 3.3")
-    areas = workspace_regions(problem).path
-    yield Number("L, how many times point 3 crosses the PDW", "", "2",
-                 sum(bool(inside) for _, inside in areas), allowed=0.0)  # fmt: skip
-    at_F = next(inside for (low, high), inside in areas if low <= 5 / 6 <= high)
+    yield Number("L, how many times point 3 crosses the PDW", "", "2", crossed_areas(problem),
+                 allowed=0.0)  # fmt: skip
+    parts = ff.workspace_regions(problem).path
+    at_F = next(inside for (low, high), inside in parts if low <= 5 / 6 <= high)
     yield Number("PDW areas at F", "", "0", int(bool(at_F)), allowed=0.0)
     path = example_1("parabola_nonstop").path
     for name, t, printed in (("A", 0.0, "2.0, 0.0"), ("B", 100.0, "-1.0, 2.0")):
@@ -200,18 +197,8 @@ def spatial_path() -> Iterator[Number]:
 
 
 def crossed_areas(problem: ff.Problem) -> int:
-    """How many areas that singular curves of S(q2, q3) sweep the path of point 3 enters."""
-    angles = np.linspace(-np.pi, np.pi, 121)
-    S = [[problem.margin.measure(np.array([0, a, b, 0, 0, 0])) for b in angles] for a in angles]
-    swept = []
-    for curve in contour_generator(angles, angles, np.array(S)).lines(0.0):
-        joints = np.zeros((len(curve), 6))
-        joints[:, [2, 1]] = curve
-        wrist = VirtualManipulator.of(problem.model).kinematics(joints)[2][3]
-        radii = np.linalg.norm(wrist, axis=1)
-        swept.append((float(radii.min()), float(radii.max())))
-    path = np.linalg.norm(StatesOnPath(problem, 0.0, 0.0).point_3, axis=1)
-    return sum(bool((path.min() < high) & (low < path.max())) for low, high in merged(swept))
+    """How many times point 3 is in a path-dependent area along the path."""
+    return sum(bool(inside) for _, inside in ff.workspace_regions(problem).path)
 
 
 def spatial_touch_point() -> Iterator[Number]:
