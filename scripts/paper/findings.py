@@ -22,9 +22,11 @@ from paper.examples import (
     example_1,
     example_2,
     initial_attitude,
+    limits,
     near,
     plan_of_example_1,
     points_c,
+    rounding,
     touch_point_of_example_2,
 )
 
@@ -141,11 +143,16 @@ def determinant_of_a() -> Finding:
 def printed_digits() -> Finding:
     S = example_1().margin.measure
     values = [f"{S(joints):.3f}" for joints in PLANAR_TOUCH_JOINTS.values()]
+    least, most = (f(rounding(S, q) for q in PLANAR_TOUCH_JOINTS.values()) for f in (min, max))
+    found = (limits(1)[0], *limits(0)[:2])  # of FB, then of AF
+    pairs = zip(found, PLANAR_TOUCH_JOINTS.values(), strict=True)
+    away = max(np.abs(near(limit.touch_point.joints, q) - q).max() for limit, q in pairs)
     return Finding(
-        "The three printed touch points of Example 1 are not exactly on S = 5.",
-        f"S is {values[0]}, {values[1]} and {values[2]} there. So they differ from the touch points"
-        " of S = 5 by up to 5e-3 rad, more than their digits; the headings that follow from them"
-        " agree to all digits.",
+        "The three printed touch points of Example 1 are not touch points to all their digits.",
+        f"They are on S = 5: S is {values[0]}, {values[1]} and {values[2]} there, and the joints'"
+        f" rounding alone changes it by up to {least:.3f} to {most:.3f}. But along that curve they"
+        f" are up to {away:.0e} rad from where dS/dt = 0. The headings that follow from them agree"
+        " to all digits, since they change with the square of this distance.",
     )
 
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 import freefloat as ff
 from freefloat.dynamics.joint_space import joint_space_extremes
+from freefloat.dynamics.measures import SingularityMeasure
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.planning.touching.touch_points import boundary_attitude
 from freefloat.so3 import Array
@@ -30,6 +32,7 @@ from paper.examples import (
     near,
     plan_of_example_1,
     points_c,
+    rounding,
     same_side,
     touch_point_of_example_2,
 )
@@ -138,6 +141,10 @@ def lengths_by_hand() -> Array:
     return np.asarray(lengths / masses[-1])
 
 
+def rounded(S: SingularityMeasure, joints: Array) -> str:
+    return f"the joints' rounding alone: up to {rounding(S, joints):.3f}"
+
+
 def planar_touch_points() -> Iterator[Number]:
     """Section V.A on Example 1: printed touch points, the computed ones, and S at the printed."""
     S = example_1().margin.measure
@@ -149,15 +156,20 @@ def planar_touch_points() -> Iterator[Number]:
     )
     for name, limit, segment, printed, tau in points:
         joints = PLANAR_TOUCH_JOINTS[name]
-        value = S(joints)
-        note = f"the printed joints have S = {value:.3f}"
-        yield Number(f"S at the printed touch point of {name}", "m² kg", "5", value,
-                     "digit: of S, from the joints' 1e-4", digit=0.01)  # fmt: skip
+        yield Number(f"S at the printed touch point of {name}", "m² kg", "5", S(joints),
+                     rounded(S, joints), digit=0.01)  # fmt: skip
         point, (start, end) = limit.touch_point, plan_of_example_1().segments[segment].span
         state = near([point.heading, *point.joints], [float(x) for x in printed.split(", ")])
-        yield Number(f"touch point of {name}: θ0, q1, q2, q3", RAD, printed, state, note, 60.0)
-        yield Number(f"touch point of {name}: τ", "", tau, (point.time - start) / (end - start),
-                     note, 60.0)  # fmt: skip
+        share = (point.time - start) / (end - start)
+        yield distant(f"touch point of {name}: θ0, q1, q2, q3", RAD, printed, state)
+        yield distant(f"touch point of {name}: τ", "", tau, share)
+
+
+def distant(what: str, unit: str, printed: str, computed: ArrayLike) -> Number:
+    """A part of a touch point, which may be off by many digits and then says so."""
+    number = Number(what, unit, printed, np.asarray(computed), allowed=60.0)
+    beyond = abs(number.deviation) > number.digit
+    return replace(number, note="beyond the digit: finding 8" if beyond else "")
 
 
 def planar_ranges() -> Iterator[Number]:
@@ -206,7 +218,7 @@ def spatial_touch_point() -> Iterator[Number]:
     problem = example_2()
     S = problem.margin.measure
     yield Number("S at the printed touch point", "m⁴ kg", "-5", S(TOUCH_JOINTS),
-                 "the measure `arm`; digit: of S, from the joints' 1e-4", digit=0.01)  # fmt: skip
+                 f"the measure `arm`; {rounded(S, TOUCH_JOINTS)}", digit=0.01)  # fmt: skip
     for momentum, allowed in ((H_EXCHANGED, 2.0), (H_PRINTED, np.inf)):
         exchanged = momentum == H_EXCHANGED
         note = "h1, h2 exchanged" if exchanged else "h as printed: wrist and attitude differ"

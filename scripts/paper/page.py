@@ -48,7 +48,9 @@ NUMBERS = """\
 ## The numbers
 
 "Deviation" is the largest one of a row, computed less printed. "Digit" is one unit of the last
-digit that the paper prints; counts must be equal.
+digit that the paper prints; counts must be equal. The PDW is the path-dependent workspace: where
+the arm can be singular. Point 3 is where the last link, or the wrist, begins in the virtual
+manipulator. AF and FB are the two segments of Example 1, τ is the time as a fraction of a segment.
 """
 
 
@@ -131,5 +133,5 @@ def equations() -> str:
 
 def findings() -> str:
     lines = ["## What was found", ""]
-    lines += [f"1. **{finding.claim}** {finding.seen}" for finding in all_findings()]
+    lines += [f"{i}. **{each.claim}** {each.seen}" for i, each in enumerate(all_findings(), 1)]
     return "\n".join([*lines, ""])
