@@ -85,21 +85,24 @@ def momentum() -> Finding:
 
 def in_plane_factor() -> Finding:
     model = example_2().model
-    gjm, arm = (ff.singularity_measure(model, "pose", n)(TOUCH_JOINTS) for n in ("gjm", "arm"))
+    product, factor = (
+        ff.singularity_measure(model, "pose", name)(TOUCH_JOINTS)
+        for name in ("det S*", "in-plane factor")
+    )
     return Finding(
         "S0 = -5 of Example 2 is not det S\\*, but its factor in the plane of the arm.",
-        f"At the printed touch point det S\\* is {gjm:.4f} and the factor, the"
-        f" [measure](concepts/measures.md#the-factor-arm) `arm`, is {arm:.4f}. The other factors"
-        " belong to shoulder and wrist. (40) names the product and the factor alike.",
+        f"At the printed touch point det S\\* is {product:.4f} and the factor, the"
+        f" [measure](concepts/measures.md#the-factor-arm) `in-plane factor`, is {factor:.4f}. The"
+        " other factors belong to shoulder and wrist. (40) names the product and the factor alike.",
     )
 
 
 def inertia_of_body_3() -> Finding:
     urdf = find_robot("spatial_6dof", Path()).read_text("utf-8")
     used, printed = 'iyy="1.7" iyz="0" izz="7.5"', 'iyy="7.5" iyz="0" izz="1.7"'
+    models = [ff.FreeFloatingModel.from_urdf(text) for text in (urdf.replace(used, printed), urdf)]
     values = [
-        ff.singularity_measure(ff.FreeFloatingModel.from_urdf(text), "pose", "arm")(TOUCH_JOINTS)
-        for text in (urdf.replace(used, printed), urdf)
+        ff.singularity_measure(model, "pose", "in-plane factor")(TOUCH_JOINTS) for model in models
     ]
     return Finding(
         "In Table II the z axis of body 3 is along its joint, not the y axis.",
@@ -130,13 +133,13 @@ def rest_at_f() -> Finding:
 
 def determinant_of_a() -> Finding:
     problem = example_1()
-    gjm = ff.singularity_measure(problem.model, problem.task, "gjm")
-    values = ", ".join(f"{gjm(joints):.4f}" for joints in PLANAR_TOUCH_JOINTS.values())
+    det_S = ff.singularity_measure(problem.model, problem.task, "det S*")
+    values = ", ".join(f"{det_S(joints):.4f}" for joints in PLANAR_TOUCH_JOINTS.values())
     return Finding(
         "(21a) is det A, not det S\\*.",
         f"At the three printed touch points det S\\* is {values} m². The printed S0 = 5 and"
         " largest S of about 150 are values of det A = D det S\\*, the"
-        " [measure](concepts/measures.md) `system`.",
+        " [measure](concepts/measures.md) `det A`.",
     )
 
 

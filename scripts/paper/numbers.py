@@ -218,7 +218,7 @@ def spatial_touch_point() -> Iterator[Number]:
     problem = example_2()
     S = problem.margin.measure
     yield Number("S at the printed touch point", "m⁴ kg", "-5", S(TOUCH_JOINTS),
-                 f"the measure `arm`; {rounded(S, TOUCH_JOINTS)}", digit=0.01)  # fmt: skip
+                 f"the `in-plane factor`; {rounded(S, TOUCH_JOINTS)}", digit=0.01)  # fmt: skip
     for momentum, allowed in ((H_EXCHANGED, 2.0), (H_PRINTED, np.inf)):
         exchanged = momentum == H_EXCHANGED
         note = "h1, h2 exchanged" if exchanged else "h as printed: wrist and attitude differ"
