@@ -15,17 +15,17 @@ from freefloat.robot.bundled import find_robot
 from freefloat.robot.parts import Mount
 from freefloat.robot.robot_packages import example_robots
 
-# Any URDF will do whose root link is the spacecraft; this one comes with freefloat.
-urdf = find_robot("spatial_6dof", Path())
-model = ff.FreeFloatingModel.from_urdf(urdf, end_effector="end_effector")
-
-print(f"{urdf.name}: {model.total_mass:g} kg, {model.dof} joints that move")
-for name, body in zip(model.joint_names, model.bodies[1:], strict=True):
-    print(f"  {name}: moves {body.mass:g} kg")
-
-# Warnings about the URDF, with their lines.
-for warning in model.warnings:
-    print(f"  line {warning.line}, {warning.element}: {warning.problem}")
+# Any URDF will do whose root link is the spacecraft. These are the robots of the paper's Examples 1
+# and 2, which come with freefloat.
+for robot in ("planar_3dof", "spatial_6dof"):
+    urdf = find_robot(robot, Path())
+    model = ff.FreeFloatingModel.from_urdf(urdf, end_effector="end_effector")
+    print(f"{urdf.name}: {model.total_mass:g} kg, {model.dof} joints that move")
+    for name, body in zip(model.joint_names, model.bodies[1:], strict=True):
+        print(f"  {name}: moves {body.mass:g} kg")
+    # Warnings about the URDF, with their lines.
+    for warning in model.warnings:
+        print(f"  line {warning.line}, {warning.element}: {warning.problem}")
 
 # An arm without a spacecraft gets one: a box of 1 m and 200 kg, the arm on its front.
 spacecraft = ff.Spacecraft(

@@ -11,10 +11,11 @@ import numpy as np
 import freefloat as ff
 
 # A scenario file contains robot, path, timing and margin; this one is bundled.
-problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
+problem = ff.load_scenario("planar_3dof/parabola").problem()
 plan = ff.plan(problem)
 
-# The ranges are exact: motions from their ends are tangent to the margin surface.
+# The ranges are exact: motions from their ends touch the margin curve. The paper prints
+# 161 and 63 degrees for the first branch.
 for branch in plan.ranges:
     ranges = [f"[{low:.4f}, {high:.4f}]" for low, high in branch.degrees]
     print(f"branch {branch.branch} {branch.label}: {'  '.join(ranges)} deg")

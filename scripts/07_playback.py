@@ -13,7 +13,7 @@ from freefloat.io.formats.trajectory import Trajectory
 from freefloat.motion.motion import Motion
 from freefloat.so3 import angle_between
 
-problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
+problem = ff.load_scenario("planar_3dof/parabola").problem()
 
 
 def from_heading(degrees: float) -> Motion:

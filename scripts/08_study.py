@@ -12,9 +12,9 @@ from pathlib import Path
 import freefloat as ff
 
 STUDY = """\
-base: planar_3dof/parabola_nonstop      # a scenario: a file, or a bundled name
+base: planar_3dof/parabola              # a scenario: a file, or a bundled name
 command: simulate                       # of every run: plan, map or simulate
-heading_deg: 156                        # a fifth of a degree inside its range
+heading_deg: 161.2                      # just inside its range
 branch: 0
 cases: 6
 seed: 1

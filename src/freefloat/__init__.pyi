@@ -1,28 +1,64 @@
 __version__: str
 
-# The robot
+# The paper: the robot
 from .robot.model import FreeFloatingModel as FreeFloatingModel
-from .robot.parts import Mount as Mount
-from .robot.parts import Payload as Payload
-from .robot.parts import Spacecraft as Spacecraft
-from .robot.source import RobotSource as RobotSource
 from .dynamics.tasks import Task as Task
+from .dynamics.system import System as System
 from .dynamics.momentum import inertia_matrices as inertia_matrices
 from .dynamics.momentum import system_matrix as system_matrix
 from .dynamics.momentum import generalized_jacobian as generalized_jacobian
-from .dynamics.system import System as System
 from .dynamics.measures import singularity_measure as singularity_measure
-from .singularities.singularity_polynomial import SingularityPolynomial as SingularityPolynomial
-from .singularities.casadi_function import casadi_function as casadi_function
 
-# The path
+# The paper: the path
 from . import paths as paths
 from .paths.path import EndEffectorPath as EndEffectorPath
 from .paths.timing import TimedPath as TimedPath
 from .paths.timing import Timing as Timing
 
-# The problem
-from .dynamics.redundancy import Redundancy as Redundancy
+# The paper: the problem
+from .motion.margin import Margin as Margin
+from .motion.problem import Problem as Problem
+from .io.scenario.scenario import load_scenario as load_scenario
+
+# The paper: one motion
+from .motion.integration import integrate_motion as integrate_motion
+from .motion.extrema import closest_approach as closest_approach
+from .planning.simulation import simulate as simulate
+
+# The paper: all attitudes
+from .regions.workspace import workspace_regions as workspace_regions
+from .regions.margin_curves import margin_curves as margin_curves
+from .planning.touching.touch_points import touch_points as touch_points
+from .planning.space.mapping import attitude_map as attitude_map
+from .planning.settings import Search as Search
+from .planning.planner import plan as plan
+
+# The paper: files, checks and pictures
+from .io.records.results import load as load
+from .io.records.results import save as save
+from .verification.check import check as check
+from .visualization.figures.figures import figures as figures
+from .visualization.page.playback import playback as playback
+from .visualization.page.playback import show as show
+
+# The paper: errors
+from .errors import FreeFloatError as FreeFloatError
+from .errors import InputError as InputError
+
+# Beyond the paper: an arm on a spacecraft
+from .robot.parts import Mount as Mount
+from .robot.parts import Payload as Payload
+from .robot.parts import Spacecraft as Spacecraft
+from .robot.source import RobotSource as RobotSource
+
+# Beyond the paper: joint space
+from .singularities.singularity_polynomial import SingularityPolynomial as SingularityPolynomial
+from .singularities.casadi_function import casadi_function as casadi_function
+from .singularities.singularity_map import singularity_map as singularity_map
+from .singularities.singularity_components import singularity_components as singularity_components
+from .singularities.singularity_distance import distance_to_singularity as distance_to_singularity
+
+# Beyond the paper: surroundings and limits
 from .robot.shapes import Box as Box
 from .robot.shapes import Cylinder as Cylinder
 from .robot.shapes import Sphere as Sphere
@@ -30,64 +66,42 @@ from .scene.scene import Corridor as Corridor
 from .scene.scene import Scene as Scene
 from .scene.scene_body import SceneBody as SceneBody
 from .scene.tumbling import Tumbling as Tumbling
-from .motion.arm_curves import ArmCurve as ArmCurve
-from .motion.arm_curves import ArmCurves as ArmCurves
-from .motion.margin import Margin as Margin
-from .motion.problem import Problem as Problem
-from .io.scenario.scenario import load_scenario as load_scenario
-
-# One motion
-from .motion.integration import integrate_motion as integrate_motion
-from .motion.attitude_hold import hold_attitude as hold_attitude
-from .motion.extrema import closest_approach as closest_approach
-from .dynamics.capture import Client as Client
-from .dynamics.capture import capture as capture
 from .limits.limits import Limits as Limits
 from .motion.pointing import PointingLimit as PointingLimit
 from .limits.check import check_limits as check_limits
-from .planning.simulation import simulate as simulate
 
-# All attitudes
-from .regions.workspace import workspace_regions as workspace_regions
-from .regions.margin_curves import margin_curves as margin_curves
-from .planning.touching.touch_points import touch_points as touch_points
-from .singularities.singularity_map import singularity_map as singularity_map
-from .singularities.singularity_components import singularity_components as singularity_components
-from .singularities.singularity_distance import distance_to_singularity as distance_to_singularity
-from .planning.space.mapping import attitude_map as attitude_map
-from .planning.settings import Search as Search
-from .planning.objectives.objectives import Weights as Weights
-from .planning.planner import plan as plan
+# Beyond the paper: further arms, redundancy and wheels
+from .dynamics.redundancy import Redundancy as Redundancy
+from .motion.arm_curves import ArmCurve as ArmCurve
+from .motion.arm_curves import ArmCurves as ArmCurves
 from .planning.balance_settings import BalanceSettings as BalanceSettings
 from .planning.balance import balance as balance
+from .motion.attitude_hold import hold_attitude as hold_attitude
+
+# Beyond the paper: objectives and timing
+from .planning.objectives.objectives import Weights as Weights
 from .planning.timing.retiming import retime as retime
-from .planning.goals.reorientation import reorient as reorient
+
+# Beyond the paper: goals and manoeuvres
 from .planning.goals.goal import Goal as Goal
 from .planning.goals.mover import move as move
+from .planning.goals.reorientation import reorient as reorient
+from .dynamics.capture import Client as Client
+from .dynamics.capture import capture as capture
 from .planning.phases.kinds.capture_phase import CapturePhase as CapturePhase
 from .planning.phases.kinds.goal_phase import GoalPhase as GoalPhase
 from .planning.phases.kinds.path_phase import PathPhase as PathPhase
 from .planning.phases.manoeuvre_planner import plan_manoeuvre as plan_manoeuvre
 
-# Files and pictures
-from .io.records.results import load as load
-from .io.records.results import save as save
+# Beyond the paper: engines and exports
 from .io.formats.export import export as export
-from .verification.check import check as check
 from .verification.tracking import track as track
 from .verification.tracking import track_many as track_many
-from .visualization.figures.figures import figures as figures
-from .visualization.page.playback import playback as playback
-from .visualization.page.playback import show as show
 
-# Many runs
+# Beyond the paper: many runs
 from .ensemble.simulate_many import simulate_many as simulate_many
 from .studies.loading import load_study as load_study
 from .studies.runner import run_study as run_study
-
-# Errors
-from .errors import FreeFloatError as FreeFloatError
-from .errors import InputError as InputError
 
 # Modules, imported on first use as well
 from . import attitude_grids as attitude_grids

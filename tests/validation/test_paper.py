@@ -8,8 +8,10 @@ import pytest
 import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.motion import Ending
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.orientation import FixedOrientation
 from freefloat.planning.plane.ranges import find_range_limits, heading_ranges
-from freefloat.so3 import heading_of, heading_quaternion
+from freefloat.so3 import axes_rotation, heading_of, heading_quaternion
 from tests.motions import BAD, GOOD, heading, on_side, simulated, tracking
 from tests.validation.comparisons import assert_agrees
 
@@ -40,16 +42,31 @@ def test_example_2_completes_from_the_printed_attitude(spatial):
 
 def test_example_2_becomes_singular_at_c_from_the_bad_attitude(spatial):
     """Exactly four of the eight branches fail, all within 3 mm of the printed C."""
-    ends = [simulated(spatial, BAD, k) for k in range(8)]
+    for error in errors_of_c(spatial):
+        assert_agrees("test_example_2_becomes_singular_at_c_from_the_bad_attitude", error)
+
+
+def test_example_2_becomes_singular_at_c_with_b_in_its_plane(spatial):
+    """With the z of B that (41) gives instead of the printed 0.33 m, to the digits of C."""
+    normal = np.array([0.4683, 1.1683, -0.7])
+    z = (0.4683 - normal[:2] @ [-0.5, 0.8]) / normal[2]
+    A, B = np.array([1.0, 0.0, 0.0]), np.array([-0.5, 0.8, z])
+    assert_close(z, 0.33, atol=0.005)
+    attitude = FixedOrientation(axes_rotation("attitude", ("x", normal), ("z", A - B)))
+    path = ff.EndEffectorPath(PolynomialCurve.line(A, B), attitude)
+    problem = spatial.replace(path=ff.TimedPath(path, spatial.path.timing))
+    for error in errors_of_c(problem):
+        assert_agrees("test_example_2_becomes_singular_at_c_with_b_in_its_plane", error)
+
+
+def errors_of_c(problem: ff.Problem) -> list[float]:
+    """Distances of four singular ends from the printed C [m]; the other four branches complete."""
+    ends = [simulated(problem, BAD, k) for k in range(8)]
     singular = [motion for motion in ends if motion.ending is Ending.SINGULAR]
     assert len(singular) == 4
-    for motion in singular:
-        where = spatial.model.end_effector_pose(motion.final.attitude, motion.final.joints)
-        error = np.linalg.norm(where.position - C)
-        assert_agrees("test_example_2_becomes_singular_at_c_from_the_bad_attitude", error)
-    for motion in ends:
-        if motion not in singular:
-            assert motion.completed
+    assert all(motion.completed for motion in ends if motion not in singular)
+    poses = [problem.model.end_effector_pose(x.final.attitude, x.final.joints) for x in singular]
+    return [float(np.linalg.norm(pose.position - C)) for pose in poses]
 
 
 def test_the_printed_touch_point_leads_back_to_the_printed_attitude(spatial):
