@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 
 import freefloat as ff
 from freefloat.motion.extrema import joint_extents
@@ -179,6 +180,19 @@ def test_ranges_without_width_contain_the_present_heading() -> None:
     require_kept(plan)
     assert plan.deviation == pytest.approx(0.0, abs=1e-12)
     assert max(entry.depth(best.heading) for entry in plan.ranges) == pytest.approx(0.0, abs=1e-3)
+    assert ff.check(plan).passed
+
+
+def test_further_searches_stay_in_the_domain() -> None:
+    """Where clearance leaves a thousandth of it, next to which feasible headings lie outside."""
+    scenario = yaml.safe_load(ff.load_scenario("planar_2dof/line").text)
+    present = heading_quaternion(5.3299)
+    scenario |= {"margin": {"measure": "det A", "fraction": 0.5}, "limits": {"clearance": 0}}
+    scenario["search"] = {"from_attitude": present.tolist(), "within_deg": 2.5}
+    scenario["search"]["objective"] = "nearest"
+    plan = ff.load_scenario(scenario).plan()
+    require_kept(plan)
+    assert np.degrees(plan.deviation) < 2.5
     assert ff.check(plan).passed
 
 

@@ -204,7 +204,7 @@ class _FurtherSearch:
             better = trials.check_candidate(self._numbered(Candidate(best, number), merit))
             passed = passed if better is None else better
         if search.objective.approaches and search.from_attitude is not None:
-            return moved_nearer(trials, search.from_attitude, search.spare, passed)
+            return moved_nearer(trials, search, search.from_attitude, passed)
         return passed
 
     def _best(self, passed: list[PassedTrial]) -> PassedTrial:

@@ -22,6 +22,7 @@ from freefloat.planning.objectives.objective import Comparison
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_planner import heading_depth
 from freefloat.planning.reasons import margin_text, none_within_limits
+from freefloat.planning.settings import Search
 from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.space.robust_radius import robust_radius
 from freefloat.so3 import Array, rotated, rotation_vector_to
@@ -152,9 +153,10 @@ def _with_candidate(plan: Plan, trials: Trials, passed: PassedTrial) -> Plan:
     """The plan with another candidate that keeps the limits."""
     search = plan.search
     if search.objective.approaches and search.from_attitude is not None:
-        passed = moved_nearer(trials, search.from_attitude, search.spare, passed)
+        passed = moved_nearer(trials, search, search.from_attitude, passed)
     elif search.objective.departs and plan.chosen is not None:
-        passed = moved_nearer(trials, plan.chosen.motion.initial.attitude, 0.0, passed)
+        whole = replace(search, spare=0.0)
+        passed = moved_nearer(trials, whole, plan.chosen.motion.initial.attitude, passed)
     chosen, results = passed
     plan = replace(
         plan,
@@ -211,13 +213,15 @@ def heading_depth_of(
     return heading_depth(evaluator, plan.search.domain, plan.ranges, chosen)
 
 
-def moved_nearer(trials: Trials, present: Array, spare: float, passed: PassedTrial) -> PassedTrial:
-    """The motion from nearer to the present attitude that keeps everything, or from there.
+def moved_nearer(
+    trials: Trials, search: Search, present: Array, passed: PassedTrial
+) -> PassedTrial:
+    """The motion from nearer to an attitude that keeps everything, or from there, in the domain.
 
-    The margin and the limits are also kept up to an angle ``spare`` [rad] nearer, or beyond the
-    present attitude.
+    The margin and the limits are also kept up to the angle that the search spares nearer, or beyond
+    that attitude.
     """
-    chosen, problem = passed[0], trials.problem
+    chosen, problem, spare = passed[0], trials.problem, search.spare
     branch, start = chosen.branch.index, chosen.motion.initial.attitude
     away = rotation_vector_to(present, start)[0]
     if not away.any():
@@ -228,6 +232,8 @@ def moved_nearer(trials: Trials, present: Array, spare: float, passed: PassedTri
 
     def trial(attitude: Array) -> PassedTrial | None:
         if all(entry.index != branch for entry in problem.branches(attitude)):
+            return None
+        if not search.domain.contains(attitude):
             return None
         return trials.check_candidate(ScreenedCandidate(attitude, branch))
 

@@ -190,7 +190,8 @@ def pattern_search(
         searched = np.repeat(active, points.shape[1])
         values = merit(points.reshape(len(searched), -1), searched).reshape(steps.shape)
         top = np.arange(len(active)), values.argmax(axis=1)
-        better = values[top] > merits[active] + _GAIN * np.abs(merits[active])
+        gain = np.where(np.isfinite(merits[active]), _GAIN * np.abs(merits[active]), 0.0)
+        better = values[top] > merits[active] + gain
         ratios = np.where(better, _GROWTH * steps[top] / sizes[active], 0.0)
         sizes[active] *= np.clip(ratios, *_RATIOS)
         moved = active[better]

@@ -162,8 +162,11 @@ def climbed(
     branches = branch_numbers(starts)
 
     def inside(attitudes: Array, searched: IntArray) -> Array:
-        values = merit(attitudes, None if branches is None else branches[searched])
-        return np.where(domain.contains(attitudes), values, -np.inf)
+        values, within = np.full(len(attitudes), -np.inf), domain.contains(attitudes)
+        if within.any():
+            numbers = None if branches is None else branches[searched[within]]
+            values[within] = merit(attitudes[within], numbers)
+        return values
 
     first = Searches(
         np.array([start.attitude for start in starts]),
