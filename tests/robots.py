@@ -6,15 +6,15 @@ A structure is a word, one letter a joint from the spacecraft outwards: ``R`` re
 
 from __future__ import annotations
 
-import sysconfig
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+
+from freefloat.robot.robot_packages import example_robot
 
 KINDS = {"R": "revolute", "C": "continuous", "P": "prismatic", "F": "fixed"}
 STROKE = 4.0
@@ -216,8 +216,7 @@ attitudes = st.one_of(
 
 def ur5_on_spacecraft() -> str:
     """A stock UR5 on a cube of 200 kg and 1 m, mounted half a metre above its centre."""
-    shared = Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix/share/example-robot-data"
-    robot = ET.parse(shared / "robots/ur_description/urdf/ur5_robot.urdf").getroot()
+    robot = ET.parse(example_robot("ur5")).getroot()
     spacecraft = link_text("spacecraft", inertial_text(200.0, 35.0 * np.eye(3)))
     mount = joint_text("mount", "F", "spacecraft", "world", "0 0 0.5")
     robot.extend([ET.fromstring(spacecraft), ET.fromstring(mount)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sysconfig
+from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from freefloat.errors import ModelError
 from freefloat.robot import robot_packages
 from freefloat.robot.assembly import assemble
 from freefloat.robot.bundled import bundled_scenarios, find_robot, find_scenario, models_folder
-from freefloat.robot.robot_packages import EXAMPLE
+from freefloat.robot.robot_packages import EXAMPLE, examples_folder
 from freefloat.robot.validation import read_urdf
 from tests.errors import error_key
 
@@ -72,10 +73,38 @@ def test_a_stock_robot_is_found_by_its_short_name(name: str, file: str) -> None:
     assert read_urdf(path).source == str(path)
 
 
+@pytest.fixture
+def _another_installation() -> Iterator[None]:
+    """Look for the package of stock robots again, before a test and after it."""
+    examples_folder.cache_clear()
+    yield
+    examples_folder.cache_clear()
+
+
+@pytest.mark.usefixtures("_another_installation")
+def test_stock_robots_are_where_their_wheel_lists_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Folders inside a wheel are its maker's business."""
+    root = tmp_path / "elsewhere" / "example-robot-data"
+    for file in ("package.xml", "robots/my_description/urdf/mine.urdf"):
+        (root / file).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(models_folder() / "planar_2dof/planar_2dof.urdf", root / file)
+    wheel = tmp_path / "example_robot_data-9.0.dist-info"
+    wheel.mkdir()
+    (wheel / "METADATA").write_text("Name: example-robot-data\nVersion: 9.0\n")
+    files = (file.relative_to(tmp_path) for file in tmp_path.rglob("*") if file.is_file())
+    (wheel / "RECORD").write_text("".join(f"{file},,\n" for file in files))
+    monkeypatch.syspath_prepend(tmp_path)
+    found = find_robot(f"{EXAMPLE}mine", Path("/"))
+    assert found == root / "robots/my_description/urdf/mine.urdf"
+
+
 def _not_installed(name: str) -> None:
     raise PackageNotFoundError(name)
 
 
+@pytest.mark.usefixtures("_another_installation")
 def test_without_the_package_the_message_says_how_to_get_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -7,8 +7,9 @@ import sysconfig
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import cache
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, distribution
+from importlib.metadata import PackageNotFoundError, PackagePath, distribution
 from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import iter_modules
@@ -107,17 +108,23 @@ def example_robots() -> dict[str, Path]:
     return named
 
 
+@cache
 def examples_folder() -> Path:
-    """The folder in which pip, conda or the system installed the robots of example-robot-data.
+    """The folder of the robots of the package example-robot-data.
+
+    Its wheel lists it among its files; it has no Python module, which is the package
+    example-robot-data-loaders. conda and the system have it in the folder of shared data.
 
     Raises:
         InputError: If the package is not installed.
     """
-    shared = [Path(sysconfig.get_path("data")) / "share"]
+    listed: Sequence[PackagePath] = ()
     with suppress(PackageNotFoundError):
-        shared.insert(0, Path(str(distribution(_EXAMPLES).locate_file("cmeel.prefix/share"))))
-    for folder in shared:
-        if (folder / _EXAMPLES / "robots").is_dir():
-            return folder / _EXAMPLES / "robots"
+        listed = distribution(_EXAMPLES).files or ()
+    declared = (file for file in listed if file.match(f"{_EXAMPLES}/package.xml"))
+    folders = [Path(str(file.locate())).parent for file in declared]
+    for folder in (*folders, Path(sysconfig.get_path("data")) / "share" / _EXAMPLES):
+        if (folder / "robots").is_dir():
+            return folder / "robots"
     problem = f"the package {_EXAMPLES} is not installed"
     raise InputError("urdf", problem, f"pip install {_EXAMPLES}, or a file")
