@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.dynamics.measures import NAMES, SingularityMeasure
+from freefloat.dynamics.measure_names import KEYS
+from freefloat.dynamics.measures import SingularityMeasure
 from freefloat.motion.extrema import at_nodes, first_crossing, joint_extents, maximum, unwrapped
 from freefloat.motion.motion import Ending
 from tests.motions import BAD, GOOD, bundled, heading, simulated
@@ -56,7 +57,7 @@ def brute_force(motion, measure):
     return float(values[best]), float(times[best])
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", KEYS)
 @pytest.mark.parametrize("key", ["near", "far", "planar", "planar close"])
 def test_closest_approach_agrees_with_brute_force(motions, key, name):
     """To seven digits, and never above."""
@@ -140,7 +141,7 @@ def test_a_minimum_near_either_end(near, fraction, first):
 
 
 @pytest.mark.parametrize("fraction", [0.95, 0.5, 1e-4])
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", KEYS)
 def test_a_motion_stops_exactly_at_the_margin(spatial, name, fraction):
     """|S| = S0 at the end, and S0 or more before it."""
     measure = ff.singularity_measure(spatial.model, spatial.task, name)

@@ -11,7 +11,7 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from freefloat.cli.console import attitude_text, contact_lines, decimals, limit_tables, table
-from freefloat.dynamics.measures import measure_title
+from freefloat.dynamics.measure_names import measure_title
 
 if TYPE_CHECKING:
     from freefloat.dynamics.capture import Capture

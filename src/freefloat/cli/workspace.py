@@ -9,7 +9,7 @@ from rich.console import RenderableType
 
 from freefloat.cli.console import Console, extent, table
 from freefloat.cli.options import Json, Quiet, ScenarioName
-from freefloat.dynamics.measures import measure_title
+from freefloat.dynamics.measure_names import measure_title
 
 _WORDS = {True: "inside", False: "outside", None: "undecided"}
 

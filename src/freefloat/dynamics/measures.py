@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.arm_factor import ArmPlane
 from freefloat.dynamics.link_frames import link_frames
+from freefloat.dynamics.measure_names import MeasureName, measure_key, measure_title
 from freefloat.dynamics.momentum import (
     determinant,
     generalized_determinant,
@@ -29,11 +30,6 @@ from freefloat.robot.joint_values import finite_after
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
-MeasureName = Literal["det S*", "det A", "in-plane factor", "sigma", "gjm", "system", "arm"]
-"""What scenarios may say: names, and the keys of three of them."""
-NAMES: tuple[str, ...] = ("gjm", "system", "arm", "sigma")
-_TITLES: dict[str, str] = dict(zip(NAMES, get_args(MeasureName), strict=False))
-_KEYS = {title: key for key, title in _TITLES.items()}
 _POWERS = 8.0, 64.0, 512.0
 """Of the norms that approach the smallest singular value."""
 
@@ -69,11 +65,6 @@ class SingularityMeasure:
         return self.function(joints)
 
 
-def measure_title(key: str) -> str:
-    """The name for people of a measure: what it is."""
-    return _TITLES[key]
-
-
 def singularity_measure(
     model: FreeFloatingModel, task: Task | str, name: str
 ) -> SingularityMeasure:
@@ -100,7 +91,7 @@ def singularity_measure(
         >>> round(measure(np.array([0.5, 1.0])), 4)
         0.2759
     """
-    task, name = require_task(model, task), _KEYS.get(name, name)
+    task, name = require_task(model, task), measure_key(name)
     if name == "arm" and not model.has_one_arm:
         raise InputError("measure", "arm, but another arm moves", "gjm, system or sigma")
     rows, n = prescribed_rows(model, task), model.arm_dof

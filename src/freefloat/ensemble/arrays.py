@@ -14,7 +14,8 @@ from freefloat.dynamics.link_frames import (
     inertial_row,
     link_frames,
 )
-from freefloat.dynamics.measures import NAMES, unit_of_length
+from freefloat.dynamics.measure_names import KEYS
+from freefloat.dynamics.measures import unit_of_length
 from freefloat.dynamics.redundancy import (
     DAMPED_BELOW,
     Metric,
@@ -97,7 +98,7 @@ def kernel_robot(
         frames.tool, np.array(task.rows, dtype=float), model.dof, len(task.rows), task.planar,
         pointing, singular_speed(task), frames.across, NO_ARMS, None,
     )  # fmt: skip
-    return robot, Measure(NAMES.index(name), len(multiples), multiples)
+    return robot, Measure(KEYS.index(name), len(multiples), multiples)
 
 
 def _with_arms(problem: Problem, robot: Robot, frames: LinkFrames) -> Robot:
