@@ -28,13 +28,19 @@ def keeps(motion, limits: ff.Limits) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "limits", "cause"), [
-    ("planar_3dof/parabola", ff.Limits(pointing=(ROOT,)), "pointing"),
-    ("planar_3dof/parabola", ff.Limits(pointing=(LINK,)), "pointing"),
-    ("planar_2dof/line", ff.Limits(base_turn=0.6), "base_turn"),
+@pytest.mark.parametrize(("name", "limits", "cause", "measure"), [
+    ("planar_3dof/parabola", ff.Limits(pointing=(ROOT,)), "pointing", "det A"),
+    ("planar_3dof/parabola", ff.Limits(pointing=(LINK,)), "pointing", "det A"),
+    ("planar_2dof/line", ff.Limits(base_turn=0.6), "base_turn", "det A"),
+    ("planar_2dof/line", ff.Limits(base_turn=0.6), "base_turn", "det S*"),
 ])  # fmt: skip
-def test_ranges_end_where_a_limit_is_just_kept(name: str, limits: ff.Limits, cause: str) -> None:
+def test_ranges_end_where_a_limit_is_just_kept(
+    name: str, limits: ff.Limits, cause: str, measure: str
+) -> None:
     problem = ff.load_scenario(name).problem()
+    if measure == "det S*":
+        other = ff.singularity_measure(problem.model, problem.task, measure)
+        problem = problem.replace(margin=ff.Margin(other, 0.01))
     free, plan = ff.plan(problem), ff.plan(problem, limits=limits)
     found = 0
     for before, entry in zip(free.ranges, plan.ranges, strict=True):

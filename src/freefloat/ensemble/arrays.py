@@ -59,8 +59,8 @@ from freefloat.so3 import UPRIGHT, Array
 
 _CELLS, _TANGENT_ERROR = (1, 4, 32, 256), 1e-11
 """Numbers of cubics that approximate the path's tangent, and their relative error."""
-_SPARE = 1e-4
-"""Error of the angles of compiled motions [rad]."""
+_ERROR = 100.0
+"""Error of the angles of compiled motions [rad], by the tolerance of their steps."""
 _NODES = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0, 0.5])
 _THROUGH_NODES = np.linalg.inv(np.vander(_NODES[:4], increasing=True))
 """Maps values at the first four nodes to the cubic's coefficients, lowest power first."""
@@ -183,14 +183,14 @@ def _cones(
     return Cones(len(rows), duration, rows)
 
 
-def spare_slacks(limits: AttitudeLimits) -> Array:
+def spare_slacks(limits: AttitudeLimits, tolerance: float) -> Array:
     """Slacks of limits of attitude above which precise motions keep them, too, shape (L,)."""
-    angles = np.array([limit.angle for limit in limits.pointing])
-    spares: Array = _SPARE * np.sin(angles)
+    angles, error = np.array([limit.angle for limit in limits.pointing]), _ERROR * tolerance
+    spares: Array = error * np.sin(angles)
     if limits.base_turn is None:
         return spares
     half = limits.base_turn / 2.0
-    spare = np.cos(max(half - _SPARE / 2.0, 0.0)) - np.cos(half)
+    spare = np.cos(max(half - error / 2.0, 0.0)) - np.cos(half)
     return np.append(spares, spare if limits.base_turn < np.pi else -np.inf)
 
 

@@ -68,7 +68,7 @@ class EnsembleIntegrator:
         # the cache knows limits by identity: integrators without limits share an entry
         self._arrays = kernel_problem(problem, limits if limits.number else None)
         self._axes = KernelAxes.of(problem.model, problem.task)
-        self._spares = spare_slacks(limits)
+        self._spares = spare_slacks(limits, self.tolerance)
 
     def integrate(
         self,

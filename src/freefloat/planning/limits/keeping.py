@@ -39,6 +39,8 @@ _NEAREST = 16
 _STRETCHED = 256
 """Attitudes from which longer motions are tried where no candidate is known to keep the limits."""
 _BISECTIONS = 10
+_SAME = 1e-9
+"""Angle below which attitudes are the same [rad]."""
 
 
 def keep_limits(
@@ -224,7 +226,7 @@ def moved_nearer(
     chosen, problem, spare = passed[0], trials.problem, search.spare
     branch, start = chosen.branch.index, chosen.motion.initial.attitude
     away = rotation_vector_to(present, start)[0]
-    if not away.any():
+    if np.abs(away).max() < _SAME:
         return passed
     step = spare * away / np.linalg.norm(away)
     between = Slerp([0.0, 1.0], Rotation.from_quat([start, present]))
