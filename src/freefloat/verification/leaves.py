@@ -32,6 +32,7 @@ class _Rule(NamedTuple):
             discrepancy, but not verified either.
         slack: Absolute deviation that is likewise no discrepancy.
         free: Whether no value is a discrepancy, because rounding decides.
+        unbounded: Whether none is where the recomputed number is infinite.
     """
 
     relative: float = 1e-6
@@ -40,6 +41,7 @@ class _Rule(NamedTuple):
     factor: float = 1.0
     slack: float = 0.0
     free: bool = False
+    unbounded: bool = False
 
 
 _EXACT = _Rule()
@@ -100,7 +102,7 @@ _RULES = {
     "motions.lower": _STATE,
     "motions.upper": _STATE,
     "motions.slacks": _STATE,
-    "motions.rates": _STEPS,
+    "motions.rates": _STEPS._replace(unbounded=True),
     "motions.determinant_ratios": _STEPS,
     "motions.evaluations": _SEARCHED,
 }  # fmt: skip
@@ -216,4 +218,5 @@ def _agreement(stated: Array, found: Array, rule: _Rule) -> tuple[BoolArray, Boo
     smaller = np.where(finite, np.minimum(np.abs(a), size), 0.0)
     slack = max(rule.slack, rule.absolute) * (largest if rule.scaled else 1.0)
     apart = finite & (error <= (rule.factor - 1.0) * smaller + slack)
+    apart |= rule.unbounded & np.isposinf(b) & (a > 0.0)
     return same, same | apart | rule.free

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from freefloat.ensemble.endings import SINGULAR
 from freefloat.ensemble.result import BranchResults, EnsembleResult
 from freefloat.errors import InputError
 from freefloat.paths.time_laws import TimeLaw
@@ -17,7 +18,7 @@ from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.mapping import attitude_map
 from freefloat.records import Known, Origin
-from freefloat.so3 import angle_between
+from freefloat.so3 import angle_between, frozen
 from freefloat.verification.report import PINOCCHIO, CheckReport
 
 _BEST = 1e-4
@@ -40,7 +41,8 @@ def map_report(found: AttitudeMap | HeadingMap, engine: str) -> tuple[CheckRepor
 
 def _headings(found: HeadingMap) -> Known:
     again = attitude_map(found.problem, found.samples, search=found.search, limits=found.limits)
-    values = {name: getattr(again, name) for name in ("headings", "branches", "results")}
+    values = {name: getattr(again, name) for name in ("headings", "branches")}
+    values["results"] = _without_last_rates(again.results)
     return Known(HeadingMap, values | {"limits": Origin.GIVEN})
 
 
@@ -71,6 +73,7 @@ def known_samples(found: AttitudeMap, again: AttitudeMap) -> Known:
     """
     names = "regions", "best", "robust", "nearest", "boundary", "touch", "results"
     values: dict[str, Any] = {name: getattr(again, name) for name in names}
+    values["results"] = _without_last_rates(again.results)
     values["limits"] = Origin.GIVEN
     if found.nearest_to is None:
         values["nearest_to"] = None
@@ -86,6 +89,14 @@ def known_samples(found: AttitudeMap, again: AttitudeMap) -> Known:
                 "motions": Known(EnsembleResult, motions),
             })  # fmt: skip
     return Known(AttitudeMap, values)
+
+
+def _without_last_rates(results: BranchResults) -> BranchResults:
+    """The results with infinite rates of motions that end singular, where the last step decides."""
+    motions = results.motions
+    singular = (motions.endings == SINGULAR)[..., None]
+    rates = np.where(singular, np.inf, motions.rates)
+    return replace(results, motions=motions._replace(rates=frozen(rates)))
 
 
 def _same_peak(found: AttitudeMap, again: AttitudeMap) -> Peak | None:

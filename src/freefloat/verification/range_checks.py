@@ -117,8 +117,11 @@ def robustness_checks(plan: Plan, chosen: SimulatedBranch) -> Iterator[Check]:
 def _heading_check(plan: Plan, evaluator: FeasibilityEvaluator) -> Check:
     """Headings just inside the ends of ranges keep the margin, those just outside do not."""
     probes = [probe for entry in plan.ranges for probe in _probes(entry)]
+    untried: list[float] = []
     for heading, branch, stated in (*probes, *_contradictions(plan, evaluator)):
-        if plan.problem.redundant and not stated:
+        if plan.problem.redundant:
+            if stated and not _is_feasible(evaluator, heading, branch):
+                untried.append(heading)
             continue  # other configurations than those tried may be feasible there
         if not plan.search.domain.contains(evaluator.problem.plane.attitudes(heading)):
             continue
@@ -130,6 +133,8 @@ def _heading_check(plan: Plan, evaluator: FeasibilityEvaluator) -> Check:
             )
             return Check("ranges of headings", False, words, stated, degrees, unit="deg")
     words = f"{len(probes)} headings tested at ends and middles of ranges, and on the whole circle"
+    if untried:
+        words += f"; no start tried is feasible at {len(untried)} of a range"
     return Check("ranges of headings", True, words)
 
 

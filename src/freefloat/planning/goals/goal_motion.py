@@ -154,8 +154,9 @@ def goal_problem(
     system.model.require_one_arm("motions to a goal")
     task = _task(system.model)
     pose = system.model.end_effector_pose(UPRIGHT, joints)
-    x, y, z = pose.position
-    curve = PolynomialCurve.line([x, y, z], [x + 1.0, y, z])
+    plane = plane_of(system.model)
+    direction = np.array([1.0, 0.0, 0.0]) if plane is None else plane.axes[:, 0]
+    curve = PolynomialCurve.line(pose.position, pose.position + direction)
     path = EndEffectorPath(curve, FixedOrientation(pose.rotation))
     timing = Timing(goal.duration or _UNKNOWN, TimeLaw.UNIFORM)
     margin = Margin(singularity_measure(system.model, task, "gjm"), 0.0)
