@@ -211,6 +211,17 @@ def test_an_altered_joint_of_the_other_arm_is_found(problem):
     assert not ff.check(replace(simulation, branches=(chosen,), chosen=chosen)).passed
 
 
+def test_another_curve_of_the_other_arm_is_found(problem):
+    """Also one that differs by a constant, whose rates are the same."""
+    simulation = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0], branch=0)
+    left = problem.arms.curves["left"]
+    shifted = ff.ArmCurve(np.array(left.waypoints) + [0.0, 0.1], left.times)
+    other = problem.replace(arms=ff.ArmCurves({"left": shifted}))
+    chosen = replace(simulation.chosen, motion=replace(simulation.motion, problem=other))
+    report = ff.check(replace(simulation, chosen=chosen, branches=(chosen,)))
+    assert "further arms" in {check.name for check in report.discrepancies}
+
+
 @pytest.mark.parametrize(("keys", "value", "key"), [
     (("robot", "arms", "left", "end_effector"), "lef", "robot.arms.left.end_effector"),
     (("robot", "arms", "left", "end_effector"), "link_1", "robot.arms.left.end_effector"),

@@ -93,11 +93,11 @@ def _goal_value(value: Any) -> str:
             return f"{value}"
 
 
-def _bound(bound: float | dict[str, float]) -> str:
-    """A bound, or those of joints."""
+def _bound(bound: float | str | dict[str, float]) -> str:
+    """A bound, those of joints, or off."""
     if isinstance(bound, dict):
         return ", ".join(f"{joint} {value:g}" for joint, value in bound.items())
-    return f"{bound:.4g}"
+    return bound if isinstance(bound, str) else f"{bound:.4g}"
 
 
 def _shape(body: SceneBody) -> str:

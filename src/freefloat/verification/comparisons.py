@@ -23,6 +23,8 @@ from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Ending, Motion
 from freefloat.so3 import angle_between
 
+_ON_CURVE = 1e-8
+"""Deviation of further arms from their curves: rounding [rad or m]."""
 _ON_PATH = 1e-7
 """Fraction of the reach, and angle [rad], by which a motion may leave its path, per revolution of
 the spacecraft."""
@@ -131,6 +133,17 @@ def span_check(motion: Motion) -> Check:
     detail = "" if passed else words
     allowed = _ENDS * duration
     return Check("whole motion", passed, detail, duration, last, allowed, "s", relation="±")
+
+
+def arms_check(motion: Motion) -> Iterator[Check]:
+    """Check that further arms move along their curves."""
+    if not motion.problem.arms:
+        return
+    n, curves = motion.problem.model.arm_dof, motion.problem.arms
+    error = np.abs(motion.joints[:, n:] - curves.at(motion.times)).max(axis=1)
+    worst = int(error.argmax())
+    yield error_check("further arms", float(error[worst]), _ON_CURVE, "rad or m",
+                      float(motion.times[worst]))  # fmt: skip
 
 
 def path_tolerances(motion: Motion) -> tuple[float, float]:

@@ -20,6 +20,7 @@ from freefloat.planning.simulation import Simulation
 from freefloat.records import Known, Origin
 from freefloat.verification.comparisons import (
     Check,
+    arms_check,
     certificate_checks,
     completed,
     residual_checks,
@@ -168,6 +169,7 @@ def _own_checks(motion: Motion) -> Iterator[Check]:
         return
     yield (span := span_check(motion))
     if span.passed:
+        yield from arms_check(motion)
         yield from residual_checks(motion)
 
 
@@ -206,6 +208,7 @@ def _report(
     certificate = certify(motion)
     checks = (
         *completed("certificate", certificate_checks, certificate, motion, keeps_margin),
+        *arms_check(motion),
         *limit_checks(limits, keeps_limits and required),
         *stated(),
         *engine_checks(engine, motion, runs),
