@@ -215,7 +215,7 @@ def test_another_curve_of_the_other_arm_is_found(problem):
     """Also one that differs by a constant, whose rates are the same."""
     simulation = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0], branch=0)
     left = problem.arms.curves["left"]
-    shifted = ff.ArmCurve(np.array(left.waypoints) + [0.0, 0.1], left.times)
+    shifted = ff.ArmCurve(left.waypoints + np.array([0.0, 0.1]), left.times)
     other = problem.replace(arms=ff.ArmCurves({"left": shifted}))
     chosen = replace(simulation.chosen, motion=replace(simulation.motion, problem=other))
     report = ff.check(replace(simulation, chosen=chosen, branches=(chosen,)))

@@ -64,6 +64,7 @@ def test_bases_that_are_not_free_are_refused_by_name(name: str, tmp_path: Path) 
 
 @pytest.mark.parametrize("root", [
     "", "<freejoint/>", '<joint type="free"/>', "".join([*SLIDES, *HINGES]),
+    "".join([*SLIDES, '<joint type="ball"/>']),
 ])  # fmt: skip
 def test_free_bases_are_the_same_robot(root: str, tmp_path: Path) -> None:
     model = ff.FreeFloatingModel.from_urdf(written(tmp_path, root), "hand")
@@ -121,6 +122,22 @@ FIXED = '<body name="post"><body name="plate"/></body><body name="target" mocap=
 def test_robots_that_are_tied_to_what_is_fixed_are_refused(tie: str, tmp_path: Path) -> None:
     file = written(tmp_path, before=FIXED, tail=f"<equality>{tie}</equality>")
     assert error_key(ff.FreeFloatingModel.from_urdf, file, "hand") == "root"
+
+
+@pytest.mark.parametrize(("force", "refused"), [
+    ('stiffness="10"', True), ('limited="true" range="0 2"', True), ("", False),
+])  # fmt: skip
+def test_tendons_from_what_is_fixed_are_refused(force: str, refused: bool, tmp_path: Path) -> None:
+    """Unless they transmit no force."""
+    tendon = f'<spatial name="cable" {force}><site site="there"/><site site="here"/></spatial>'
+    file = written(
+        tmp_path, '<freejoint/><site name="here"/>', before='<site name="there" pos="0 0 2"/>',
+        tail=f"<tendon>{tendon}</tendon>",
+    )  # fmt: skip
+    if refused:
+        assert error_key(ff.FreeFloatingModel.from_urdf, file, "hand") == "root"
+    else:
+        ff.FreeFloatingModel.from_urdf(file, "hand")
 
 
 @pytest.mark.parametrize("tie", [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +24,8 @@ _INDEPENDENT = 1e-6
 """Smallest singular value of axes that are independent."""
 _WIDTHS = {"prismatic": 2.0, "revolute": 6.2}
 """Smallest width of the range of a virtual joint that leaves a base free [m, rad]: a full turn."""
+_PITCH = 3.1
+"""The same of the second of three that turn: half a turn about it reaches every attitude."""
 
 
 def with_free_base(robot: RobotDescription, element: Element) -> RobotDescription:
@@ -92,11 +94,21 @@ def virtual_joints(robot: RobotDescription) -> tuple[Joint, ...]:
 
 def held_joint(joints: Collection[Joint]) -> Joint | None:
     """The first virtual joint that does not move freely: its range is narrow, or it is coupled."""
+    turning = [joint for joint in joints if joint.type == "revolute"]
     for joint in joints:
-        width = joint.upper - joint.lower
-        if joint.mimic is not None or not width >= _WIDTHS.get(joint.type, 0.0):
+        width, needed = joint.upper - joint.lower, _WIDTHS.get(joint.type, 0.0)
+        if len(turning) == FREE // 2 and joint is turning[1]:
+            needed = _PITCH
+        if joint.mimic is not None or not width >= needed:
             return joint
     return None
+
+
+def solid_link(robot: RobotDescription, joints: Sequence[Joint]) -> str | None:
+    """The first link with mass or shapes between a massless root and what virtual joints carry."""
+    above = {link.name for link in robot.links} - _below(robot, joints[-1].child)
+    links = (link for link in robot.links if link.name in above)
+    return next((link.name for link in links if link.mass or link.shapes), None)
 
 
 def _floating(robot: RobotDescription) -> Joint | None:
@@ -111,13 +123,12 @@ def _floating(robot: RobotDescription) -> Joint | None:
     return floating[0] if bare and still and floating[0].parent not in kept else None
 
 
-def _is_free(robot: RobotDescription, joints: Collection[Joint]) -> bool:
+def _is_free(robot: RobotDescription, joints: Sequence[Joint]) -> bool:
     """Whether six virtual joints without mass and shapes move their base freely."""
     kinds = [joint.type == "prismatic" for joint in joints]
     if (len(kinds), sum(kinds)) != (FREE, FREE // 2) or held_joint(joints) is not None:
         return False
-    above = {link.name for link in robot.links} - _below(robot, [*joints][-1].child)
-    if any(robot.links_by_name[name].mass or robot.links_by_name[name].shapes for name in above):
+    if solid_link(robot, joints) is not None:
         return False
     pose, columns = IDENTITY, []
     for joint in joints:

@@ -12,7 +12,7 @@ import numpy as np
 from freefloat.errors import ModelError
 from freefloat.robot.description import MOVING, Joint, RobotDescription, Severity, UrdfDiagnostic
 from freefloat.robot.flat_links import with_flat_links
-from freefloat.robot.free_base import FREE, floating_problem, held_joint, virtual_joints
+from freefloat.robot.free_base import FREE, floating_problem, held_joint, solid_link, virtual_joints
 from freefloat.robot.plausibility import (
     WARNINGS,
     Fault,
@@ -198,6 +198,8 @@ def _virtual_base(robot: RobotDescription, mounted: bool) -> Faults:
             moves = f"moves from {held.lower:g} to {held.upper:g} {unit} alone"
             problem += f"; {held.name} {f'follows {held.mimic}' if held.mimic else moves}"
             remedy += ", with ranges of at least 2 m and a full turn"
+        elif (solid := solid_link(robot, joints)) is not None:
+            problem += f"; {solid} has mass or shapes"
         yield Fault(held or joints[0], "joint", problem, remedy)
 
 

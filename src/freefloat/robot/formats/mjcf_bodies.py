@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,8 +18,8 @@ _TIES = (0, 1)
 """Types of equality constraints between bodies or sites: connect and weld."""
 _COUPLING = 2
 """Type of equality constraints of joints."""
-_SITE = 6
-"""Type of object of MuJoCo's sites."""
+_SITE, _WRAPPED_SITE = 6, 3
+"""Type of object of MuJoCo's sites, also where a tendon passes them."""
 _ORTHOGONAL = 1e-6
 """Largest difference of the determinant of three orthogonal axes from one."""
 
@@ -48,9 +48,9 @@ def root_body(model: Any, root: str | None, source: str) -> int:
             "and a hinge of a robot whose bodies stay in their plane"
         )
         raise ModelError("root", problem, accepted, source)
-    if _is_tied(model, found):
-        problem = f"an active equality constraint ties the robot of {body_name(model, found)}"
-        accepted = "a robot that no <connect>, <weld> or <joint> ties to what is fixed"
+    if (tie := _tie(model, found)) is not None:
+        problem = f"{tie} ties the robot of {body_name(model, found)}"
+        accepted = "a robot that no <connect>, <weld>, <joint> or tendon ties to what is fixed"
         raise ModelError("root", f"{problem} to the world", accepted, source)
     return found
 
@@ -77,16 +77,20 @@ def _chosen(model: Any, root: str | None, source: str) -> int:
 
 
 def _is_free(model: Any, joints: Iterable[int]) -> bool:
-    """Whether joints of a root are one free joint, or six that are as good as one.
+    """Whether joints of a root are one free joint, or several that are as good as one.
 
-    Those are three slides, then three hinges, along and about orthogonal axes, without ranges.
+    Those are three slides, then a ball or three hinges, along and about orthogonal axes, without
+    ranges.
     """
     numbers = list(joints)
     kinds = [int(model.jnt_type[joint]) for joint in numbers]
-    if kinds != [SLIDE] * 3 + [HINGE] * 3 or len(set(model.jnt_bodyid[numbers])) != 1:
+    turning = kinds[3:] in ([BALL], [HINGE] * 3)
+    if kinds[:3] != [SLIDE] * 3 or not turning or len(set(model.jnt_bodyid[numbers])) != 1:
         return kinds == [FREE]
-    axes = model.jnt_axis[numbers].reshape(2, 3, 3)
-    orthogonal = np.abs(np.abs(np.linalg.det(axes)) - 1.0).max() < _ORTHOGONAL
+    triads = np.split(model.jnt_axis[numbers], [3])
+    orthogonal = all(
+        abs(abs(np.linalg.det(axes)) - 1.0) < _ORTHOGONAL for axes in triads if len(axes) == 3
+    )
     return bool(orthogonal) and not model.jnt_limited[numbers].any()
 
 
@@ -122,28 +126,43 @@ def moves_in_plane(model: Any, root: int) -> bool:
     )
 
 
-def _is_tied(model: Any, root: int) -> bool:
-    """Whether a constraint that is active at the start ties a body of a root's robot to the world.
+def _tie(model: Any, root: int) -> str | None:
+    """What ties a body of a root's robot to the world: a constraint that is active, or a tendon.
 
     Bodies without joints in the world, and those that are moved from outside, are as the world. One
     that couples a joint of the root ties it, too.
     """
     robot = [body for body in range(1, model.nbody) if root in line(model, body)]
     joints = {joint for body in line(model, root) for joint in joints_of(model, body)}
+    constraint = "an active equality constraint"
     for number in np.flatnonzero(model.eq_active0):
         ends = [int(model.eq_obj1id[number]), int(model.eq_obj2id[number])]
         if int(model.eq_type[number]) == _COUPLING and joints & set(ends):
-            return True
+            return constraint
         if int(model.eq_type[number]) not in _TIES:
             continue
         if int(model.eq_objtype[number]) == _SITE:
             ends = [int(model.site_bodyid[site]) for site in ends]
-        others = [body for body in ends if body not in robot]
-        if len(others) == 1 and (
-            model.body_weldid[others[0]] == WORLD or model.body_mocapid[others[0]] >= 0
+        if _joins(model, ends, robot):
+            return constraint
+    for tendon in range(model.ntendon):
+        first = int(model.tendon_adr[tendon])
+        wraps = slice(first, first + int(model.tendon_num[tendon]))
+        sites = model.wrap_objid[wraps][model.wrap_type[wraps] == _WRAPPED_SITE]
+        pulls = model.tendon_stiffness[tendon] or model.tendon_damping[tendon]
+        if (pulls or model.tendon_limited[tendon]) and _joins(
+            model, model.site_bodyid[sites].tolist(), robot
         ):
-            return True
-    return False
+            return f"the tendon {model.tendon(tendon).name or tendon}"
+    return None
+
+
+def _joins(model: Any, bodies: Sequence[int], robot: Collection[int]) -> bool:
+    """Whether bodies are of a robot and of what is fixed, or is moved from outside."""
+    others = [body for body in bodies if body not in robot]
+    return len(others) < len(bodies) and any(
+        model.body_weldid[body] == WORLD or model.body_mocapid[body] >= 0 for body in others
+    )
 
 
 def moving_joint(model: Any, body: int, source: str) -> int | None:
