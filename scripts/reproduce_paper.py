@@ -13,6 +13,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from paper.figures import draw
 from paper.numbers import all_numbers
 from paper.page import PAGE, page
 from rich.console import Console
@@ -38,9 +39,7 @@ def main() -> int:
         table.add_section()
     Console(width=160).print(table)
     if arguments.figures is not None:
-        from paper import figures  # draws, which the numbers need not
-
-        figures.draw(arguments.figures)
+        draw(arguments.figures)
     if arguments.page:
         PAGE.write_text(page(), "utf-8")
     return 0 if all(number.agrees for rows in sections.values() for number in rows) else 1

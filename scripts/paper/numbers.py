@@ -116,7 +116,7 @@ def arm_and_path() -> Iterator[Number]:
                  VirtualManipulator.of(model).lengths,
                  "not printed: from Table I by hand")  # fmt: skip
     S_max = joint_space_extremes(model, S).largest
-    yield Number("largest S", "m² kg", "150", S_max, "printed: about 150", digit=10.0)
+    yield Number("largest S", "m⁴ kg", "150", S_max, "printed: about 150", digit=10.0)
     yield Number("S0 = 5 of the largest S", "%", "3.3", 500.0 / S_max, "printed: about 3.3")
     yield Number("L, how many times point 3 crosses the PDW", "", "2", crossed_areas(problem),
                  allowed=0.0)  # fmt: skip
@@ -156,7 +156,7 @@ def planar_touch_points() -> Iterator[Number]:
     )
     for name, limit, segment, printed, tau in points:
         joints = PLANAR_TOUCH_JOINTS[name]
-        yield Number(f"S at the printed touch point of {name}", "m² kg", "5", S(joints),
+        yield Number(f"S at the printed touch point of {name}", "m⁴ kg", "5", S(joints),
                      rounded(S, joints), digit=0.01)  # fmt: skip
         point, (start, end) = limit.touch_point, plan_of_example_1().segments[segment].span
         state = near([point.heading, *point.joints], [float(x) for x in printed.split(", ")])

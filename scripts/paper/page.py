@@ -10,13 +10,9 @@ import freefloat as ff
 from freefloat.planning.simulated_branch import SimulatedBranch
 from paper.equations import EQUATIONS, link
 from paper.examples import example_1, limits, plan_of_example_1
+from paper.figures import DESCRIPTIONS
 from paper.findings import all_findings
 from paper.numbers import Number, all_numbers
-
-try:
-    from paper.figures import DESCRIPTIONS
-except ModuleNotFoundError:
-    DESCRIPTIONS: dict[str, str] = {}
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "paper.md"
 PICTURES = "pictures/paper"

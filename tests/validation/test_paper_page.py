@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -73,3 +74,21 @@ def test_every_equation_is_on_the_page_once() -> None:
     numbers = [mark for row in rows for mark in re.findall(r"\((\w+)\)", row)]
     assert len(set(numbers)) == len(numbers)
     assert {int(re.sub(r"\D", "", number)) for number in numbers} == set(range(1, 55))
+
+
+def test_every_figure_is_drawn_and_shown(page: ModuleType, tmp_path: Path) -> None:
+    """Those of the script, each with its sentence; they show the numbers of the plan."""
+    from paper import figures
+
+    assert [file.stem for file in figures.draw(tmp_path)] == [*figures.DESCRIPTIONS]
+    for name, sentence in figures.DESCRIPTIONS.items():
+        assert f"![{sentence}](pictures/paper/{name}.png)" in PAGE
+        assert (ROOT / "docs" / "pictures" / "paper" / f"{name}.png").exists()
+    axes = figures.figure_3().axes[0]
+    names = {text.get_text() for text in axes.texts}
+    assert names == {"I", "II", "III", "IV"}
+    marks = {line.get_label(): np.ravel(line.get_xydata()) for line in axes.lines}
+    touch = [page.limits(0)[1].touch_point, page.limits(1)[1].touch_point]
+    for label, point in zip(("touch point C", "touch point E"), touch, strict=True):
+        off = np.radians(marks[label]) - point.joints[:2]
+        assert np.abs(np.exp(1j * off) - 1.0).max() < 1e-9

@@ -246,7 +246,8 @@ def _joint_space(plan: Plan) -> Figure:
         limits = attitude_limits(plan.problem, plan.limits or Limits()) if motion.completed else ()
         broken = violated(limit.worst(motion) for limit in limits)
         reasons.append(f"violates {broken[0].label}" if broken else "")
-    return joint_space_figure(plan.problem, motions, reasons)
+    points = [limit.touch_point for segment in plan.segments for limit in segment.limits]
+    return joint_space_figure(plan.problem, motions, reasons, points)
 
 
 def _infeasible_motion(problem: Problem, entry: BranchRanges) -> Motion | None:

@@ -58,6 +58,9 @@ _INSTANTS, _VIEWS = 5, 3
 """Number of robots drawn in the plane and in space."""
 _LIGHTEST = 0.72
 _DEPENDENT, _INDEPENDENT, _UNDECIDED = "#D0D0D0", "#E9F5EF", "#F5E6C8"
+_AREAS = {(True, False): ("PDW A", "#C4C4C4"), (False, True): ("PDW B", "#DEDEDE"),
+          (True, True): ("PDW A and B", "#A9A9A9")}  # fmt: skip
+"""Names and colours of path-dependent areas, by whether they are of curve I and of curve II."""
 _FACES = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
 """Corners of the faces of a box."""
 _LARGE = 0.25
@@ -154,16 +157,35 @@ def _sampled_path(path: TimedPath, offset: Array = _TIP) -> Array:
 
 def _labelled_areas(workspace: Workspace) -> Iterator[tuple[str | None, Interval, str]]:
     """Yield label (for the first of each kind), interval and colour of each area."""
-    names = "can be singular", "never singular"
-    if workspace.measure == "arm":  # shoulder and wrist can be singular in all areas
-        names = "measure arm can vanish", "measure arm cannot vanish"
+    named = [*_named_areas(workspace)]
+    names = "can be singular", "PIW" if named else "never singular"
+    dependent = () if named else workspace.path_dependent
     areas = (
-        (workspace.path_dependent, _DEPENDENT), (workspace.path_independent, _INDEPENDENT),
+        (dependent, _DEPENDENT), (workspace.path_independent, _INDEPENDENT),
         (workspace.undecided, _UNDECIDED),
     )  # fmt: skip
+    seen = set[str]()
+    for name, interval, colour in named:
+        yield None if name in seen else name, interval, colour
+        seen.add(name)
     for name, (intervals, colour) in zip((*names, "undecided"), areas, strict=True):
         for number, interval in enumerate(intervals or ()):
             yield name if number == 0 else None, interval, colour
+
+
+def _named_areas(workspace: Workspace) -> Iterator[tuple[str, Interval, str]]:
+    """The exact path-dependent areas in pieces, each of curve I, of curve II or of both (Fig. 2b).
+
+    Of an elbow arm they are those of the in-plane factor: shoulder and wrist can be singular in
+    all.
+    """
+    kinds = workspace.area_a, workspace.area_b
+    edges = sorted({edge for areas in kinds for interval in areas for edge in interval})
+    for low, high in pairwise(edges):
+        middle = (low + high) / 2.0
+        a, b = (any(first < middle < last for first, last in areas) for areas in kinds)
+        if a or b:
+            yield _AREAS[a, b][0], (low, high), _AREAS[a, b][1]
 
 
 @styled
