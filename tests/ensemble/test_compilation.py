@@ -84,6 +84,17 @@ def test_a_cache_folder_that_others_may_write_to_is_not_used(
     assert (result, str(caches) in sentence) == (["6.0", "0", "Scale."], True)
 
 
+@pytest.mark.slow
+def test_a_configuration_file_of_the_current_folder_names_no_cache(tmp_path: Path) -> None:
+    """Whoever sends a folder with one, and caches beside it, could run code."""
+    (tmp_path / "kernel.py").write_text(KERNEL)
+    (tmp_path / "helper.py").write_text(HELPER.format(value=2.0))
+    (tmp_path / ".numba_config.yaml").write_text(f"cache_dir: {tmp_path / 'sent'}")
+    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    subprocess.run([sys.executable, "-c", RUN], cwd=tmp_path, env=environment, check=True)
+    assert not (tmp_path / "sent").exists()
+
+
 @pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
 @pytest.mark.parametrize("damage", ["empty", "flipped"])
 def test_a_damaged_cache_entry_is_deleted_and_reported_once(

@@ -161,7 +161,7 @@ ALTERATIONS = {
     "the momentum": (lambda p: with_problem(p, momentum=np.array([0, 0, 0.6])), "angular momentum"),
     "the duration": (longer, "whole motion"),
     "the margin": (
-        lambda p: with_problem(p, margin=replace(p.problem.margin, threshold=140.0)), "system"),
+        lambda p: with_problem(p, margin=replace(p.problem.margin, threshold=140.0)), "|det A|"),
     "a limit": (lambda p: replace(p, limits=replace(p.limits, base_rate=0.001)), "limit base rate"),
     "the closest approach": (without_approach, "chosen.closest_approach.value"),
     "the branch": (other_branch, "chosen.branch.index"),
@@ -210,7 +210,7 @@ def test_an_altered_value_is_a_discrepancy(planar, name, request):
         (lambda plan: replace(plan, tolerance=replace(
             plan.tolerance, shortest=plan.tolerance.longest)), "tolerance: "),
         (moved("joints", slice(None), 3, 1e-3), "end-effector orientation"),
-        (lambda p: with_problem(p, margin=replace(p.problem.margin, threshold=60.0)), "arm"),
+        (lambda p: with_problem(p, margin=replace(p.problem.margin, threshold=60.0)), "|in-plane factor|"),
     ],
     ids=["robust radius", "momentum", "longest", "shortest", "joints", "margin"],
 )  # fmt: skip

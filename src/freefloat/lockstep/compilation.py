@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from numba import njit
+from numba import config, njit
 
 from freefloat.errors import InputError
 from freefloat.lockstep.cache_files import CheckedCacheFile, is_private
@@ -33,6 +34,8 @@ def compiled(function: _Function) -> _Function:
     Raises:
         InputError: If Numba's compiler is switched off; kernels compute with its vectors.
     """
+    # a .numba_config.yaml of the current folder, which somebody sent, names no folder of caches
+    config.CACHE_DIR = os.environ.get("NUMBA_CACHE_DIR", "")  # type: ignore[attr-defined]
     try:
         kernel = njit(cache=True, **_OPTIONS)(function)
     except RuntimeError:  # Numba has no folder for its cache

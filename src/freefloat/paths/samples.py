@@ -91,7 +91,7 @@ def _columns(text: str, source: str | Path) -> tuple[dict[str, Array], list[int]
 
 def _numbers(source: str | Path, line: int, row: list[str], count: int) -> list[float]:
     try:
-        values = [float(word) for word in row]
+        values = [_number(word) for word in row]
     except ValueError:
         values = []
     if len(values) == count and all(abs(value) <= LARGEST_NUMBER for value in values):
@@ -102,3 +102,10 @@ def _numbers(source: str | Path, line: int, row: list[str], count: int) -> list[
 
 def _refusal(source: str | Path, problem: str, accepted: str) -> InputError:
     return InputError("path.samples", problem, accepted, str(source))
+
+
+def _number(word: str) -> float:
+    """A number as tables have it; Python alone reads others, such as 1_2."""
+    if "_" in word or not word.isascii():
+        raise ValueError(word)
+    return float(word)

@@ -59,10 +59,14 @@ def completed_in_pool(
         while suspects:
             again, started = yield from _completed(work, study, suspects, 1)
             if again and not started:
-                accepted = 'a script that calls it below `if __name__ == "__main__":`'
-                raise InputError("workers", "worker processes end as they start", accepted)
+                raise _no_workers()
             yield from ((task, None) for task in again)
         begun, _ = yield from _completed(work, study, waiting, min(workers, len(waiting)))
+
+
+def _no_workers() -> InputError:
+    accepted = 'a script that calls it below `if __name__ == "__main__":`'
+    return InputError("workers", "worker processes end as they start", accepted)
 
 
 def _completed(
@@ -173,7 +177,10 @@ def start_seconds(study: PortableStudy) -> float:
     """Time until a worker has started [s]."""
     begin = time.perf_counter()
     with _pool(study, 1) as (_, (start,)):
-        start.result()
+        try:
+            start.result()
+        except BrokenExecutor:
+            raise _no_workers() from None
         return time.perf_counter() - begin
 
 

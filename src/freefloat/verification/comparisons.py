@@ -238,7 +238,8 @@ def _margin_check(minimum: CertifiedMinimum, motion: Motion, feasible: bool) -> 
     """Check that a measure does not vanish, and that the margin's measure keeps the margin."""
     problem = motion.problem
     unit = singularity_measure(problem.model, problem.task, minimum.measure).unit
-    name = f"|{measure_title(minimum.measure)}|"
+    title = measure_title(minimum.measure)
+    name = title if minimum.measure == "sigma" else f"|{title}|"
     required = None
     if feasible and minimum.measure == problem.margin.measure.name:
         required = problem.margin.threshold

@@ -246,7 +246,9 @@ def _tolerance_check(
         )
         return regularity(motions, problem.margin.threshold)
 
-    outside = violations(values, tolerated, _MOMENTUM_EFFORT, _SEED)
+    outside = np.zeros((0, 3))
+    if tolerated:  # zero claims nothing beside the motion itself
+        outside = violations(values, tolerated, _MOMENTUM_EFFORT, _SEED)
     if len(outside):
         h = np.round(problem.momentum + outside[0], 6).tolist()
         words = f"the momentum {h} N m s violates the margin or nears another singularity"
@@ -261,7 +263,9 @@ def _tolerance_check(
         for h in worst
     ]  # fmt: skip
     if problem.depends_on_timing:
-        for duration, end in ((shortest / _INSIDE, shortest), (longest * _INSIDE, longest)):
+        planned = problem.path.duration
+        least, most = min(shortest / _INSIDE, planned), max(longest * _INSIDE, planned)
+        for duration, end in ((least, shortest), (most, longest)):
             system = problem.system.scaled(duration / problem.path.duration)
             changes.append((problem.with_system(system), f"duration {duration:.6g}", "s", end))
     for changed, words, unit, value in changes:

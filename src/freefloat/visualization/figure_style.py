@@ -61,6 +61,7 @@ _STYLE: Any = {
     "lines.linewidth": 1.2,
     "lines.markersize": 4.0,
     "pdf.fonttype": 42,
+    "text.usetex": False,
     "xtick.labelsize": 7.0,
     "xtick.major.width": 0.6,
     "ytick.labelsize": 7.0,

@@ -46,7 +46,8 @@ GIVEN = "robot", "robot_file", "scenario", "scenario_file"
 _ACCEPTED = f"a plan, motion or map file of freefloat (-o), format {FORMAT_VERSION}"
 _ROUNDING = 1e-9
 """Deviation of derived numbers that are computed again."""
-_INVALID = (InputError, KeyError, ValueError, IndexError, TypeError, AttributeError)
+_INVALID = (InputError, KeyError, ValueError, IndexError, TypeError, AttributeError,
+            RecursionError)  # fmt: skip
 """Errors of a file whose content does not fit together."""
 
 
