@@ -248,8 +248,6 @@ def _reach(robot: RobotDescription, root: str) -> float:
 
 def unusable_meshes(robot: RobotDescription) -> Faults:
     """Mesh files that are not there, and those of collision shapes without triangles, each once."""
-    from freefloat.robot.meshes import read_mesh  # trimesh imports slowly
-
     seen = set[object]()
     for link in robot.links:
         for shape in link.shapes:
@@ -260,12 +258,14 @@ def unusable_meshes(robot: RobotDescription) -> Faults:
             try:
                 file = find_mesh(mesh.filename, robot.source)
                 if compared:
+                    from freefloat.robot.meshes import read_mesh  # trimesh imports slowly
+
                     read_mesh(file, mesh.scale)
             except MeshFileError as error:
                 problem = f"mesh {mesh.filename or 'without a name'}: {error.reason}"
                 if problem not in seen:
                     seen.add(problem)
-                    remedy = error.remedy or "a readable file beside the URDF, or a <box>"
+                    remedy = error.remedy or "a readable mesh, relative to the URDF, or a <box>"
                     yield Fault(link, shape.line, problem, remedy)
 
 
