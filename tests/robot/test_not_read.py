@@ -48,6 +48,17 @@ UNUSED = {
         ""),
     "of another program": ("hand", '<d:rotor xmlns:d="http://drake.mit.edu" inertia="3"/>', ""),
     "a transmission": ("", '<transmission name="t"><joint name="shoulder"/></transmission>', ""),
+    "text behind an element": (
+        "hand", "<visual><origin/> 7 kg <geometry><sphere radius='1'/></geometry></visual>", ""),
+    "an element of damping": ("shoulder", "<dynamics><damping>3</damping></dynamics>", ""),
+    "a group of collisions": (
+        "hand", '<collision group="2"><geometry><sphere radius="1"/></geometry></collision>',
+        "group"),
+    "a geometry of a picture alone": ("hand", SHAPE.format("<verbose/>"), ""),
+    "a plugin of Gazebo": (
+        "", '<gazebo reference="upper"><plugin name="thruster"/></gazebo>', ""),
+    "text for Gazebo": ("", "<gazebo>300 N thruster</gazebo>", ""),
+    "a mass for Gazebo": ("", '<gazebo reference="upper" mass="3"/>', ""),
     "Gazebo": ("", '<gazebo reference="upper"><mu1>0.2</mu1></gazebo>', ""),
     "a sensor": ("", '<sensor name="camera"/>', ""),
 }  # fmt: skip
@@ -96,6 +107,25 @@ def test_limits_that_are_not_used_are_listed() -> None:
         entries = read_urdf(VALID.replace(old, new, 1)).not_read
         assert [entry.attribute for entry in entries] == keys
         assert {entry.element for entry in entries} == {"limit of joint shoulder"}
+
+
+def test_text_between_links_is_listed() -> None:
+    (entry,) = read_urdf(with_content("", "the mass is 300 kg")).not_read
+    assert entry.element.startswith("robot")
+
+
+def test_the_shape_is_the_known_element_of_the_first_geometry() -> None:
+    """Elements of other kinds are listed, and hide no shape."""
+    for content, radii, listed in (
+        ('<plane/><sphere radius="1"/>', [1.0], ["plane"]),
+        ('<verbose/><sphere radius="1"/>', [1.0], []),
+        ('<sphere radius="1"/></geometry><geometry><box size="1 1 1"/>', [1.0], ["geometry"]),
+        ('</geometry><geometry><sphere radius="1"/>', [], ["geometry", "geometry"]),
+    ):
+        model = ff.FreeFloatingModel.from_urdf(with_content("hand", SHAPE.format(content)), "hand")
+        shapes = [shape.geometry for shape in model.description.links_by_name["hand"].shapes]
+        assert [shape.radius for shape in shapes if isinstance(shape, ff.Sphere)] == radii
+        assert [entry.element.split()[0] for entry in model.not_read] == listed
 
 
 def test_parts_of_an_assembly_are_listed_with_it(tmp_path: Path) -> None:

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -20,7 +22,7 @@ from freefloat.robot.description import Severity
 from freefloat.robot.robot_packages import example_robots
 from freefloat.robot.validation import examine, read_urdf
 from tests.broken_robots import BUS, FAULTS, VALID, Fault, link
-from tests.commands import run
+from tests.commands import document, run
 from tests.errors import error_key
 from tests.robots import Robot, inertial_text, joint_text, link_text, robots
 
@@ -225,3 +227,33 @@ def test_each_missing_mesh_is_reported_once(tmp_path: Path) -> None:
     shown = run("info", written(tmp_path, text)).stdout
     assert "2 warnings" in shown
     assert "plate.stl" not in shown
+
+
+@pytest.mark.slow
+def test_collision_meshes_that_cannot_be_used_are_reported(tmp_path: Path) -> None:
+    """Each once, however many shapes name it; also those of attached robots."""
+    box = trimesh.creation.box().export(file_type="stl")
+    pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 684\n"
+    contents = {
+        "pointer": pointer, "empty": b"", "cut": box[:150], "zeros": bytes(len(box)),
+        "not_numbers": box[:84] + b"\xff" * (len(box) - 84), "flattened": box, "sound": box,
+    }  # fmt: skip
+    shapes = ""
+    for name, content in contents.items():
+        (tmp_path / f"{name}.stl").write_bytes(content)
+        scale = "0 0 0" if name == "flattened" else "-1 1 1"
+        shapes += 2 * (f'\n<collision><geometry><mesh filename="{name}.stl" scale="{scale}"/>'
+                       "</geometry></collision>")  # fmt: skip
+    text = VALID.replace(BUS, link("bus", "300", "0 0 0", "50 50 50", shapes))
+    path = written(tmp_path, text)
+    attached = {"urdf": path.name, "prefix": "tool_"}
+    robot = {"urdf": "planar_2dof", "end_effector": "end_effector", "attached": [attached]}
+    scenario = tmp_path / "scenario.yaml"
+    scenario.write_text(yaml.safe_dump({"robot": robot, "goal": {"joints": [0.5, 0.5]}}))
+    lines = text.splitlines()
+    for file in (path, scenario):
+        found = document("info", file)["findings"]
+        assert {entry["element"] for entry in found} == {"link bus"}
+        shown = [re.findall(r'"(\w+)\.stl"', lines[entry["line"] - 1])[0] for entry in found]
+        assert shown == [name for name in contents if name != "sound"]
+        assert {entry["file"] for entry in found} == {str(path)}

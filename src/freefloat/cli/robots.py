@@ -118,7 +118,9 @@ def load_robot(
                 raise InputError(option, "the scenario names it already", "a URDF with it")
         loaded = load_scenario(robot)
         mounted = loaded.content.robot.spacecraft is not None
-        diagnostics = _require_no_error(console, examine(loaded.robot_source(), mounted))
+        first, *others = loaded.robot_sources()
+        found = [*examine(first, mounted), *(entry for other in others for entry in examine(other))]
+        diagnostics = _require_no_error(console, found)
         parts = (entry for entry in loaded.model().warnings if entry not in diagnostics)
         diagnostics = (*diagnostics, *parts)
         if loaded.content.goal is None:
@@ -197,7 +199,8 @@ def not_read_lines(entries: Sequence[NotRead]) -> Iterator[RenderableType]:
     for (tag, kind, attribute, meaning), group in alike.items():
         shown = group[:_SHOWN]
         plural = "s" if len(group) > 1 else ""
-        names = f"{kind}{plural * bool(kind)} {', '.join(name for _, name in shown)}".strip()
+        owners = ", ".join(name for _, name in shown if name)
+        names = f"{kind}{plural * bool(kind)} {owners}".strip()
         lines = ", ".join(str(entry.line) for entry, _ in shown if entry.line is not None)
         where = [f"line{plural} {lines}" * bool(lines), names]
         more = f" and {len(group) - _SHOWN} more (--json)" if len(group) > _SHOWN else ""

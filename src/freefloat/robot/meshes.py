@@ -93,7 +93,7 @@ def read_mesh(path: Path, scale: npt.ArrayLike = 1.0) -> tuple[Part, ...]:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise MeshFileError(f"it cannot be read ({reason})") from None
     if not parts:
-        raise MeshFileError("it has no triangles")
+        raise MeshFileError("its triangles have no area" if meshes else "it has no triangles")
     return parts
 
 

@@ -55,14 +55,15 @@ _MEANINGS = {
 }
 """What elements mean that are not read, by tag and attribute; empty for the whole element."""
 _SOLIDS = ("box", "capsule", "cylinder", "sphere")
-_SHAPES = (*_SOLIDS, "mesh")
+SHAPES = (*_SOLIDS, "mesh")
+"""Elements of which a ``<geometry>`` has one."""
 _READ: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "robot": (("name", "version"), ("link", "joint")),
     "link": (("name", "type"), ("inertial", "visual", "collision")),
     "inertial": ((), ("origin", "mass", "inertia")),
     "visual": (("name",), ("origin", "geometry")),
     "collision": (("name", "group"), ("origin", "geometry")),
-    "geometry": (("name",), _SHAPES),
+    "geometry": (("name",), SHAPES),
     "joint": (("name", "type"), ("parent", "child", "origin", "axis", "limit")),
     "origin": (("xyz", "rpy", "quat_xyzw"), ()),
     "mass": (("value",), ()),
@@ -81,7 +82,7 @@ _READ: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 _SHAPED = ("visual", "collision")
 _SEVERAL = ("link", "joint", *_SHAPED)
 """Elements of which all are read, and not the first alone."""
-_WITHOUT_PHYSICS = ("material", "verbose", "plugin", "dont_collapse")
+_WITHOUT_PHYSICS = ("material", "verbose", "dont_collapse")
 """Elements and attributes of pictures and programs."""
 _OF_MOTION = ("axis", "limit", "dynamics", "safety_controller", "calibration", "mimic")
 """Elements that mean nothing in a fixed joint."""
@@ -112,10 +113,9 @@ def _of_element(element: Any) -> Iterator[NotRead]:
             meaning = _MEANINGS.get((element.tag, key), _unknown(key, attributes))
         if meaning:
             yield _entry(element, key, meaning)
-    if (element.text or "").strip():
-        yield _entry(element, "", "text in place of attributes")
+    yield from _of_text(element)
     if (element.tag in _SHAPED and element.find("geometry") is None) or (
-        element.tag == "geometry" and not len(element)
+        element.tag == "geometry" and _draws_alone(element)
     ):
         yield _entry(element, "", "it has no shape")
     if element.tag in _SOLIDS:
@@ -125,7 +125,7 @@ def _of_element(element: Any) -> Iterator[NotRead]:
     fixed = element.tag == "joint" and element.get("type") == "fixed"
     seen: set[str] = set()
     for child in element:
-        kind = "shape" if child.tag in _SHAPES else child.tag
+        kind = "shape" if child.tag in SHAPES else child.tag
         if child.tag in _WITHOUT_PHYSICS or (fixed and child.tag in _OF_MOTION):
             continue
         if child.tag not in children:
@@ -140,14 +140,29 @@ def _of_element(element: Any) -> Iterator[NotRead]:
 def _of_other(element: Any, known: tuple[str, ...]) -> Iterator[NotRead]:
     """What an element says that is not read at all: as a whole, or attribute by attribute."""
     tag = element.tag
-    if tag == "gazebo" and all(child.tag in _WITHOUT_PHYSICS for child in element):
+    says = {*element.attrib} - {"reference"} or any(_of_text(element))
+    if tag == "gazebo" and not says and _draws_alone(element):
         return
     if any(name == tag and key for name, key in _MEANINGS):
         for key, value in element.attrib.items():
             if not _is_zero(value):
                 yield _entry(element, key, _MEANINGS.get((tag, key)) or _unknown(key, ()))
+        yield from _of_text(element)
+        for child in element:
+            yield from _of_other(child, ())
         return
     yield _entry(element, "", _MEANINGS.get((tag, "")) or _unknown(tag, known))
+
+
+def _draws_alone(element: Any) -> bool:
+    """Whether no element in an element carries physics."""
+    return all(child.tag in _WITHOUT_PHYSICS for child in element)
+
+
+def _of_text(element: Any) -> Iterator[NotRead]:
+    """Text of an element, before, between or behind those in it."""
+    if any((text or "").strip() for text in (element.text, *(child.tail for child in element))):
+        yield _entry(element, "", "text in place of attributes")
 
 
 def _unused_value(element: Any, key: str, value: str) -> str:
@@ -155,6 +170,8 @@ def _unused_value(element: Any, key: str, value: str) -> str:
     root = element.getroottree().getroot()
     if key == "quat_xyzw" and root.get("version", _FIRST) == _FIRST:
         return "a rotation in URDF 1.1; this file is URDF 1.0, which has rpy alone"
+    if key == "group":
+        return "which links touch; all that no joint connects are compared"
     kind = element.getparent().get("type") if element.tag == "limit" else None
     if kind == "continuous" and key in ("lower", "upper") and not _is_zero(value):
         return "an end of a range; a continuous joint has none, a revolute one has"

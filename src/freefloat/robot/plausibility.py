@@ -246,21 +246,27 @@ def _reach(robot: RobotDescription, root: str) -> float:
     return longest
 
 
-def missing_meshes(robot: RobotDescription) -> Faults:
-    """Mesh files that are not there, each once."""
-    seen: set[str] = set()
+def unusable_meshes(robot: RobotDescription) -> Faults:
+    """Mesh files that are not there, and those of collision shapes without triangles, each once."""
+    seen = set[object]()
     for link in robot.links:
         for shape in link.shapes:
-            mesh = shape.geometry
-            if not isinstance(mesh, MeshFile) or mesh.filename in seen:
+            mesh, compared = shape.geometry, shape.kind == "collision"
+            if not isinstance(mesh, MeshFile) or (mesh, compared) in seen:
                 continue
-            seen.add(mesh.filename)
+            seen.add((mesh, compared))
             try:
-                find_mesh(mesh.filename, robot.source)
+                file = find_mesh(mesh.filename, robot.source)
+                if compared:
+                    from freefloat.robot.meshes import read_mesh  # trimesh imports slowly
+
+                    read_mesh(file, mesh.scale)
             except MeshFileError as error:
                 problem = f"mesh {mesh.filename or 'without a name'}: {error.reason}"
-                remedy = error.remedy or "a name relative to the URDF, or a shape such as <box>"
-                yield Fault(link, shape.line, problem, remedy)
+                if problem not in seen:
+                    seen.add(problem)
+                    remedy = error.remedy or "a readable mesh, relative to the URDF, or a <box>"
+                    yield Fault(link, shape.line, problem, remedy)
 
 
 WARNINGS = (_inertias, _joint_values, _moving_links, inertia_sizes)

@@ -27,7 +27,7 @@ from freefloat.robot.description import (
     rpy_rotation,
 )
 from freefloat.robot.free_base import with_free_base
-from freefloat.robot.not_read import what_is_not_read
+from freefloat.robot.not_read import SHAPES, what_is_not_read
 from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Shape, Sphere
 from freefloat.robot.source import RobotSource
 from freefloat.robot.urdf_numbers import AttributeReader, are_numbers
@@ -192,7 +192,7 @@ class _Decoder(AttributeReader):
         return Inertial(self.number(mass, "value"), self._origin(element), matrix)
 
     def _shape(self, element: Element) -> LinkShape:
-        body = next(element.iterfind("geometry/*"), None)
+        body = next((part for part in element.xpath("geometry[1]/*") if part.tag in SHAPES), None)
         material = element.find("material")
         colour = None if material is None else _rgba(material)
         if colour is None and material is not None:

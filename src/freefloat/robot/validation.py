@@ -18,8 +18,8 @@ from freefloat.robot.plausibility import (
     Fault,
     Faults,
     inertia_sizes,
-    missing_meshes,
     root_masses,
+    unusable_meshes,
 )
 from freefloat.robot.source import RobotSource
 from freefloat.robot.urdf import parse_urdf
@@ -60,7 +60,7 @@ def examine(urdf: str | Path | RobotSource, mounted: bool = False) -> tuple[Urdf
         mounted: Whether it may have no mass: an arm for a spacecraft, or a body of a scene.
 
     Returns:
-        Errors, causes before consequences, then warnings by line, missing mesh files included.
+        Errors, causes before consequences, then warnings by line, also about mesh files.
 
     Raises:
         ModelError: If there is no such file, or it is not text.
@@ -72,7 +72,7 @@ def examine(urdf: str | Path | RobotSource, mounted: bool = False) -> tuple[Urdf
             raise
         return (UrdfDiagnostic(Severity.ERROR, str(error.source), error.line, error.key,
                                error.problem, error.accepted),)  # fmt: skip
-    return _diagnostics(robot, mounted, missing_meshes)
+    return _diagnostics(robot, mounted, unusable_meshes)
 
 
 def part_warnings(robot: RobotDescription, links: Collection[str]) -> tuple[UrdfDiagnostic, ...]:

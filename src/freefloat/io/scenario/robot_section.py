@@ -174,6 +174,12 @@ class RobotSection(Section):
             file = find_robot(self.urdf, folder)
             return RobotSource(file, self.root, self._packages(folder), self.arguments)
 
+    def parts(self, scenario: Path) -> list[Attachment]:
+        """Further URDFs; raises the InputErrors of :meth:`source`."""
+        packages = self._packages(scenario.parent)
+        return [part.to_attachment(scenario, f"robot.attached.{index}.", packages)
+                for index, part in enumerate(self.attached)]  # fmt: skip
+
     def _packages(self, folder: Path) -> dict[str, Path]:
         return {name: folder / place for name, place in self.packages.items()}
 
@@ -190,21 +196,17 @@ class RobotSection(Section):
         folder = scenario.parent
         craft = self.spacecraft
         payload = self.payload
-        source = self.source(scenario)
         with error_context(scenario, "robot."), file_keys(fixed_joints="held"):
             self._require_laws()
             model = FreeFloatingModel.from_urdf(
-                source,
+                self.source(scenario),
                 self.path_link,
                 scale_mass=self.scale_mass,
                 fixed_joints=self.held,
                 arms=self.moving_arms,
                 spacecraft=None if craft is None else Spacecraft(**craft.values(folder)),
                 payload=None if payload is None else Payload(**payload.values(folder)),
-                attached=[
-                    part.to_attachment(scenario, f"robot.attached.{index}.", source.packages)
-                    for index, part in enumerate(self.attached)
-                ],
+                attached=self.parts(scenario),
             ).with_paths(*paths_of_arms(self.arms))
             moving = {self.path_link, *self.moving_arms.values()}
             held = {name: arm.end_effector for name, arm in self.arms.items()

@@ -67,9 +67,10 @@ class Scenario(PlannedScenario):
     robot: FreeFloatingModel | None = field(default=None, repr=False)
     shapes: FileShapes = field(default_factory=dict, repr=False)
 
-    def robot_source(self) -> RobotSource:
-        """The file of the robot, before anything is assembled with it."""
-        return self.content.robot.source(self.source)
+    def robot_sources(self) -> tuple[RobotSource, ...]:
+        """The file of the robot, then those that are attached to it."""
+        robot, file = self.content.robot, self.source
+        return robot.source(file), *(RobotSource.of(part.urdf) for part in robot.parts(file))
 
     def model(self) -> FreeFloatingModel:
         """The robot."""
