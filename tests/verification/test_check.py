@@ -210,7 +210,8 @@ def test_an_altered_value_is_a_discrepancy(planar, name, request):
         (lambda plan: replace(plan, tolerance=replace(
             plan.tolerance, shortest=plan.tolerance.longest)), "tolerance: "),
         (moved("joints", slice(None), 3, 1e-3), "end-effector orientation"),
-        (lambda p: with_problem(p, margin=replace(p.problem.margin, threshold=60.0)), "|in-plane factor|"),
+        (lambda p: with_problem(p, margin=replace(p.problem.margin, threshold=60.0)),
+         "|in-plane factor|"),
     ],
     ids=["robust radius", "momentum", "longest", "shortest", "joints", "margin"],
 )  # fmt: skip
