@@ -60,7 +60,8 @@ def known_robustness(plan: Plan) -> dict[str, Any]:
     """What is recomputed of ranges of headings or the map, of robust radius and tolerances."""
     search, problem, chosen = plan.search, plan.problem, plan.chosen
     evaluator = evaluator_for(problem, limits=plan.limits, search=search)
-    retimed = problem.path.timing.law is TimeLaw.OPTIMAL and problem.depends_on_timing
+    optimal = problem.path.timing.law is TimeLaw.OPTIMAL
+    retimed = optimal and problem.depends_on_timing
     known: dict[str, Any] = {}
     if problem.task.planar:
         again = plan_in_plane(evaluator, search, plan.limits)
@@ -70,7 +71,8 @@ def known_robustness(plan: Plan) -> dict[str, Any]:
         ranges = again.ranges
         if chosen is not None and plan.feasible:  # narrow ranges are found around its heading
             ranges = ranges_containing(evaluator, again, chosen)
-        known |= {} if retimed else {"ranges": ranges, "segments": again.segments}
+        known |= {"segments": () if optimal else again.segments}
+        known |= {} if retimed else {"ranges": ranges}
         if chosen is not None:
             depth = heading_depth(evaluator, search.domain, ranges, chosen)
             known["robust_radius"] = depth

@@ -33,6 +33,7 @@ def with_timing(plan: Plan, before: SimulatedBranch, problem: Problem, limits: L
     return replace(
         plan, problem=problem, chosen=chosen, limit_results=results, map=samples, stretch=1.0,
         feasible=verdict.feasible, reason=reason,
+        segments=(),  # their touch points are those of the first timing
     )  # fmt: skip
 
 
