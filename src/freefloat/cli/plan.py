@@ -188,7 +188,7 @@ def _chosen_lines(plan: Plan) -> Iterator[str]:
         around = f" for {alone}, with starts inside the joint ranges"
     if plan.robust_radius is not None:
         spare = plan.search.required_radius
-        less = plan.robust_radius < spare
+        less = plan.robust_radius < spare * (1.0 - 1e-9)
         wanted = f", less than search.spare_deg {math.degrees(spare):g}" if less else ""
         yield f"Attitude tolerance{around}: {math.degrees(plan.robust_radius):.4f} deg{wanted}."
         if plan.radius_effort is not None:

@@ -109,6 +109,9 @@ def _names(robot: RobotDescription) -> Faults:
         for entry in group:
             if not entry.name:
                 yield Fault(entry, entry.tag, f"a <{entry.tag}> without a name", _TREE)
+            elif not entry.name.isprintable():
+                problem = f"the name {entry.name!r} has characters that are not printed"
+                yield Fault(entry, entry.tag, problem, "a name of letters, digits and _")
             elif entry.name in seen:
                 line = seen[entry.name]
                 problem = "the name is already used" + (f" on line {line}" if line else "")

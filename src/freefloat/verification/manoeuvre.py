@@ -34,6 +34,9 @@ _SAME = 1e-8
 _MOMENTUM = 1e-9
 """Error of the momentum after a capture, as a fraction of its parts, which may cancel."""
 
+_AT_PRESENT = 1e-6
+"""Largest angle and joint value by which a start is the present state [rad, m]."""
+
 
 def manoeuvre_report(manoeuvre: Manoeuvre, engine: str) -> tuple[CheckReport, Known]:
     """All checks of a manoeuvre, and what is recomputed.
@@ -54,11 +57,31 @@ def manoeuvre_report(manoeuvre: Manoeuvre, engine: str) -> tuple[CheckReport, Kn
         if again.result is manoeuvre.path and isinstance(known, Known):
             path = known
     checks += _handover_checks(manoeuvre)
+    checks.append(_phases_check(manoeuvre))
     if not manoeuvre.feasible:
         checks.append(Check("feasible", False, manoeuvre.reason, False))
     turned = any(phase.name == REORIENTATION for phase in manoeuvre.phases)
     values = {"path": path, "phases": tuple(phases), "reorient": turned or Origin.GIVEN}
     return CheckReport(manoeuvre.kind, tuple(checks)), Known(Manoeuvre, values)
+
+
+def _phases_check(manoeuvre: Manoeuvre) -> Check:
+    """Check that a feasible manoeuvre has all its phases: the turn before its path, those after."""
+    numbers = [k for k, phase in enumerate(manoeuvre.phases) if phase.result is manoeuvre.path]
+    before, after = numbers[0], len(manoeuvre.phases) - numbers[0] - 1
+    turned = before == 1 or not manoeuvre.reorient or _begins_at_present(manoeuvre.path)
+    whole = not manoeuvre.feasible or (turned and after == len(manoeuvre.following))
+    words = f"{before} phases before the path and {after} after it are stated"
+    return Check("phases", whole, "" if whole else words)
+
+
+def _begins_at_present(plan: Plan) -> bool:
+    """Whether a plan begins at the present attitude and joints of its search."""
+    motion, joints = plan.motion, plan.search.joints
+    if motion is None or joints is None or plan.deviation is None:
+        return False
+    apart = float(plan.problem.model.joint_distance(motion.initial.joints, joints))
+    return max(plan.deviation, apart) < _AT_PRESENT
 
 
 def _recomputed(manoeuvre: Manoeuvre) -> Iterator[tuple[PhaseResult, PhaseResult]]:

@@ -239,7 +239,7 @@ def moved_nearer(
             return None
         return trials.check_candidate(ScreenedCandidate(attitude, branch))
 
-    there = trial(present)
+    there = _kept_at(trials, present)
     if there is not None and (not spare or trial(rotated(present, -step)[0]) is not None):
         return there
     nearest = passed
@@ -252,4 +252,19 @@ def moved_nearer(
             low, nearest = middle, nearer
     if not spare:
         return nearest
-    return trial(rotated(nearest[0].motion.initial.attitude, step)[0]) or there or passed
+    spared = trial(rotated(nearest[0].motion.initial.attitude, step)[0])
+    if spared is None or there is None:
+        return spared or there or passed
+    normal = problem.plane.normal[None] if problem.task.planar else np.eye(3)
+    around = rotated(spared[0].motion.initial.attitude, spare * np.vstack([normal, -normal]))
+    return spared if all(trial(attitude) is not None for attitude in around) else there
+
+
+def _kept_at(trials: Trials, attitude: Array) -> PassedTrial | None:
+    """The motion from an attitude that keeps everything, of its branches with the largest margin."""
+    passed = [
+        trials.check_candidate(ScreenedCandidate(attitude, branch.index))
+        for branch in trials.problem.branches(attitude)
+    ]
+    kept = (entry for entry in passed if entry is not None)
+    return max(kept, key=lambda entry: entry[0].minimum_margin, default=None)
