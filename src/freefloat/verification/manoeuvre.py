@@ -33,7 +33,6 @@ _SAME = 1e-8
 """Errors of states handed on [rad, m]."""
 _MOMENTUM = 1e-9
 """Error of the momentum after a capture, as a fraction of its parts, which may cancel."""
-
 _AT_PRESENT = 1e-6
 """Largest angle and joint value by which a start is the present state [rad, m]."""
 
@@ -77,10 +76,11 @@ def _phases_check(manoeuvre: Manoeuvre) -> Check:
 
 def _begins_at_present(plan: Plan) -> bool:
     """Whether a plan begins at the present attitude and joints of its search."""
-    motion, joints = plan.motion, plan.search.joints
-    if motion is None or joints is None or plan.deviation is None:
+    motion, model = plan.motion, plan.problem.model
+    if motion is None or plan.search.joints is None or plan.deviation is None:
         return False
-    apart = float(plan.problem.model.joint_distance(motion.initial.joints, joints))
+    present = model.joint_vector(plan.search.joints, "search.joints")
+    apart = float(np.abs(motion.initial.joints - present).max())
     return max(plan.deviation, apart) < _AT_PRESENT
 
 

@@ -261,7 +261,7 @@ def moved_nearer(
 
 
 def _kept_at(trials: Trials, attitude: Array) -> PassedTrial | None:
-    """The motion from an attitude that keeps everything, of its branches with the largest margin."""
+    """The motion from an attitude that keeps everything, along the branch of the largest margin."""
     passed = [
         trials.check_candidate(ScreenedCandidate(attitude, branch.index))
         for branch in trials.problem.branches(attitude)
