@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from scipy.spatial.transform import Rotation
+from matplotlib.patches import Polygon
+from scipy.optimize import brentq
 
 import freefloat as ff
+from freefloat.io.formats.trajectory import Trajectory
 from freefloat.motion.motion import Motion
 from freefloat.planning.plane.arcs import BranchRanges
+from freefloat.planning.plane.ranges import find_range_limits
+from freefloat.planning.touching.touch_point import TouchKind
+from freefloat.planning.touching.touch_points import motion_through
 from freefloat.regions.planar_regions import PlanarArm, point_3_on_path
 from freefloat.regions.workspace import workspace_regions
 from freefloat.so3 import Array
@@ -20,14 +28,26 @@ from freefloat.visualization.figure_style import (
     BLUE,
     COLUMN,
     GREEN,
+    GREY,
+    PALE,
     STROKES,
     draw_point,
     legend_above,
     new_figure,
     styled,
 )
-from freefloat.visualization.figures.planar_figures import joint_space_figure
-from freefloat.visualization.figures.scene_figures import snapshots_figure, workspace_figure
+from freefloat.visualization.figures.joint_space_figure import joint_space_figure, motion_curve
+from freefloat.visualization.figures.motion_figures import (
+    draw_curves,
+    euler_angles,
+    headings,
+    joint_names,
+    mark_times,
+    shown_times,
+)
+from freefloat.visualization.figures.scene_figures import outlines, snapshots_figure
+from freefloat.visualization.figures.scene_outlines import from_above
+from freefloat.visualization.figures.workspace_figure import workspace_figure
 from paper.examples import (
     BAD_ATTITUDE,
     H_EXCHANGED,
@@ -41,12 +61,12 @@ from paper.examples import (
 
 DESCRIPTIONS = {
     "fig_2a": "Figure 2a: singularity curves I and II, and margin curves III and IV beside them.",
-    "fig_2b": "Figure 2b: PIW, PDW A (of curve I) and PDW B (of curve II). E is where point 3 "
-    "enters a PDW, so that the arm may become singular.",
-    "fig_3": "Figure 3: a motion that touches a margin curve inside its path, at C (Case I), and "
-    "one that touches it where it ends, at E (Case II).",
-    "fig_4": "Figure 4b: the barycentric vectors a to d lead from the centre of mass to the "
-    "end-effector.",
+    "fig_2b": "Figure 2b: PIW, PDW A (of curve I) and PDW B (of curve II) with the path A-F-B of "
+    "point 3, which enters a PDW, where the arm may become singular, at each E.",
+    "fig_3": "Figure 3: motion 1, along AB, touches a margin curve at C inside its path (Case I), "
+    "and motion 2, along AE, at its end E (Case II), with the distance curves of A, B and E.",
+    "fig_4": "Figure 4b: on the robot, the barycentric vectors a to d lead from the centre of mass "
+    "to the end-effector.",
     "fig_5": "Figure 5: what its steps yield for Example 1: feasible headings at F by each "
     "segment, by both, and those at A.",
     "fig_6": "Figure 6: from 140 degrees the arm becomes singular, at D.",
@@ -64,7 +84,7 @@ DESCRIPTIONS = {
     "fig_11g": "Figure 11g: angular velocity of the spacecraft in inertial axes.",
 }
 """What each figure shows."""
-_RESOLUTION = 150
+_RESOLUTION = 230
 
 
 def draw(folder: Path) -> list[Path]:
@@ -83,18 +103,17 @@ def all_figures() -> dict[str, Callable[[], Figure]]:
     spatial = spatial_motion()
     ends = ff.simulate(example_2(), BAD_ATTITUDE).branches
     singular = next(branch.motion for branch in ends if not branch.motion.completed)
-    areas = workspace_regions(example_1())
     return {
         "fig_2a": lambda: joint_space_figure(example_1(), []),
         "fig_2b": figure_2b,
         "fig_3": figure_3,
         "fig_4": figure_4,
         "fig_5": figure_5,
-        "fig_6": lambda: snapshots_figure(planar_motion(140.0), areas),
-        "fig_7": lambda: snapshots_figure(followed, areas),
+        "fig_6": partial(planar_snapshots, 140.0),
+        "fig_7": partial(planar_snapshots, 200.0),
         **curves_of_figure_8(followed),
-        "fig_9": lambda: snapshots_figure(singular),
-        "fig_10": lambda: snapshots_figure(spatial),
+        "fig_9": partial(spatial_snapshots, singular),
+        "fig_10": partial(spatial_snapshots, spatial),
         **curves_of_figure_11(spatial),
     }
 
@@ -115,31 +134,42 @@ def planar_motion(degrees: float) -> Motion:
 
 @styled
 def figure_2b() -> Figure:
-    """The areas with the path of point 3, and the points E at which it enters a PDW."""
+    """The areas with the path A-F-B of point 3, and the points E at which it enters a PDW."""
     problem = example_1()
-    workspace = workspace_regions(problem)
-    figure = workspace_figure(problem, workspace)
-    (axes,) = figure.axes
-    for (start, _), dependent in workspace.path:
-        if dependent and start > 0.0:
-            t = next(t for t in np.linspace(0, 100, 20001) if problem.path.timing.s(t) >= start)
-            place = point_3_on_path(problem, float(t))
-            axes.annotate("E", (place.real, place.imag), (5, 5), textcoords="offset points")
-            draw_point(axes, np.array([place.real, place.imag]), "D", 4.0, color=BLACK, zorder=8)
+    figure = workspace_figure(problem, workspace_regions(problem))
+    places = zip("AFB", [0.0, *(end for _, end in spans())], strict=True)
+    name_places(figure.axes[0], {name: flat(point_3_on_path(problem, t)) for name, t in places})
     return figure
 
 
 @styled
 def figure_3() -> Figure:
-    """Motion 1 along AF, which touches at C, and motion 2 along FB, which touches at its end E."""
+    """Motion 1 along AB, which touches at C, and motion 2 along AE, which touches at its end."""
     problem = example_1()
-    first, second = limits(0)[1], limits(1)[1]
-    motions = [
-        ff.integrate_motion(problem, *state_at(problem, limit.touch_point, span[0]), start=span[0],
-                            end=span[1])
-        for limit, span in zip((first, second), spans(), strict=True)
-    ]  # fmt: skip
-    return joint_space_figure(problem, motions, ("", ""), (first.touch_point, second.touch_point))
+    last = time_of_e()
+    ends = find_range_limits(problem, (0.0, last))
+    second = next(
+        limit.touch_point for limit in ends
+        if limit.touch_point.kind is TouchKind.END and limit.touch_point.level > 0.0
+    )  # fmt: skip
+    touching = [
+        (motion_through(problem, point, (0.0, end)), point)
+        for point, end in ((limits(0)[1].touch_point, problem.path.duration), (second, last))
+    ]
+    figure = joint_space_figure(problem, [], (), touching)
+    for (motion, _), number, share in zip(touching, "12", (0.85, 0.15), strict=True):
+        curve = motion_curve(motion)
+        place = curve[int(share * len(curve))]
+        figure.axes[0].annotate(number, place, (-9.0, -4.0), textcoords="offset points")
+    return figure
+
+
+def time_of_e() -> float:
+    """When point 3 enters PDW A [s]."""
+    problem = example_1()
+    s = next(s for (s, _), dependent in workspace_regions(problem).path if dependent and s > 0.0)
+    duration = problem.path.duration
+    return float(brentq(lambda t: problem.path.timing.s(t) - s, 0.0, duration))
 
 
 def spans() -> list[tuple[float, float]]:
@@ -147,36 +177,83 @@ def spans() -> list[tuple[float, float]]:
     return [segment.span for segment in plan_of_example_1().segments]
 
 
-def state_at(problem: ff.Problem, point: object, t: float) -> tuple[Array, Array]:
-    """Attitude and joints at a time of the motion through a touch point."""
-    motion = ff.integrate_motion(problem, point.attitude, point.joints, start=point.time, end=t)
-    return motion.final.attitude, motion.final.joints
+def flat(point: complex) -> Array:
+    return np.array([point.real, point.imag])
+
+
+def name_places(axes: Any, places: dict[str, Array]) -> None:
+    """Write the paper's letters beside places, shape (2,) or (3,) [m]."""
+    bold: Any = {"fontweight": "bold", "zorder": 10}
+    for name, place in places.items():
+        if len(place) == 3:
+            left = name == "A"
+            axes.text(*place, f" {name}  ", ha="right" if left else "left", va="top", **bold)
+        else:
+            draw_point(axes, place, ".", 3.0, color=BLACK, zorder=9)
+            aside = (-10.0, 5.0) if name in "BD" else (5.0, 4.0)
+            axes.annotate(name, place, aside, textcoords="offset points", **bold)
+
+
+@styled
+def planar_snapshots(degrees: float) -> Figure:
+    """Figs. 6 and 7 with A, F, B and, where the arm becomes singular, D."""
+    motion = planar_motion(degrees)
+    figure = snapshots_figure(motion, workspace_regions(example_1()))
+    times = dict(zip("AFB", [0.0, *(end for _, end in spans())], strict=True))
+    if not motion.completed:
+        times["D"] = motion.final.time
+    path = motion.problem.path
+    name_places(figure.axes[0], {name: path.pose(t).position[:2] for name, t in times.items()})
+    return figure
+
+
+@styled
+def spatial_snapshots(motion: Motion) -> Figure:
+    """Figs. 9 and 10 with A, B and, where the arm becomes singular, C."""
+    figure, path = snapshots_figure(motion), motion.problem.path
+    places = {"A": path.pose(0.0).position, "B": path.pose(path.duration).position}
+    for letter, axes in zip("abc", figure.axes, strict=True):
+        axes.set_title(f"({letter}) {axes.get_title()}", y=1.0)
+        name_places(axes, places)
+    if not motion.completed:
+        name_places(figure.axes[-1], {"C": path.pose(motion.final.time).position})
+    return figure
 
 
 @styled
 def figure_4() -> Figure:
-    """The barycentric vectors of one configuration, from the centre of mass."""
-    arm = PlanarArm.of(example_1().model)
-    angles = arm.angles(np.radians(30.0), np.radians([40.0, 60.0, -50.0]))
-    ends = np.concatenate([[0.0], np.cumsum(arm.vectors(angles))])
-    figure = new_figure(COLUMN, COLUMN)
+    """The barycentric vectors on the robot, from the centre of mass."""
+    motion = planar_motion(200.0)
+    arm = PlanarArm.of(motion.problem.model)
+    heading = motion.problem.plane.heading(motion.initial.attitude)
+    vectors = arm.vectors(arm.angles(heading, motion.initial.joints))
+    ends = [flat(end) for end in np.concatenate([[0.0], np.cumsum(vectors)])]
+    (robot,) = outlines(motion, [motion.initial.time])
+    figure = new_figure(COLUMN, 2.2)
     axes = figure.subplots()
-    for k, name in enumerate("abcd"):
-        start, end = ends[k], ends[k + 1]
-        style = {"arrowstyle": "-|>", "color": STROKES[k][0], "shrinkA": 0, "shrinkB": 0}
-        axes.annotate("", (end.real, end.imag), (start.real, start.imag), arrowprops=style)
-        middle = (start + end) / 2.0
-        axes.annotate(name, (middle.real, middle.imag), (6, -4), textcoords="offset points",
-                      fontweight="bold")  # fmt: skip
-    draw_point(axes, np.zeros(2), "+", 7.0, color=BLACK, label="centre of mass")
-    draw_point(axes, np.array([ends[3].real, ends[3].imag]), "o", 4.0, color=BLUE, label="point 3")
-    draw_point(
-        axes, np.array([ends[4].real, ends[4].imag]), "s", 4.0, color=GREEN, label="end-effector"
-    )
-    axes.update_datalim(np.column_stack([ends.real, ends.imag]))  # arrows do not count
+    box = robot.spacecraft[0][:, :2]
+    axes.add_patch(Polygon(from_above(box), fill=False, edgecolor=GREY))
+    style = {"linestyle": "-", "linewidth": 2.5, "marker": "o", "markersize": 5.0}
+    axes.plot(*robot.arm[:, :2].T, color=PALE, markeredgecolor=GREY, label="robot", **style)
+    for (start, end), name, (colour, _) in zip(pairwise(ends), "abcd", STROKES, strict=False):
+        arrow = {"arrowstyle": "-|>", "color": colour, "shrinkA": 0, "shrinkB": 0}
+        axes.annotate("", end, start, arrowprops=arrow, zorder=5)
+        aside = (
+            np.array([-1.0, 1.0])
+            * (-1.0 if name == "a" else 1.0)
+            * (end - start)[::-1]
+            / np.linalg.norm(end - start)
+        )
+        axes.text(
+            *((start + end) / 2.0 + 0.12 * aside), name, fontweight="bold", ha="center", va="center"
+        )
+    draw_point(axes, ends[0], "+", 8.0, color=BLACK, label="centre of mass", zorder=6)
+    draw_point(axes, ends[3], "o", 4.0, color=BLUE, label="point 3", zorder=6)
+    draw_point(axes, ends[4], "s", 4.0, color=GREEN, label="end-effector", zorder=6)
+    axes.update_datalim(np.array(ends))  # arrows do not count
     axes.set(aspect="equal", xlabel="$x$ [m]", ylabel="$y$ [m]")
-    axes.margins(0.15)
-    legend_above(axes, columns=3)
+    axes.margins(0.1)
+    legend_above(axes, columns=2)
     return figure
 
 
@@ -188,73 +265,63 @@ def figure_5() -> Figure:
         "FB, at F": FB.at_start[0], "AF, at F": AF.at_end[0],
         "AF and FB, at F": AF.joined_at_end[0], "AF and FB, at A": plan_of_example_1().ranges[0],
     }  # fmt: skip
-    figure = new_figure(COLUMN, 1.9)
+    figure = new_figure(COLUMN, 2.2)
     axes = figure.subplots()
     for number, entry in enumerate(rows.values()):
         bars = [(low, high - low) for low, high in entry.degrees]
         axes.broken_barh(bars, (number - 0.3, 0.6), color=BLUE if number < 3 else GREEN)
+        for edge in {edge for bar in entry.degrees for edge in bar} - {0.0, 360.0}:
+            axes.text(edge, number - 0.32, f"{edge:.1f}", ha="center", va="bottom", fontsize=6.5)
+    axes.set_title("Feasible headings that the steps of Fig. 5 yield")
     axes.set_yticks(range(len(rows)), list(rows))
     axes.invert_yaxis()
-    axes.set(xlim=(0.0, 360.0), xlabel="feasible heading [deg]")
+    axes.set(xlim=(0.0, 360.0), ylim=(3.5, -0.7), xlabel="heading [deg]")
     axes.set_xticks(np.arange(0, 361, 60))
     return figure
 
 
 def curves_of_figure_8(motion: Motion) -> dict[str, Callable[[], Figure]]:
     """Angles and rates of the planar motion over time."""
-    t, attitudes, joints, omega, rates = sampled(motion)
-    heading = np.unwrap(2.0 * np.arctan2(attitudes[:, 2], attitudes[:, 3]))
-    names = ["$\\theta_0$", *(f"$q_{k}$" for k in (1, 2, 3))]
-    angles = np.degrees(np.column_stack([heading, joints]))
-    speeds = np.degrees(np.column_stack([omega[:, 2], rates]))
+    found = Trajectory.of(motion, shown_times(motion))
+    names = [r"$\theta_0$", *joint_names(motion.problem.model)]
+    heading = headings(found.attitudes, motion.problem.plane)
+    angles = np.column_stack([heading, np.degrees(found.joints)])
+    rates = np.degrees(np.column_stack([found.angular_velocities[:, 2], found.joint_rates]))
     return {
-        "fig_8a": lambda: lines(t, angles, names, "angle [deg]"),
-        "fig_8b": lambda: lines(t, speeds, names, "rate [deg/s]"),
+        "fig_8a": partial(curves, motion, found.times, angles, names, "angle [deg]"),
+        "fig_8b": partial(curves, motion, found.times, rates, names, "rate [deg/s]"),
     }
 
 
 def curves_of_figure_11(motion: Motion) -> dict[str, Callable[[], Figure]]:
     """Positions, angles and rates of the spatial motion over time."""
-    t, attitudes, joints, omega, rates = sampled(motion)
-    positions = np.array([motion.problem.path.pose(time).position for time in t.tolist()])
-    euler = np.unwrap(Rotation.from_quat(attitudes).as_euler("XYZ"), axis=0)
-    inertial = Rotation.from_quat(attitudes).apply(omega)
-    arm, wrist = ([f"$q_{k}$" for k in numbers] for numbers in ((1, 2, 3), (4, 5, 6)))
-    axes, turns = ["$x$", "$y$", "$z$"], ["about $x$", "about $y$", "about $z$"]
+    found = Trajectory.of(motion, shown_times(motion))
+    joints = joint_names(motion.problem.model)
+    axes, turns = ["$x_E$", "$y_E$", "$z_E$"], ["about $x$", "about $y$", "about $z$"]
+    spins = [r"$\omega_x$", r"$\omega_y$", r"$\omega_z$"]
+    q, rates = np.degrees(found.joints), np.degrees(found.joint_rates)
     drawn = {
-        "a": (positions, [f"{name}" for name in axes], "position [m]"),
-        "b": (np.degrees(joints[:, :3]), arm, "angle [deg]"),
-        "c": (np.degrees(joints[:, 3:]), wrist, "angle [deg]"),
-        "d": (np.degrees(euler), turns, "Euler angle [deg]"),
-        "e": (np.degrees(rates[:, :3]), arm, "rate [deg/s]"),
-        "f": (np.degrees(rates[:, 3:]), wrist, "rate [deg/s]"),
-        "g": (np.degrees(inertial), ["$\\omega_x$", "$\\omega_y$", "$\\omega_z$"], "rate [deg/s]"),
+        "a": (found.end_effector.positions, axes, "position [m]"),
+        "b": (q[:, :3], joints[:3], "angle [deg]"),
+        "c": (q[:, 3:], joints[3:], "angle [deg]"),
+        "d": (euler_angles(found.attitudes), turns, "Euler angle [deg]"),
+        "e": (rates[:, :3], joints[:3], "rate [deg/s]"),
+        "f": (rates[:, 3:], joints[3:], "rate [deg/s]"),
+        "g": (np.degrees(found.angular_velocities), spins, "rate [deg/s]"),
     }
     return {
-        f"fig_11{letter}": lambda curves=curves: lines(t, *curves)
-        for letter, curves in drawn.items()
+        f"fig_11{letter}": partial(curves, motion, found.times, *each)
+        for letter, each in drawn.items()
     }
-
-
-def sampled(motion: Motion) -> tuple[Array, Array, Array, Array, Array]:
-    """Times, attitudes, joints, angular velocity in spacecraft axes and joint rates, by row."""
-    times, attitudes, joints = motion.evaluate(np.linspace(0.0, motion.panels, 401))
-    solver, path = motion.problem.resolved_rate_solver(), motion.problem.path
-    pairs = [
-        solver.rates(attitude, q, path.twist(float(t)))
-        for t, attitude, q in zip(times, attitudes, joints, strict=True)
-    ]
-    omega, rates = (np.array(part) for part in zip(*pairs, strict=True))
-    return times, attitudes, joints, omega, rates
 
 
 @styled
-def lines(t: Array, values: Array, names: list[str], label: str) -> Figure:
-    """Curves over time."""
+def curves(motion: Motion, t: Array, values: Array, names: list[str], label: str) -> Figure:
+    """Columns of values over time."""
     figure = new_figure(COLUMN, 2.3)
     axes = figure.subplots()
-    for column, name, (colour, dashes) in zip(values.T, names, STROKES, strict=False):
-        axes.plot(t, column, color=colour, linestyle=dashes, label=name)
-    axes.set(xlim=(t[0], t[-1]), xlabel="time [s]", ylabel=label)
-    legend_above(axes, columns=4)
+    draw_curves(axes, t, values, names)
+    mark_times(axes, motion, named=True)
+    axes.set(xlabel="time [s]", ylabel=label)
+    legend_above(axes)
     return figure

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+import freefloat as ff
+from freefloat.regions.planar_regions import PlanarArm, point_3, two_angles
 from tests.documents import PAGES, ROOT, assert_shown
 
 PAGE = PAGES["docs/paper.md"]
@@ -86,9 +88,37 @@ def test_every_figure_is_drawn_and_shown(page: ModuleType, tmp_path: Path) -> No
         assert (ROOT / "docs" / "pictures" / "paper" / f"{name}.png").exists()
     axes = figures.figure_3().axes[0]
     names = {text.get_text() for text in axes.texts}
-    assert names == {"I", "II", "III", "IV"}
+    assert names == {"I", "II", "III", "IV", "1", "2", "C", "E", "$R_A$", "$R_B$", "$R_E$"}
     marks = {line.get_label(): np.ravel(line.get_xydata()) for line in axes.lines}
-    touch = [page.limits(0)[1].touch_point, page.limits(1)[1].touch_point]
-    for label, point in zip(("touch point C", "touch point E"), touch, strict=True):
-        off = np.radians(marks[label]) - point.joints[:2]
-        assert np.abs(np.exp(1j * off) - 1.0).max() < 1e-9
+    touch = page.limits(0)[1].touch_point
+    off = np.radians(marks["touch point C"]) - touch.joints[:2]
+    assert np.abs(np.exp(1j * off) - 1.0).max() < 1e-9
+    arm = PlanarArm.of(page.example_1().model)
+    joints = np.radians(marks["touch point E"])
+    assert arm.determinant(two_angles(arm, joints)) == pytest.approx(5.0, abs=1e-6)  # (15)
+    (area,) = ff.workspace_regions(page.example_1()).area_a
+    assert abs(point_3(arm, joints)) == pytest.approx(area[1], abs=5e-3)  # (16), on the border
+
+
+def test_figures_have_the_letters_and_numbers_of_the_paper(page: ModuleType) -> None:
+    from paper import figures
+
+    drawn = {name: figure() for name, figure in figures.all_figures().items()}
+    letters = {
+        "fig_2b": "ABEEF", "fig_4": "abcd", "fig_6": "ABDF", "fig_7": "ABF",
+    }  # fmt: skip
+    for name, wanted in letters.items():
+        texts = sorted(text.get_text() for text in drawn[name].axes[0].texts)
+        assert "".join(texts) == wanted
+        assert drawn[name].axes[0].get_aspect() == 1.0
+    for name, wanted in (("fig_9", "ABC"), ("fig_10", "AB")):
+        texts = [text.get_text().strip() for text in drawn[name].axes[-1].texts]
+        assert "".join(text for text in texts if text in "ABC") == wanted
+    (axes,) = drawn["fig_5"].axes
+    edges = sorted(float(text.get_text()) for text in axes.texts)
+    printed = [60.9, 60.9, 63.0, 161.0, 298.7, 298.7, 335.3, 354.2]
+    assert np.abs(np.subtract(edges, printed)).max() < 0.25
+    for name, unit in (("8a", "deg"), ("8b", "deg/s"), ("11a", "m"), ("11g", "deg/s")):
+        (axes,) = drawn[f"fig_{name}"].axes
+        assert axes.get_xlabel() == "time [s]"
+        assert axes.get_ylabel().endswith(f"[{unit}]")

@@ -67,3 +67,19 @@ def test_bars_add_up_to_the_percentages(shown, problem):
         assert axes.get_title(loc="left").startswith("shoulder")
         (line,) = axes.get_lines()
         assert set(line.get_xdata()) == {problem.margin.threshold}
+
+
+@pytest.mark.slow
+def test_motions_from_touch_points_touch_the_margin(problem):
+    """S of (21b) is S0 at every marked point, its magnitude never less; maps without have none."""
+    result = ff.attitude_map(problem, 60, touch=3)
+    (axes,) = ff.figures(result)["touch_points"].axes
+    threshold = problem.margin.threshold
+    marks = [item.get_xydata()[0] for item in axes.lines if item.get_marker() in "Ds"]
+    assert len(marks) == len(result.touch) == 3
+    assert np.allclose(np.abs(marks)[:, 1], threshold, rtol=1e-4)
+    curves = [item.get_ydata() for item in axes.lines if len(item.get_xdata()) > 100]
+    assert len(curves) == 3
+    assert all(np.abs(S).min() == pytest.approx(threshold, rel=1e-2) for S in curves)
+    assert axes.get_ylabel() == "$S$ (in-plane factor) [m$^{4}$ kg]"
+    assert "touch_points" not in ff.figures(ff.attitude_map(problem, 60))

@@ -11,7 +11,9 @@ from freefloat.planning.plane.arcs import BranchRanges, HeadingRange
 from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.regions.planar_regions import PlanarArm, two_angles
 from freefloat.so3 import heading_quaternion
-from freefloat.visualization.figures.planar_figures import headings_figure, joint_space_figure
+from freefloat.visualization.figure_style import GREEN
+from freefloat.visualization.figures.joint_space_figure import joint_space_figure
+from freefloat.visualization.figures.planar_figures import headings_figure
 from tests.figures import labels, line
 from tests.maps import branch_results
 
@@ -34,6 +36,47 @@ def test_s_is_what_the_curves_say(motions: list[Motion]) -> None:
         curve = curve[np.isfinite(curve).all(axis=1)]
         assert len(curve) > 500
         assert np.allclose(arm.determinant(two_angles(arm, curve)), level, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_motions_of_the_segments_touch_where_the_plan_says() -> None:
+    """Each touch point is drawn on the motion through it, as C inside the path or E at its end."""
+    plan = ff.plan(PLANAR)
+    (axes,) = ff.figures(plan)["joint_space"].axes
+    points = [limit.touch_point for segment in plan.segments for limit in segment.limits]
+    touching = [
+        item.get_xydata() for item in axes.lines
+        if item.get_color() == GREEN and item.get_linestyle() == "-"
+    ]  # fmt: skip
+    for marker, inside in (("D", True), ("s", False)):
+        marks = [item.get_xydata()[0] for item in axes.lines if item.get_marker() == marker]
+        wanted = [point.joints[:2] for point in points if (point.kind == "tangent") is inside]
+        assert np.allclose(np.exp(1j * np.radians(marks)), np.exp(1j * np.array(wanted)))
+        for mark in marks:
+            gaps = [np.nanmin(np.linalg.norm(curve - mark, axis=1)) for curve in touching]
+            assert min(gaps) < 3.0
+    assert len(touching) == len(points) == 8
+    names = [text.get_text() for text in axes.texts]
+    assert {"C", "E", "$R_A$", "$R_B$"} <= set(names)
+    assert sorted(set(names) & {"I", "II", "III", "IV"}) == ["I", "II", "III", "IV"]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$q_1$ [deg]", "$q_2$ [deg]")
+
+
+@pytest.mark.parametrize("name", ["planar_3dof/parabola", "planar_2dof/line"])
+def test_names_stand_beside_their_curves(name: str) -> None:
+    """Margin curves of S0 > 0 are named on the side on which S increases, others opposite."""
+    problem = ff.load_scenario(name).problem()
+    (axes,), arm = joint_space_figure(problem, []).axes, PlanarArm.of(problem.model)
+    texts = {text.get_text(): text for text in axes.texts}
+    assert sorted(texts) == ["I", "II", "III", "IV"]
+    for letter, text in texts.items():
+        joints, up = np.radians(text.xy), np.sign(text.xyann[1])
+        level = 0.0 if letter in ("I", "II") else problem.margin.threshold
+        S, beside = arm.determinant(
+            two_angles(arm, joints + np.outer([0.0, 0.01 * up], [0.0, 1.0]))
+        )
+        assert pytest.approx(level, abs=0.02 * problem.margin.threshold) == S
+        assert (beside > S) == (level > 0.0)
 
 
 def some_map() -> HeadingMap:

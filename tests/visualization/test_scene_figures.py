@@ -13,11 +13,8 @@ import freefloat as ff
 from freefloat.motion.motion import Motion
 from freefloat.regions.planar_regions import point_3_on_path
 from freefloat.regions.workspace import exact_workspace
-from freefloat.visualization.figures.scene_figures import (
-    outlines,
-    snapshots_figure,
-    workspace_figure,
-)
+from freefloat.visualization.figures.scene_figures import outlines, snapshots_figure
+from freefloat.visualization.figures.workspace_figure import workspace_figure
 from tests.figures import line
 
 PLANAR = ff.load_scenario("planar_3dof/parabola").problem()
@@ -39,10 +36,11 @@ def test_areas_are_rings_around_the_centre_of_mass() -> None:
     (axes,) = workspace_figure(PLANAR, AREAS).axes
     rings = [item for item in axes.patches if isinstance(item, Wedge)]
     drawn = [(ring.r - ring.width, ring.r) for ring in rings]
-    assert np.allclose(drawn, [*AREAS.path_dependent, *AREAS.path_independent])
-    colours = [item.get_facecolor() for item in rings]
-    assert len(set(colours)) == 2
-    assert colours[0] == colours[1] != colours[2]
+    assert np.allclose(drawn, [*AREAS.area_a, *AREAS.area_b, *AREAS.path_independent])
+    names = [ring.get_label() for ring in rings if not ring.get_label().startswith("_")]
+    assert names == ["PDW A", "PDW B", "PIW"]
+    greys = [np.mean(ring.get_facecolor()[:3]) for ring in rings[:3]]
+    assert min(np.diff(greys)) > 0.04  # told apart without colours
     circles = [item for item in axes.patches if isinstance(item, Circle)]
     assert [circle.radius for circle in circles] == list(AREAS.reach)
     assert all(ring.center == (0.0, 0.0) for ring in rings)
@@ -57,6 +55,31 @@ def test_the_path_runs_from_its_start_to_its_end() -> None:
     assert np.allclose(line(axes, "end"), path[-1:])
     wanted = [point_3_on_path(PLANAR, s) for s in (0.0, PLANAR.path.duration)]
     assert np.allclose(point[[0, -1]] @ [1.0, 1.0j], wanted)
+
+
+def test_e_is_where_point_3_enters_an_area() -> None:
+    """The only radii at its E are those of the borders."""
+    (axes,) = workspace_figure(PLANAR, ff.workspace_regions(PLANAR)).axes
+    places = [item.get_xydata()[0] for item in axes.lines if item.get_marker() == "D"]
+    borders = [AREAS.area_a[0][1], AREAS.area_b[0][0]]
+    assert np.allclose(np.linalg.norm(places, axis=1), borders, atol=5e-3)
+    assert [text.get_text() for text in axes.texts] == ["E", "E"]
+
+
+def test_the_section_in_space_keeps_distances_and_lengths() -> None:
+    problem = ff.load_scenario("spatial_6dof/line").problem()
+    regions = ff.workspace_regions(problem)
+    section, over_s = workspace_figure(problem, regions).axes
+    path, distances = line(section, regions.point), line(over_s, regions.point)[:, 1]
+    assert np.allclose(np.linalg.norm(path, axis=1), distances)
+    poses = [problem.path.pose_at(s) for s in np.linspace(0.0, 1.0, len(path)).tolist()]
+    points = np.array([pose.position + pose.rotation @ regions.offset for pose in poses])
+    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    assert np.allclose(np.linalg.norm(np.diff(path, axis=0), axis=1), lengths)
+    rings = [item for item in section.patches if isinstance(item, Wedge)]
+    drawn = [(ring.r - ring.width, ring.r) for ring in rings]
+    assert np.allclose(drawn, [*regions.area_a, *regions.area_b, *regions.path_independent])
+    assert section.get_aspect() == 1.0
 
 
 def test_the_robot_is_drawn_at_several_instants_the_last_the_darkest(good: Motion) -> None:

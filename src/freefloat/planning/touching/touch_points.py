@@ -12,12 +12,12 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
-from freefloat.motion.motion import State
+from freefloat.motion.motion import Motion, State
 from freefloat.motion.problem import Problem
 from freefloat.planning.touching.end_points import end_points
 from freefloat.planning.touching.planar_points import planar_touch_points
 from freefloat.planning.touching.tangent_points import tangent_points
-from freefloat.planning.touching.touch_point import TouchKind, TouchPoint
+from freefloat.planning.touching.touch_point import TouchPoint
 from freefloat.regions.planar_regions import has_two_angle_form
 
 _ON_BOUNDARY = 1e-4
@@ -122,16 +122,27 @@ def boundary_attitude(problem: Problem, point: TouchPoint) -> State | None:
         None where the motion through the touch point becomes singular or comes closer to a
         singularity elsewhere.
     """
-    attitude, joints = point.attitude, point.joints
-    if point.kind is not TouchKind.START:
-        backward = integrate_motion(problem, attitude, joints, start=point.time, end=0.0)
-        if not backward.completed:
-            return None
-        attitude, joints = backward.final.attitude, backward.final.joints
-    motion = integrate_motion(problem, attitude, joints)
+    motion = motion_through(problem, point, (0.0, problem.path.duration))
+    if motion is None:
+        return None
     smallest = closest_approach(motion, problem.margin.measure).value
     on_boundary = math.isclose(smallest, abs(point.level), rel_tol=_ON_BOUNDARY)
     return motion.initial if motion.completed and on_boundary else None
+
+
+def motion_through(problem: Problem, point: TouchPoint, span: tuple[float, float]) -> Motion | None:
+    """The motion that passes a touch point, from the first to the last time of a span [s].
+
+    Returns:
+        None where it is singular before the touch point.
+    """
+    attitude, joints, (start, end) = point.attitude, point.joints, span
+    if point.time > start:
+        backward = integrate_motion(problem, attitude, joints, start=point.time, end=start)
+        if not backward.completed:
+            return None
+        attitude, joints = backward.final.attitude, backward.final.joints
+    return integrate_motion(problem, attitude, joints, start=start, end=end)
 
 
 def require_touch_point_arm(problem: Problem) -> None:

@@ -28,16 +28,20 @@ from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.plane.heading_search import sample_headings
 from freefloat.planning.simulation import Simulation, simulate
 from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.planning.touching.touch_points import motion_through
 from freefloat.regions.planar_regions import has_two_angle_form
 from freefloat.regions.workspace import Workspace, workspace_regions
 from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.visualization.figure_style import Figures, styled
+from freefloat.visualization.figures.joint_space_figure import joint_space_figure
 from freefloat.visualization.figures.manoeuvre_figure import manoeuvre_figure
 from freefloat.visualization.figures.map_figures import histogram_figure, slices_figure
 from freefloat.visualization.figures.motion_figures import angles_figure, motion_figures
-from freefloat.visualization.figures.planar_figures import headings_figure, joint_space_figure
-from freefloat.visualization.figures.scene_figures import snapshots_figure, workspace_figure
+from freefloat.visualization.figures.planar_figures import headings_figure
+from freefloat.visualization.figures.scene_figures import snapshots_figure
 from freefloat.visualization.figures.singularity_figures import singularity_figures
+from freefloat.visualization.figures.touch_points_figure import touch_points_figure
+from freefloat.visualization.figures.workspace_figure import workspace_figure
 from freefloat.visualization.scenes.drawn_path import with_drawn_path
 from freefloat.visualization.slices import Mark, map_marks, map_slices
 
@@ -53,6 +57,7 @@ _TITLES = {
     "angles": "Pointing and turn of the spacecraft",
     "map_slices": "Minimum margin by initial attitude",
     "map_histogram": "Distribution of the minimum margin",
+    "touch_points": "Motions that just keep the margin",
     "singularities": "Singularities in joint space",
     "slices": "Singularities in slices of the joint space",
     "manoeuvre": "Manoeuvre",
@@ -71,7 +76,8 @@ def figures(
 
     Motions, simulations and goals: ``snapshots`` and those of :func:`.motion_figures`;
     where the spacecraft's turn or the pointing of axes is limited ``angles``. Maps:
-    ``headings``, or ``map_slices`` and ``map_histogram``. Plans: ``workspace``, the figures of
+    ``headings``, or ``map_slices`` and ``map_histogram``, and ``touch_points`` where these were
+    asked for. Plans: ``workspace``, the figures of
     their motion and map, and in the plane ``headings`` (if a heading reaches the path) and
     ``joint_space`` (if S depends on two joint angles). Maps of the joint space:
     ``singularities``, or ``slices`` if det A depends on more than two joints. Manoeuvres:
@@ -159,7 +165,10 @@ def _manoeuvre_figures(
 def _attitude_map_figures(
     result: AttitudeMap, threads: int | None, progress: Progress | None
 ) -> Figures:
-    return _map_figures(result, result.limits, map_marks(result), threads, progress)
+    touched = Figures(
+        {"touch_points": partial(touch_points_figure, result)} if result.touch else {}
+    )
+    return _map_figures(result, result.limits, map_marks(result), threads, progress) | touched
 
 
 def _heading_map_figures(
@@ -246,8 +255,12 @@ def _joint_space(plan: Plan) -> Figure:
         limits = attitude_limits(plan.problem, plan.limits or Limits()) if motion.completed else ()
         broken = violated(limit.worst(motion) for limit in limits)
         reasons.append(f"violates {broken[0].label}" if broken else "")
-    points = [limit.touch_point for segment in plan.segments for limit in segment.limits]
-    return joint_space_figure(plan.problem, motions, reasons, points)
+    pairs = [
+        (motion_through(plan.problem, limit.touch_point, segment.span), limit.touch_point)
+        for segment in plan.segments for limit in segment.limits
+    ]  # fmt: skip
+    touching = [(motion, point) for motion, point in pairs if motion is not None]
+    return joint_space_figure(plan.problem, motions, reasons, touching)
 
 
 def _infeasible_motion(problem: Problem, entry: BranchRanges) -> Motion | None:
