@@ -113,7 +113,8 @@ def test_basilisk_finds_a_motion_that_violates_the_equations() -> None:
     motion = simulation.chosen.motion
     report = ff.check(simulation, "basilisk")
     assert report.passed
-    assert "basilisk: final attitude" in {check.name for check in report.checks}
+    names = [check.name for check in report.checks if check.name.startswith("basilisk")]
+    assert names == ["basilisk: final attitude"]
     attitudes = Rotation.from_quat(motion.attitudes)
     rotations = (attitudes[0].inv() * attitudes).as_rotvec()
     other = replace(
