@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.dynamics.measure_names import KEYS
-from freefloat.dynamics.measures import SingularityMeasure
+from freefloat.dynamics.measures import KEYS, SingularityMeasure
 from freefloat.motion.extrema import at_nodes, first_crossing, joint_extents, maximum, unwrapped
 from freefloat.motion.motion import Ending
 from tests.motions import BAD, GOOD, bundled, heading, simulated

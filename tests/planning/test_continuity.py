@@ -84,7 +84,11 @@ def checked(found: Manoeuvre, scenario: Scenario, folder: Path) -> Manoeuvre:
         # the stand-ins for plans lack these, and state nothing that is false
         missing = {entry.name: entry.stated for entry in ff.check(loaded).discrepancies}
         assert set(missing.values()) == {None}
-        assert {name.rpartition(".")[2] for name in missing} == {"map", "robust_radius", "tolerance"}
+        assert {name.rpartition(".")[2] for name in missing} == {
+            "map",
+            "robust_radius",
+            "tolerance",
+        }
     return loaded
 
 

@@ -20,7 +20,6 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from freefloat.dynamics.measure_names import measure_title
 from freefloat.errors import FreeFloatError
 
 if TYPE_CHECKING:  # the command line shows its help without NumPy
@@ -276,6 +275,7 @@ def present_lines(problem: Problem, attitude: Array | None, joints: Any) -> Iter
 
 def motion_lines(chosen: SimulatedBranch) -> Iterator[str]:
     """Lines on a motion: closest approach, first and last state, residuals."""
+    from freefloat.dynamics.measures import measure_title
     from freefloat.motion.singularity import singular_event
 
     motion, closest = chosen.motion, chosen.closest_approach

@@ -11,7 +11,6 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from freefloat.cli.console import attitude_text, contact_lines, decimals, limit_tables, table
-from freefloat.dynamics.measure_names import measure_title
 
 if TYPE_CHECKING:
     from freefloat.dynamics.capture import Capture
@@ -111,6 +110,8 @@ def _turn(phase: PhaseResult) -> str:
 
 
 def _margin(phase: PhaseResult) -> str:
+    from freefloat.dynamics.measures import measure_title
+
     chosen = phase.chosen
     if chosen is None:
         return ""

@@ -9,7 +9,6 @@ from rich.console import RenderableType
 
 from freefloat.cli.console import Console, extent, table
 from freefloat.cli.options import Json, Quiet, ScenarioName
-from freefloat.dynamics.measure_names import measure_title
 
 _WORDS = {True: "inside", False: "outside", None: "undecided"}
 
@@ -36,6 +35,8 @@ def workspace(scenario: ScenarioName, as_json: Json = False, quiet: Quiet = Fals
 
 
 def _tables(name: str, result: Workspace, problem: Problem) -> Iterator[RenderableType]:
+    from freefloat.dynamics.measures import measure_title
+
     where, measure = "", problem.margin.measure.name
     if problem.task.planar and not problem.plane.is_level:
         where = f", in the {problem.plane.name}"

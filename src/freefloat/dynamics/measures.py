@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import get_args
+from typing import Literal, get_args
 
 import numpy as np
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.arm_factor import ArmPlane
 from freefloat.dynamics.link_frames import link_frames
-from freefloat.dynamics.measure_names import MeasureName, measure_key, measure_title
 from freefloat.dynamics.momentum import (
     determinant,
     generalized_determinant,
@@ -30,6 +29,10 @@ from freefloat.robot.joint_values import finite_after
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
+MeasureName = Literal["det S*", "det A", "in-plane factor", "sigma", "gjm", "system", "arm"]
+"""What scenarios may say: names, and the keys of three of them."""
+KEYS: tuple[str, ...] = ("gjm", "system", "arm", "sigma")
+_TITLES: dict[str, str] = dict(zip(KEYS, get_args(MeasureName), strict=False))
 _POWERS = 8.0, 64.0, 512.0
 """Of the norms that approach the smallest singular value."""
 
@@ -63,6 +66,16 @@ class SingularityMeasure:
     def __call__(self, joints: Array) -> float:
         """Value at joint values of shape (n,)."""
         return self.function(joints)
+
+
+def measure_title(key: str) -> str:
+    """The name for people of a measure: what it is."""
+    return _TITLES[key]
+
+
+def measure_key(name: str) -> str:
+    """The key of a measure in files, of its name or key; other texts as they are."""
+    return next((key for key, title in _TITLES.items() if title == name), name)
 
 
 def singularity_measure(

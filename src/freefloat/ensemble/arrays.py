@@ -14,8 +14,7 @@ from freefloat.dynamics.link_frames import (
     inertial_row,
     link_frames,
 )
-from freefloat.dynamics.measure_names import KEYS
-from freefloat.dynamics.measures import unit_of_length
+from freefloat.dynamics.measures import KEYS, unit_of_length
 from freefloat.dynamics.redundancy import (
     DAMPED_BELOW,
     Metric,

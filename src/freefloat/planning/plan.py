@@ -8,7 +8,7 @@ from html import escape
 from typing import Any, ClassVar
 
 from freefloat.certificate.certificate import Certificate
-from freefloat.dynamics.measure_names import measure_title
+from freefloat.dynamics.measures import measure_title
 from freefloat.limits.contact import Contact
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult

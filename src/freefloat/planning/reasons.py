@@ -12,7 +12,7 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.dynamics.measure_names import measure_title
+from freefloat.dynamics.measures import measure_title
 from freefloat.dynamics.plane import Plane
 from freefloat.ensemble.endings import COMPLETED, FAILED, LIMITED, SINGULAR, UNREACHED
 from freefloat.errors import UnreachableError

@@ -14,8 +14,7 @@ from freefloat.certificate.certificate import (
     Comparison,
     integrate_again,
 )
-from freefloat.dynamics.measure_names import measure_title
-from freefloat.dynamics.measures import singularity_measure
+from freefloat.dynamics.measures import measure_title, singularity_measure
 from freefloat.dynamics.momentum import generalized_jacobian, inertia_matrices
 from freefloat.dynamics.redundancy import singular_speed
 from freefloat.errors import FreeFloatError, InputError

@@ -25,7 +25,7 @@ from freefloat.lockstep.reflections import factorize
 from freefloat.lockstep.tables import Table, below
 
 GJM, SYSTEM, ARM, SIGMA = 0, 1, 2, 3
-"""Codes of the measures, in the order of ``freefloat.dynamics.measure_names.KEYS``."""
+"""Codes of the measures, in the order of ``freefloat.dynamics.measures.KEYS``."""
 _SWEEPS = 12
 _ORTHOGONAL = 1e-14
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
-from freefloat.dynamics.measure_names import MeasureName
+from freefloat.dynamics.measures import MeasureName
 from freefloat.dynamics.redundancy import LARGEST_GAIN, Metric, Toward
 from freefloat.dynamics.tasks import Task
 from freefloat.io.scenario.field_types import (

@@ -12,7 +12,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from freefloat.dynamics.measure_names import measure_title
+from freefloat.dynamics.measures import measure_title
 from freefloat.so3 import Array
 from freefloat.statistics import confidence_interval
 from freefloat.visualization.figure_style import (
