@@ -150,3 +150,18 @@ def test_ranges_within_pointing_limits_are_those_of_the_arm_about_z(direction: s
         causes = [part.causes for entry in plan.ranges for part in entry.ranges]
         assert causes == [("pointing", "pointing")]
     np.testing.assert_allclose(found[1], found[0], atol=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("direction", ["x", "oblique"])
+def test_goals_and_rounded_momenta_are_planned_in_any_plane(direction: str) -> None:
+    turn = turn_to(direction)
+    problem = planar_problem(1, "+-+", turn, "planar-pose", "system")
+    momentum = turn @ [1e-17, 0.0, 0.05]
+    system = problem.replace(momentum=momentum).system
+    present = [0.0, 0.0, 0.0, 1.0], [0.4, 0.5, -0.3]
+    limits = ff.Limits(joint_rate=np.full(3, 0.1))
+    found = ff.move(system, present, ff.Goal(joints=[0.5, 0.3, -0.2]), limits)
+    assert found.feasible
+    turned = Rotation.from_quat(found.motion.final.attitude).as_rotvec()
+    assert np.abs(turn[:, :2].T @ turned).max() < 1e-9
