@@ -194,6 +194,11 @@ def with_a_number(file: h5py.File) -> None:
     file["certified_margin"] = 12.0
 
 
+def with_nested_brackets(file: h5py.File) -> None:
+    del file["document"]
+    file["document"] = "[" * 100_000
+
+
 @pytest.fixture(scope="module")
 def saved_motion(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     file = tmp_path_factory.mktemp("motion") / "motion.h5"
@@ -202,7 +207,9 @@ def saved_motion(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return file.read_bytes()
 
 
-@pytest.mark.parametrize("change", [with_another_unit, with_an_attribute, with_a_number])
+@pytest.mark.parametrize(
+    "change", [with_another_unit, with_an_attribute, with_a_number, with_nested_brackets]
+)
 def test_what_other_programs_would_read_in_a_result_file_is_refused(
     change: Callable[[h5py.File], None], saved_motion: bytes, tmp_path: Path
 ) -> None:

@@ -283,3 +283,12 @@ def test_arm_branches_that_are_left_out_or_stated_twice_are_denied() -> None:
     for forged in (fewer, [*branches, others[0]]):
         assert not ff.check(replace(simulation, branches=tuple(forged))).passed
     assert ff.check(replace(simulation, branches=(simulation.chosen,))).passed
+
+
+@pytest.mark.slow
+def test_phases_that_are_left_out_are_denied() -> None:
+    """How many succeed is a statement."""
+    manoeuvre = result("manoeuvre")
+    assert len(manoeuvre.phases) > 1
+    report = ff.check(replace(manoeuvre, phases=manoeuvre.phases[:-1]))
+    assert "phases" in {check.name for check in report.discrepancies}
