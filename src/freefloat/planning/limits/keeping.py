@@ -232,15 +232,16 @@ def moved_nearer(
     between = Slerp([0.0, 1.0], Rotation.from_quat([start, present]))
     low, high = 0.0, 1.0
 
-    def trial(attitude: Array) -> PassedTrial | None:
-        if all(entry.index != branch for entry in problem.branches(attitude)):
+    def trial(attitude: Array, number: int = branch) -> PassedTrial | None:
+        if all(entry.index != number for entry in problem.branches(attitude)):
             return None
         if not search.domain.contains(attitude):
             return None
-        return trials.check_candidate(ScreenedCandidate(attitude, branch))
+        return trials.check_candidate(ScreenedCandidate(attitude, number))
 
     there = _kept_at(trials, present)
-    if there is not None and (not spare or trial(rotated(present, -step)[0]) is not None):
+    beyond = rotated(present, -step)[0]
+    if there is not None and (not spare or trial(beyond, there[0].branch.index) is not None):
         return there
     nearest = passed
     for _ in range(_BISECTIONS):
