@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -34,10 +35,9 @@ def compiled(function: _Function) -> _Function:
     Raises:
         InputError: If Numba's compiler is switched off; kernels compute with its vectors.
     """
-    # a .numba_config.yaml of the current folder, which somebody sent, names no folder of caches
-    config.CACHE_DIR = os.environ.get("NUMBA_CACHE_DIR", "")  # type: ignore[attr-defined]
     try:
-        kernel = njit(cache=True, **_OPTIONS)(function)
+        with _caches_of_the_environment():
+            kernel = njit(cache=True, **_OPTIONS)(function)
     except RuntimeError:  # Numba has no folder for its cache
         return cast(_Function, njit(**_OPTIONS)(function))
     if kernel is function:
@@ -48,6 +48,21 @@ def compiled(function: _Function) -> _Function:
     # that it calls from other files: the stamp is extended by a digest of all kernels
     kernel._cache._cache_file = CheckedCacheFile.of(kernel._cache, _digest(_PACKAGE))
     return cast(_Function, kernel)
+
+
+@contextmanager
+def _caches_of_the_environment() -> Iterator[None]:
+    """Let no file of the current folder, such as .numba_config.yaml, name the folder of caches.
+
+    Whoever sent that folder would have machine code run that lies in it.
+    """
+    settings = vars(config)
+    stated = settings["CACHE_DIR"]
+    settings["CACHE_DIR"] = os.environ.get("NUMBA_CACHE_DIR", "")
+    try:
+        yield
+    finally:
+        settings["CACHE_DIR"] = stated
 
 
 def inner(function: _Function) -> _Function:
