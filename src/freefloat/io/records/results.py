@@ -143,10 +143,6 @@ def _origin(model: FreeFloatingModel, scenario: Scenario | None) -> dict[str, An
     }
 
 
-_ROBOT_TEXTS = {"end_effector", "joint_names", "robot", "robot_file", "held", "arms", "path_arms"}
-_SCENARIO_TEXTS = {"scenario", "scenario_file", "samples", "scene"}
-
-
 def load(path: str | Path) -> Result:
     """Result of a file: a record of the class that was saved.
 
@@ -189,14 +185,14 @@ def _kind_of(tree: Tree, path: Path) -> type[Result]:
 
 def _load_record(tree: Tree, kind: type[Result]) -> Result:
     model = _read_robot(tree)
-    known = {"format", "version", "result", "document", *_software(), *_ROBOT_TEXTS}
-    unknown = tree.keys() - known - (set() if kind is SingularityMap else _SCENARIO_TEXTS)
-    if unknown:
+    scenario = None if kind is SingularityMap else _read_scenario(tree, model)
+    known = {"format", "version", "result", "document", *_software(), *_origin(model, scenario)}
+    if unknown := tree.keys() - known:
         raise ValueError(f"it has an unknown part {min(unknown)}")
-    if kind is SingularityMap:
+    if scenario is None:
         result: Result = _decode_singularity_map(tree["result"], model)
     else:
-        result = _decode(kind, tree["result"], _read_scenario(tree, model))
+        result = _decode(kind, tree["result"], scenario)
     _require_same(tree["result"], CODEC.encode(result), "result")
     document = json.loads(_text(tree, "document"))
     recomputed_document = json.loads(json.dumps(result.to_dict()))
