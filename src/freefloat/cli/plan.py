@@ -178,6 +178,8 @@ def _limits_attitude(plan: Plan) -> bool:
 
 
 def _chosen_lines(plan: Plan) -> Iterator[str]:
+    from freefloat.motion.margin import keeps_threshold
+
     if plan.stretch != 1.0:
         yield f"Duration stretched by {plan.stretch:.6g} to {plan.problem.path.duration:.6g} s."
     if plan.deviation is not None:
@@ -188,7 +190,7 @@ def _chosen_lines(plan: Plan) -> Iterator[str]:
         around = f" for {alone}, with starts inside the joint ranges"
     if plan.robust_radius is not None:
         spare = plan.search.required_radius
-        less = plan.robust_radius < spare * (1.0 - 1e-9)
+        less = spare > 0.0 and not keeps_threshold(plan.robust_radius, spare)
         wanted = f", less than search.spare_deg {math.degrees(spare):g}" if less else ""
         yield f"Attitude tolerance{around}: {math.degrees(plan.robust_radius):.4f} deg{wanted}."
         if plan.radius_effort is not None:

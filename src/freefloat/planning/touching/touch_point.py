@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -14,6 +15,8 @@ from freefloat.records import Joints, Quaternions
 from freefloat.so3 import Array, angle_between, frozen
 
 _SAME = 1e-6
+_ON_BOUNDARY = 1e-4
+"""Fraction of S0 by which the minimum of a motion with a touch point may differ from S0."""
 
 
 class TouchKind(StrEnum):
@@ -58,6 +61,11 @@ class TouchPoint:
         branches = problem.branches(attitude, t)
         branch = min(branches, key=lambda b: problem.model.joint_distance(b.joints, joints))
         return cls(kind, t, problem.path.timing.s(t), level, frozen(attitude), branch.joints)
+
+
+def touches(smallest: float, level: float) -> bool:
+    """Whether the smallest magnitude of S along a motion is that of S0, other than zero."""
+    return level != 0.0 and math.isclose(smallest, abs(level), rel_tol=_ON_BOUNDARY)
 
 
 def distinct(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from freefloat.attitude_grids import low_discrepancy
@@ -17,11 +15,9 @@ from freefloat.motion.problem import Problem
 from freefloat.planning.touching.end_points import end_points
 from freefloat.planning.touching.planar_points import planar_touch_points
 from freefloat.planning.touching.tangent_points import tangent_points
-from freefloat.planning.touching.touch_point import TouchPoint
+from freefloat.planning.touching.touch_point import TouchPoint, touches
 from freefloat.regions.planar_regions import has_two_angle_form
 
-_ON_BOUNDARY = 1e-4
-"""Fraction of S0 by which the minimum of a motion through a touch point may differ from S0."""
 _PAIRS = 50
 """Pairs of angles tried for each touch point requested."""
 
@@ -126,8 +122,7 @@ def boundary_attitude(problem: Problem, point: TouchPoint) -> State | None:
     if motion is None:
         return None
     smallest = closest_approach(motion, problem.margin.measure).value
-    on_boundary = math.isclose(smallest, abs(point.level), rel_tol=_ON_BOUNDARY)
-    return motion.initial if motion.completed and on_boundary else None
+    return motion.initial if motion.completed and touches(smallest, point.level) else None
 
 
 def motion_through(problem: Problem, point: TouchPoint, span: tuple[float, float]) -> Motion | None:

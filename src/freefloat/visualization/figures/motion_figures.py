@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
@@ -17,6 +16,7 @@ from freefloat.motion.extrema import ClosestApproach
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.pointing import AttitudeLimits, Keep, angle_of
 from freefloat.motion.problem import Problem
+from freefloat.planning.touching.touch_point import touches
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, angle_between
 from freefloat.visualization.figure_style import (
@@ -41,8 +41,6 @@ from freefloat.visualization.figure_style import (
 
 _SAMPLES = 401
 _ROUNDING = 1e-9
-_TOUCHES = 1e-4
-"""Fraction of S0 within which the minimum of a motion is a touch point."""
 _BOUNDED = 0.97
 """Initial fraction of a singular motion whose rates set the axis limits."""
 _HEADROOM = 1.5
@@ -190,8 +188,7 @@ def _margin_figure(motion: Motion, trajectory: Trajectory, closest: ClosestAppro
     if motion.ending is Ending.SINGULAR:  # named at its end
         draw_point(axes, lowest, "X", 4.0, **style)
     else:
-        touches = threshold > 0.0 and math.isclose(closest.value, threshold, rel_tol=_TOUCHES)
-        name = "touch point, $|S|$" if touches else "minimum $|S|$"
+        name = "touch point, $|S|$" if touches(closest.value, threshold) else "minimum $|S|$"
         label = f"{name} {digits(closest.value)} at {digits(closest.time)} s"
         draw_point(axes, lowest, "o", 4.0, label=label, **style)
     mark_times(axes, motion, named=True)
