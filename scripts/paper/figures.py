@@ -238,15 +238,10 @@ def figure_4() -> Figure:
     for (start, end), name, (colour, _) in zip(pairwise(ends), "abcd", STROKES, strict=False):
         arrow = {"arrowstyle": "-|>", "color": colour, "shrinkA": 0, "shrinkB": 0}
         axes.annotate("", end, start, arrowprops=arrow, zorder=5)
-        aside = (
-            np.array([-1.0, 1.0])
-            * (-1.0 if name == "a" else 1.0)
-            * (end - start)[::-1]
-            / np.linalg.norm(end - start)
-        )
-        axes.text(
-            *((start + end) / 2.0 + 0.12 * aside), name, fontweight="bold", ha="center", va="center"
-        )
+        x, y = (end - start) / np.linalg.norm(end - start)
+        aside = 0.12 * np.array([y, -x] if name == "a" else [-y, x])
+        place = (start + end) / 2.0 + aside
+        axes.text(*place, name, fontweight="bold", ha="center", va="center")
     draw_point(axes, ends[0], "+", 8.0, color=BLACK, label="centre of mass", zorder=6)
     draw_point(axes, ends[3], "o", 4.0, color=BLUE, label="point 3", zorder=6)
     draw_point(axes, ends[4], "s", 4.0, color=GREEN, label="end-effector", zorder=6)

@@ -40,7 +40,7 @@ def test_areas_are_rings_around_the_centre_of_mass() -> None:
     names = [ring.get_label() for ring in rings if not ring.get_label().startswith("_")]
     assert names == ["PDW A", "PDW B", "PIW"]
     greys = [np.mean(ring.get_facecolor()[:3]) for ring in rings[:3]]
-    assert min(np.diff(greys)) > 0.04  # told apart without colours
+    assert min(np.diff(greys)) > 0.04  # different without colours
     circles = [item for item in axes.patches if isinstance(item, Circle)]
     assert [circle.radius for circle in circles] == list(AREAS.reach)
     assert all(ring.center == (0.0, 0.0) for ring in rings)

@@ -31,8 +31,9 @@ from freefloat.so3 import Array
 
 MeasureName = Literal["det S*", "det A", "in-plane factor", "sigma", "gjm", "system", "arm"]
 """What scenarios may say: names, and the keys of three of them."""
-KEYS: tuple[str, ...] = ("gjm", "system", "arm", "sigma")
-_TITLES: dict[str, str] = dict(zip(KEYS, get_args(MeasureName), strict=False))
+_TITLES = {"gjm": "det S*", "system": "det A", "arm": "in-plane factor", "sigma": "sigma"}
+KEYS = tuple(_TITLES)
+"""Keys of the measures in files; kernels have their codes in this order."""
 _POWERS = 8.0, 64.0, 512.0
 """Of the norms that approach the smallest singular value."""
 
@@ -42,7 +43,7 @@ class SingularityMeasure:
     """A scalar function of the joints whose zeros are dynamic singularities.
 
     Attributes:
-        name: Its key in files.
+        name: Its key in files, see :func:`singularity_measure`.
         definition: Definition with the paper's equation number.
         unit: Unit, as printed in tables.
         function: Measure of joint values of shape (n,); signed where it is a determinant.
@@ -75,7 +76,7 @@ def measure_title(key: str) -> str:
 
 def measure_key(name: str) -> str:
     """The key of a measure in files, of its name or key; other texts as they are."""
-    return next((key for key, title in _TITLES.items() if title == name), name)
+    return {title: key for key, title in _TITLES.items()}.get(name, name)
 
 
 def singularity_measure(
@@ -90,9 +91,8 @@ def singularity_measure(
             ``system``: det A (5), which is det D times det S* and the paper's planar S (21a).
             ``in-plane factor`` or ``arm``: the factor of det A that belongs to the plane of an
             elbow arm under a spherical wrist; S0 of the paper's Example 2 is a value of it.
-            ``sigma``: smallest singular value of S*, lengths in
-            units of the reach. (The null-space objective ``sigma`` is the product of all singular
-            values.)
+            ``sigma``: smallest singular value of S*, lengths in units of the reach. (The null-space
+            objective ``sigma`` is the product of all singular values.)
 
     Raises:
         InputError: If there is no such task or measure, the robot cannot have the task, or the arm

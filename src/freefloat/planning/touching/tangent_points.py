@@ -1,8 +1,7 @@
 """Touch points of spatial arms inside the path: Section VI, Case I, tangent to S = S0.
 
 At given first two joint angles the states on the path and on the margin surface form lines; the
-motion through a state of them is tangent to the surface where
-dS/dt = 0 (14).
+motion through a state of them is tangent to the surface where dS/dt = 0 (14).
 
 With momentum or drift the system moves while the end-effector rests, and touch points there are
 found like any other. Without them everything is at rest there, dS/dt = 0 is no condition, and the

@@ -44,7 +44,7 @@ _CLEAR: Any = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0
 _APART = 30.0
 """Least distance of touch points that are lettered [deg]."""
 _NUDGE = np.array([0.0, 0.05])
-"""Step that tells on which side of a curve S increases [deg]."""
+"""Step across a curve, by which the side of larger S is found [deg]."""
 _OUTLINED: Any = {"color": GREEN, "markeredgecolor": BLACK, "zorder": 7}
 
 

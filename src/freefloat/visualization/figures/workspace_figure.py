@@ -86,10 +86,10 @@ def _draw_section(axes: Any, problem: Problem, workspace: Workspace) -> None:
 
 
 def _draw_crossings(axes: Any, workspace: Workspace, path: Array) -> None:
-    """Mark where a path, shape (K, 2), enters a path-dependent area, E of Fig. 2b."""
+    """Mark where a path, shape (K, 2), enters an exact path-dependent area, E of Fig. 2b."""
     label: str | None = "E, enters a PDW"
-    for (s, _), dependent in workspace.path:
-        if dependent and s > 0.0 and (workspace.area_a or workspace.area_b):
+    for (s, _), dependent in workspace.path if workspace.exact else ():
+        if dependent and s > 0.0:
             place = np.array([np.interp(s, _S, column) for column in path.T])
             draw_point(axes, place, "D", 3.6, color=BLACK, zorder=8, label=label)
             axes.annotate("E", place, (4.0, 4.0), textcoords="offset points", zorder=8)
