@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
@@ -61,7 +62,7 @@ from paper.examples import (
 
 DESCRIPTIONS = {
     "fig_2a": "Figure 2a: singularity curves I and II, and margin curves III and IV beside them.",
-    "fig_2b": "Figure 2b: PIW, PDW A (of curve I) and PDW B (of curve II) with the path A-F-B of "
+    "fig_2b": "Figure 2b: PIW, PDW A (of curve I) and PDW B (of curve II) with the path A'-F'-B' of "
     "point 3, which enters a PDW, where the arm may become singular, at each E.",
     "fig_3": "Figure 3: motion 1, along AB, touches a margin curve at C inside its path (Case I), "
     "and motion 2, along AE, at its end E (Case II), with the distance curves of A, B and E.",
@@ -85,6 +86,9 @@ DESCRIPTIONS = {
 }
 """What each figure shows."""
 _RESOLUTION = 230
+_BELOW, _ABOVE, _LEFT = (-8.0, -8.0), (5.0, 4.0), (-10.0, 5.0)
+_ASIDE = {"A": _ABOVE, "B": _LEFT, "D": _LEFT, "F": _BELOW, "A'": _ABOVE, "B'": _LEFT, "F'": _ABOVE}
+"""Places of letters beside points in the plane [points]; A' is the one of point 3."""
 
 
 def draw(folder: Path) -> list[Path]:
@@ -134,11 +138,12 @@ def planar_motion(degrees: float) -> Motion:
 
 @styled
 def figure_2b() -> Figure:
-    """The areas with the path A-F-B of point 3, and the points E at which it enters a PDW."""
+    """The areas with the path A'-F'-B' of point 3, and the points E at which it enters a PDW."""
     problem = example_1()
     figure = workspace_figure(problem, workspace_regions(problem))
     places = zip("AFB", [0.0, *(end for _, end in spans())], strict=True)
-    name_places(figure.axes[0], {name: flat(point_3_on_path(problem, t)) for name, t in places})
+    letters = {f"{name}'": flat(point_3_on_path(problem, t)) for name, t in places}
+    name_places(figure.axes[0], letters)
     return figure
 
 
@@ -190,20 +195,21 @@ def name_places(axes: Any, places: dict[str, Array]) -> None:
             axes.text(*place, f" {name}  ", ha="right" if left else "left", va="top", **bold)
         else:
             draw_point(axes, place, ".", 3.0, color=BLACK, zorder=9)
-            aside = (-10.0, 5.0) if name in "BD" else (5.0, 4.0)
-            axes.annotate(name, place, aside, textcoords="offset points", **bold)
+            axes.annotate(name, place, _ASIDE[name], textcoords="offset points", **bold)
 
 
 @styled
 def planar_snapshots(degrees: float) -> Figure:
-    """Figs. 6 and 7 with A, F, B and, where the arm becomes singular, D."""
+    """Figs. 6 and 7 with A, F, F' of point 3, B and, where the arm becomes singular, D."""
     motion = planar_motion(degrees)
     figure = snapshots_figure(motion, workspace_regions(example_1()))
     times = dict(zip("AFB", [0.0, *(end for _, end in spans())], strict=True))
     if not motion.completed:
         times["D"] = motion.final.time
     path = motion.problem.path
-    name_places(figure.axes[0], {name: path.pose(t).position[:2] for name, t in times.items()})
+    letters = {name: path.pose(t).position[:2] for name, t in times.items()}
+    letters["F'"] = flat(point_3_on_path(motion.problem, times["F"]))
+    name_places(figure.axes[0], letters)
     return figure
 
 
@@ -284,8 +290,13 @@ def curves_of_figure_8(motion: Motion) -> dict[str, Callable[[], Figure]]:
     rates = np.degrees(np.column_stack([found.angular_velocities[:, 2], found.joint_rates]))
     return {
         "fig_8a": partial(curves, motion, found.times, angles, names, "angle [deg]"),
-        "fig_8b": partial(curves, motion, found.times, rates, names, "rate [deg/s]"),
+        "fig_8b": partial(curves, motion, found.times, rates, dotted(names), "rate [deg/s]"),
     }
+
+
+def dotted(names: list[str]) -> list[str]:
+    """The rates of angles whose names are q or theta with an index, as formulas."""
+    return [re.sub(r"(q|\\theta)_", r"\\dot{\1}_", name) for name in names]
 
 
 def curves_of_figure_11(motion: Motion) -> dict[str, Callable[[], Figure]]:
@@ -300,8 +311,8 @@ def curves_of_figure_11(motion: Motion) -> dict[str, Callable[[], Figure]]:
         "b": (q[:, :3], joints[:3], "angle [deg]"),
         "c": (q[:, 3:], joints[3:], "angle [deg]"),
         "d": (euler_angles(found.attitudes), turns, "Euler angle [deg]"),
-        "e": (rates[:, :3], joints[:3], "rate [deg/s]"),
-        "f": (rates[:, 3:], joints[3:], "rate [deg/s]"),
+        "e": (rates[:, :3], dotted(joints[:3]), "rate [deg/s]"),
+        "f": (rates[:, 3:], dotted(joints[3:]), "rate [deg/s]"),
         "g": (np.degrees(found.angular_velocities), spins, "rate [deg/s]"),
     }
     return {

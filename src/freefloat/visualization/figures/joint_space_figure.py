@@ -37,7 +37,7 @@ _LOW = np.array([-180.0, -90.0])
 are inside."""
 _BORDER, _FREE = 35.0, 60.0
 """Distance of names from the edge, and the one from other curves that is enough [deg]."""
-_BESIDE = 20.0 * np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]]) / np.sqrt(2.0)
+_BESIDE = 20.0 * np.array([[np.cos(t), np.sin(t)] for t in np.arange(8) * np.pi / 4.0])
 """Places of a letter beside a touch point [deg]."""
 _CLEAR: Any = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5}
 """White behind letters."""
@@ -149,8 +149,10 @@ def _freest(places: Array, others: Array) -> Array:
 def _draw_touch_points(axes: Any, points: Sequence[TouchPoint], others: Array) -> None:
     """Mark touch points by kind, and letter those that are not close to another of their kind.
 
-    Letters stand on the side that is farthest from other curves, shape (K, 2) [deg].
+    Letters stand on the side that is farthest from other curves, shape (K, 2) [deg], and points.
     """
+    marks = wrapped(np.degrees(np.array([point.joints[:2] for point in points]).reshape(-1, 2)))
+    others = np.concatenate([others, marks])
     for inside, marker, letter in ((True, "D", "C"), (False, "s", "E")):
         places = [
             wrapped(np.degrees(point.joints[:2])[None])[0]
