@@ -43,3 +43,16 @@ def test_the_confirmed_radius_is_just_below_the_closest_violation() -> None:
     direction = np.array([0.6, 0.0, 0.8])
     radius = confirmed_radius(hidden(direction, 0.5), 2.0, EFFORT, 1e-5)
     assert 0.97 * 1.04 < radius < 1.04
+
+
+@pytest.mark.parametrize("seed", [4, 6, 7])
+def test_a_thin_sheet_of_violations_is_followed_to_where_it_is_closest(seed: int) -> None:
+    """It is a plane at distance 1 from the centre; samples meet it far from there."""
+    normal = np.random.default_rng(seed).normal(size=3)
+    normal /= np.linalg.norm(normal)
+
+    def regularity(vectors: np.ndarray) -> np.ndarray:
+        values = 0.5 + np.abs(vectors @ normal - 1.0) / 1e-3
+        return np.column_stack([np.minimum(values, 3.0), np.full(len(vectors), 3.0)])
+
+    assert 0.97 < confirmed_radius(regularity, 1.6, EFFORT, 1e-5) < 1.01

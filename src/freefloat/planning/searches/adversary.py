@@ -17,13 +17,15 @@ from freefloat.ensemble.feasibility import is_kept
 from freefloat.planning.searches import pattern_search
 from freefloat.planning.searches.pattern_search import Searches, spread
 from freefloat.planning.tolerance import Effort
-from freefloat.so3 import Array, IntArray
+from freefloat.so3 import Array, IntArray, frozen
 
 _ON_SPHERE = 0.5
 """Fraction of the sampled deviations that lie on the sphere."""
 _SWEEP, _FINEST, _SWEEPS = 0.12, 2e-3, 8
 """Sizes of the first and the smallest patterns of a descent, as fractions of the ball's radius, and
 their number."""
+_NEAR = 0.06
+"""Size of the first patterns of descents from known violations, as a fraction of that radius."""
 _POINTS, _SPIRAL = 12, 0.75
 """Points of a pattern, and the ratio of the distances of successive ones from its middle."""
 _AHEAD = 2.5
@@ -39,6 +41,8 @@ BEYOND = 1.003
 _SEARCHES, _CONE = 4, 0.25
 """Searches for the closest violation, and the angle of their first directions [rad]."""
 
+_NONE = frozen(np.empty((0, 3)))
+
 Regularity = Callable[[Array], Array]
 """Margin and ratio of determinants of deviations (K, 3), over the required ones, shape (K, 2)."""
 
@@ -48,6 +52,8 @@ def confirmed_radius(
 ) -> float:
     """The largest radius, up to a given one, whose ball no adversarial search breaks.
 
+    Where one broke a larger ball, two others confirm it: one alone may miss a thin sheet.
+
     Args:
         regularity: Regularity of deviations.
         radius: Radius to begin with.
@@ -55,45 +61,71 @@ def confirmed_radius(
         smallest: Radius below which zero is returned.
         most: No deviation is larger.
     """
-    seed = 0
+    seed, silent, known = 0, 0, _NONE
     while radius > smallest:
-        outside = violations(regularity, min(BEYOND * radius, most), effort, seed)
-        if not len(outside):
+        outside = violations(regularity, min(BEYOND * radius, most), effort, seed, known)
+        seed, silent = seed + 1, silent + 1
+        if len(outside):
+            found = closest(regularity, outside, smallest)
+            radius, silent = CAUTION * shortest_length(found), 0
+            known = np.vstack([known, found])
+        elif silent > min(len(known), 1):
             return radius
-        radius = CAUTION * closest(regularity, outside, smallest)
-        seed += 1
     return 0.0
 
 
-def violations(regularity: Regularity, radius: float, effort: Effort, seed: int = 0) -> Array:
-    """Deviations in a ball that violate the rule, shape (K, 3); empty where none was found."""
-    vectors = radius * _in_unit_ball(effort.samples, seed)
+def violations(
+    regularity: Regularity,
+    radius: float,
+    effort: Effort,
+    seed: int = 0,
+    known: Array = _NONE,
+) -> Array:
+    """Deviations in a ball that violate the rule, shape (K, 3); empty where none was found.
+
+    Descents begin at known violations (M, 3), too, or next to them inside the ball: of a thin sheet
+    of violations one leads to the others.
+    """
+    vectors = np.vstack([radius * _in_unit_ball(effort.samples, seed), _shortened(known, radius)])
     values = regularity(vectors)
     kept = is_kept(values)
     if not kept.all():
         return vectors[~kept]
+    near = np.arange(effort.samples, len(vectors))
     first = [_lowest(vectors, column, radius, effort.descents // 2) for column in values.T]
+    first += [near, near]
     groups = np.repeat(np.arange(len(first)), [len(index) for index in first])
-    start = np.concatenate(first)
+    start, columns = np.concatenate(first), groups % 2
+    sizes = np.where(start < effort.samples, _SWEEP, _NEAR) * radius
 
     def merit(tried: Array, searched: IntArray) -> Array:
-        return -np.take_along_axis(regularity(tried), groups[searched, None], axis=1)[:, 0]
+        return -np.take_along_axis(regularity(tried), columns[searched, None], axis=1)[:, 0]
 
-    searches = Searches(vectors[start], -values[start, groups], groups)
+    searches = Searches(vectors[start], -values[start, columns], groups)
     last = pattern_search.pattern_search(
-        _Balls(radius), merit, searches, _SWEEP * radius, _FINEST * radius, _SWEEPS
+        _Balls(radius), merit, searches, sizes, _FINEST * radius, _SWEEPS
     )
     return np.asarray(last.points[~is_kept(regularity(last.points))])
 
 
-def closest(regularity: Regularity, outside: Array, smallest: float, angle: float = _CONE) -> float:
-    """Length of the shortest violation found near some (K, 3); zero below the smallest."""
-    if np.linalg.norm(outside, axis=1).min() < smallest:
-        return 0.0
-    found = pattern_search.shortest(
+def closest(regularity: Regularity, outside: Array, smallest: float, angle: float = _CONE) -> Array:
+    """Short violations found near some (K, 3); these themselves where one is below the smallest."""
+    if shortest_length(outside) < smallest:
+        return outside
+    return pattern_search.shortest(
         lambda vectors, _: ~is_kept(regularity(vectors)), spread(outside, _SEARCHES), angle
     )
-    return float(np.linalg.norm(found, axis=1).min())
+
+
+def shortest_length(vectors: Array) -> float:
+    """Length of the shortest of some vectors (K, 3)."""
+    return float(np.linalg.norm(vectors, axis=1).min())
+
+
+def _shortened(vectors: Array, length: float) -> Array:
+    """Vectors (..., 3), none longer than a length."""
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors * np.minimum(1.0, length / np.maximum(lengths, np.finfo(float).tiny)))
 
 
 def _in_unit_ball(count: int, seed: int) -> Array:
@@ -131,8 +163,7 @@ class _Balls:
         steps *= (np.minimum(lengths, sizes) / np.maximum(lengths, np.finfo(float).tiny))[:, None]
         along = _AHEAD * sequence[:, 2] * (np.arange(_POINTS) % 3 > 0)
         vectors = points[:, None] + offsets * sizes[:, None, None] + along[:, None] * steps[:, None]
-        sizes_of = np.linalg.norm(vectors, axis=2, keepdims=True)
-        vectors *= np.minimum(1.0, self.radius / np.maximum(sizes_of, np.finfo(float).tiny))
+        vectors = _shortened(vectors, self.radius)
         return vectors, np.linalg.norm(vectors - points[:, None], axis=2)
 
     def superseded(self, searches: Searches, sizes: Array) -> pattern_search.Flags:

@@ -10,7 +10,13 @@ from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import is_kept, regularity
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.systems import Systems
-from freefloat.planning.searches.adversary import CAUTION, Regularity, closest, confirmed_radius
+from freefloat.planning.searches.adversary import (
+    CAUTION,
+    Regularity,
+    closest,
+    confirmed_radius,
+    shortest_length,
+)
 from freefloat.planning.searches.line_search import Function, Samples, resolved
 from freefloat.planning.searches.pattern_search import Flags
 from freefloat.planning.tolerance import Effort, Tolerance
@@ -77,7 +83,8 @@ def _momentum_tolerance(regularity: Regularity, limit: float) -> float:
     violating = tried[~is_kept(regularity(tried))]
     radius = limit
     if len(violating):
-        radius = CAUTION * closest(regularity, violating, _SMALLEST * limit, _CONE)
+        found = closest(regularity, violating, _SMALLEST * limit, _CONE)
+        radius = CAUTION * shortest_length(found)
     return confirmed_radius(regularity, radius, EFFORT, _SMALLEST * limit, most=limit)
 
 

@@ -23,6 +23,7 @@ from freefloat.planning.searches.adversary import (
     CAUTION,
     closest,
     confirmed_radius,
+    shortest_length,
     violations,
 )
 from freefloat.planning.searches.pattern_search import ROUNDS, Flags, shortest
@@ -108,7 +109,7 @@ def robust_radius(
         outside = cloud[around.outside(cloud, np.zeros(len(cloud), np.int64))]
     radius = np.pi
     if len(outside):
-        radius = closest(around.regularity, outside, _SMALLEST, _CONE)
+        radius = shortest_length(closest(around.regularity, outside, _SMALLEST, _CONE))
     return confirmed(evaluator, Ball(attitude, branch, radius)).radius
 
 
