@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from freefloat.errors import ModelError, did_you_mean
+from freefloat.so3 import Array
 
 FREE, BALL, SLIDE, HINGE = range(4)
 """Types of joints in MuJoCo."""
@@ -18,6 +19,10 @@ _TIES = (0, 1)
 """Types of equality constraints between bodies or sites: connect and weld."""
 _COUPLING = 2
 """Type of equality constraints of joints."""
+_LENGTH = 3
+"""The same of tendons."""
+_HOLDS = "stiffness", "damping", "frictionloss", "armature", "limited"
+"""Properties of tendons that act without a drive."""
 _SITE, _WRAPPED_SITE = 6, 3
 """Type of object of MuJoCo's sites, also where a tendon passes them."""
 _ORTHOGONAL = 1e-6
@@ -50,7 +55,7 @@ def root_body(model: Any, root: str | None, source: str) -> int:
         raise ModelError("root", problem, accepted, source)
     if (tie := _tie(model, found)) is not None:
         problem = f"{tie} ties the robot of {body_name(model, found)}"
-        accepted = "a robot that no <connect>, <weld>, <joint> or tendon ties to what is fixed"
+        accepted = "a robot that no <connect>, <weld>, <joint>, tendon or flex ties to what is fixed"
         raise ModelError("root", f"{problem} to the world", accepted, source)
     return found
 
@@ -127,7 +132,7 @@ def moves_in_plane(model: Any, root: int) -> bool:
 
 
 def _tie(model: Any, root: int) -> str | None:
-    """What ties a body of a root's robot to the world: a constraint that is active, or a tendon.
+    """What ties a body of a root's robot to the world: an active constraint, a tendon, or a flex.
 
     Bodies without joints in the world, and those that are moved from outside, are as the world. One
     that couples a joint of the root ties it, too.
@@ -145,16 +150,30 @@ def _tie(model: Any, root: int) -> str | None:
             ends = [int(model.site_bodyid[site]) for site in ends]
         if _joins(model, ends, robot):
             return constraint
+    held = _held_tendons(model)
     for tendon in range(model.ntendon):
         first = int(model.tendon_adr[tendon])
         wraps = slice(first, first + int(model.tendon_num[tendon]))
         sites = model.wrap_objid[wraps][model.wrap_type[wraps] == _WRAPPED_SITE]
-        pulls = model.tendon_stiffness[tendon] or model.tendon_damping[tendon]
-        if (pulls or model.tendon_limited[tendon]) and _joins(
-            model, model.site_bodyid[sites].tolist(), robot
-        ):
+        if held[tendon] and _joins(model, model.site_bodyid[sites].tolist(), robot):
             return f"the tendon {model.tendon(tendon).name or tendon}"
+    for flex in range(model.nflex):
+        first = int(model.flex_vertadr[flex])
+        vertices = slice(first, first + int(model.flex_vertnum[flex]))
+        if _joins(model, model.flex_vertbodyid[vertices].tolist(), robot):
+            return f"the flex {model.flex(flex).name or flex}"
     return None
+
+
+def _held_tendons(model: Any) -> Array:
+    """Which tendons act on their ends without a drive, shape (T,)."""
+    held = np.zeros(model.ntendon, dtype=bool)
+    for name in _HOLDS:
+        held |= np.asarray(getattr(model, f"tendon_{name}", held)) != 0
+    of_length = model.eq_active0.astype(bool) & (model.eq_type == _LENGTH)
+    for ends in (model.eq_obj1id, model.eq_obj2id):
+        held[ends[of_length & (ends >= 0)]] = True
+    return held
 
 
 def _joins(model: Any, bodies: Sequence[int], robot: Collection[int]) -> bool:
