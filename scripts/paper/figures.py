@@ -61,21 +61,23 @@ from paper.examples import (
 )
 
 DESCRIPTIONS = {
-    "fig_2a": "Figure 2a: singularity curves I and II, and margin curves III and IV beside them.",
-    "fig_2b": "Figure 2b: PIW, PDW A (of curve I) and PDW B (of curve II) with the path A'-F'-B' of "
-    "point 3, which enters a PDW, where the arm may become singular, at each E.",
+    "fig_2a": "Figure 2a: singularity curves I and II, and beside them margin curves III and IV, "
+    "of S = 5, and those of S = -5.",
+    "fig_2b": "Figure 2b: PIW, PDW A (of curve I) and PDW B (of curve II) with the path A'-F'-B' "
+    "of point 3, the virtual last joint, which enters a PDW at each E.",
     "fig_3": "Figure 3: motion 1, along AB, touches a margin curve at C inside its path (Case I), "
-    "and motion 2, along AE, at its end E (Case II), with the distance curves of A, B and E.",
+    "and motion 2, along the part of AB up to E in Fig. 2b, at its end (Case II). On the distance "
+    "curves R point 3 is as far from the centre of mass as at A, B and E.",
     "fig_4": "Figure 4b: on the robot, the barycentric vectors a to d lead from the centre of mass "
     "to the end-effector.",
-    "fig_5": "Figure 5: what its steps yield for Example 1: feasible headings at F by each "
-    "segment, by both, and those at A.",
+    "fig_5": "Figure 5: what the steps of the paper's flowchart yield for Example 1: feasible "
+    "headings at F by each segment, by both, and at A.",
     "fig_6": "Figure 6: from 140 degrees the arm becomes singular, at D.",
     "fig_7": "Figure 7: from 200 degrees the end-effector follows the whole path.",
     "fig_8a": "Figure 8a: spacecraft attitude and joint angles of that motion.",
     "fig_8b": "Figure 8b: their rates.",
     "fig_9": "Figure 9: in Example 2 the arm becomes singular on the way, at C.",
-    "fig_10": "Figure 10: from the computed attitude the path is followed from A to B.",
+    "fig_10": "Figure 10: from the printed attitude the path is followed from A to B.",
     "fig_11a": "Figure 11a: position of the end-effector.",
     "fig_11b": "Figure 11b: joint angles of shoulder and elbow.",
     "fig_11c": "Figure 11c: joint angles of the wrist.",

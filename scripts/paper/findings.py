@@ -61,10 +61,10 @@ def point_b() -> Finding:
     )
     return Finding(
         "The printed B of Example 2 is not in the plane (41).",
-        f"It is {away:.1f} mm away: its z has two digits, 0.33 m, and (41) gives {z:.4f} m. The arm"
-        f" becomes singular {printed:.1e} m from the printed C with B as printed (the bundled"
-        f" `spatial_6dof/line`), and {moved:.0e} m from it with the z of (41), the largest"
-        " component of the four branches.",
+        f"It is {away:.1f} mm away, at right angles: its z has two digits, 0.33 m, and (41) gives"
+        f" {z:.4f} m. Where the arm becomes singular, no coordinate of four branches differs from"
+        f" the printed C by more than {printed:.1e} m with B as printed (the bundled"
+        f" `spatial_6dof/line`), and by more than {moved:.0e} m with the z of (41).",
     )
 
 
@@ -90,10 +90,10 @@ def in_plane_factor() -> Finding:
         for name in ("det S*", "in-plane factor")
     )
     return Finding(
-        "S0 = -5 of Example 2 is not det S\\*, but its factor in the plane of the arm.",
+        "S0 = -5 of Example 2 is not det S\\*, but a factor of det A = D det S\\*.",
         f"At the printed touch point det S\\* is {product:.4f} and the factor, the"
         f" [measure](concepts/measures.md#the-factor-arm) `in-plane factor`, is {factor:.4f}. The"
-        " other factors belong to shoulder and wrist. (40) names the product and the factor alike.",
+        " other factors belong to shoulder and wrist. (40) calls the product and the factor S.",
     )
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import freefloat as ff
 from freefloat.planning.simulated_branch import SimulatedBranch
 from paper.equations import EQUATIONS, link
-from paper.examples import example_1, limits, plan_of_example_1
-from paper.figures import DESCRIPTIONS
+from paper.examples import INITIAL_ATTITUDE, example_1, example_2, limits, plan_of_example_1
+from paper.figures import DESCRIPTIONS, spatial_motion
 from paper.findings import all_findings
 from paper.numbers import Number, all_numbers
 
@@ -28,31 +28,23 @@ the paper prints beside what freefloat computes: its [numbers](#the-numbers) and
 `python scripts/reproduce_paper.py --page` writes the page, and a test computes it again.
 """
 
-COMMANDS = """\
-Example 1 is `planar_3dof/parabola`, Example 2 `spatial_6dof/line`. These commands compute them:
-
-```sh
-freefloat plan planar_3dof/parabola # Example 1: its ranges
-freefloat simulate planar_3dof/parabola --heading 140 # Fig. 6
-freefloat simulate planar_3dof/parabola --heading 200 # Figs. 7 and 8
-freefloat simulate spatial_6dof/line --attitude 0.1 0.5 0.2 -0.8367 # Fig. 9
-freefloat simulate spatial_6dof/line --attitude 0.46 0.0935 0.7352 -0.489 # Figs. 10 and 11
-```
-"""
-
 NUMBERS = """\
 ## The numbers
 
-"Deviation" is the largest one of a row, computed less printed. "Digit" is one unit of the last
-digit that the paper prints; counts must be equal. The PDW is the path-dependent workspace: where
-the arm can be singular. Point 3 is where the last link, or the wrist, begins in the virtual
-manipulator. AF and FB are the two segments of Example 1, τ is the time as a fraction of a segment.
+"Deviation" is the largest one of a row, computed less printed. "Digit" is the last digit that the
+paper prints or, for rounded values such as 5, the one to which they are compared; counts must be
+equal. Point 3 is the virtual joint before the last link or the wrist: barycentric vectors
+([dynamics](concepts/dynamics.md)) of constant lengths a, b and c lead to it from the centre of
+mass, and d from there to the end-effector. θ0 is the spacecraft's heading, h1 to h3 are the
+components of the momentum, AF and FB the segments of Example 1, and τ is the time as a fraction of
+a segment. In Example 2, here and in Figs. 9 to 11, B is moved along z into the plane (41), unless a
+row says otherwise; the bundled scenario has B as printed (finding 1).
 """
 
 
 def page() -> str:
     """The page's text."""
-    parts = [INTRODUCTION, why_161(), COMMANDS, NUMBERS]
+    parts = [INTRODUCTION, why_161(), commands(), NUMBERS]
     parts += [f"### {title}\n\n{table(rows)}" for title, rows in all_numbers().items()]
     parts += [figures(), equations(), findings()]
     return "\n".join(filter(None, parts))
@@ -60,25 +52,65 @@ def page() -> str:
 
 def why_161() -> str:
     """Example 1 in words."""
-    touch = limits(0)[1].touch_point.time
-    low = plan_of_example_1().ranges[0].degrees[-1][0]
-    end = motion_from(140.0).motion.final.time
+    touch, end = (limit.touch_point.time for limit in (limits(0)[1], limits(1)[1]))
+    (_, high), (low, _) = plan_of_example_1().ranges[0].degrees
+    non_stop = plan_of_example_1("parabola_nonstop").ranges[0].degrees[-1][0]
+    singular = motion_from(140.0).motion.final.time
     from_160, from_162 = (motion_from(h).closest_approach.value for h in (160.0, 162.0))
     return f"""\
 ## Why 161 degrees
 
 A free-floating spacecraft turns when its arm moves. At a *dynamic singularity* the end-effector
-cannot move in some direction, because the turn of the spacecraft undoes what the joints do. A
-number S, which depends on the joints alone, is zero there. The *margin curve* S = 5 keeps a
-distance from it.
+cannot move in some direction, because the turn of the spacecraft undoes what the joints do. The
+paper's S is zero there: for planar arms the determinant `det A` of the system (5), which depends on
+the joint angles q1 and q2 alone. So singular configurations are curves in the plane of q1 and q2
+(Fig. 2a). Beside each, a *margin curve* S = 5 keeps a distance from it; 5 is a thirtieth of
+the largest S.
 
-In Example 1 a planar arm with three joints moves its end-effector from A over F to B. The heading
-of the spacecraft at A decides which joint values occur on the way. From 140 degrees S becomes zero
-at {end:.1f} s, and the motion ends. From 160 degrees S comes down to {from_160:.2f}, from 162
-degrees only to {from_162:.2f}. From {low:.2f} degrees the motion just touches the margin curve,
-at {touch:.1f} s, and S grows again: there is the limit. freefloat first computes this *touch
-point*, where S = 5 and dS/dt = 0, and then integrates back to A
-([more](concepts/touch-points.md)).
+A singularity curve becomes a ring of places in the workspace that point 3 of the arm reaches in
+these configurations: PDW A, near the centre of mass, and PDW B, far from it (Fig. 2b). In this
+*path-dependent workspace* it depends on the way there whether the arm is singular. In the
+*path-independent workspace* (PIW), everywhere else, it is not.
+
+In Example 1 a planar arm with three joints moves its end-effector from A to B and rests at F
+between, with a momentum of 0.5 N m s. The way of point 3 leads through PDW A before F and into PDW
+B at its end. The joint angles that reach a place depend on the heading of the spacecraft, so the
+heading at A decides which curve the motion draws in the plane of q1 and q2. One of two arm branches
+is considered, the one with S > 0.
+
+- From 140 degrees S becomes zero at {singular:.1f} s, in PDW A, and the motion ends.
+- From 160 degrees S comes down to {from_160:.2f}, from 162 degrees only to {from_162:.2f}. From
+  **{low:.2f} degrees** the motion just touches the margin curve, at {touch:.1f} s, and S grows
+  again (Case I of the paper).
+- From **{high:.2f} degrees** S comes down to 5 in PDW B, at {end:.0f} s, at B itself (Case II).
+
+These are the limits: from 161 degrees over 360 = 0 to 63 degrees, the paper's numbers, S stays
+above 5. freefloat first computes *touch points*, where S = 5 and, for Case I, dS/dt = 0, and then
+integrates back to A ([more](concepts/touch-points.md)).
+
+With another momentum S, its curves and the PDWs stay the same, but the motions change: momentum
+adds joint rates that do not depend on the end-effector's velocity. So the limits depend on the
+duration, too, and on a rest: without the one at F the limit is {non_stop:.2f} degrees.
+"""
+
+
+def commands() -> str:
+    """Commands that compute the motions of the figures, with their arm branches."""
+    spatial = next(
+        branch.index for branch in example_2().branches(INITIAL_ATTITUDE)
+        if np.allclose(branch.joints, spatial_motion().initial.joints)
+    )  # fmt: skip
+    attitude = "0.46 0.0935 0.7352 -0.489"
+    return f"""\
+Example 1 is `planar_3dof/parabola`, Example 2 `spatial_6dof/line`. These commands compute them:
+
+```sh
+freefloat plan planar_3dof/parabola # Example 1: its ranges
+freefloat simulate planar_3dof/parabola --heading 140 --branch 0 # Fig. 6
+freefloat simulate planar_3dof/parabola --heading 200 --branch 0 # Figs. 7 and 8
+freefloat simulate spatial_6dof/line --attitude 0.1 0.5 0.2 -0.8367 --branch {spatial} # Fig. 9
+freefloat simulate spatial_6dof/line --attitude {attitude} --branch {spatial} # Figs. 10 and 11
+```
 """
 
 

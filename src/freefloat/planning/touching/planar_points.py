@@ -65,15 +65,19 @@ def _tangent_points(candidates: PlanarCandidates) -> tuple[TouchPoint, ...]:
 
 @lru_cache(maxsize=16)
 def _at_end(candidates: PlanarCandidates, kind: TouchKind, t: float) -> tuple[TouchPoint, ...]:
-    """Case II: margin curves crossed with the distance curve of an end of a span."""
-    path = candidates.path_at(t)
+    """Case II: margin curves crossed with the distance curve of an end of a span.
+
+    Points from where the magnitude of S falls into the span are left out.
+    """
+    path, inward = candidates.path_at(t), -1.0 if kind is TouchKind.END else 1.0
     points = []
     for curve in candidates.curves:
         off = curve.radii - abs(complex(path.position))
         for i in np.flatnonzero(off[:-1] * off[1:] <= 0.0):
             start = (curve.joints[i] + curve.joints[i + 1]) / 2.0
             solution = root(candidates.errors, start, args=(path, curve.level), tol=1e-14)
-            if np.abs(solution.fun).max() < _EXACT:
+            rises = inward * curve.level * candidates.slope(solution.x, path) >= 0.0
+            if rises and np.abs(solution.fun).max() < _EXACT:
                 points.append(_point(candidates, kind, solution.x, t, curve.level))
     return tuple(points)
 

@@ -55,7 +55,7 @@ def root_body(model: Any, root: str | None, source: str) -> int:
         raise ModelError("root", problem, accepted, source)
     if (tie := _tie(model, found)) is not None:
         problem = f"{tie} ties the robot of {body_name(model, found)}"
-        accepted = "a robot that no <connect>, <weld>, <joint>, tendon or flex ties to what is fixed"
+        accepted = "a robot that no equality, tendon or flex ties to what is fixed"
         raise ModelError("root", f"{problem} to the world", accepted, source)
     return found
 
