@@ -38,6 +38,8 @@ from freefloat.so3 import Array, IntArray, wrapped
 
 _NEAR_REACH = 1e-6
 """Distance from the limits of the reach at which headings are added [rad]."""
+_NEAR_KNOWN = np.geomspace(1e-6, 1e-2, 9)
+"""Distances from known headings at which headings are added: ranges may begin there [rad]."""
 _END = 1e-6
 """Distance of a heading from the limit of the domain that is its cause [rad]."""
 _WIDEST, _NARROWEST = np.radians(1.0 + 1e-6), 1e-6
@@ -207,7 +209,7 @@ def _causes(
 def _headings(
     problem: Problem, samples: int, domain: SearchDomain, known: Sequence[float]
 ) -> Array:
-    """Even headings, known ones and some next to changes, where narrow ranges may lie.
+    """Even headings, known ones and some next to these and to changes, where narrow ranges may lie.
 
     Such changes are the limits of the reach and those of the arm branch closest to given joints.
 
@@ -223,6 +225,7 @@ def _headings(
         changes += reach_limits(problem, 0.0)
     if problem.start_joints is not None and not problem.redundant:
         changes += branch_changes(problem, known)
-    limits = np.array(changes)
-    added = np.concatenate([known, limits - _NEAR_REACH, limits + _NEAR_REACH]) % tau
-    return np.unique(np.concatenate([headings, added]))
+    limits, near = np.array(changes), np.append(_NEAR_KNOWN, -_NEAR_KNOWN)
+    near_known = np.add.outer(known, near).ravel()
+    added = [known, near_known, limits - _NEAR_REACH, limits + _NEAR_REACH]
+    return np.unique(np.concatenate([headings, *added]) % tau)
