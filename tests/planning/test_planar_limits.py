@@ -91,7 +91,7 @@ def test_a_narrow_range_is_found_where_the_present_attitude_is_at_its_edge(exces
     """Headings keep the cone over 0.6 degrees less the turn; the samples are a degree apart."""
     line, present, edge = ff.load_scenario("planar_2dof/line").problem(), 0.3, np.radians(0.3)
     start = line.path.pose(0.0).position
-    curve = ff.paths.PolynomialCurve.line(start, start + [0.03, 0.03, 0.0])
+    curve = ff.paths.PolynomialCurve.line(start, np.add(start, [0.03, 0.03, 0.0]))
     measure = ff.singularity_measure(line.model, line.task, "det S*")
     path = ff.TimedPath(ff.EndEffectorPath(curve), line.path.timing)
     problem = line.replace(path=path, margin=ff.Margin(measure, 0.01))
