@@ -66,8 +66,8 @@ DESCRIPTIONS = {
     "fig_2b": "Figure 2b: PIW, PDW A (of curve I) and PDW B (of curve II) with the path A'-F'-B' "
     "of point 3, the virtual last joint, which enters a PDW at each E.",
     "fig_3": "Figure 3: motion 1, along AB, touches a margin curve at C inside its path (Case I), "
-    "and motion 2, along the part of AB up to E in Fig. 2b, at its end (Case II). On the distance "
-    "curves R point 3 is as far from the centre of mass as at A, B and E.",
+    "and motion 2, along AB cut off at the first E of Fig. 2b, at its end (Case II). On the "
+    "distance curves R point 3 is as far from the centre of mass as at A, B and E.",
     "fig_4": "Figure 4b: on the robot, the barycentric vectors a to d lead from the centre of mass "
     "to the end-effector.",
     "fig_5": "Figure 5: what the steps of the paper's flowchart yield for Example 1: feasible "

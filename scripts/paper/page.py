@@ -33,12 +33,12 @@ NUMBERS = """\
 
 "Deviation" is the largest one of a row, computed less printed. "Digit" is the last digit that the
 paper prints or, for rounded values such as 5, the one to which they are compared; counts must be
-equal. Point 3 is the virtual joint before the last link or the wrist: barycentric vectors
-([dynamics](concepts/dynamics.md)) of constant lengths a, b and c lead to it from the centre of
-mass, and d from there to the end-effector. θ0 is the spacecraft's heading, h1 to h3 are the
-components of the momentum, AF and FB the segments of Example 1, and τ is the time as a fraction of
-a segment. In Example 2, here and in Figs. 9 to 11, B is moved along z into the plane (41), unless a
-row says otherwise; the bundled scenario has B as printed (finding 1).
+equal. Point 3 is the virtual last joint, in Example 2 the virtual wrist: barycentric vectors of
+constant lengths a, b and c lead from the centre of mass to it, and d from it to the end-effector.
+θ0 is the spacecraft's heading, h1 to h3 are the components of the momentum, AF and FB the segments
+of Example 1, and τ is the time as a fraction of a segment. In Example 2, here and in Figs. 9 to 11,
+B is moved along z into the plane (41), unless a row says otherwise; the bundled scenario has B as
+printed (finding 1).
 """
 
 
@@ -54,7 +54,7 @@ def why_161() -> str:
     """Example 1 in words."""
     touch, end = (limit.touch_point.time for limit in (limits(0)[1], limits(1)[1]))
     (_, high), (low, _) = plan_of_example_1().ranges[0].degrees
-    non_stop = plan_of_example_1("parabola_nonstop").ranges[0].degrees[-1][0]
+    non_stop = plan_of_example_1("parabola_nonstop").ranges[0].degrees
     singular = motion_from(140.0).motion.final.time
     from_160, from_162 = (motion_from(h).closest_approach.value for h in (160.0, 162.0))
     return f"""\
@@ -62,15 +62,16 @@ def why_161() -> str:
 
 A free-floating spacecraft turns when its arm moves. At a *dynamic singularity* the end-effector
 cannot move in some direction, because the turn of the spacecraft undoes what the joints do. The
-paper's S is zero there: for planar arms the determinant `det A` of the system (5), which depends on
-the joint angles q1 and q2 alone. So singular configurations are curves in the plane of q1 and q2
-(Fig. 2a). Beside each, a *margin curve* S = 5 keeps a distance from it; 5 is a thirtieth of
-the largest S.
+paper's S is zero there: for planar arms `det A`, the determinant of the equations for the rates
+(5), which depends on the joint angles q1 and q2 alone. So singular configurations are curves in the
+plane of q1 and q2 (Fig. 2a). Beside each, a *margin curve* S = 5 m⁴ kg keeps a distance from it; 5
+is a thirtieth of the largest S.
 
-A singularity curve becomes a ring of places in the workspace that point 3 of the arm reaches in
-these configurations: PDW A, near the centre of mass, and PDW B, far from it (Fig. 2b). In this
-*path-dependent workspace* it depends on the way there whether the arm is singular. In the
-*path-independent workspace* (PIW), everywhere else, it is not.
+Point 3 is the virtual last joint of the arm ([dynamics](concepts/dynamics.md)). The places that it
+takes in the configurations of a singularity curve form a ring in the workspace: PDW A, near the
+centre of mass, and PDW B, far from it (Fig. 2b). In this *path-dependent workspace* it depends on
+the way there whether the arm is singular. In the rest of the reach, the *path-independent
+workspace* (PIW), it never is.
 
 In Example 1 a planar arm with three joints moves its end-effector from A to B and rests at F
 between, with a momentum of 0.5 N m s. The way of point 3 leads through PDW A before F and into PDW
@@ -78,19 +79,22 @@ B at its end. The joint angles that reach a place depend on the heading of the s
 heading at A decides which curve the motion draws in the plane of q1 and q2. One of two arm branches
 is considered, the one with S > 0.
 
-- From 140 degrees S becomes zero at {singular:.1f} s, in PDW A, and the motion ends.
-- From 160 degrees S comes down to {from_160:.2f}, from 162 degrees only to {from_162:.2f}. From
-  **{low:.2f} degrees** the motion just touches the margin curve, at {touch:.1f} s, and S grows
-  again (Case I of the paper).
-- From **{high:.2f} degrees** S comes down to 5 in PDW B, at {end:.0f} s, at B itself (Case II).
+- With a heading of 140 degrees at A, S becomes zero at {singular:.1f} s, in PDW A, and the motion
+  ends.
+- With 160 degrees S comes down to {from_160:.2f}, with 162 degrees only to {from_162:.2f}. With
+  **{low:.2f} degrees** the motion just touches the margin curve, at {touch:.1f} s in PDW A, and S
+  grows again (Case I of the paper; motion 1 in Fig. 3).
+- With **{high:.2f} degrees** S comes down to 5 in PDW B, at {end:.0f} s, when the end-effector
+  arrives at B (Case II), and with a greater heading further.
 
 These are the limits: from 161 degrees over 360 = 0 to 63 degrees, the paper's numbers, S stays
 above 5. freefloat first computes *touch points*, where S = 5 and, for Case I, dS/dt = 0, and then
 integrates back to A ([more](concepts/touch-points.md)).
 
-With another momentum S, its curves and the PDWs stay the same, but the motions change: momentum
-adds joint rates that do not depend on the end-effector's velocity. So the limits depend on the
-duration, too, and on a rest: without the one at F the limit is {non_stop:.2f} degrees.
+S, its curves and the PDWs are the same for any momentum, but the motions change: momentum adds
+joint rates that do not depend on the end-effector's velocity. So the limits depend on the duration,
+too, and on a rest: without the one at F, which the paper's text does not mention, they are
+{non_stop[1][0]:.2f} and {non_stop[0][1]:.2f} degrees.
 """
 
 
