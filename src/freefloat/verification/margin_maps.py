@@ -98,9 +98,11 @@ def _without_last_steps(results: BranchResults) -> BranchResults:
     """
     motions = results.motions
     singular = motions.endings == SINGULAR
-    rates = frozen(np.where(singular[..., None], np.inf, motions.rates))
-    evaluations = frozen(np.where(singular, np.inf, motions.evaluations))
-    return replace(results, motions=motions._replace(rates=rates, evaluations=evaluations))
+    decided: dict[str, Any] = {
+        "rates": frozen(np.where(singular[..., None], np.inf, motions.rates)),
+        "evaluations": frozen(np.where(singular, np.inf, motions.evaluations)),
+    }
+    return replace(results, motions=motions._replace(**decided))
 
 
 def _same_peak(found: AttitudeMap, again: AttitudeMap) -> Peak | None:
