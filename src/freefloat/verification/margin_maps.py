@@ -97,10 +97,10 @@ def _without_last_steps(results: BranchResults) -> BranchResults:
     They are the rates and the evaluations of motions that end singular.
     """
     motions = results.motions
-    singular = motions.endings == SINGULAR
+    singular, spent = motions.endings == SINGULAR, motions.evaluations  # none of mirrored branches
     decided: dict[str, Any] = {
         "rates": frozen(np.where(singular[..., None], np.inf, motions.rates)),
-        "evaluations": frozen(np.where(singular, np.inf, motions.evaluations)),
+        "evaluations": frozen(np.where(singular & (spent > 0), np.inf, spent)),
     }
     return replace(results, motions=motions._replace(**decided))
 
