@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from matplotlib import rc_context
 
 import freefloat as ff
 from freefloat.so3 import heading_quaternion
@@ -29,6 +30,16 @@ def test_figures_of_a_motion_and_of_several_beside_each_other(
     assert all(figure.stat().st_size > 500 for figure in figures)
     assert {figure.parent.name for figure in figures} == {"motion", "motion (2)", "two"}
     assert tmp_path / "two" / "comparison.pdf" in figures
+
+
+@pytest.mark.slow
+def test_figures_need_no_latex_that_the_users_own_settings_ask_for(tmp_path: Path) -> None:
+    """As a matplotlibrc of the user, or of the current folder, does."""
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    ff.save(ff.simulate(problem, heading_quaternion(0.0)), tmp_path / "motion.h5")
+    with rc_context({"text.usetex": True, "text.latex.preamble": r"\input{secret}"}):
+        figures = document("plot", tmp_path / "motion.h5", "-o", tmp_path / "out")["figures"]
+    assert len(figures) > 2
 
 
 def test_files_of_another_kind_are_errors(tmp_path: Path) -> None:

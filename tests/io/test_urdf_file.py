@@ -167,3 +167,25 @@ def test_invalid_options_are_refused(words: tuple[str, ...], key: str, tmp_path:
     error = commands.error("assemble", *words, "-o", str(tmp_path / "out.urdf"))
     assert error["key"] == key
     assert not list(tmp_path.iterdir()), "nothing is left behind"
+
+
+def test_what_is_left_out_of_attached_files_is_named(tmp_path: Path) -> None:
+    """What names links and joints of a tool beside them; that of the arm itself is kept."""
+
+    def robot(name: str, more: str) -> Path:
+        links = (link_text(f"{name}_{k}", inertial_text(2.0, np.eye(3))) for k in "ab")
+        joint = joint_text(f"{name}_j", "C", f"{name}_a", f"{name}_b")
+        file = tmp_path / f"{name}.urdf"
+        file.write_text(f'<robot name="{name}">{"".join(links)}{joint}{more}</robot>')
+        return file
+
+    drive = '<transmission name="t"><joint name="{}_j"/></transmission>'
+    arm, out = robot("arm", drive.format("arm")), tmp_path / "out.urdf"
+    plain = robot("plain", "<!-- nothing else -->")
+    other = robot("other", drive.format("other") + "<gazebo><mu1>3</mu1></gazebo>" * 2)
+    words = arm, "-o", out, *CRAFT, "--end-effector", "arm_b"
+    document = assembled(*words, "--tool", plain, "--second-arm", other)
+    (warning,) = (text for text in document["warnings"] if "left out" in text)
+    assert warning.startswith(f"{other}: <transmission>, <gazebo> ")
+    assert [element.tag for element in ET.parse(out).getroot()].count("transmission") == 1
+    assert not any("left out" in text for text in assembled(*words)["warnings"])

@@ -131,6 +131,17 @@ def test_narrow_cones_contain_the_present_attitude(objective: str, momentum: flo
         assert plan.deviation == 0.0
 
 
+def test_a_plan_that_tolerates_no_other_momentum_is_verified() -> None:
+    """The planned one alone keeps the cone."""
+    problem = bundled("ets_vii/line").replace(momentum=[0.15, -0.18, 0.18])
+    motion = ff.simulate(problem, IDENTITY, limits=ff.Limits()).motion
+    limits = cone(problem, motion, np.array([0.48, 0.6, 0.64]), 1.001)
+    plan = ff.plan(problem, ff.Search("nearest", IDENTITY, 64), limits)
+    require_kept(plan)
+    assert plan.tolerance.momentum == 0.0
+    assert ff.check(plan).passed
+
+
 @pytest.mark.parametrize("samples", [64, 256])
 def test_violations_lead_to_narrow_cones_from_anywhere(samples: int) -> None:
     """Without a present attitude no sample is feasible, whatever their number."""
@@ -168,6 +179,33 @@ def test_narrow_ranges_of_headings_contain_the_present_one(objective: str, measu
     assert plan.feasible_fraction < 0.02
     assert max(entry.depth(heading) for entry in plan.ranges) >= 0.0
     assert ff.check(plan).passed
+
+
+def test_a_narrow_range_away_from_the_present_heading_is_verified() -> None:
+    """It is found by searching on, half a degree away, where no sample is feasible."""
+    problem = bundled("planar_2dof/line")
+    margin = ff.Margin(ff.singularity_measure(problem.model, problem.task, "gjm"), 0.01)
+    problem = problem.replace(margin=margin)
+    motion = ff.simulate(problem, heading_quaternion(np.radians(20.43))).motion
+    limits = cone(problem, motion, np.array([1.0, 0.0, 0.0]), 1.0 + 1e-3)
+    plan = ff.plan(problem, ff.Search("nearest", heading_quaternion(np.radians(21.0))), limits)
+    require_kept(plan)
+    assert 0.4 < np.degrees(plan.deviation) < 0.6
+    assert ff.check(plan).passed
+
+
+@pytest.mark.parametrize("rate", [0.2609, 0.264])
+def test_a_present_attitude_is_returned_where_others_have_no_spare_either(rate: float) -> None:
+    """One branch keeps the rates there alone, the other in 1 or 3 degrees 6 degrees away."""
+    problem = bundled("planar_2dof/line").replace(momentum=[0.0, 0.0, -0.3])
+    problem = problem.replace(margin=replace(problem.margin, threshold=4.98456))
+    present = heading_quaternion(np.radians(51.25))
+    limits = ff.Limits(joint_rate=[rate, rate], clearance="off")
+    simulations = [ff.simulate(problem, present, branch=k, limits=limits) for k in (0, 1)]
+    assert sorted(simulation.feasible for simulation in simulations) == [False, True]
+    plan = ff.plan(problem, ff.Search("nearest", present), limits)
+    require_kept(plan)
+    assert plan.deviation == 0.0
 
 
 def test_ranges_without_width_contain_the_present_heading() -> None:

@@ -20,7 +20,7 @@ from freefloat.robot.robot_packages import example_robots
 from freefloat.robot.shapes import MeshFile
 from freefloat.robot.urdf import parse_urdf
 from freefloat.robot.validation import read_urdf
-from tests.commands import run
+from tests.commands import error, run
 from tests.robots import Robot, inertial_text, joint_text, link_text, robots
 
 BUS = link_text("bus", inertial_text(100.0, 10.0 * np.eye(3)))
@@ -106,6 +106,21 @@ def test_files_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
     (tmp_path / "photo.urdf").write_bytes(b"\xff\xd8\xff\xe0")
     for path in (tmp_path / "gone.urdf", tmp_path, tmp_path / "photo.urdf"):
         assert refused(path).key == "urdf"
+
+
+@pytest.mark.parametrize("encoding", ["ISO-8859-1", "iso-8859-15", "windows-1252", "UTF-16"])
+def test_a_file_is_read_in_the_encoding_that_it_declares(encoding: str, tmp_path: Path) -> None:
+    """A link is called by a German word; the robot is the one of the file in UTF-8."""
+    links = link_text("bus", inertial_text(9.0, np.eye(3))) + link_text("Größe")
+    text = f'<robot name="arm">{links}{joint_text("q", "C", "bus", "Größe")}</robot>'
+    plain, other = tmp_path / "plain.urdf", tmp_path / "other.urdf"
+    plain.write_text(text, encoding="utf-8")
+    declared = f"<?xml version='1.0' encoding='{encoding}'?>\n{text}"
+    other.write_bytes(declared.encode(encoding))
+    assert read_urdf(other).text == read_urdf(plain).text
+    for wrong in ("UTF-8", "iso-8859-99", "idna"):
+        other.write_bytes(declared.replace(encoding, wrong).encode("latin-1"))
+        assert error("info", other)["key"] == "urdf"
 
 
 def test_shapes_have_geometry_pose_colour_and_line() -> None:

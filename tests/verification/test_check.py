@@ -11,13 +11,17 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.certificate.certificate import certify
+from freefloat.ensemble.endings import COMPLETED, SINGULAR
 from freefloat.motion.motion import Ending
 from freefloat.planning.simulation import Simulation
+from freefloat.so3 import angle_between
 from freefloat.verification import range_checks as robustness
 from freefloat.verification.comparisons import Check
 from tests.commands import document, run
 from tests.errors import error_key
+from tests.planes import planar_problem, turn_to
 from tests.plans import planar_plan, spatial_plan
+from tests.redundant import redundant
 from tests.result_files import altered, replaced
 from tests.samples import plans
 
@@ -76,6 +80,21 @@ def test_ranges_of_headings_that_keep_limits_of_attitude_are_verified():
     assert ff.check(found).passed
     shifted = replace(found, limits=replace(limits, pointing=[replace(sun, angle=1.0)]))
     assert "ranges of headings" in {entry.name for entry in ff.check(shifted).discrepancies}
+
+
+@pytest.mark.slow
+def test_ranges_of_a_redundant_arm_that_few_starts_reach_are_verified():
+    """The plan follows motions from heading to heading, which begin where a check does not try."""
+    start = redundant("5", ff.Task.PLANAR_POSITION, None, 1)
+    motion = ff.simulate(start.problem, start.attitude).motion
+    margin = start.problem.margin
+    least = abs(ff.closest_approach(motion, margin.measure).value)
+    problem = start.problem.replace(margin=replace(margin, threshold=0.9 * least))
+    turns = angle_between(motion.attitudes, motion.attitudes[0])
+    limits = ff.Limits(base_turn=1.02 * turns.max(), clearance="off")
+    plan = ff.plan(problem, ff.Search("nearest", start.attitude), limits)
+    assert plan.feasible
+    assert ff.check(plan).discrepancies == ()
 
 
 def with_motion(result, **changes):
@@ -291,6 +310,32 @@ def test_a_motion_that_ends_where_it_begins_is_verified_to_be_singular_there():
     stopped = regular.motion.cut(0.0, Ending.SINGULAR)
     chosen = replace(regular.chosen, motion=stopped)
     assert failed(replace(regular, chosen=chosen)) == {"singular start"}
+
+
+@pytest.mark.parametrize(("seed", "direction"), [(0, "x"), (5, "y")])
+def test_a_map_with_singular_motions_is_verified_after_a_rounding(seed, direction, tmp_path):
+    """The file states the path as polynomials; the last steps to a singularity differ."""
+    problem = planar_problem(seed, "+++", turn_to(direction), "planar-pose", "gjm")
+    found = ff.attitude_map(problem, 180)
+    assert (found.results.motions.endings == SINGULAR).any()
+    ff.save(found, tmp_path / "map.h5")
+    assert ff.check(ff.load(tmp_path / "map.h5")).discrepancies == ()
+
+
+def test_minima_of_a_path_there_and_back_are_verified_at_either_instant():
+    """Without momentum the motion is traced back: both halves have the same minimum."""
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    curve = problem.path.path.curve
+    start, end = curve(0.0), curve(1.0)
+    there = ff.paths.PolynomialCurve([start, 4.0 * (end - start), 4.0 * (start - end)])
+    path = ff.TimedPath(ff.EndEffectorPath(there), problem.path.timing)
+    found = ff.attitude_map(problem.replace(path=path, momentum=np.zeros(3)), 36)
+    motions = found.results.motions
+    back = path.duration - motions.minimum_at
+    other = np.where(motions.endings == COMPLETED, back, motions.minimum_at)
+    assert np.nanmax(np.abs(other - motions.minimum_at)) > 1.0
+    mirrored = replace(found.results, motions=motions._replace(minimum_at=other))
+    assert ff.check(replace(found, results=mirrored)).discrepancies == ()
 
 
 @pytest.fixture

@@ -16,6 +16,7 @@ from lxml import etree
 from freefloat.errors import InputError, ModelError, did_you_mean, require_type
 from freefloat.robot.description import RobotDescription, rpy_rotation
 from freefloat.robot.mesh_files import MeshFileError, find_mesh
+from freefloat.robot.not_read import shown_tag
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
 from freefloat.robot.source import RobotSource
 from freefloat.robot.urdf import MOMENTS, decode, rename_meshes, revised
@@ -100,6 +101,7 @@ def assemble(
         diagnostics=(*warnings, *part_warnings(assembly, bodies)),
         altered=True,
         not_read=tuple(not_read),
+        left_out=tuple(sentence for file in files for sentence in file.left_out),
     )
 
 
@@ -175,8 +177,11 @@ def _attach(robot: Element, attachment: Attachment, root: str, source: str) -> R
         problem = f"{prefix!r} leaves names that are taken: {', '.join(sorted(clash))}"
         raise ModelError("prefix", problem, "one that makes names unique, such as second_")
     require_version(robot, other.get("version", ""))
-    robot.extend(other.xpath("link | joint | material"))
-    return part
+    kept = other.xpath("link | joint | material")
+    names = dict.fromkeys(f"<{shown_tag(child)}>" for child in other if child not in kept)
+    robot.extend(kept)
+    sentence = f"{part.source}: {', '.join(names)} beside its links and joints: left out"
+    return replace(part, left_out=(sentence,) if names else ())
 
 
 def _relocated(source: str, name: str, other: str) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -17,6 +19,10 @@ from freefloat.robot.robot_packages import (
 
 _LARGEST = 20_000_000
 """Size limit of a text file [bytes]."""
+_ONE_BYTE = re.compile(
+    rb"""\s*<\?xml\s[^>]{,80}\bencoding\s*=\s*["'](iso-8859-\d+|windows-\d+)["']""", re.IGNORECASE
+)
+"""A declaration of XML that names an encoding of one byte a character."""
 
 
 def models_folder() -> Path:
@@ -119,7 +125,7 @@ def is_file(path: Path) -> bool:
 
 
 def read_text(path: Path) -> str:
-    """The text of a UTF-8 file, line ends as they are.
+    """The text of a file in UTF-8, or as its XML declaration says; line ends as they are.
 
     Raises:
         ValueError: Saying why it cannot be read, or that it is larger than 20 MB.
@@ -129,11 +135,22 @@ def read_text(path: Path) -> str:
             raise ValueError("it is not a regular file")
         if path.stat().st_size > _LARGEST:
             raise ValueError(f"it has more than {_LARGEST:,} bytes")
-        return path.read_bytes().decode("utf-8-sig")
+        content = path.read_bytes()
     except OSError as error:
         raise ValueError(str(error.strerror)) from None
-    except UnicodeDecodeError:
-        raise ValueError("it is not UTF-8 text") from None
+    encoding = _encoding(content)
+    try:
+        return content.decode(encoding).removeprefix("\ufeff")
+    except (UnicodeDecodeError, LookupError):
+        raise ValueError(f"it is not {encoding} text") from None
+
+
+def _encoding(content: bytes) -> str:
+    """UTF-16 with a byte order mark, an encoding of one byte that XML declares, or UTF-8."""
+    if content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        return "UTF-16"
+    declared = _ONE_BYTE.match(content)
+    return declared[1].decode() if declared else "UTF-8"
 
 
 def unknown(key: str, name: str, names: Sequence[str], what: str) -> InputError:

@@ -193,6 +193,7 @@ class RobotDescription:
         frames: Links that are mere frames, sites of a model of MuJoCo.
         arguments: Arguments of a xacro file, with the values that were used.
         not_read: What the files of the robot and its parts say and freefloat does not use.
+        left_out: A sentence for each further URDF with elements that the assembly has not.
     """
 
     name: str
@@ -207,6 +208,7 @@ class RobotDescription:
     frames: frozenset[str] = field(default=frozenset(), repr=False)
     arguments: tuple[Argument, ...] = field(default=(), repr=False)
     not_read: tuple[NotRead, ...] = field(default=(), repr=False)
+    left_out: tuple[str, ...] = field(default=(), repr=False)
     tag = "robot"
 
     @property

@@ -36,6 +36,8 @@ from freefloat.studies.integrity import (
     DIGESTS,
     add_digests,
     drop_damaged,
+    list_added,
+    listed_columns,
     require_schema,
     require_whole,
     rows_of_study,
@@ -102,6 +104,7 @@ class StudyDatabase:
         for name in columns:
             if name not in self._types:
                 self._connection.execute(_addition(name))
+                list_added(self._connection, name)
                 self._types[name] = result_type(name.removeprefix(FOUND))
 
     def add_file(self, number: int, file: str, size: int) -> None:
@@ -190,9 +193,8 @@ def _create_or_check(connection: sqlite3.Connection, study: Study, files: Files)
     if stored[0] != new[0]:
         problem = "it holds the results of another study, base scenario or robot"
         raise InputError("output", problem, "the unchanged study, or another folder")
-    names = [name for _, name, *_ in connection.execute("PRAGMA table_info(runs)")]
-    added = [name for name in names if name not in types | results
-             and name.removeprefix(FOUND).partition(".")[0] in FAMILIES]  # fmt: skip
+    added = [name for name in listed_columns(connection)
+             if name.removeprefix(FOUND).partition(".")[0] in FAMILIES]  # fmt: skip
     require_schema(connection, schema + [_addition(name) for name in added])
 
 

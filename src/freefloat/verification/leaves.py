@@ -104,7 +104,7 @@ _RULES = {
     "motions.slacks": _STATE,
     "motions.rates": _STEPS._replace(unbounded=True),
     "motions.determinant_ratios": _STEPS,
-    "motions.evaluations": _SEARCHED,
+    "motions.evaluations": _SEARCHED._replace(unbounded=True),
 }  # fmt: skip
 """Rules by the last two parts of a name, without numbers, or the last one alone."""
 

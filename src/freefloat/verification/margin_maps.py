@@ -42,7 +42,7 @@ def map_report(found: AttitudeMap | HeadingMap, engine: str) -> tuple[CheckRepor
 def _headings(found: HeadingMap) -> Known:
     again = attitude_map(found.problem, found.samples, search=found.search, limits=found.limits)
     values = {name: getattr(again, name) for name in ("headings", "branches")}
-    values["results"] = _without_last_rates(again.results)
+    values["results"] = _without_last_steps(again.results)
     return Known(HeadingMap, values | {"limits": Origin.GIVEN})
 
 
@@ -73,7 +73,7 @@ def known_samples(found: AttitudeMap, again: AttitudeMap) -> Known:
     """
     names = "regions", "best", "robust", "nearest", "boundary", "touch", "results"
     values: dict[str, Any] = {name: getattr(again, name) for name in names}
-    values["results"] = _without_last_rates(again.results)
+    values["results"] = _without_last_steps(again.results)
     values["limits"] = Origin.GIVEN
     if found.nearest_to is None:
         values["nearest_to"] = None
@@ -91,12 +91,18 @@ def known_samples(found: AttitudeMap, again: AttitudeMap) -> Known:
     return Known(AttitudeMap, values)
 
 
-def _without_last_rates(results: BranchResults) -> BranchResults:
-    """The results with infinite rates of motions that end singular, where the last step decides."""
+def _without_last_steps(results: BranchResults) -> BranchResults:
+    """The results with infinite numbers in place of those that the last steps decide.
+
+    They are the rates and the evaluations of motions that end singular.
+    """
     motions = results.motions
-    singular = (motions.endings == SINGULAR)[..., None]
-    rates = np.where(singular, np.inf, motions.rates)
-    return replace(results, motions=motions._replace(rates=frozen(rates)))
+    singular, spent = motions.endings == SINGULAR, motions.evaluations  # none of mirrored branches
+    decided: dict[str, Any] = {
+        "rates": frozen(np.where(singular[..., None], np.inf, motions.rates)),
+        "evaluations": frozen(np.where(singular & (spent > 0), np.inf, spent)),
+    }
+    return replace(results, motions=motions._replace(**decided))
 
 
 def _same_peak(found: AttitudeMap, again: AttitudeMap) -> Peak | None:

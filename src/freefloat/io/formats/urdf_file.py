@@ -63,8 +63,9 @@ class UrdfFile:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings of the URDF, and a sentence for each missing mesh file."""
-        return (*map(str, self.model.warnings), *self.missing)
+        """Warnings of the URDF, and sentences on what is left out and on missing mesh files."""
+        left_out = self.model.description.left_out
+        return (*map(str, self.model.warnings), *left_out, *self.missing)
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``freefloat assemble``."""
