@@ -28,11 +28,10 @@ EXTRAS = {
 PARTS = {"pinocchio": "pin", "coal": "coal", "distributed": "dask", "mujoco": "mujoco"}
 """Distributions whose modules are installed by a part of them."""
 MODULES = {
-    "basilisk": "Basilisk", "casadi": "casadi", "cluster": "distributed", "mcap": "mcap_ros2",
+    "cluster": "distributed", "mcap": "mcap_ros2",
     "mujoco": "mujoco", "parquet": "pyarrow", "video": "playwright", "xacro": "xacro",
 }  # fmt: skip
 COMMANDS = {
-    "check missing.h5 --engine basilisk": "basilisk",
     "check missing.h5 --engine mujoco": "mujoco",
     "info robot.xml": "mujoco",
     "batch spatial_6dof/montecarlo --output study --scheduler tls://host:8786": "cluster",
@@ -77,7 +76,7 @@ def test_every_package_that_is_imported_is_listed() -> None:
 
 def test_every_extra_is_tried_without() -> None:
     assert set(EXTRAS) == set(MODULES)
-    assert set(COMMANDS.values()) | {"casadi", "parquet"} == set(MODULES)
+    assert set(COMMANDS.values()) | {"parquet"} == set(MODULES)
 
 
 def install_line(extra: str) -> str:
@@ -104,10 +103,7 @@ def test_a_command_names_the_missing_extra_before_any_work(
 def test_functions_name_the_missing_extra(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     problem = ff.load_scenario("planar_2dof/line").problem()
     simulation = ff.simulate(problem, heading=0.5)
-    polynomial = ff.SingularityPolynomial.of(problem.model, problem.task)
     calls = {
-        "basilisk": lambda: ff.check(simulation, "basilisk"),
-        "casadi": lambda: ff.casadi_function(polynomial),
         "mcap": lambda: ff.export(simulation, "motion.mcap"),
         "mujoco": lambda: ff.track(simulation),
         "video": lambda: next(take_pictures("", [0.0], (64, 64))),

@@ -181,7 +181,6 @@ def documents_of_all_commands() -> dict[str, list[dict[str, Any]]]:
         "check": [document("check", "plan.h5")],
         "info": [
             document("info", line, "--joints", "0,0.1,0.2,0.3,0.4,0.5"),
-            document("info", "planar_2dof/line", "--hold"),
             document("info", "ur5_servicer/arc"),
         ],
         "workspace": [document("workspace", planar)],

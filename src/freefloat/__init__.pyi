@@ -53,7 +53,6 @@ from .robot.source import RobotSource as RobotSource
 
 # Beyond the paper: joint space
 from .singularities.singularity_polynomial import SingularityPolynomial as SingularityPolynomial
-from .singularities.casadi_function import casadi_function as casadi_function
 from .singularities.singularity_map import singularity_map as singularity_map
 from .singularities.singularity_components import singularity_components as singularity_components
 from .singularities.singularity_distance import distance_to_singularity as distance_to_singularity
@@ -76,7 +75,6 @@ from .motion.arm_curves import ArmCurve as ArmCurve
 from .motion.arm_curves import ArmCurves as ArmCurves
 from .planning.balance_settings import BalanceSettings as BalanceSettings
 from .planning.balance import balance as balance
-from .motion.attitude_hold import hold_attitude as hold_attitude
 
 # Beyond the paper: objectives and timing
 from .planning.objectives.objectives import Weights as Weights

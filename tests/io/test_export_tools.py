@@ -1,11 +1,7 @@
-"""Exports read by the tools they are for: ROS 2, MCAP, CCSDS, MuJoCo and Basilisk."""
+"""Exports read by the tools they are for: ROS 2, MCAP, CCSDS and MuJoCo."""
 
-import ast
 import csv
-import json
 import re
-import subprocess
-import sys
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -20,7 +16,6 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.io.formats.basilisk_script import basilisk_text
 from freefloat.io.formats.mjcf_file import mjcf_text
 from freefloat.io.formats.ros2 import ros2_goal_text
 from freefloat.io.formats.trajectory import Header, Trajectory
@@ -169,22 +164,11 @@ def test_mujoco_reads_the_robot_and_both_ends(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["planar_3dof/parabola", "ur5_servicer/arc"])
-def test_basilisk_arrives_at_the_same_attitude(name: str, tmp_path) -> None:
-    script = tmp_path / "motion.py"
-    ff.export(first_motion(bundled(name)), script)
-    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
-    found = json.loads(done.stdout.splitlines()[-1])
-    assert found["attitude_rad"] < 1e-5
-    assert found["joints"] < 1e-6
-
-
-@pytest.mark.slow
 def test_names_of_a_robot_stay_names_in_exports(tmp_path) -> None:
-    """Spreadsheets evaluate no cell, and a script's placeholders are filled once."""
+    """Spreadsheets evaluate no cell."""
     problem = bundled("planar_2dof/line")
     text = problem.model.description.text
-    for old, new in (("q1", "=1+1"), ("q2", "@x"), ("link_2", "__PLAN__ __MJCF__")):
+    for old, new in (("q1", "=1+1"), ("q2", "@x")):
         assert f'"{old}"' in text
         text = text.replace(f'"{old}"', f'"{new}"')
     robot = ff.FreeFloatingModel.from_urdf(text, problem.model.end_effector)
@@ -196,10 +180,6 @@ def test_names_of_a_robot_stay_names_in_exports(tmp_path) -> None:
         f"'{name} {quantity} [{unit}]" for quantity, unit in QUANTITIES for name in ("=1+1", "@x")
     ]
     assert all(np.isfinite(float(cell)) for cell in cells)
-    ff.export(named, tmp_path / "named.py")
-    ff.export(first_motion(problem), tmp_path / "plain.py")
-    scripts = [ast.parse((tmp_path / name).read_text()) for name in ("named.py", "plain.py")]
-    assert len({len(list(ast.walk(script))) for script in scripts}) == 1
 
 
 @pytest.mark.slow
@@ -210,7 +190,6 @@ def test_what_a_format_cannot_hold_is_refused(motion, tmp_path) -> None:
     assert error_key(lambda: mjcf_text(Trajectory.sampled(turning, 3))) == "format"
     unphysical = Trajectory.sampled(first_motion(bundled("spatial_6dof/line")), 3)
     assert error_key(lambda: mjcf_text(unphysical)) == "format"
-    assert error_key(lambda: basilisk_text(Trajectory.sampled(motion, 20))) == "times"
     for key, value in {"times": 5.5, "rate": "10", "frame": "Ümlaut"}.items():
         assert error_key(ff.export, motion, tmp_path / "motion.aem", **{key: value}) == key
 

@@ -252,7 +252,6 @@ def test_what_needs_one_moving_arm_refuses_others(scenario):
         (ff.workspace_regions, problem),
         (ff.singularity_map, model, "planar-position"),
         (ff.distance_to_singularity, model, joints, "planar-position"),
-        (ff.hold_attitude, problem, [0.0, 0.0, 0.0, 1.0]),
         (ff.reorient, problem, [0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.1, 0.995]),
         (ff.move, system, ([0.0, 0.0, 0.0, 1.0], joints), ff.Goal(joints=joints), Limits()),
         (ff.capture, system, ff.Client(1.0, [1.0] * 3), [0.0, 0.0, 0.0, 1.0], joints, [0.0] * 4),

@@ -1,8 +1,7 @@
-"""MuJoCo and Basilisk repeat motions, also with gravity gradient."""
+"""MuJoCo repeats motions, also with gravity gradient."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +14,9 @@ from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.motion.motion import Motion
 from freefloat.robot.bundled import find_robot
 from freefloat.so3 import rotation_matrix
-from freefloat.verification.engine_runs import engine_checks, engine_runs
+from freefloat.verification.engine_runs import engine_runs
 from freefloat.verification.gravity import CircularOrbit
 from tests.commands import document, error, run
-from tests.errors import error_key
 from tests.robots import inertial_text, joint_text, link_text
 
 LEO = CircularOrbit(6.778e6)
@@ -79,7 +77,7 @@ def test_torques_about_the_common_centre_of_mass_are_those_of_the_whole_system()
 
 @pytest.mark.slow
 def test_a_resting_system_turns_as_the_integrated_torque_says(still) -> None:
-    effect = engine_runs("mujoco", still, LEO).gravity
+    effect = engine_runs(still, LEO).gravity
     D, _ = inertia_matrices(still.problem.model, still.initial.joints)
     R0, end, inertia = rotation_matrix(still.initial.attitude), still.final.time, D[2, 2]
     whole = R0 @ D @ R0.T
@@ -88,40 +86,6 @@ def test_a_resting_system_turns_as_the_integrated_torque_says(still) -> None:
     assert abs(angle) > 1e-3
     assert effect.attitude == pytest.approx(abs(angle), rel=0.02)
     assert effect.momentum == pytest.approx(abs(momentum), rel=0.02)
-
-
-@pytest.mark.slow
-def test_basilisk_and_mujoco_find_the_same_effect_of_gravity() -> None:
-    pytest.importorskip("Basilisk")
-    simulation = ff.simulate(ff.load_scenario(SPATIAL).problem(), [0.0, 0.0, 0.0, 1.0])
-    motion = simulation.chosen.motion
-    first, second = (engine_runs(engine, motion, LEO) for engine in ("mujoco", "basilisk"))
-    for runs, engine in ((first, "mujoco"), (second, "basilisk")):
-        assert all(check.passed for check in engine_checks(engine, motion, runs))
-        assert runs.forward.attitude < 1e-5
-        assert runs.forward.position < 1e-4
-    assert first.gravity.attitude > 1e-5
-    assert second.gravity.attitude == pytest.approx(first.gravity.attitude, rel=1e-3)
-    assert second.gravity.position == pytest.approx(first.gravity.position, rel=1e-3)
-
-
-@pytest.mark.slow
-def test_basilisk_finds_a_motion_that_violates_the_equations() -> None:
-    """The spacecraft rotates by a percent more than the joints make it."""
-    pytest.importorskip("Basilisk")
-    simulation = ff.simulate(ff.load_scenario("planar_2dof/line").problem(), heading=0.0)
-    motion = simulation.chosen.motion
-    report = ff.check(simulation, "basilisk")
-    assert report.passed
-    names = [check.name for check in report.checks if check.name.startswith("basilisk")]
-    assert names == ["basilisk: final attitude"]
-    attitudes = Rotation.from_quat(motion.attitudes)
-    rotations = (attitudes[0].inv() * attitudes).as_rotvec()
-    other = replace(
-        motion, attitudes=(attitudes[0] * Rotation.from_rotvec(1.01 * rotations)).as_quat()
-    )
-    (check,) = engine_checks("basilisk", other, engine_runs("basilisk", other))
-    assert not check.passed
 
 
 @pytest.mark.slow
@@ -134,13 +98,3 @@ def test_the_command_reports_gravity(tmp_path: Path) -> None:
     assert document("check", file)["engine"] is None
     assert error("check", file, "--gravity", 6778)["key"] == "gravity"
     assert error("check", file, "--engine", "mujoco", "--gravity", 6)["key"] == "gravity"
-
-
-@pytest.mark.slow
-def test_what_basilisk_cannot_simulate_is_refused() -> None:
-    pytest.importorskip("Basilisk")
-    problem = ff.load_scenario("spatial_6dof/line").problem()
-    attitude = [0.46008, 0.09337, 0.73519, -0.48898]
-    simulation = ff.simulate(problem, attitude, branch=0)
-    # its table violates an inequality
-    assert error_key(ff.check, simulation, "basilisk") == "engine"

@@ -24,9 +24,8 @@ if TYPE_CHECKING:
 _Engine = Annotated[
     str | None,
     typer.Option(
-        metavar="mujoco|basilisk",
-        help="Repeat the motion with another engine, too; pip install 'freefloat[mujoco]' or "
-        "'freefloat[basilisk]'.",
+        metavar="mujoco",
+        help="Repeat the motion with MuJoCo, too; pip install 'freefloat[mujoco]'.",
     ),
 ]
 _Gravity = Annotated[

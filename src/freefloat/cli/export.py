@@ -22,7 +22,7 @@ _STDOUT = "-"
 
 _Format = Annotated[
     str | None,
-    typer.Option("--format", metavar="csv|mat|json|ros2|ros2-goal|mcap|aem|mjcf|basilisk",
+    typer.Option("--format", metavar="csv|mat|json|ros2|ros2-goal|mcap|aem|mjcf",
                  help="Default: by the name of -o; without -o csv."),
 ]  # fmt: skip
 _Output = Annotated[
@@ -71,14 +71,14 @@ def export(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a motion for other tools: as a table, a message, a log, a model or a script.
+    """Write a motion for other tools: as a table, a message, a log or a model.
 
     csv, mat and json have time, attitude, base position, their rates, joints, joint rates,
     accelerations and torques, end-effector pose and the measure of the margin; rates and
     accelerations solve the equations of motion. ros2 is a JointTrajectory, ros2-goal a goal of
     FollowJointTrajectory; mcap a log for Foxglove and rerun; aem a CCSDS attitude ephemeris; mjcf
-    the robot with both ends of the motion for MuJoCo; basilisk a script that repeats the motion.
-    Each phase of a manoeuvre has a file of its own.
+    the robot with both ends of the motion for MuJoCo. Each phase of a manoeuvre has a file of
+    its own.
 
     Example: freefloat export plan.h5 -o plan.csv
 

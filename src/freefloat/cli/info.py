@@ -10,7 +10,7 @@ import typer
 from rich.console import RenderableType
 from rich.text import Text
 
-from freefloat.cli.console import Console, attitude_text, decimals, extent, table
+from freefloat.cli.console import Console, decimals, extent, table
 from freefloat.cli.mission import mission_document, mission_tables
 from freefloat.cli.options import Attitude, Json, Quiet, numbers
 from freefloat.cli.robots import (
@@ -24,12 +24,10 @@ from freefloat.cli.robots import (
     load_robot,
     not_read_lines,
 )
-from freefloat.errors import InputError, one_line
+from freefloat.errors import one_line
 
 if TYPE_CHECKING:
     from freefloat.dynamics.summary import Configuration, RobotSummary
-    from freefloat.io.scenario.scenario import Scenario
-    from freefloat.motion.attitude_hold import HeldAttitude
     from freefloat.robot.rigid_bodies import Body
 
 _Joints = Annotated[
@@ -41,15 +39,6 @@ _Joints = Annotated[
 ]  # fmt: skip
 
 
-_Hold = Annotated[
-    bool,
-    typer.Option(
-        "--hold",
-        help="Show the wheel momentum and torque that would hold the attitude along the path.",
-    ),
-]
-
-
 def info(
     robot: RobotName,
     end_effector: EndEffector = None,
@@ -58,7 +47,6 @@ def info(
     xacro: Xacro = None,
     joints: _Joints = None,
     attitude: Attitude = None,
-    hold: _Hold = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -68,17 +56,13 @@ def info(
 
     Errors and warnings have file, line, link or joint, and a correction. With --joints, the pose of
     the end-effector in spacecraft, base and inertial axes, the last from --attitude (identity when
-    left out). With --hold, what wheels would have to do to hold --attitude (search.from_attitude or
-    the identity when left out) along the path of a scenario, beside the turn of the spacecraft when
-    it drifts. Exit code 2: the URDF has errors.
+    left out). Exit code 2: the URDF has errors.
 
     Example: freefloat info ur5_servicer/arc
 
     Example: freefloat info example-robot-data:ur5 --end-effector tool0
 
     Example: freefloat info planar_2dof/line --joints 0.5 1.0
-
-    Example: freefloat info ets_vii/inspect --hold
     """
     from freefloat.dynamics.summary import RobotSummary
     from freefloat.limits.contact import why_unchecked
@@ -92,48 +76,17 @@ def info(
         loaded.measure,
         loaded.diagnostics,
         joints,
-        None if hold and joints is None else attitude,
+        attitude,
         why_unchecked(loaded.model),
     )
-    held = _held(robot, scenario, attitude) if hold else None
     document = summary.to_dict()
     document |= {} if scenario is None else mission_document(scenario)
-    console.json(document | ({} if held is None else {"hold": held.to_dict()}))
+    console.json(document)
     default_link = end_effector is None and scenario is None
     console.tables(_tables(summary, default_link))
     if scenario is not None:
         console.tables(mission_tables(scenario))
     console.tables(_remarks(summary))
-    if held is not None:
-        console.tables(_hold_tables(held))
-
-
-def _held(name: str, scenario: Scenario | None, attitude: Sequence[float] | None) -> HeldAttitude:
-    from freefloat.motion.attitude_hold import hold_attitude
-
-    if scenario is None:
-        raise InputError("hold", f"{name} has no path", "a scenario")
-    search = scenario.search()
-    present = search.from_attitude if attitude is None else attitude
-    problem = search.applied_to(scenario.problem())
-    return hold_attitude(problem, [0.0, 0.0, 0.0, 1.0] if present is None else present)
-
-
-def _hold_tables(held: HeldAttitude) -> Iterator[RenderableType]:
-    """What wheels do while they hold the attitude, and the turn without them."""
-    document = held.to_dict()
-    until = "" if held.completed else f", until the arm is singular at {held.times[-1]:.4f} s"
-    yield f"attitude {attitude_text(held.attitude)} held with branch {held.branch.label}{until}"
-    rows = table("wheels", "x", "y", "z", "magnitude")
-    for title, key in (("momentum [N m s]", "wheel_momentum"), ("torque [N m]", "wheel_torque")):
-        values = (*document[key], document[f"{key}_norm"])
-        rows.add_row(title, *(f"{value:.4g}" for value in values))
-    yield rows
-    turn = document["drift_turn_deg"]
-    motion = "the arm becomes singular"
-    if turn is not None:
-        motion = f"the spacecraft turns by up to {turn:.4g} deg"
-    yield f"drifting from there along the path, {motion}"
 
 
 def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableType]:

@@ -21,7 +21,7 @@ from freefloat.verification.gravity import CircularOrbit
 from freefloat.verification.manoeuvre import manoeuvre_report
 from freefloat.verification.margin_maps import map_report
 from freefloat.verification.path_motions import plan_report, simulation_report
-from freefloat.verification.report import BASILISK, MUJOCO, PINOCCHIO, CheckReport
+from freefloat.verification.report import MUJOCO, PINOCCHIO, CheckReport
 from freefloat.verification.singularity_map import singularity_map_report
 
 _REPORTS: dict[type, Callable[..., tuple[CheckReport, Known]]] = {
@@ -54,8 +54,7 @@ def check(
     Args:
         result: The record, computed or loaded from a file.
         engine: Everything is always recomputed with freefloat's own dynamics, on Pinocchio;
-            ``"mujoco"`` repeats the motion with MuJoCo's kinematics and dynamics in addition,
-            ``"basilisk"`` simulates it in Basilisk's MuJoCo scene.
+            ``"mujoco"`` repeats the motion with MuJoCo's kinematics and dynamics in addition.
         gravity: With another engine, and for plans and simulations: report the effect of gravity
             gradient on a circular orbit about the Earth of this radius [m], see
             :class:`~freefloat.verification.gravity.GravityRun`.
@@ -77,7 +76,7 @@ def check(
     require_engine(engine)
     orbit = None if gravity is None else CircularOrbit(gravity)
     if orbit is not None and engine == PINOCCHIO:
-        raise InputError("gravity", "it needs another engine", f"engine {MUJOCO} or {BASILISK}")
+        raise InputError("gravity", "it needs another engine", f"engine {MUJOCO}")
     if orbit is not None and type(result) not in _IN_ORBIT:
         problem = f"a {type(result).__name__} was given"
         raise InputError("gravity", problem, "a plan or a simulation")

@@ -1,10 +1,9 @@
-"""Other engines that repeat a motion: MuJoCo and Basilisk."""
+"""Another engine that repeats a motion: MuJoCo."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -12,12 +11,12 @@ from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.errors import InputError, require_extra
 from freefloat.motion.motion import Motion
 from freefloat.verification.comparisons import Check, error_check, path_tolerances
-from freefloat.verification.engines import basilisk, mujoco
+from freefloat.verification.engines import mujoco
 from freefloat.verification.engines.forward import ForwardRun, Reference
 from freefloat.verification.engines.mujoco import InverseRun
 from freefloat.verification.engines.mujoco_model import Engine
 from freefloat.verification.gravity import CircularOrbit, GravityRun, gravity_run
-from freefloat.verification.report import BASILISK, ENGINES, MUJOCO, PINOCCHIO
+from freefloat.verification.report import ENGINES, MUJOCO, PINOCCHIO
 
 _WRENCH = 1e-4
 """Allowed wrench on the base as a fraction of the largest torque."""
@@ -34,11 +33,11 @@ _FINER = 4
 
 @dataclass(frozen=True)
 class EngineRuns:
-    """What an engine computed along a motion; None where it did not.
+    """What MuJoCo computed along a motion; None where it did not.
 
     Attributes:
         inverse: Inverse dynamics.
-        forward: Integration by the engine.
+        forward: Integration by MuJoCo.
         gravity: Effect of gravity gradient.
     """
 
@@ -57,35 +56,29 @@ def require_engine(engine: str) -> None:
         raise InputError("engine", f"{engine!r} was given", ", ".join(ENGINES))
     if engine == MUJOCO:
         require_extra("mujoco", "mujoco")
-    elif engine == BASILISK:
-        require_extra("basilisk", "Basilisk")
 
 
-def engine_runs(engine: str, motion: Motion, orbit: CircularOrbit | None = None) -> EngineRuns:
-    """Repeat a motion with an engine.
+def engine_runs(motion: Motion, orbit: CircularOrbit | None = None) -> EngineRuns:
+    """Repeat a motion with MuJoCo.
 
     Args:
-        engine: Its name.
         motion: The recorded motion.
         orbit: Simulate it with gravity gradient, too.
 
     Raises:
-        InputError: If the engine has no model of the robot.
+        InputError: If MuJoCo has no model of the robot.
     """
-    reference, inverse = Reference.of(motion), None
-    final_state = partial(basilisk.final_state, motion)
-    if engine == MUJOCO:
-        robot = Engine(motion.problem.system)
-        inverse = mujoco.inverse_run(motion, robot)
-        final_state = partial(mujoco.final_state, motion, robot)
-    states = [final_state(reference, on) for on in ([None] if orbit is None else [None, orbit])]
+    reference, robot = Reference.of(motion), Engine(motion.problem.system)
+    inverse = mujoco.inverse_run(motion, robot)
+    orbits = [None] if orbit is None else [None, orbit]
+    states = [mujoco.final_state(motion, robot, reference, each) for each in orbits]
     forward = ForwardRun.of(motion, states[0], reference.steps)
     gravity = None if orbit is None else gravity_run(motion, orbit, *states)
     return EngineRuns(inverse, forward, gravity)
 
 
-def engine_checks(engine: str, motion: Motion, runs: EngineRuns) -> list[Check]:
-    """The checks of what an engine computed."""
+def engine_checks(motion: Motion, runs: EngineRuns) -> list[Check]:
+    """The checks of what MuJoCo computed."""
     problem = motion.problem
     checks: list[Check] = []
     if runs.inverse is not None:
@@ -101,7 +94,7 @@ def engine_checks(engine: str, motion: Motion, runs: EngineRuns) -> list[Check]:
                         inverse.wrench_time, "inverse dynamics has a wrench on the free base"),
         ]  # fmt: skip
     if runs.forward is not None:
-        checks.append(_attitude_check(engine, runs.forward, _DRIFT))
+        checks.append(_attitude_check(runs.forward, _DRIFT))
     return checks
 
 
@@ -119,16 +112,13 @@ def forward_checks(engine: str, motion: Motion, steps: int, allowed: float) -> I
     """
     if engine == PINOCCHIO:
         return
-    simulate: Callable[..., ForwardRun] = basilisk.forward_run
-    if engine == MUJOCO:
-        simulate = partial(mujoco.forward_run, engine=Engine(motion.problem.system))
-    run = simulate(motion, steps=steps)
+    robot = Engine(motion.problem.system)
+    run = mujoco.forward_run(motion, robot, steps=steps)
     if run.attitude > allowed:
-        run = simulate(motion, steps=_FINER * steps)
-    yield _attitude_check(engine, run, allowed)
+        run = mujoco.forward_run(motion, robot, steps=_FINER * steps)
+    yield _attitude_check(run, allowed)
 
 
-def _attitude_check(engine: str, run: ForwardRun, allowed: float) -> Check:
+def _attitude_check(run: ForwardRun, allowed: float) -> Check:
     words = "with joint servos the final attitude differs"
-    name = f"{engine}: final attitude"
-    return error_check(name, run.attitude, allowed, "rad", run.until, words)
+    return error_check("mujoco: final attitude", run.attitude, allowed, "rad", run.until, words)

@@ -204,14 +204,14 @@ def _report(
         return CheckReport(result.kind, (start_check(motion), *stated())), results
     if not (span := span_check(motion)).passed:
         return CheckReport(result.kind, (span,)), results
-    runs = EngineRuns() if engine == PINOCCHIO else engine_runs(engine, motion, orbit)
+    runs = EngineRuns() if engine == PINOCCHIO else engine_runs(motion, orbit)
     certificate = certify(motion)
     checks = (
         *completed("certificate", certificate_checks, certificate, motion, keeps_margin),
         *arms_check(motion),
         *limit_checks(limits, keeps_limits and required),
         *stated(),
-        *engine_checks(engine, motion, runs),
+        *engine_checks(motion, runs),
     )
     return CheckReport(
         result.kind, checks, certificate, limits, runs.inverse, runs.forward, runs.gravity, engine

@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 
 PINOCCHIO = "pinocchio"
 MUJOCO = "mujoco"
-BASILISK = "basilisk"
-ENGINES = (PINOCCHIO, MUJOCO, BASILISK)
+ENGINES = (PINOCCHIO, MUJOCO)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ from typing import Any
 from freefloat.errors import InputError, require_extra, require_type
 from freefloat.io.files import written_beside
 from freefloat.io.formats.attitude_ephemeris import attitude_ephemeris_text
-from freefloat.io.formats.basilisk_script import basilisk_text
 from freefloat.io.formats.mcap_file import write_mcap
 from freefloat.io.formats.mjcf_file import mjcf_text
 from freefloat.io.formats.resting_arms import with_resting_arms
@@ -34,7 +33,6 @@ class Format(StrEnum):
     MCAP = "mcap"
     AEM = "aem"
     MJCF = "mjcf"
-    BASILISK = "basilisk"
 
     @property
     def suffix(self) -> str:
@@ -63,9 +61,7 @@ class Format(StrEnum):
         return self is not Format.MJCF
 
 
-_SUFFIXES = {
-    Format.ROS2: ".yaml", Format.ROS2_GOAL: ".yaml", Format.MJCF: ".xml", Format.BASILISK: ".py",
-}  # fmt: skip
+_SUFFIXES = {Format.ROS2: ".yaml", Format.ROS2_GOAL: ".yaml", Format.MJCF: ".xml"}
 """Suffixes that are not the name of the format."""
 _HEADER_KEYS = {Format.AEM: ("epoch", "frame", "object", "object_id"), Format.MCAP: ("epoch",)}
 SUFFIXES = ", ".join(dict.fromkeys(kind.suffix for kind in Format))
@@ -79,7 +75,6 @@ TEXTS = {
     Format.ROS2_GOAL: ros2_goal_text,
     Format.AEM: attitude_ephemeris_text,
     Format.MJCF: mjcf_text,
-    Format.BASILISK: basilisk_text,
 }
 """Functions that return a trajectory as text, by format."""
 _WRITERS = {Format.MAT: write_mat, Format.MCAP: write_mcap}
@@ -152,7 +147,7 @@ def export(
         result: A motion, or a plan, simulation or goal, whose motion is written, or a
             manoeuvre.
         file: Its suffix is the format: ``.csv``, ``.mat``, ``.json``, ``.yaml`` (a ROS 2
-            JointTrajectory), ``.mcap``, ``.aem``, ``.xml`` (MJCF), ``.py`` (Basilisk).
+            JointTrajectory), ``.mcap``, ``.aem``, ``.xml`` (MJCF).
         times: Number of evenly spaced times, of each phase; default is 501. MJCF has the ends.
         rate: Samples per second [Hz], given in place of times.
         epoch: Instant of t = 0 in formats with dates, AEM and MCAP; UTC.

@@ -34,11 +34,11 @@ def mjcf_text(trajectory: Trajectory) -> str:
 def _require_representable(trajectory: Trajectory) -> None:
     problem = trajectory.motion.problem
     if problem.wheel_momentum.any():
-        accepted = "for mjcf and basilisk a spacecraft whose wheels store no momentum"
+        accepted = "for mjcf a spacecraft whose wheels store no momentum"
         raise InputError("format", "wheels store momentum", accepted)
     refused = why_refused(problem.model)
     if refused is not None:
-        accepted = "for mjcf and basilisk other names, and inertias that bodies of matter have"
+        accepted = "for mjcf other names, and inertias that bodies of matter have"
         raise InputError("format", refused, accepted)
 
 

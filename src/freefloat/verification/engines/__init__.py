@@ -1,1 +1,1 @@
-"""Other engines: MuJoCo and Basilisk."""
+"""Another engine: MuJoCo."""
