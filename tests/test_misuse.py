@@ -148,7 +148,6 @@ def test_arguments_of_other_types_are_refused(problem: ff.Problem, simulation: S
         ("order", lambda: TIMING.s(3.0, -1)),
         ("file", lambda: ff.export(motion, None)),
         ("found", lambda: ff.singularity_components(None)),
-        ("balance.arm", lambda: ff.BalanceSettings(3)),
         ("order", lambda: ff.ArmCurve([[0.0], [1.0]], [0.0, 1.0]).at(0.3, 3)),
         ("t", lambda: ff.Tumbling([9, 7, 4], [0.1, 0.3, 0.2]).rotation(np.array([5.0, -5.0]))),
         ("client.mass", lambda: ff.Client(-1.0, [1.0, 1.0, 1.0])),

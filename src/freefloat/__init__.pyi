@@ -73,8 +73,6 @@ from .limits.check import check_limits as check_limits
 from .dynamics.redundancy import Redundancy as Redundancy
 from .motion.arm_curves import ArmCurve as ArmCurve
 from .motion.arm_curves import ArmCurves as ArmCurves
-from .planning.balance_settings import BalanceSettings as BalanceSettings
-from .planning.balance import balance as balance
 
 # Beyond the paper: objectives and timing
 from .planning.objectives.objectives import Weights as Weights

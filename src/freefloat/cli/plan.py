@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -30,9 +29,6 @@ from freefloat.cli.manoeuvre import goal_tables, manoeuvre_tables
 from freefloat.cli.options import Json, Page, Plots, Quiet, ResultFile, ScenarioName, Threads
 
 if TYPE_CHECKING:
-    from freefloat.io.scenario.scenario import Scenario
-    from freefloat.planning.balance import Balance
-    from freefloat.planning.balance_settings import BalanceSettings
     from freefloat.planning.plan import Plan
     from freefloat.planning.plane.arcs import BranchRanges
 
@@ -75,11 +71,7 @@ def plan(
     console = Console(as_json, quiet)
     delivery = Delivery(console, output, html, plots, threads)
     loaded = load_scenario(scenario)
-    settings = loaded.balance()
     delivery.prepare(loaded.source)
-    if settings is not None and not (loaded.has_phases or stretch):
-        feasible = _plan_balanced(delivery, loaded, scenario, settings)
-        raise typer.Exit(DONE if feasible else NEGATIVE)
     with console.progress("integrating motions") as progress:
         result = loaded.plan(stretch=stretch, threads=threads, progress=progress)
     tables: dict[str, Callable[[str, Any], Iterator[RenderableType]]] = {
@@ -88,46 +80,6 @@ def plan(
     }  # fmt: skip
     delivery.deliver(result, tables[result.kind](scenario, result), scenario, loaded)
     raise typer.Exit(DONE if result.feasible else NEGATIVE)
-
-
-def _plan_balanced(
-    delivery: Delivery, loaded: Scenario, name: str, settings: BalanceSettings
-) -> bool:
-    """Plan a path while an arm balances, and deliver the plan; whether it is feasible."""
-    with delivery.console.progress("integrating motions") as progress:
-        found, balanced = loaded.balanced_plan(settings, delivery.threads, progress)
-    document = {**found.to_dict(), "balance": balanced and balanced.to_dict()}
-    tables = itertools.chain(_balance_lines(balanced), _tables(name, found))
-    delivery.deliver(found, tables, name, loaded, document)
-    return found.feasible
-
-
-def _balance_lines(balanced: Balance | None) -> Iterator[str]:
-    """What a balancing arm achieves."""
-    if balanced is None:
-        return
-    settings, axes = balanced.settings, balanced.settings.axes
-    motion = "turns" if axes == "xyz" else f"tilts about {axes}"
-    held = "and cannot follow the path with the arm held"
-    if balanced.held_turn is not None:
-        held = (
-            f"by {math.degrees(balanced.held_turn):.4f} deg with the arm held, a ratio of "
-            f"{balanced.ratio:.4f}"
-        )
-    yield (
-        f"Arm {settings.arm} balances: the spacecraft {motion} by up to "
-        f"{math.degrees(balanced.turn):.4f} deg, {held}."
-    )
-    tried = " ".join("none" if ratio is None else f"{ratio:.3f}" for ratio in balanced.tried)
-    yield (
-        f"  {balanced.at_rate:.0%} of the time a joint is as fast as balancing permits, 90 % of "
-        f"its limit; {balanced.at_range:.0%} it is slowed before the end of its range."
-    )
-    yield (
-        f"  Ratios of all starts: {tried}; the least one whose motion keeps the limits is chosen."
-    )
-    first = " ".join(f"{value:.4f}" for value in balanced.curve.waypoints[0].tolist())
-    yield f"  The arm begins at {first}."
 
 
 def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:

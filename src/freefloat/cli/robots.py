@@ -124,7 +124,7 @@ def load_robot(
         parts = (entry for entry in loaded.model().warnings if entry not in diagnostics)
         diagnostics = (*diagnostics, *parts)
         if loaded.content.goal is None:
-            problem = loaded.problem_at_rest()
+            problem = loaded.problem()
             measure = problem.margin.measure
             return LoadedRobot(problem.model, problem.task, measure, diagnostics, loaded)
         task = natural_task(loaded.model())

@@ -10,12 +10,11 @@ import numpy as np
 from pydantic import Field
 from scipy.interpolate import CubicSpline
 
-from freefloat.errors import InputError, finite_vector
-from freefloat.io.scenario.field_types import Name, Number, Section, Seed
+from freefloat.errors import InputError
+from freefloat.io.scenario.field_types import Name, Number, Section
 from freefloat.io.scenario.path_schema import PathSection
 from freefloat.io.scenario.yaml import error_context, file_keys
 from freefloat.motion.arm_curves import ArmCurve, ArmCurves
-from freefloat.planning.balance_settings import BalanceSettings
 from freefloat.records import Tree
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
@@ -58,26 +57,6 @@ class JointsLaw(Section):
             return ArmCurve(np.array(self.joints), np.array(self.times))
 
 
-class BalanceSection(Section):
-    """How an arm balances."""
-
-    axes: Literal["xyz", "xy", "yz", "zx"] = "xyz"
-    """Spacecraft axes about which the attitude is kept; about the one left out it may turn."""
-    start: list[Number] | None = None
-    """Joint values with which the arm begins [rad, m]; zero when left out."""
-    starts: Annotated[int, Field(strict=True, ge=1, le=1000)] = 8
-    """Number of configurations with which it may begin that are tried: ``start`` and others."""
-    seed: Seed = 0
-    """Seed of the others."""
-
-
-class BalanceLaw(Section):
-    """The arm keeps the attitude of the spacecraft."""
-
-    balance: BalanceSection
-    """Which axes are balanced, and from where."""
-
-
 class OwnPathLaw(Section):
     """The arm follows a path of its own."""
 
@@ -90,18 +69,10 @@ class ArmSection(Section):
 
     end_effector: Name
     """Its last link."""
-    law: Literal["held", "balance"] | JointsLaw | BalanceLaw | OwnPathLaw | None = None
+    law: Literal["held"] | JointsLaw | OwnPathLaw | None = None
     """What moves it: ``held``, the default, nothing: its joints keep the values of ``robot.held``,
-    or zero; ``{joints: ...}``, a joint curve; ``balance`` or ``{balance: ...}``, the one that keeps
-    the spacecraft's attitude, which ``plan`` finds; ``{path: ...}``, a path of its own. The arm
-    that follows the scenario's path has no law."""
-
-    @property
-    def balancing(self) -> BalanceSection | None:
-        """How it balances; None where it does not."""
-        if self.law == "balance":
-            return BalanceSection()
-        return self.law.balance if isinstance(self.law, BalanceLaw) else None
+    or zero; ``{joints: ...}``, a joint curve; ``{path: ...}``, a path of its own. The arm that
+    follows the scenario's path has no law."""
 
 
 def moving_arms(arms: Mapping[str, ArmSection]) -> dict[str, str]:
@@ -114,29 +85,10 @@ def paths_of_arms(arms: Mapping[str, ArmSection]) -> dict[str, PathSection]:
     return {name: arm.law.path for name, arm in arms.items() if isinstance(arm.law, OwnPathLaw)}
 
 
-def balance_of(arms: Mapping[str, ArmSection]) -> BalanceSettings | None:
-    """How an arm balances; None where none does.
-
-    Raises:
-        InputError: If two arms do.
-    """
-    sections = {name: arm.balancing for name, arm in arms.items()}
-    balancing = [
-        BalanceSettings(name, section.axes, section.starts, section.seed)
-        for name, section in sections.items() if section is not None
-    ]  # fmt: skip
-    if len(balancing) > 1:
-        key, problem = f"robot.arms.{balancing[1].arm}.law", "balance was given for two arms"
-        raise InputError(key, problem, "held or joints for all but one")
-    return balancing[0] if balancing else None
-
-
 def curves_of(
     arms: Mapping[str, ArmSection], model: FreeFloatingModel, scenario: Path, duration: float
 ) -> ArmCurves:
     """The joint curves of a robot's arms along a path of a duration [s].
-
-    An arm that balances rests at its start.
 
     Raises:
         InputError: If a curve is invalid; it names the scenario file and the key.
@@ -148,12 +100,6 @@ def curves_of(
             if isinstance(law, JointsLaw):
                 joints = model.joints_of_arm(name)
                 curves[name] = law.to_curve(key, joints, scenario.parent, duration)
-            section = arms[name].balancing
-            if section is not None:
-                count = len(model.joints_of_arm(name))
-                values = np.zeros(count) if section.start is None else section.start
-                start = finite_vector(f"{key}.balance.start", values, count)
-                curves[name] = ArmCurve.evenly(np.array([start, start]), duration)
     return ArmCurves(curves)
 
 

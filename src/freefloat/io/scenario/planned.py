@@ -14,7 +14,6 @@ from freefloat.errors import InputError
 from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
-from freefloat.planning.balance_settings import BalanceSettings
 from freefloat.planning.goals.goal import Goal
 from freefloat.planning.phases.phase import Phase
 from freefloat.planning.settings import Search
@@ -22,7 +21,6 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.scene.scene import Scene
 
 if TYPE_CHECKING:  # compiled kernels are slow to import
-    from freefloat.planning.balance import Balance
     from freefloat.planning.goals.goal_motion import GoalMotion
     from freefloat.planning.phases.manoeuvre import Manoeuvre
     from freefloat.planning.plan import Plan
@@ -41,9 +39,7 @@ class PlannedScenario:
         content: ScenarioFile
         model: Callable[[], FreeFloatingModel]
         problem: Callable[[], Problem]
-        problem_at_rest: Callable[[], Problem]
         goal: Callable[[], Goal | None]
-        balance: Callable[[], BalanceSettings | None]
         phases: Callable[[], tuple[Phase, ...]]
         search: Callable[[], Search]
         limits: Callable[[], Limits]
@@ -77,15 +73,13 @@ class PlannedScenario:
             >>> ff.load_scenario("planar_2dof/line").plan().feasible
             True
         """
-        goal, settings = self.goal(), self.balance()
-        if stretch and (goal is not None or self.has_phases or settings is not None):
-            reason = "a goal, phases or an arm that balances have durations of their own"
+        goal = self.goal()
+        if stretch and (goal is not None or self.has_phases):
+            reason = "a goal or phases have durations of their own"
             raise InputError("stretch", reason, "longer durations in the scenario")
         options: dict[str, Any] = {"threads": threads, "progress": progress}
         if goal is not None:
             return self._motion_to(goal, progress)
-        if settings is not None and not self.has_phases:
-            return self.balanced_plan(settings, **options)[0]
         from freefloat.planning.phases.manoeuvre_planner import plan_manoeuvre
         from freefloat.planning.planner import plan
 
@@ -106,19 +100,6 @@ class PlannedScenario:
                 self.system(), state, goal, self.limits(), self.scene(), seed=search.seed,
                 progress=progress,
             )  # fmt: skip
-
-    def balanced_plan(
-        self,
-        settings: BalanceSettings,
-        threads: int | None = None,
-        progress: Progress | None = None,
-    ) -> tuple[Plan, Balance | None]:
-        """The plan of the path while an arm balances, and what this arm achieves."""
-        from freefloat.planning.balance import plan_balanced
-
-        problem, search = self.problem_at_rest(), self.search()
-        with self.error_context():
-            return plan_balanced(problem, settings, search, threads=threads, progress=progress)
 
     def simulate(
         self,

@@ -13,7 +13,6 @@ from pydantic import Field
 from freefloat.errors import InputError
 from freefloat.io.scenario.arms_section import (
     ArmSection,
-    BalanceLaw,
     JointsLaw,
     moving_arms,
     paths_of_arms,
@@ -157,10 +156,8 @@ class RobotSection(Section):
     def has_own_curves(self) -> bool:
         """Whether the text of the scenario has the joint curves of all arms, if any moves."""
         return not any(
-            law == "balance"
-            or isinstance(law, BalanceLaw)
-            or (isinstance(law, JointsLaw) and isinstance(law.joints, str))
-            for law in (arm.law for arm in self.arms.values())
+            isinstance(arm.law, JointsLaw) and isinstance(arm.law.joints, str)
+            for arm in self.arms.values()
         )
 
     def source(self, scenario: Path) -> RobotSource:

@@ -18,7 +18,7 @@ from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.system import System
 from freefloat.errors import InputError
-from freefloat.io.scenario.arms_section import balance_of, curves_of, paths_of_arms
+from freefloat.io.scenario.arms_section import curves_of, paths_of_arms
 from freefloat.io.scenario.limits_section import limits_of
 from freefloat.io.scenario.path_section import frame_of, path_of, timed_path
 from freefloat.io.scenario.phase_section import phases_of
@@ -33,7 +33,6 @@ from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
 from freefloat.paths.path_stack import PathStack
 from freefloat.paths.timing import TimedPath, Timing
-from freefloat.planning.balance_settings import BalanceSettings
 from freefloat.planning.goals.goal import Goal
 from freefloat.planning.objectives.objective import Objective
 from freefloat.planning.objectives.objectives import Weights, objective_of
@@ -84,23 +83,8 @@ class Scenario(PlannedScenario):
         """The problem that the scenario poses.
 
         Raises:
-            InputError: If it is invalid, or an arm balances, whose motion ``plan`` has to find; it
-                names the file and the key.
+            InputError: If it is invalid; it names the file and the key.
         """
-        balance = self.balance()
-        if balance is not None:
-            with self.error_context():
-                accepted = "held or joints; plan finds the joints of an arm that balances"
-                raise InputError(f"robot.arms.{balance.arm}.law", "balance was given", accepted)
-        return self._problem
-
-    def balance(self) -> BalanceSettings | None:
-        """How an arm balances; None where none does."""
-        with self.error_context():
-            return balance_of(self.content.robot.arms)
-
-    def problem_at_rest(self) -> Problem:
-        """The problem that the scenario poses, an arm that balances at rest at its start."""
         return self._problem
 
     @cached_property
