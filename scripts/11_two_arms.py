@@ -1,7 +1,6 @@
 """Two arms: one inspects a client, the other is held or moves along a joint curve.
 
-``python scripts/11_two_arms.py`` ends in the turn of the spacecraft with the moving arm and with
-the arm held. ``freefloat models servicing/two_arms`` prints the scenario.
+``python scripts/11_two_arms.py`` ends in the turn of the spacecraft with the arm held and moving. ``freefloat models servicing/two_arms`` prints the scenario.
 """
 
 import numpy as np
@@ -25,10 +24,12 @@ problem = held.problem.replace(model=model, arms=arms, limits=None)  # those wer
 moved = ff.simulate(problem, attitude)
 print(f"moving: {moved.reason}, {len(model.joint_names)} joints move")
 
-# Both turn the spacecraft; the file and the page have both arms.
-for name, result in (("held", held), ("moving", moved)):
-    turn = 2.0 * np.arccos(np.abs(result.motion.attitudes @ attitude).min())
-    print(f"{name}: the spacecraft turns by up to {np.degrees(turn):.2f} deg")
+# A file and a page have both arms; so have checks.
 ff.save(moved, "moved.h5")
 print(f"verified: {ff.check(ff.load('moved.h5'), 'mujoco').passed}")
 ff.playback(moved, "two_arms").save("two_arms.html")
+
+# How far the spacecraft turns, with the left arm held and with its wrist moving.
+for name, result in (("held", held), ("moving", moved)):
+    turn = 2.0 * np.arccos(np.abs(result.motion.attitudes @ attitude).min())
+    print(f"{name}: the spacecraft turns by up to {np.degrees(turn):.2f} deg")
