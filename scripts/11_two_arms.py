@@ -1,6 +1,7 @@
 """Two arms: one inspects a client, the other is held or moves along a joint curve.
 
-``python scripts/11_two_arms.py`` ends in the turn of the spacecraft with the arm held and moving. ``freefloat models servicing/two_arms`` prints the scenario.
+``python scripts/11_two_arms.py`` ends in the turn of the spacecraft with the arm held and
+moving. ``freefloat models servicing/two_arms`` prints the scenario.
 """
 
 import numpy as np
