@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import os
 import subprocess
@@ -139,6 +140,47 @@ def test_a_cache_that_cannot_be_written_is_no_error(tmp_path: Path) -> None:
     files = CheckedCacheFile(str(tmp_path / "missing"), "kernel", "stamp")
     files.save("signature", b"machine code")
     assert files.load("signature") is None
+
+
+OTHER_NUMBA = {
+    "another place": "import numba.core.typed_passes as passes; del passes.NativeLowering",
+    "other arguments": (
+        "import numba, sys, types; changed = types.ModuleType('numba._dynfunc')\n"
+        "changed.make_function = lambda module: None; sys.modules[changed.__name__] = changed"
+    ),
+}
+SMALL_KERNEL = """
+import numpy as np
+from freefloat.lockstep.compilation import compiled, inlined, inner
+from freefloat.lockstep.lanes import sine_cosine, sqrt
+from freefloat.lockstep.tables import lanes
+
+@inlined
+def next_of(x):
+    return x + 1.0
+
+@inner
+def length(x):
+    sine, cosine = sine_cosine(next_of(x))
+    return sqrt(sine * sine + 2.0 * cosine * cosine)
+
+@compiled
+def lengths(x, out):
+    lanes(out, 1)[0] = length(lanes(x, 1)[0])
+
+lengths(np.arange(8.0), out := np.empty(8))
+print(out.tolist())
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("difference", OTHER_NUMBA)
+def test_kernels_run_with_a_numba_whose_private_classes_are_others(difference: str) -> None:
+    """Numba promises nothing of those that its compiler is extended with."""
+    command = [sys.executable, "-c", OTHER_NUMBA[difference] + SMALL_KERNEL]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    expected = np.sqrt(1.0 + np.cos(np.arange(8.0) + 1.0) ** 2)
+    np.testing.assert_allclose(json.loads(done.stdout), expected, rtol=1e-14)
 
 
 @pytest.mark.slow

@@ -11,17 +11,12 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from numba import config, njit
+from numba.core.compiler import Compiler
 
 from freefloat.errors import InputError
 from freefloat.lockstep.cache_files import CheckedCacheFile, is_private
-from freefloat.lockstep.fragments import FragmentCompiler
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
-_INNER: dict[str, Any] = {
-    "no_cpython_wrapper": True,
-    "no_cfunc_wrapper": True,
-    "pipeline_class": FragmentCompiler,
-}
 _PACKAGE = Path(__file__).parents[1]
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -67,12 +62,35 @@ def _caches_of_the_environment() -> Iterator[None]:
 
 def inner(function: _Function) -> _Function:
     """Compile a function that compiled functions alone call, as part of these."""
-    return cast(_Function, njit(**_OPTIONS, **_INNER)(function))
+    return cast(_Function, njit(**_OPTIONS, pipeline_class=_InnerCompiler)(function))
 
 
 def inlined(function: _Function) -> _Function:
     """Compile a small function into the functions that call it."""
-    return cast(_Function, njit(**_OPTIONS, **_INNER, forceinline=True)(function))
+    options = _OPTIONS | {"forceinline": True}
+    return cast(_Function, njit(**options, pipeline_class=_InnerCompiler)(function))
+
+
+class _InnerCompiler(Compiler):
+    """The compiler of fragments, or Numba's own where this Numba has not what that extends."""
+
+    def define_pipelines(self) -> list[Any]:
+        """The steps of the compiler."""
+        pipelines: list[Any] = (_fragment_pipelines() or Compiler.define_pipelines)(self)
+        return pipelines
+
+
+@cache
+def _fragment_pipelines() -> Callable[[Any], list[Any]] | None:
+    """Gives the steps of the compiler of fragments; None where it cannot compile a small kernel."""
+    try:
+        from freefloat.lockstep.fragments import FragmentCompiler
+
+        part = njit(pipeline_class=FragmentCompiler)(lambda x: x + 1.0)
+        njit(lambda x: part(x) * x)(1.0)
+    except (ImportError, AttributeError, TypeError):
+        return None
+    return FragmentCompiler.define_pipelines
 
 
 @cache
