@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
-from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from numba import config, njit
-from numba.core.compiler import Compiler
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
 
 from freefloat.errors import InputError
-from freefloat.lockstep.cache_files import CheckedCacheFile, is_private
+from freefloat.lockstep.cache_folder import cache_folder
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 _PACKAGE = Path(__file__).parents[1]
@@ -30,34 +28,29 @@ def compiled(function: _Function) -> _Function:
     Raises:
         InputError: If Numba's compiler is switched off; kernels compute with its vectors.
     """
-    try:
-        with _caches_of_the_environment():
-            kernel = njit(cache=True, **_OPTIONS)(function)
-    except RuntimeError:  # Numba has no folder for its cache
-        return cast(_Function, njit(**_OPTIONS)(function))
+    kernel = _cached(function) or njit(**_OPTIONS)(function)
     if kernel is function:
         raise InputError("NUMBA_DISABLE_JIT", "it is set", "no such variable in the environment")
-    if not is_private(Path(kernel._cache.cache_path), _PACKAGE):
-        return cast(_Function, njit(**_OPTIONS)(function))
-    # Numba compares the stamp of the kernel's own file only and would keep machine code of kernels
-    # that it calls from other files: the stamp is extended by a digest of all kernels
-    kernel._cache._cache_file = CheckedCacheFile.of(kernel._cache, _digest(_PACKAGE))
     return cast(_Function, kernel)
 
 
-@contextmanager
-def _caches_of_the_environment() -> Iterator[None]:
-    """Let no file of the current folder, such as .numba_config.yaml, name the folder of caches.
-
-    Whoever sent that folder would have machine code run that lies in it.
-    """
-    settings = vars(config)
-    stated = settings["CACHE_DIR"]
-    settings["CACHE_DIR"] = os.environ.get("NUMBA_CACHE_DIR", "")
+def _cached(function: Callable[..., Any]) -> Any:
+    """The compiled function with its machine code in the cache folder; None where it has none."""
+    folder, settings = cache_folder(_PACKAGE), vars(config)
+    if folder is None:
+        return None
+    stated, settings["CACHE_DIR"] = settings["CACHE_DIR"], str(folder)
     try:
-        yield
+        kernel = njit(cache=True, **_OPTIONS)(function)
+    except RuntimeError:  # Numba cannot write there, or the function has no file
+        return None
     finally:
         settings["CACHE_DIR"] = stated
+    with suppress(ImportError, AttributeError, TypeError):  # another Numba keeps its own files
+        from freefloat.lockstep.cache_files import CheckedCacheFile
+
+        kernel._cache._cache_file = CheckedCacheFile.of(kernel._cache)
+    return kernel
 
 
 def inner(function: _Function) -> _Function:
@@ -71,13 +64,14 @@ def inlined(function: _Function) -> _Function:
     return cast(_Function, njit(**options, pipeline_class=_InnerCompiler)(function))
 
 
-class _InnerCompiler(Compiler):
+class _InnerCompiler(CompilerBase):
     """The compiler of fragments, or Numba's own where this Numba has not what that extends."""
 
     def define_pipelines(self) -> list[Any]:
         """The steps of the compiler."""
-        pipelines: list[Any] = (_fragment_pipelines() or Compiler.define_pipelines)(self)
-        return pipelines
+        if (pipelines := _fragment_pipelines()) is not None:
+            return pipelines(self)
+        return [DefaultPassBuilder.define_nopython_pipeline(self.state)]
 
 
 @cache
@@ -91,11 +85,3 @@ def _fragment_pipelines() -> Callable[[Any], list[Any]] | None:
     except (ImportError, AttributeError, TypeError):
         return None
     return FragmentCompiler.define_pipelines
-
-
-@cache
-def _digest(folder: Path) -> str:
-    """Digest of the sources below a folder that contain kernels."""
-    texts = [path.read_bytes() for path in sorted(folder.rglob("*.py"))]
-    kernels = [text for text in texts if b"compilation import" in text or b"numba" in text]
-    return sha256(b"".join(kernels)).hexdigest()
