@@ -129,6 +129,14 @@ class MissingExtraError(InputError):
         return self
 
 
+class MissingNumbaError(MissingExtraError):
+    """Numba, which compiles the kernels, is missing or refuses the other packages.
+
+    Without kernels planar paths are simulated, planned and mapped; all else that integrates many
+    motions, or moves several arms on paths, raises this error.
+    """
+
+
 class UnreachableError(InputError):
     """No arm configuration reaches the start of the path from the attitude."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import os
 import subprocess
@@ -47,9 +48,9 @@ print(kernel.scaled(3.0), sum(kernel.scaled.stats.cache_hits.values()), kernel.s
 """
 
 
-def run(folder: Path, caches: Path | None = None) -> list[str]:
+def run(folder: Path, caches: Path | None = None, before: str = "") -> list[str]:
     """Result of the kernel in a new process, the number of cache hits, and warnings."""
-    command = [sys.executable, "-c", RUN]
+    command = [sys.executable, "-c", before + RUN]
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(caches or folder / "cache")}
     done = subprocess.run(
         command, cwd=folder, env=environment, capture_output=True, text=True, check=True
@@ -66,6 +67,22 @@ def test_cached_kernels_are_compiled_again_when_a_called_kernel_changes(tmp_path
     assert run(tmp_path) == ["6.0", "1", "Scale."]
     (tmp_path / "helper.py").write_text(HELPER.format(value=5.0))
     assert run(tmp_path) == ["15.0", "0", "Scale."]
+
+
+@pytest.mark.slow
+def test_kernels_are_cached_by_a_numba_whose_cache_files_are_others(tmp_path: Path) -> None:
+    """Digests are left out; the folder is another one when a called kernel changes."""
+    (tmp_path / "kernel.py").write_text(KERNEL)
+    (tmp_path / "helper.py").write_text(HELPER.format(value=2.0))
+    changed = (
+        "import numba.core.caching as own, sys, types; other = types.ModuleType(own.__name__)\n"
+        "vars(other).update(vars(own)); del other.IndexDataCacheFile\n"
+        "sys.modules[own.__name__] = other"
+    )
+    assert run(tmp_path, before=changed) == ["6.0", "0", "Scale."]
+    assert run(tmp_path, before=changed) == ["6.0", "1", "Scale."]
+    (tmp_path / "helper.py").write_text(HELPER.format(value=5.0))
+    assert run(tmp_path, before=changed) == ["15.0", "0", "Scale."]
 
 
 @pytest.mark.slow
@@ -91,8 +108,12 @@ def test_a_configuration_file_of_the_current_folder_names_no_cache(tmp_path: Pat
     (tmp_path / "helper.py").write_text(HELPER.format(value=2.0))
     (tmp_path / ".numba_config.yaml").write_text(f"cache_dir: {tmp_path / 'sent'}")
     environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    environment["XDG_CACHE_HOME"] = str(tmp_path / "own")
     subprocess.run([sys.executable, "-c", RUN], cwd=tmp_path, env=environment, check=True)
     assert not (tmp_path / "sent").exists()
+    (folder,) = (tmp_path / "own" / "freefloat").iterdir()
+    assert folder.stat().st_mode & 0o077 == 0
+    assert [*folder.rglob("*.nbi")]
 
 
 @pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
@@ -139,6 +160,47 @@ def test_a_cache_that_cannot_be_written_is_no_error(tmp_path: Path) -> None:
     files = CheckedCacheFile(str(tmp_path / "missing"), "kernel", "stamp")
     files.save("signature", b"machine code")
     assert files.load("signature") is None
+
+
+OTHER_NUMBA = {
+    "another place": "import numba.core.typed_passes as passes; del passes.NativeLowering",
+    "other arguments": (
+        "import numba, sys, types; changed = types.ModuleType('numba._dynfunc')\n"
+        "changed.make_function = lambda module: None; sys.modules[changed.__name__] = changed"
+    ),
+}
+SMALL_KERNEL = """
+import numpy as np
+from freefloat.lockstep.compilation import compiled, inlined, inner
+from freefloat.lockstep.lanes import sine_cosine, sqrt
+from freefloat.lockstep.tables import lanes
+
+@inlined
+def next_of(x):
+    return x + 1.0
+
+@inner
+def length(x):
+    sine, cosine = sine_cosine(next_of(x))
+    return sqrt(sine * sine + 2.0 * cosine * cosine)
+
+@compiled
+def lengths(x, out):
+    lanes(out, 1)[0] = length(lanes(x, 1)[0])
+
+lengths(np.arange(8.0), out := np.empty(8))
+print(out.tolist())
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("difference", OTHER_NUMBA)
+def test_kernels_run_with_a_numba_whose_private_classes_are_others(difference: str) -> None:
+    """Numba promises nothing of those that its compiler is extended with."""
+    command = [sys.executable, "-c", OTHER_NUMBA[difference] + SMALL_KERNEL]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    expected = np.sqrt(1.0 + np.cos(np.arange(8.0) + 1.0) ** 2)
+    np.testing.assert_allclose(json.loads(done.stdout), expected, rtol=1e-14)
 
 
 @pytest.mark.slow

@@ -25,11 +25,12 @@ from freefloat.ensemble.endings import (
     SINGULAR,
     STRICT,
 )
-from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator
+from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.equivalence import Equivalents
 from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.starts import starts_at
+from freefloat.ensemble.tolerances import STEP_TOLERANCE
 from freefloat.errors import IntegrationError
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion

@@ -16,6 +16,7 @@ from freefloat.ensemble.kernels.integration import integrate_many
 from freefloat.ensemble.kernels.records import Motions, make_workspace
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.systems import Systems
+from freefloat.ensemble.tolerances import STEP_TOLERANCE
 from freefloat.errors import InputError, finite_number, whole_number
 from freefloat.lockstep.lanes import WIDTH
 from freefloat.motion.margin import ROUNDING
@@ -23,19 +24,10 @@ from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array
 
-STEP_TOLERANCE = 1e-6
-"""Relative and absolute tolerance of integration steps, by default."""
-_PLANAR_TOLERANCE = 1e-9
-"""Tolerance of planar tasks: limits of ranges are then exact to 1e-7 rad."""
 _CHUNK = 1024
 """Largest number of motions between two reports of progress or checks for an interruption."""
 _CHUNKS = 2
 """Chunks for each thread of few motions: at the end of each, lanes are idle."""
-
-
-def step_tolerance(problem: Problem) -> float:
-    """Tolerance of integration steps at which minima are exact enough for verdicts."""
-    return _PLANAR_TOLERANCE if problem.task.planar else STEP_TOLERANCE
 
 
 class EnsembleIntegrator:

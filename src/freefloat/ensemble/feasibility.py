@@ -10,8 +10,9 @@ import numpy.typing as npt
 from freefloat.attitude_grids import attitude_grid
 from freefloat.concurrency import Progress, require_memory
 from freefloat.ensemble.endings import COMPLETED
-from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator
+from freefloat.ensemble.integrators import integrator_for
 from freefloat.ensemble.result import REGULAR_RATIO, BranchResults, EnsembleResult
+from freefloat.ensemble.tolerances import STEP_TOLERANCE
 from freefloat.ensemble.wrist_flips import WRIST_BODIES, flip_wrists, has_wrist_flipped_branches
 from freefloat.ik.branches import closed_form
 from freefloat.motion.margin import keeps_threshold
@@ -59,9 +60,7 @@ class FeasibilityEvaluator:
         require_problem(problem)
         self.problem = problem
         self.limits = limits or AttitudeLimits()
-        self.integrator = EnsembleIntegrator(
-            problem, threads, tolerance=tolerance, limits=self.limits
-        )
+        self.integrator = integrator_for(problem, threads, tolerance=tolerance, limits=self.limits)
         self.wrist_flipped = has_wrist_flipped_branches(problem) and not self._on_wrist()
         exact = not problem.path.arms and closed_form(problem.chain(), problem.task)
         self.sample_reduction = 1 if exact else _REDUCTION

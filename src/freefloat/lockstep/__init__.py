@@ -1,1 +1,16 @@
-"""Numbers of eight motions in lanes of a processor; knows no robot."""
+"""Numbers of eight motions in lanes of a processor; knows no robot.
+
+Its import raises a MissingNumbaError where Numba cannot be imported.
+"""
+
+from freefloat.errors import MissingNumbaError
+
+try:
+    import numba as numba
+except (ImportError, OSError, AttributeError) as error:  # the last two: of libraries that differ
+    raise MissingNumbaError(
+        "numba",
+        f"it cannot be imported ({str(error).rstrip('.')}), but spatial plans and maps, studies, "
+        "goals and several arms on paths need kernels that it compiles",
+        "pip install --upgrade numba",
+    ) from error

@@ -5,16 +5,16 @@ from __future__ import annotations
 import logging
 import os
 import pickle
-import stat
 import sys
 from contextlib import suppress
-from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from numba.core.caching import Cache, IndexDataCacheFile
 from numba.core.serialize import dumps
+
+from freefloat.lockstep.cache_folder import is_closed
 
 _DIGEST = 32
 """Bytes of the digest at the beginning of a file."""
@@ -25,10 +25,10 @@ class CheckedCacheFile(IndexDataCacheFile):
     """Index and data files of a kernel; a damaged one is deleted, and the kernel compiled again."""
 
     @classmethod
-    def of(cls, cache: Cache, digest: str) -> CheckedCacheFile:
-        """The files in place of those of a cache, valid for sources with a digest."""
+    def of(cls, cache: Cache) -> CheckedCacheFile:
+        """The files in place of those of a cache."""
         stamp = cache._impl.locator.get_source_stamp()
-        return cls(cache.cache_path, f"{cache._impl.filename_base}.checked", (stamp, digest))
+        return cls(cache.cache_path, f"{cache._impl.filename_base}.checked", stamp)
 
     def save(self, key: Any, data: Any) -> None:
         """Write an entry where the folder permits it."""
@@ -57,45 +57,6 @@ class CheckedCacheFile(IndexDataCacheFile):
         return _checked(self._data_path(name))
 
 
-@cache
-def is_private(folder: Path, package: Path) -> bool:
-    """Whether the user, root and the owner of a package alone can write to a cache folder.
-
-    Cache files are unpickled, so whoever writes one runs code. Folders above it count, too, unless
-    they hold the package: who can replace it there can replace the package.
-
-    Args:
-        folder: The folder; a warning names it if others can write to it.
-        package: Folder of the package.
-    """
-    if sys.platform == "win32":
-        return True
-    place = folder.resolve()
-    above = (parent for parent in place.parents if not package.is_relative_to(parent))
-    private = _is_closed(place.stat()) and all(
-        _is_closed(parent.stat()) or parent.stat().st_mode & stat.S_ISVTX for parent in above
-    )
-    if not private:
-        problem = "others may write to the kernel cache %s: it is not used, kernels are compiled"
-        _logger.warning(f"{problem} in each process; NUMBA_CACHE_DIR names another folder", folder)
-    return private
-
-
-def _is_closed(entry: os.stat_result) -> bool:
-    """Whether the user, root and the owner of the package alone own and may write to a file."""
-    import grp
-    import pwd
-
-    trusted = {os.geteuid(), 0, os.stat(__file__).st_uid}
-    if entry.st_uid not in trusted or entry.st_mode & stat.S_IWOTH:
-        return False
-    with suppress(KeyError):
-        user, group = pwd.getpwuid(entry.st_uid), grp.getgrgid(entry.st_gid)
-        if user.pw_gid == group.gr_gid and {*group.gr_mem} <= {user.pw_name}:
-            return True
-    return not entry.st_mode & stat.S_IWGRP
-
-
 def _checked(path: str) -> Any:
     """The content of a file; a damaged one is deleted and as if it were missing."""
     content = _content(path)
@@ -114,7 +75,7 @@ def _content(path: str) -> bytes:
         path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
     )
     with open(descriptor, "rb") as file:
-        if sys.platform != "win32" and not _is_closed(os.fstat(descriptor)):
+        if sys.platform != "win32" and not is_closed(os.fstat(descriptor)):
             _logger.warning("others may write to %s: the kernel is compiled again", path)
             raise FileNotFoundError(path)
         return file.read()

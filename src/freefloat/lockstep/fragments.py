@@ -3,6 +3,9 @@
 Numba optimizes every function with all that it calls, and translates it to machine code. For a
 function that is linked into others this is done again in each of them: a kernel of many functions
 took twice the time to compile.
+
+This extends private classes of Numba's compiler. With a version that has others the functions are
+compiled as Numba does it, see :func:`.compilation.inner`.
 """
 
 from __future__ import annotations
@@ -48,11 +51,12 @@ class _FragmentLowering(NativeLowering):
 
 
 class FragmentCompiler(Compiler):
-    """Numba's compiler with this lowering."""
+    """Numba's compiler with this lowering, of functions that Python does not call."""
 
     def define_pipelines(self) -> list[Any]:
         """The steps of the compiler."""
-        pipelines: list[Any] = super().define_pipelines()
+        self.state.flags.no_cpython_wrapper = self.state.flags.no_cfunc_wrapper = True
+        pipelines: list[Any] = Compiler.define_pipelines(self)
         for pipeline in pipelines:
             pipeline.passes = [
                 (_FragmentLowering if step is NativeLowering else step, description)

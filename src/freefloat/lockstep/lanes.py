@@ -13,7 +13,6 @@ from typing import Any, TypeAlias
 
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
 from numba.core.typeconv.castgraph import Conversion
 from numba.extending import (
     intrinsic,
@@ -179,7 +178,7 @@ def _comparison(sign: str) -> Generate:
 def _library(name: str) -> Generate:
     def generate(builder: Any, value: Any) -> Any:
         kind = ir.FunctionType(LANES, [LANES])
-        called = cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{WIDTH}f64")
+        called = builder.module.declare_intrinsic(f"llvm.{name}.v{WIDTH}f64", fnty=kind)
         return builder.call(called, [value])
 
     return generate

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from freefloat.ensemble.ensemble import step_tolerance
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.tolerances import step_tolerance
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.settings import Search

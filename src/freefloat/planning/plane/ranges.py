@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from freefloat.dynamics.joint_space import largest_measure
+from freefloat.ensemble.integrators import integrator_for
 from freefloat.motion.problem import Problem
 from freefloat.planning.domain import SearchDomain, branch_changes
 from freefloat.planning.plane.arcs import (
@@ -33,7 +34,7 @@ from freefloat.regions.planar_regions import PlanarArm, point_3_on_path
 from freefloat.so3 import Array
 
 if TYPE_CHECKING:
-    from freefloat.ensemble.ensemble import EnsembleIntegrator
+    from freefloat.ensemble.integrators import Integrator
     from freefloat.ensemble.result import EnsembleResult
 
 _SMALLEST_LEVEL = 1e-4
@@ -134,11 +135,9 @@ def _level(problem: Problem) -> float:
 
 
 @lru_cache(maxsize=2)
-def _integrator(problem: Problem) -> EnsembleIntegrator:
+def _integrator(problem: Problem) -> Integrator:
     """The integrator of a problem, which all its spans have in common."""
-    from freefloat.ensemble.ensemble import EnsembleIntegrator  # compiled kernels import slowly
-
-    return EnsembleIntegrator(problem, tolerance=_TOLERANCE)
+    return integrator_for(problem, tolerance=_TOLERANCE)
 
 
 def _integrated(problem: Problem, motions: list[_Planned]) -> EnsembleResult:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from freefloat.attitude_grids import even_directions
 from freefloat.dynamics.momentum import inertia_matrices
-from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import is_kept, regularity
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.systems import Systems
@@ -21,6 +22,9 @@ from freefloat.planning.searches.line_search import Function, Samples, resolved
 from freefloat.planning.searches.pattern_search import Flags
 from freefloat.planning.tolerance import Effort, Tolerance
 from freefloat.so3 import Array, IntArray
+
+if TYPE_CHECKING:
+    from freefloat.ensemble.integrators import Integrator
 
 _FEW, _CONE = 24, 0.3
 """Directions of momentum tried first, and the angle of the directions that the search for smaller
@@ -40,7 +44,7 @@ LONGEST = 10.0
 """Largest ratio of durations, longer or shorter than planned, that is tried."""
 
 
-def tolerance(integrator: EnsembleIntegrator, attitude: Array, joints: Array) -> Tolerance:
+def tolerance(integrator: Integrator, attitude: Array, joints: Array) -> Tolerance:
     """Largest deviations of momentum and duration with which a motion keeps its margin.
 
     A motion is the same at another speed with the momentum, that of wheels, and the drift scaled by

@@ -1,0 +1,77 @@
+"""The folder of the kernels' machine code, which the user alone can write to."""
+
+from __future__ import annotations
+
+import logging
+import os
+import stat
+import sys
+from contextlib import suppress
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+
+_logger = logging.getLogger("freefloat")
+
+
+@cache
+def cache_folder(package: Path) -> Path | None:
+    """The folder of the machine code of a package's kernels as they are; None where there is none.
+
+    Numba compares a kernel's own file only and would keep machine code of kernels that it calls
+    from other files: other sources have another folder. No file of the current folder, such as
+    .numba_config.yaml, names it: whoever sent that would have machine code run that lies there.
+    """
+    stated, caches = (os.environ.get(name) for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"))
+    try:
+        root = stated or Path(caches or Path.home() / ".cache") / "freefloat"
+        folder = Path(root) / f"kernels-{_digest(package)[:16]}"
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except (OSError, RuntimeError):  # the second: there is no home
+        return None
+    return folder if _is_private(folder, package) else None
+
+
+def _digest(folder: Path) -> str:
+    """Digest of the sources below a folder that contain kernels."""
+    texts = [path.read_bytes() for path in sorted(folder.rglob("*.py"))]
+    kernels = [text for text in texts if b"compilation import" in text or b"numba" in text]
+    return sha256(b"".join(kernels)).hexdigest()
+
+
+def _is_private(folder: Path, package: Path) -> bool:
+    """Whether the user, root and the owner of a package alone can write to a cache folder.
+
+    Cache files are unpickled, so whoever writes one runs code. Folders above it count, too, unless
+    they hold the package: who can replace it there can replace the package.
+
+    Args:
+        folder: The folder; a warning names it if others can write to it.
+        package: Folder of the package.
+    """
+    if sys.platform == "win32":
+        return True
+    place = folder.resolve()
+    above = (parent for parent in place.parents if not package.is_relative_to(parent))
+    private = is_closed(place.stat()) and all(
+        is_closed(parent.stat()) or parent.stat().st_mode & stat.S_ISVTX for parent in above
+    )
+    if not private:
+        problem = "others may write to the kernel cache %s: it is not used, kernels are compiled"
+        _logger.warning(f"{problem} in each process; NUMBA_CACHE_DIR names another folder", folder)
+    return private
+
+
+def is_closed(entry: os.stat_result) -> bool:
+    """Whether the user, root and the owner of the package alone own and may write to a file."""
+    import grp
+    import pwd
+
+    trusted = {os.geteuid(), 0, os.stat(__file__).st_uid}
+    if entry.st_uid not in trusted or entry.st_mode & stat.S_IWOTH:
+        return False
+    with suppress(KeyError):
+        user, group = pwd.getpwuid(entry.st_uid), grp.getgrgid(entry.st_gid)
+        if user.pw_gid == group.gr_gid and {*group.gr_mem} <= {user.pw_name}:
+            return True
+    return not entry.st_mode & stat.S_IWGRP

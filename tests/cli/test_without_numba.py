@@ -1,0 +1,96 @@
+"""Commands where Numba is missing, or refuses the NumPy that is installed."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.commands import document, without_progress
+
+REASONS = {
+    "ModuleNotFoundError": "No module named 'numba'",
+    "ImportError": "Numba needs NumPy 2.4 or less. Got NumPy 9.0",
+}
+NEED_KERNELS = (
+    "plan spatial_6dof/line",
+    "map spatial_6dof/line --samples 64",
+    "batch spatial_6dof/montecarlo --output study",
+    "reorient servicing/inspect_client --to 0 0 0 1",
+    "simulate servicing/two_arms_both --attitude 0 0 0 1",
+)
+
+
+def run(
+    folder: Path, words: str, refusal: str = "ModuleNotFoundError"
+) -> subprocess.CompletedProcess[str]:
+    """A command in a folder with a module ``numba`` that cannot be imported."""
+    (folder / "numba.py").write_text(f"raise {refusal}({REASONS[refusal]!r})")
+    return subprocess.run(
+        [sys.executable, "-m", "freefloat", *words.split()],
+        cwd=folder, env={**os.environ, "PYTHONPATH": str(folder)}, capture_output=True, text=True,
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("refusal", REASONS)
+@pytest.mark.parametrize("words", NEED_KERNELS)
+def test_what_needs_kernels_ends_with_one_sentence(
+    tmp_path: Path, words: str, refusal: str
+) -> None:
+    done = run(tmp_path, f"{words} --json", refusal)
+    assert done.returncode == 2, done.stderr
+    (line,) = without_progress(done.stderr).splitlines()
+    error = json.loads(done.stdout)["error"]
+    assert line == f"freefloat: {error['message']}"
+    assert error["key"] == "numba"
+    assert REASONS[refusal] in line
+    assert not (tmp_path / "study").exists()
+
+
+@pytest.mark.slow
+def test_motions_are_simulated_and_checked(tmp_path: Path) -> None:
+    assert run(tmp_path, "info planar_2dof/line").returncode == 0
+    written = run(tmp_path, "simulate planar_2dof/line --heading 30 --output motion.h5")
+    assert (written.returncode, without_progress(written.stderr)) == (0, "")
+    assert run(tmp_path, "check motion.h5").returncode == 0
+
+
+@pytest.mark.slow
+def test_a_planar_plan_is_that_of_the_kernels(tmp_path: Path) -> None:
+    done = run(tmp_path, "plan planar_2dof/line --json")
+    assert done.returncode == 0
+    (line,) = without_progress(done.stderr).splitlines()  # that it takes longer, and why
+    assert REASONS["ModuleNotFoundError"] in line
+    found, expected = json.loads(done.stdout), document("plan", "planar_2dof/line")
+    for key in ("attitude_ranges_deg", "segments", "min_margin", "heading_deg", "limits"):
+        assert numbers(found[key]) == pytest.approx(
+            numbers(expected[key]), rel=1e-6, abs=1e-6, nan_ok=True
+        )
+
+
+@pytest.mark.slow
+def test_a_planar_map_is_that_of_the_kernels(tmp_path: Path) -> None:
+    words = "map", "planar_3dof/parabola", "--samples", "16"
+    done = run(tmp_path, " ".join((*words, "--json")))
+    assert done.returncode == 0
+    found, expected = json.loads(done.stdout), document(*words)
+    for key in ("branches", "regions", "motions", "best"):
+        assert numbers(found[key]) == pytest.approx(
+            numbers(expected[key]), rel=1e-6, abs=1e-6, nan_ok=True
+        )
+
+
+def numbers(value: object) -> list[float]:
+    """All numbers of a JSON document, nan for null."""
+    if isinstance(value, dict | list):
+        entries = value.values() if isinstance(value, dict) else value
+        return [number for entry in entries for number in numbers(entry)]
+    if isinstance(value, str):
+        return []
+    return [np.nan if value is None else float(value)]  # type: ignore[arg-type]
