@@ -238,9 +238,7 @@ def _require_fit(
         raise _UnfitError("margin.value varies beside margin.fraction")
     if vary_robots(study.content.vary, study.variation.listed):  # of which these are others
         if relative:
-            raise _UnfitError(
-                "the robot varies, and margin.fraction with it; margin.value would not"
-            )
+            raise _UnfitError("the robot varies, and with fraction_of: run the margin with it")
         frame = scenario.content.path.frame
         if isinstance(frame, PathFrame) and frame is not PathFrame.INERTIAL:
             raise _UnfitError(f"the robot varies, and with it the path in the {frame} frame")
