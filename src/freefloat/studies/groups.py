@@ -22,7 +22,7 @@ from freefloat.io.scenario.path_schema import PathFrame
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, BoolArray, IntArray
+from freefloat.so3 import UPRIGHT, Array, BoolArray, IntArray
 from freefloat.studies.document import scenario_from, with_values
 from freefloat.studies.records import branch_choice
 from freefloat.studies.robot_values import (
@@ -239,9 +239,9 @@ def _require_fit(
     if vary_robots(study.content.vary, study.variation.listed):  # of which these are others
         if relative:
             raise _UnfitError("the robot varies, and with fraction_of: run the margin with it")
-        frame = scenario.content.path.frame
-        if isinstance(frame, PathFrame) and frame is not PathFrame.INERTIAL:
-            raise _UnfitError(f"the robot varies, and with it the path in the {frame} frame")
+        frame, mounts = scenario.content.path.frame, any(".mount." in key for key in parameters)
+        if mounts and _moves_with_robot(scenario) and frame is not PathFrame.SPACECRAFT:
+            raise _UnfitError(f"the mount varies, and with it the {frame} frame of the path")
     if "heading_deg" in parameters and not problem.task.planar:
         raise _UnfitError("heading_deg varies, but the task is not planar")
 
@@ -256,4 +256,13 @@ def _varied_robot(study: Study, document: dict[str, Any], scenario: Scenario) ->
             own[SCALE_MASS] = 1.0
         return scenario_from(with_values(document, own), study.base_source.absolute()).model()
 
-    return VariedRobot(scenario.model(), scenario.content.robot, model_of)
+    model, search, present = scenario.model(), scenario.search(), None
+    if _moves_with_robot(scenario) and search.joints is not None:  # without, there is no path
+        attitude = UPRIGHT if search.from_attitude is None else search.from_attitude
+        present = attitude, model.joint_vector(search.joints)
+    return VariedRobot(model, scenario.content.robot, model_of, present)
+
+
+def _moves_with_robot(scenario: Scenario) -> bool:
+    """Whether the path is stated in the frame of the spacecraft, of the base, or of a link."""
+    return scenario.content.path.frame not in (PathFrame.INERTIAL, *scenario.scene().names)
