@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,10 +18,18 @@ from freefloat.so3 import Array, BoolArray
 
 _ERRORS = np.array([1e-4, 1e-6, 1e-8, 1e-8])
 """Errors of the angles of compiled motions [rad], by the code of what decided them."""
-_SAMPLED = np.array([0.1, 0.01, 0.01, 0.01])
+_SAMPLED = np.array([0.1, 0.03, 0.01, 0.01])
 """How far the largest ratios of ranges and rates may be above those at the integrator's steps."""
 _RATE = 0.1
 """Joint rate relative to its limit that an error of one radian changes by that error, at most."""
+
+
+class _Entry(NamedTuple):
+    """Ratios of a limit, the angle [rad] that changes them by 1, and whether steps show them."""
+
+    ratios: Callable[[EnsembleResult, Array], Array]
+    angle: float
+    sampled: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,26 +47,25 @@ class KnownLimits:
     attitude: AttitudeLimits
 
     @cached_property
-    def names(self) -> tuple[str, ...]:
-        """Their names in results, in the order in which limits are checked."""
-        given = {
-            "joint_range": np.isfinite(self.model.joint_ranges).any(),
-            "joint_rate": self.joint_rate is not None,
-            "base_turn": self.attitude.base_turn is not None,
-            "pointing": self.attitude.pointing,
-        }
-        return tuple(name for name, applies in given.items() if applies)
+    def _entries(self) -> dict[str, _Entry]:
+        """What is known of each limit, in the order in which limits are checked."""
+        (lower, upper), entries = self.model.joint_ranges, dict[str, _Entry]()
+        if np.isfinite([lower, upper]).any():
+            width = min(1.0, float((upper - lower).min()) / 2.0)
+            entries["joint_range"] = _Entry(self._range_ratios, width, sampled=True)
+        if self.joint_rate is not None:
+            entries["joint_rate"] = _Entry(self._rate_ratios, _RATE, sampled=True)
+        if self.attitude.base_turn is not None:
+            entries["base_turn"] = _Entry(self._turn_ratios, self.attitude.base_turn)
+        if self.attitude.pointing:
+            angle = min(limit.angle for limit in self.attitude.pointing)
+            entries["pointing"] = _Entry(self._pointing_ratios, angle)
+        return entries
 
-    @cached_property
-    def _scales(self) -> Array:
-        """Angles that change the ratios by one [rad], shape (L,)."""
-        lower, upper = self.model.joint_ranges
-        angles = [limit.angle for limit in self.attitude.pointing]
-        scales = {
-            "joint_range": min(1.0, np.min(upper - lower) / 2.0), "joint_rate": _RATE,
-            "base_turn": self.attitude.base_turn, "pointing": min(angles, default=None),
-        }  # fmt: skip
-        return np.array([scales[name] for name in self.names])
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Their names in results."""
+        return tuple(self._entries)
 
     def ratios(self, motions: EnsembleResult, stretches: Array) -> Array:
         """Ratios of the limits, 1 where one is just kept, shape (K, L).
@@ -65,38 +74,34 @@ class KnownLimits:
             motions: Motions of an ensemble with these limits of attitude.
             stretches: Times of the motions that they stand for over theirs, shape (K,).
         """
-        columns = {
-            "joint_range": self._range_ratios, "joint_rate": self._rate_ratios,
-            "base_turn": self._turn_ratios, "pointing": self._pointing_ratios,
-        }  # fmt: skip
-        ratios = np.empty((len(stretches), len(self.names)))
-        for column, name in zip(ratios.T, self.names, strict=True):
-            column[:] = columns[name](motions)
-            if name == "joint_rate":
-                column /= stretches
+        ratios = np.empty((len(stretches), len(self._entries)))
+        for column, entry in zip(ratios.T, self._entries.values(), strict=True):
+            column[:] = entry.ratios(motions, stretches)
         return ratios
 
     def are_certain(self, ratios: Array, deciders: npt.NDArray[np.int8]) -> BoolArray:
         """Whether errors change no verdict on a limit, for what decided the motions, (K,)."""
-        errors = _ERRORS[deciders][:, None] / self._scales
-        sampled = [name in ("joint_range", "joint_rate") for name in self.names]
-        above = _SAMPLED[deciders][:, None] * sampled
-        return np.asarray(((ratios <= 1.0 - errors - above) | (ratios > 1.0 + errors)).all(axis=1))
+        certain = np.ones(len(ratios), dtype=bool)
+        for column, entry in zip(ratios.T, self._entries.values(), strict=True):
+            error = _ERRORS[deciders] / entry.angle
+            above = _SAMPLED[deciders] * entry.sampled
+            certain &= (column <= 1.0 - error - above) | (column > 1.0 + error)
+        return certain
 
-    def _range_ratios(self, motions: EnsembleResult) -> Array:
+    def _range_ratios(self, motions: EnsembleResult, _: Array) -> Array:
         shifts = shifts_into_ranges(self.model, motions.lower, motions.upper)
         ranges = self.model.joint_ranges
         return largest_range_ratio(ranges, motions.lower + shifts, motions.upper + shifts)
 
-    def _rate_ratios(self, motions: EnsembleResult) -> Array:
-        return motions.rate_usage(np.asarray(self.joint_rate))
+    def _rate_ratios(self, motions: EnsembleResult, stretches: Array) -> Array:
+        return motions.rate_usage(np.asarray(self.joint_rate)) / stretches
 
-    def _turn_ratios(self, motions: EnsembleResult) -> Array:
+    def _turn_ratios(self, motions: EnsembleResult, _: Array) -> Array:
         half = float(self.attitude.base_turn or 0.0) / 2.0
         cosines = np.cos(half) + motions.slacks[:, -1]
         return np.asarray(np.arccos(np.clip(cosines, -1.0, 1.0)) / half)
 
-    def _pointing_ratios(self, motions: EnsembleResult) -> Array:
+    def _pointing_ratios(self, motions: EnsembleResult, _: Array) -> Array:
         """Those of the axes that are nearest to the edges of their cones, or farthest beyond."""
         limits = self.attitude.pointing
         angles = np.array([limit.angle for limit in limits])
