@@ -160,13 +160,13 @@ def test_rates_turn_and_pointing_are_limited_without_precise_motions(
 
 def test_limits_of_planar_arms_and_those_that_only_precise_motions_show(tmp_path: Path) -> None:
     """Runs that violate what ensembles know need no precise motion, others do."""
-    limits = {"joint_rate": 0.07, "base_turn_deg": 40.0, "base_rate": 0.02}
+    limits = {"joint_rate": 0.07, "base_turn_deg": 40.0, "joint_torque": 0.5}
     vary = {"momentum.2": {"uniform": [-1.0, 1.5]}, "timing.duration": {"uniform": [50, 200]},
             "heading_deg": {"uniform": [130.0, 230.0]}}  # fmt: skip
     study = a_study(tmp_path, vary, base=PLANAR | {"limits": limits}, cases=60, files="none",
                     branch=1)  # fmt: skip
     reason = str(why_run_by_run(study))
-    assert "base_rate" in reason
+    assert "joint_torque" in reason
     assert "joint_rate" not in reason
     rows, pairs = rows_and_simulations(study, tmp_path / "out", 2)
     assert {row["decided_by"] for row in rows} > {"motion"}
@@ -206,9 +206,9 @@ def test_all_reasons_are_said_together(tmp_path: Path) -> None:
     """Several of them, in the JSON document, the table and the first line of a run."""
     margin = BASE["margin"] | {"fraction_of": "run"}
     base = BASE | {"path": BASE["path"] | {"frame": "base"}, "margin": margin,
-                   "limits": {"base_rate": 0.1, "joint_torque": 10.0}}  # fmt: skip
+                   "limits": {"joint_torque": 10.0, "clearance": 0.01}}  # fmt: skip
     study = a_spatial_study(tmp_path, VARY | MOUNTS, base=base, cases=16)
-    words = ("fraction_of", "mount", "base_rate", "joint_torque")
+    words = ("fraction_of", "mount", "clearance", "joint_torque")
     file = tmp_path / "study.yaml"
     answers = [
         str(why_run_by_run(study)), run("batch", file, "--dry-run").stdout,
@@ -219,5 +219,5 @@ def test_all_reasons_are_said_together(tmp_path: Path) -> None:
     random = a_spatial_study(tmp_path, VARY | {"path.line.to.0": {"uniform": [0.3, 0.35]}},
                              base=base, files="all")  # fmt: skip
     reason = str(why_run_by_run(random))
-    words = ("path.line.to.0", "files", "fraction_of", "base_rate")
+    words = ("path.line.to.0", "files", "fraction_of", "clearance")
     assert [word for word in words if word not in reason] == []

@@ -105,7 +105,7 @@ def why_run_by_run(study: Study) -> str | None:
     together = np.flatnonzero(group_numbers(study) >= 0)
     if not reasons and not len(together):
         reasons = [f"fewer than {FEWEST} runs differ in nothing but values that ensembles vary"]
-    if study.content.command is Command.SIMULATE:
+    if study.content.command is Command.SIMULATE and study.count >= FEWEST:
         from freefloat.studies.groups import why_apart  # compiled kernels
 
         reasons += why_apart(study, int(together[0]) if len(together) else 0)
