@@ -22,6 +22,9 @@ def assert_same(robots: Robots) -> None:
     """Tables, kinematics, reach and inertia of each robot are those of its model."""
     q = np.random.default_rng(0).uniform(-1.0, 1.0, robots.nominal.dof)
     pose = robots.chain.pose(np.tile(q[:, None], len(robots)))
+    attitude = np.array([0.1, 0.5, -0.5, 0.7])
+    offsets = robots.with_paths_from(attitude, q).offsets
+    base = robots.nominal.base_position(attitude, q)
     for k in range(len(robots)):
         model = robots.model(k)
         frames, virtual = link_frames(model), VirtualManipulator.of(model)
@@ -30,6 +33,9 @@ def assert_same(robots: Robots) -> None:
         np.testing.assert_allclose(robots.base[k, 3], frames.base[3], rtol=0, atol=1e-12)
         assert robots.reaches[k] == pytest.approx(virtual.reach, rel=1e-12)
         assert robots.mean_inertias[k] == pytest.approx(mean_inertia(model), rel=1e-12)
+        np.testing.assert_allclose(
+            offsets[k], model.base_position(attitude, q) - base, rtol=0, atol=1e-12
+        )
         R, own = robots.base[k, :3].T, virtual.pose(q)
         np.testing.assert_allclose(R @ pose[0][:, k], own.position, rtol=0, atol=1e-12)
         turn = np.broadcast_to(pose[1], (3, 3, len(robots)))[..., k]

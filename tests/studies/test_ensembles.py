@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import freefloat as ff
 from freefloat.studies.ensembles import chunks, integrated
 from freefloat.studies.estimate import why_run_by_run
 from freefloat.studies.groups import group_of
@@ -38,6 +39,8 @@ ROBOTS: dict[str, Any] = {
 }
 REDUNDANT = SHORT | {"task": "planar-position", "path": {"polynomial": SHORT["path"]["polynomial"]}}
 MARGINS: dict[str, Any] = {"margin.value": {"uniform": [2.0, 30.0]}}
+BUNDLED = {"urdf": "planar_3dof", "end_effector": "end_effector"}
+FRACTION: dict[str, Any] = {"measure": "system", "fraction": 0.1}
 Row = dict[str, Any]
 
 
@@ -71,7 +74,8 @@ def rows_of(study: Study, folder: Path) -> list[Row]:
         (DISTURBED | MARGINS, {}),
         (ROBOTS | MARGINS | {"heading_deg": {"uniform": [130.0, 230.0]}}, {}),
         (DISTURBED | {"heading_deg": {"normal": {"mean": 150.0, "sd": 60.0}}}, {"base": REDUNDANT}),
-        (DISTURBED, {"base": BASE | {"margin": {"measure": "gjm", "fraction": 0.3}}}),
+        (ROBOTS, {"base": BASE | {"margin": FRACTION}}),
+        (DISTURBED, {"base": BASE | {"margin": FRACTION | {"fraction_of": "run"}}}),
         (DISTURBED | {"heading_deg": {"uniform": [130.0, 230.0]}},
          {"base": BASE | {"search": {"joints": [0.5, -1.0, 0.5]}}}),
         (DISTURBED, {"branch": "best", "heading_deg": 120.0}),
@@ -86,6 +90,39 @@ def test_rows_are_those_of_single_runs(
     assert any(str(row["decided_by"]).startswith("ensemble") for row in rows)
     for number in range(0, 16, 3):
         assert_same(rows[number], alone(study, number))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["simulate", "plan", "map"])
+def test_a_fraction_is_of_the_unvaried_robot_or_of_each_run(command: str, tmp_path: Path) -> None:
+    """det A of a planar arm is proportional to a factor on masses and inertias."""
+    masses = {"robot.scale_mass": {"list": [1.0, 2.0]}}
+    keys: dict[str, Any] = {"command": command, "files": "worst 1"}
+    if command != "simulate":
+        keys["heading_deg"] = None
+    required = []
+    for number, of in enumerate((None, "base", "run")):
+        margin = FRACTION | ({} if of is None else {"fraction_of": of})
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        study = a_study(folder, masses, base=SHORT | {"margin": margin}, **keys)
+        rows = rows_of(study, folder / "out")
+        required.append([row["margin_required"] for row in rows])
+        (file, *_) = (folder / "out" / "cases").glob("0*.h5")
+        saved = ff.load(file)
+        assert saved.problem.margin.threshold == required[-1][int(file.stem)]
+    largest = ff.load_scenario(SHORT | {"robot": BUNDLED, "margin": FRACTION})
+    assert required[0] == [pytest.approx(largest.problem().margin.threshold)] * 2
+    assert required[0] == required[1]
+    assert required[2] == pytest.approx([required[0][0], 2.0 * required[0][0]])
+
+
+@pytest.mark.parametrize(
+    "margin", [{"value": 5.0, "fraction_of": "run"}, FRACTION | {"fraction_of": "none"}]
+)
+def test_fraction_of_is_base_or_run_and_needs_a_fraction(margin: dict[str, Any]) -> None:
+    content = BASE | {"robot": BUNDLED, "margin": margin}
+    assert error_key(ff.load_scenario, content).startswith("margin")
 
 
 @pytest.mark.slow
@@ -129,10 +166,10 @@ def test_few_and_other_runs_are_executed_alone_and_say_why(tmp_path: Path) -> No
         study = a_study(tmp_path, vary, **({"cases": 30} | keys))
         assert (group_numbers(study) == -1).all()
         assert word in str(why_run_by_run(study))
-    fractions = BASE | {"margin": {"measure": "gjm", "fraction": 0.3}}
+    fractions = BASE | {"margin": FRACTION | {"fraction_of": "run"}}
     study = a_study(tmp_path, ROBOTS, base=fractions, cases=30, files="none")
     assert group_of(study, 0) is None
-    assert "margin.fraction" in str(why_run_by_run(study))
+    assert "fraction_of: run" in str(why_run_by_run(study))
     assert why_run_by_run(a_study(tmp_path, momentum, cases=30, files="none")) is None
 
 

@@ -57,7 +57,7 @@ def test_a_key_without_effect_has_no_index_and_listed_values_have_none(tmp_path:
     for first, second in np.reshape(sensitivities(study), (2, 2)):
         assert first.first_order.value == pytest.approx(1.0, abs=0.1)
         assert (second.key, second.total.value) == ("margin.value", 0.0)
-    base["limits"] = {"base_rate": 1.0}
+    base["limits"] = {"joint_torque": 1e6}
     limited = a_study(tmp_path, vary, base=base, cases=20, files="none")
     remark = StudyResult(limited, finished(limited, tmp_path), tmp_path).sensitivity_remark
     assert remark.startswith("no Sobol indices for feasibility: limits")

@@ -1,7 +1,7 @@
 """Many disturbed motions of one problem at once, each with the verdict of a precise motion.
 
 All motions are integrated in an ensemble. Those that end early, come near to a singularity or near
-to the threshold, or on request to bounds of joint ranges, are integrated once more with a tolerance
+to the threshold, or to limits that are given, are integrated once more with a tolerance
 of 1e-8, for planar tasks and redundant arms with 1e-10 at once. Where that changes the ending, the
 minimum is still too near to the threshold, or the motion passes a singularity very closely before
 it ends at one, a tolerance of 1e-10 follows, and where that changes the ending again, or the
@@ -20,6 +20,7 @@ from freefloat.ensemble.endings import (
     COMPLETED,
     FAILED,
     FINE,
+    LIMITED,
     MOTION,
     NORMAL,
     SINGULAR,
@@ -27,6 +28,7 @@ from freefloat.ensemble.endings import (
 )
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.equivalence import Equivalents
+from freefloat.ensemble.known_limits import KnownLimits
 from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.starts import starts_at
@@ -37,7 +39,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Problem
-from freefloat.robot.joint_ranges import largest_range_ratio, shifts_into_ranges
+from freefloat.robot.joint_ranges import shifts_into_ranges
 from freefloat.so3 import Array, BoolArray, IntArray
 
 _TOLERANCES = {FINE: 1e-8, STRICT: 1e-10}
@@ -50,9 +52,6 @@ come so near to it before that it may pass: head-on it ends at rates of 1e3 to 1
 end so and are slower none passes with exact numbers, of 860 faster ones 21."""
 _SINGULAR_RATIO, _PLANAR_RATIO = 1e-3, 0.1
 """Smallest over largest det S* below which errors of the minimum are large, in space and plane."""
-SAFE_RANGE, STRICT_SAFE_RANGE = 0.9, 0.99
-"""Fractions of joint ranges within which values at the steps of an ensemble, and of one at the
-strict tolerance, show that the ranges are kept."""
 _EQUAL = 1e-4
 """Relative difference of margins that errors of the ensemble may cause."""
 _FIRST_PASS = 0.8
@@ -69,7 +68,7 @@ def integrate_disturbed(
     threads: int | None = None,
     progress: Progress | None = None,
     *,
-    ranges: bool = False,
+    limits: KnownLimits | None = None,
     stricter: bool = False,
 ) -> ManyMotions:
     """Integrate the motions that stand for disturbed ones; arguments as of ``simulate_many``.
@@ -82,8 +81,8 @@ def integrate_disturbed(
         joints: Joint values near those of the arm branch, shape (n,) or (K, n).
         threads: Number of threads.
         progress: Called with the fraction done.
-        ranges: Whether motions that keep their joint ranges are preferred to others, as by
-            simulate; those near the bounds are integrated strictly, too.
+        limits: Motions that keep these are preferred to others, as by simulate; those near the
+            bounds are integrated strictly, too.
         stricter: As of :meth:`.EnsembleIntegrator.integrate`, for the first ensemble.
     """
     problem = disturbed.problem
@@ -92,15 +91,17 @@ def integrate_disturbed(
     begun = starts.joints[owners, columns]
     motions, deciders = _decided(
         disturbed[owners], attitudes[owners], begun, thresholds[owners], threads, progress,
-        ranges=ranges, stricter=stricter,
+        limits=limits, stricter=stricter,
     )  # fmt: skip
     required = thresholds[owners] / disturbed.magnifications[owners]
     preferred = keeps_threshold(motions.minimum, required)
-    if ranges:
-        preferred &= _range_ratios(problem, motions) <= 1.0
+    ratios = np.empty((len(motions.endings), 0))
+    if limits is not None:
+        ratios = limits.ratios(motions, disturbed.stretches[owners])
+        preferred &= (ratios <= 1.0).all(axis=1)
     chosen = _best(owners, motions, preferred, len(attitudes))
     found = chosen >= 0
-    table = EnsembleResult.empty((len(attitudes),), problem.model.arm_dof)
+    table = EnsembleResult.empty((len(attitudes),), problem.model.arm_dof, motions.slacks.shape[1])
     table.assign(found, EnsembleResult._make(values[chosen[found]] for values in motions))
     first, branches = np.full((2, len(attitudes)), -1)
     first[found] = columns[chosen[found]]
@@ -109,12 +110,14 @@ def integrate_disturbed(
     by[found] = deciders[chosen[found]]
     initial = np.full((len(attitudes), problem.model.arm_dof), np.nan)
     initial[found] = begun[chosen[found]]
+    of_limits = np.full((len(attitudes), ratios.shape[1]), np.nan)
+    of_limits[found] = ratios[chosen[found]]
     shifts = shifts_into_ranges(problem.chain(), table.lower, table.upper)
     return ManyMotions(
         np.array(attitudes), initial + shifts, branches, table.endings,
         table.ended_at * disturbed.stretches, table.minimum * disturbed.magnifications,
         table.minimum_at * disturbed.stretches, np.array(thresholds), by,
-        table.lower + shifts, table.upper + shifts,
+        table.lower + shifts, table.upper + shifts, of_limits,
     )  # fmt: skip
 
 
@@ -126,16 +129,29 @@ def _decided(
     threads: int | None,
     progress: Progress | None,
     *,
-    ranges: bool,
+    limits: KnownLimits | None,
     stricter: bool,
 ) -> tuple[EnsembleResult, npt.NDArray[np.int8]]:
     """Results of the nominal problem's motions, and what decided them."""
     required = thresholds / disturbed.magnifications
+    attitude = None if limits is None else limits.attitude
 
     def integrated(chosen: IntArray | slice, tolerance: float, **options: Any) -> EnsembleResult:
         some = disturbed[chosen]
-        integrator = EnsembleIntegrator(disturbed.problem, threads, tolerance=tolerance)
-        return integrator.integrate(attitudes[chosen], joints[chosen], some.systems, **options)
+        integrator = EnsembleIntegrator(
+            disturbed.problem, threads, tolerance=tolerance, limits=attitude
+        )
+        found = integrator.integrate(attitudes[chosen], joints[chosen], some.systems, **options)
+        endings = np.where(found.endings == LIMITED, COMPLETED, found.endings).astype(np.int8)
+        return found._replace(endings=endings)
+
+    def unclear(found: EnsembleResult, chosen: IntArray | slice, decider: int) -> BoolArray:
+        """Which motions keep the margin, but may keep a limit or violate it."""
+        kept = found.minimum >= required[chosen]
+        if limits is None:
+            return kept & False
+        ratios = limits.ratios(found, disturbed.stretches[chosen])
+        return np.asarray(kept & ~limits.are_certain(ratios, np.full(len(kept), decider, np.int8)))
 
     step: Progress | None = step_of(progress, 0.0, _FIRST_PASS)
     first = integrated(slice(None), STEP_TOLERANCE, stricter=stricter, progress=step)
@@ -143,9 +159,7 @@ def _decided(
     nearly_singular = _PLANAR_RATIO if disturbed.problem.task.planar else _SINGULAR_RATIO
     again = (motions.endings != COMPLETED) | (motions.determinant_ratios < nearly_singular)
     again |= _is_near(motions.minimum, required, _NEAR)
-    if ranges:
-        kept = motions.minimum >= required
-        again |= kept & (_range_ratios(disturbed.problem, motions) > SAFE_RANGE)
+    again |= unclear(motions, slice(None), NORMAL)
     deciders, chosen = np.full(len(joints), NORMAL, np.int8), np.flatnonzero(again)
     careful = disturbed.problem.task.planar or disturbed.problem.redundant
     step = step_of(progress, _FIRST_PASS, 1.0)
@@ -154,7 +168,7 @@ def _decided(
         doubtful = (finer.endings != motions.endings[chosen]) | (finer.endings == FAILED)
         doubtful |= _is_near(finer.minimum, required[chosen], _STILL_NEAR)
         if decider == FINE:
-            doubtful |= _may_pass(disturbed.problem, finer)
+            doubtful |= _may_pass(disturbed.problem, finer) | unclear(finer, chosen, FINE)
         motions.assign(chosen, finer)
         deciders[chosen] = decider
         chosen, step = chosen[doubtful], None  # which are few
@@ -208,10 +222,3 @@ def _best(owners: IntArray, motions: EnsembleResult, preferred: BoolArray, count
     distinct, places = np.unique(owners[candidates], return_index=True)
     best[distinct] = candidates[places]
     return best
-
-
-def _range_ratios(problem: Problem, motions: EnsembleResult) -> Array:
-    """Ratios of joint ranges at the integrator's steps, shape (K,)."""
-    shifts = shifts_into_ranges(problem.chain(), motions.lower, motions.upper)
-    ranges = problem.model.joint_ranges
-    return largest_range_ratio(ranges, motions.lower + shifts, motions.upper + shifts)

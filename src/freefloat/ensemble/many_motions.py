@@ -31,6 +31,7 @@ class ManyMotions:
             :data:`freefloat.ensemble.endings.DECIDERS`, shape (K,).
         lower: Smallest joint values at the integrator's steps, shape (K, n).
         upper: Largest joint values at the steps, shape (K, n).
+        ratios: Of the limits that were given, see :class:`.KnownLimits`, shape (K, L).
     """
 
     attitudes: Array
@@ -44,6 +45,7 @@ class ManyMotions:
     deciders: npt.NDArray[np.int8]
     lower: Array
     upper: Array
+    ratios: Array
 
     def __post_init__(self) -> None:
         for array in vars(self).values():

@@ -23,7 +23,7 @@ from freefloat.ik.chain import Chain
 from freefloat.motion.problem import Problem
 from freefloat.robot.description import IDENTITY
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, BoolArray, IntArray, Pose
+from freefloat.so3 import Array, BoolArray, IntArray, Pose, rotation_matrix
 
 _PLANAR = 1e-9
 """Asymmetry relative to the whole inertia that counts as none."""
@@ -41,6 +41,8 @@ class Robots:
         bodies: Mass, first moment and inertia of the bodies in their link frames, (K, 1 + n, 10).
         numbers: Their numbers, shape (K,).
         model_of: Builds the model of the robot with a number.
+        offsets: How far from the nominal model's path those of the robots begin [m], inertial axes,
+            shape (K, 3); None where all have the same path.
     """
 
     nominal: FreeFloatingModel
@@ -49,6 +51,7 @@ class Robots:
     bodies: Array = field(repr=False)
     numbers: IntArray = field(repr=False)
     model_of: Callable[[int], FreeFloatingModel]
+    offsets: Array | None = field(default=None, repr=False)
 
     @classmethod
     def of(
@@ -96,12 +99,34 @@ class Robots:
 
     def __getitem__(self, chosen: BoolArray | IntArray | slice) -> Robots:
         """Some of the robots."""
+        offsets = None if self.offsets is None else self.offsets[chosen]
         return replace(self, base=self.base[chosen], bodies=self.bodies[chosen],
-                       numbers=self.numbers[chosen])  # fmt: skip
+                       numbers=self.numbers[chosen], offsets=offsets)  # fmt: skip
 
     def model(self, k: int) -> FreeFloatingModel:
         """The model of robot k."""
         return self.model_of(int(self.numbers[k]))
+
+    def problem(self, problem: Problem, k: int) -> Problem:
+        """The nominal model's problem with robot k."""
+        path = problem.path if self.offsets is None else problem.path.displaced(self.offsets[k])
+        return problem.replace(model=self.model(k), path=path)
+
+    def with_paths_from(self, attitude: Array, joints: Array) -> Robots:
+        """The robots with paths that are stated in their spacecraft frames in a configuration.
+
+        Args:
+            attitude: Unit quaternion x, y, z, w.
+            joints: Joint values, shape (n,).
+        """
+        model, R = self.nominal, rotation_matrix(attitude)
+        centre = R.T @ model.base_position(attitude, joints)
+        position = R.T @ model.end_effector_pose(attitude, joints).position - centre
+        end = self.frames.base[:3] @ (position - self.frames.base[3])  # in link frame 0
+        from_centre, _ = self.chain.pose(np.tile(joints[:, None], len(self)))
+        axes = self.base[:, :3].swapaxes(1, 2)
+        moved = (axes @ (from_centre.T - end)[..., None])[..., 0] - self.base[:, 3] - centre
+        return replace(self, offsets=(R @ moved[..., None])[..., 0])  # each by itself
 
     def properties(self, problem: Problem) -> Array:
         """What the kernels read of robots for a problem's task and measure, shape (K, C)."""

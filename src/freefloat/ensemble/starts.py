@@ -102,7 +102,7 @@ def _starts_of_robots(
         found = Starts(q[:, None], np.where(certain[:, None], found.branches, -1))
     exact = {
         k: starts_at(
-            problem.replace(model=robots.model(k)), attitudes[k : k + 1], branch,
+            robots.problem(problem, k), attitudes[k : k + 1], branch,
             joints if joints is None or joints.ndim == 1 else joints[k],
         )
         for k in np.flatnonzero(~certain).tolist()
@@ -130,7 +130,8 @@ def _near_starts(
         return np.empty((0, problem.model.arm_dof)), np.zeros(0, dtype=bool)
     pose = problem.path.pose(0.0)
     to_base = robots.base[:, :3] @ Rotation.from_quat(attitudes).as_matrix().swapaxes(1, 2)
-    position = (to_base @ pose.position).T
+    position = pose.position if robots.offsets is None else pose.position + robots.offsets
+    position = (to_base @ position[..., None])[..., 0].T
     rotation = np.moveaxis(to_base @ pose.rotation, 0, -1)
     parts = []
     for first in range(0, len(robots), _SLICE):

@@ -74,6 +74,7 @@ class Systems:
 
     def problem_of(self, problem: Problem, k: int) -> Problem:
         """A problem with the system of motion k, where every array is one for each."""
-        model = problem.model if self.robots is None else self.robots.model(k)
-        system = System(model, self.momenta[k], self.wheels[k], self.drifts[k])
+        if self.robots is not None:
+            problem = self.robots.problem(problem, k)
+        system = System(problem.model, self.momenta[k], self.wheels[k], self.drifts[k])
         return problem.with_system(system)

@@ -223,6 +223,11 @@ class TimedPath:
         """The same path, relative to a centre of mass with another velocity (3,) [m/s]."""
         return replace(self, drift=drift)
 
+    def displaced(self, offset: Array) -> TimedPath:
+        """The path at another place, moved by an offset (3,) [m]; its twists are the same."""
+        curve = self.path.curve.moved(Pose(offset, np.eye(3)))
+        return replace(self, path=EndEffectorPath(curve, self.path.orientation))
+
     @property
     def frame(self) -> str | None:
         """Name of the body of the scene in whose frame the path is stated; None for none."""

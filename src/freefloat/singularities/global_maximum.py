@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from freefloat.dynamics.joint_space import joint_space_extremes
-from freefloat.dynamics.measures import singularity_measure
+from freefloat.dynamics.joint_space import joint_space_extremes, largest_measure
+from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
 from freefloat.dynamics.tasks import Task
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.singularities.joint_polynomial import JointPolynomial
@@ -90,6 +90,13 @@ def halved(centres: Array, halves: Array, parts: Array) -> tuple[Array, Array]:
     shifts[rows, joints] = halves[rows, joints]
     both = np.stack([centres - shifts, centres + shifts], axis=1)
     return both.reshape(-1, centres.shape[1]), np.repeat(halves, 2, axis=0)
+
+
+def largest_magnitude(model: FreeFloatingModel, task: Task, measure: SingularityMeasure) -> float:
+    """Largest magnitude of a measure, guaranteed for det A unless the arm is redundant."""
+    if measure.name == "system" and model.has_one_arm and model.dof == len(task.rows):
+        return guaranteed_magnitude(model, task, measure.name).value
+    return largest_measure(model, measure)
 
 
 def guaranteed_magnitude(model: FreeFloatingModel, task: Task, name: str) -> GlobalMaximum:

@@ -6,19 +6,18 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import compress
 
 import numpy as np
 
 from freefloat.concurrency import available_cores
 from freefloat.ensemble.endings import DECIDERS
 from freefloat.ensemble.many_motions import ManyMotions
-from freefloat.limits.kinds.joint_range import JointRangeLimit
 from freefloat.motion.motion import Ending
-from freefloat.so3 import IntArray
+from freefloat.so3 import Array, IntArray
 from freefloat.studies.columns import FEASIBLE, INFEASIBLE, NUMBER, Column, Columns
 from freefloat.studies.groups import Group, group_of
 from freefloat.studies.portable import PortableStudy
-from freefloat.studies.unvaried import range_ratios
 from freefloat.studies.values import LIMITS_REASON, MARGIN_REASON
 
 _CHUNK = 4096
@@ -83,9 +82,8 @@ def _columns(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str,
     )
     feasible = group.are_feasible(motions)[decided]
     reasons = np.where(completed, MARGIN_REASON, Ending.SINGULAR.value)
-    if group.ranges:
-        ratios = range_ratios(group.problem, motions)[decided]
-        reasons = np.where(margin_kept, LIMITS_REASON.format(JointRangeLimit.name), reasons)
+    ratios = np.where(completed[:, None], motions.ratios[decided], np.nan)
+    reasons = np.where(margin_kept, _limit_reasons(group.limits.names, ratios), reasons)
     attitudes, joints = motions.attitudes[decided], motions.joints[decided]
     columns: dict[str, Column] = {
         "verdict": np.where(feasible, FEASIBLE, INFEASIBLE),
@@ -104,8 +102,17 @@ def _columns(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str,
     if group.problem.task.planar:
         plane = group.problem.plane
         columns["heading_deg"] = np.degrees([plane.heading(attitude) for attitude in attitudes])
-    if group.ranges:
-        pairs = zip(margin_kept.tolist(), feasible.tolist(), strict=True)
-        columns["limits_kept"] = [kept if by_margin else None for by_margin, kept in pairs]
-        columns["limits.joint_range"] = np.where(feasible, ratios, np.nan)
+    if group.limits.names:
+        names = [f"limits.{name}" for name in group.limits.names]
+        kept, known = (values[decided].tolist() for values in group.keep_limits(motions))
+        columns["limits_kept"] = [
+            one if certain else None for one, certain in zip(kept, known, strict=True)
+        ]
+        columns |= dict(zip(names, ratios.T, strict=True))
     return columns
+
+
+def _limit_reasons(names: tuple[str, ...], ratios: Array) -> list[str]:
+    """Which limits are not kept, by the ratios (K, L) of those with names."""
+    violated = (ratios > 1.0).tolist()
+    return [LIMITS_REASON.format(", ".join(compress(names, row))) for row in violated]

@@ -98,17 +98,18 @@ class StudyEstimate:
 
 
 def why_run_by_run(study: Study) -> str | None:
-    """Why runs of a study are executed one by one, not as ensembles; None where ensembles are."""
+    """All reasons why runs of a study are executed one by one; None where ensembles are."""
     if study.content.command is Command.TRACK:  # whose closed loops are simulated side by side
         return None
-    if (reason := why_alone(study)) is not None:
-        return reason
+    reasons = why_alone(study)
     together = np.flatnonzero(group_numbers(study) >= 0)
-    if not len(together):
-        return f"fewer than {FEWEST} runs differ in nothing but values that ensembles vary"
-    from freefloat.studies.groups import why_apart  # compiled kernels
+    if not reasons and not len(together):
+        reasons = [f"fewer than {FEWEST} runs differ in nothing but values that ensembles vary"]
+    if study.content.command is Command.SIMULATE and study.count >= FEWEST:
+        from freefloat.studies.groups import why_apart  # compiled kernels
 
-    return why_apart(study, int(together[0]))
+        reasons += why_apart(study, int(together[0]) if len(together) else 0)
+    return "; ".join(reasons) or None
 
 
 def estimate_study(

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from freefloat.ensemble.disturbed_motions import (
-    integrate_disturbed,
-)
+from freefloat.ensemble.disturbed_motions import integrate_disturbed
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.equivalence import equivalents
+from freefloat.ensemble.known_limits import KnownLimits
 from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.ensemble.starts import starts_at
 from freefloat.ensemble.systems import Systems
@@ -22,7 +21,7 @@ from freefloat.io.scenario.path_schema import PathFrame
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, BoolArray, IntArray
+from freefloat.so3 import UPRIGHT, Array, BoolArray, IntArray
 from freefloat.studies.document import scenario_from, with_values
 from freefloat.studies.records import branch_choice
 from freefloat.studies.robot_values import (
@@ -33,13 +32,24 @@ from freefloat.studies.robot_values import (
 )
 from freefloat.studies.run_values import arrays_of, fits_ensembles
 from freefloat.studies.study import START_KEYS, Study
-from freefloat.studies.unvaried import (
-    Unvaried,
-    has_ranges_and_limits,
-    keeps_ranges,
-    leaves_ranges,
-    range_ratios,
-)
+from freefloat.studies.unvaried import Unvaried, limits_of_runs
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """The start of the runs of a group.
+
+    Attributes:
+        attitude: Initial attitude, shape (4,); None where it varies.
+        branch: Number of the arm branch; None for that near ``joints``, or the best of each run.
+        joints: Joint values near those of the arm branch, shape (n,).
+        unvaried: The base scenario, if the arm branch is that of its motion from each attitude.
+    """
+
+    attitude: Array | None = None
+    branch: int | None = None
+    joints: Array | None = None
+    unvaried: Unvaried | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,29 +59,23 @@ class Group:
     Attributes:
         study: The study.
         problem: What the runs have in common.
-        relative: Whether the margin is a fraction of the measure's largest value.
-        attitude: Initial attitude, shape (4,); None where it varies.
-        branch: Number of the arm branch; None for that near ``joints``, or the best of each run.
-        joints: Joint values near those of the arm branch, shape (n,).
-        unvaried: The base scenario, if the arm branch is that of its motion from each attitude.
-        ranges: Whether joints have ranges.
-        limited: Whether anything else is limited, which only precise motions show.
+        relative: Whether the margin is a fraction of the largest value of each run's measure.
+        start: How the runs begin.
+        limits: The limits that ensembles know.
+        others: Names of the limits that only precise motions show.
+        robot: The robot of which those of the runs are variations.
         stricter: Whether ensembles begin with a stricter tolerance, as the undisturbed motion is
             cheaper then.
-        robot: The robot of which those of the runs are variations.
     """
 
     study: Study
     problem: Problem
     relative: bool
-    attitude: Array | None
-    branch: int | None
-    joints: Array | None
-    unvaried: Unvaried | None
-    ranges: bool
-    limited: bool
-    stricter: bool
+    start: Start
+    limits: KnownLimits
+    others: tuple[str, ...]
     robot: VariedRobot
+    stricter: bool = False
 
     def integrate(self, numbers: IntArray, threads: int) -> tuple[IntArray, ManyMotions]:
         """Integrate runs; return the numbers of those whose values fit, and their motions."""
@@ -89,12 +93,12 @@ class Group:
         places = numbers - first
         places = places[(fits & ~disturbed.turns_too_often)[places]]
         if attitudes is None:
-            attitudes = np.tile(np.asarray(self.attitude), (len(places), 1))
+            attitudes = np.tile(np.asarray(self.start.attitude), (len(places), 1))
         else:
             attitudes = attitudes[places]
-        joints = self.joints
-        if self.unvaried is not None:
-            joints = self.unvaried.joints_at(attitudes, threads)
+        joints = self.start.joints
+        if self.start.unvaried is not None:
+            joints = self.start.unvaried.joints_at(attitudes, threads)
             known = np.isfinite(joints).all(axis=1)
             places, attitudes, joints = places[known], attitudes[known], joints[known]
         disturbed = disturbed[places]
@@ -107,42 +111,43 @@ class Group:
             disturbed,
             attitudes,
             thresholds,
-            self.branch,
+            self.start.branch,
             joints,
             threads,
-            ranges=self.ranges and not self.limited,
+            limits=self.limits,
             stricter=self.stricter,
         )
         return places + first, motions
 
     def are_feasible(self, motions: ManyMotions) -> BoolArray:
-        """Whether motions keep the margin and, at the steps, joint ranges, shape (K,)."""
-        kept = range_ratios(self.problem, motions) <= 1.0 if self.ranges else True
-        return np.asarray(motions.feasible & kept)
+        """Whether motions keep the margin and the limits that ensembles know, shape (K,)."""
+        return np.asarray(motions.feasible & self.keep_limits(motions)[0])
+
+    def keep_limits(self, motions: ManyMotions) -> tuple[BoolArray, BoolArray]:
+        """Whether motions keep the limits that ensembles know, and where all limits are decided.
+
+        Shape (K,) each.
+        """
+        kept = np.asarray((motions.ratios <= 1.0).all(axis=1))
+        certain = motions.completed & self.limits.are_certain(motions.ratios, motions.deciders)
+        return kept, np.asarray(certain & ~kept if self.others else certain)
 
     def are_decided(self, motions: ManyMotions) -> BoolArray:
         """Whether motions have a verdict; those of others need a precise motion, shape (K,)."""
-        decided = motions.reached & ~motions.failed
-        if self.limited:
-            return np.asarray(decided & ~motions.feasible)
-        if self.ranges:
-            decided &= (
-                keeps_ranges(self.problem, motions)
-                | leaves_ranges(self.problem, motions)
-                | ~motions.feasible
-            )
-        return np.asarray(decided)
+        _, certain = self.keep_limits(motions)
+        return np.asarray(motions.reached & ~motions.failed & (certain | ~motions.feasible))
 
 
 def _begins_stricter(group: Group, number: int) -> bool:
     """Whether undisturbed motions with a run's robot are cheaper with a stricter tolerance."""
-    if group.attitude is None:
+    start = group.start
+    if start.attitude is None:
         return False
-    values, attitude = group.study.variation.values(number, 1), group.attitude[None]
+    values, attitude = group.study.variation.values(number, 1), start.attitude[None]
     robots, fits = group.robot.robots(values, np.array([number]))
     if not fits.all() or (robots is not None and not robots.suit(group.problem).all()):
         return False
-    starts = starts_at(group.problem, attitude, group.branch, group.joints, robots)
+    starts = starts_at(group.problem, attitude, start.branch, start.joints, robots)
     begun = starts.joints[starts.exist]
     every = np.zeros(len(begun), dtype=int)
     systems = Systems.of(group.problem)
@@ -157,95 +162,108 @@ def _begins_stricter(group: Group, number: int) -> bool:
     return bool(once < again)
 
 
-class _UnfitError(Exception):
-    """Runs are none of an ensemble; its argument is why."""
-
-
 def group_of(study: Study, number: int) -> Group | None:
     """The group whose first run has a number; None where its runs are executed one by one."""
     return _grouped(study, number)[0]
 
 
-def why_apart(study: Study, number: int) -> str | None:
-    """Why runs of the group whose first run has a number are executed one by one; None else."""
-    group, reason = _grouped(study, number)
-    limited = group is not None and group.limited
-    return (
-        "limits are checked along precise motions where the margin is kept" if limited else reason
-    )
+def why_apart(study: Study, number: int) -> list[str]:
+    """Why runs of the group whose first run has a number are executed one by one."""
+    return _grouped(study, number)[1]
 
 
 @lru_cache(maxsize=4)
-def _grouped(study: Study, number: int) -> tuple[Group | None, str | None]:
-    """The group whose first run has a number, or why there is none."""
+def _grouped(study: Study, number: int) -> tuple[Group | None, list[str]]:
+    """The group whose first run has a number, if any; why its runs are executed one by one."""
+    reasons: list[str] = []
     try:
-        return _group(study, number), None
-    except _UnfitError as unfit:
-        return None, str(unfit)
+        return _group(study, number, reasons), reasons
     except FreeFloatError:  # which is the result of each run
-        return None, None
+        return None, reasons
 
 
-def _group(study: Study, number: int) -> Group:
-    content, parameters = study.content, study.parameters(number)
+def _group(study: Study, number: int, reasons: list[str]) -> Group | None:
+    """The group whose first run has a number, if any; adds to the reasons why runs are apart."""
+    parameters = study.parameters(number)
     own = {key: value for key, value in parameters.items() if not fits_ensembles(key)}
     own |= nominal_values(parameters, study.base)
     document = study.posed(with_values(study.base, own))
     scenario = scenario_from(document, study.base_source.absolute())
     problem = scenario.problem()
-    _require_fit(study, scenario, problem, parameters)
-    ranges, limited = has_ranges_and_limits(scenario)
-    attitude = joints = None
-    branch = content.branch if isinstance(content.branch, int) else None
-    unvaried = Unvaried.of(study) if content.branch is None else None
-    if unvaried is not None and unvaried.problem.model.arm_dof != problem.model.arm_dof:
-        raise _UnfitError("the unvaried robot has another number of joints")
-    if not any(key in parameters for key in START_KEYS):
-        heading = None if content.heading_deg is None else np.radians(content.heading_deg)
-        attitude = problem.attitude(content.attitude, heading=heading)
-        if not problem.branches(attitude):
-            raise _UnfitError("the arm does not reach the start of the path")
-        if unvaried is not None:
-            (joints,), unvaried = unvaried.joints_at(attitude[None], 1), None
-        if content.branch is None and (joints is None or not np.isfinite(joints).all()):
-            choice = branch_choice(
-                None, study.posed(study.base), problem, attitude, study.base_source.absolute()
-            )
-            branch, joints = choice.get("branch"), choice.get("joints")
-    elif content.branch is None and unvaried is None:
-        raise _UnfitError(
-            "limits choose the arm branch at each attitude, unless branch or search.joints does"
-        )
+    if not problem.model.has_one_arm:
+        reasons.append("several arms move")
+        return None
+    reasons += _unfit_values(study, scenario, problem, parameters)
+    start = _start_of(study, problem, parameters, reasons)
+    apart = bool(reasons)
+    limits, others = limits_of_runs(scenario, mounts=_mounts_vary(parameters))
+    if others:
+        shown = f"limits that only precise motions show ({', '.join(others)})"
+        reasons.append(f"{shown} are checked along these where all else is kept")
+    if apart:
+        return None
     group = Group(
-        study, problem, scenario.content.margin.fraction is not None, attitude, branch, joints,
-        unvaried, ranges, limited, False, _varied_robot(study, document, scenario),
+        study, problem, scenario.content.margin.fraction is not None, start, limits, others,
+        _varied_robot(study, document, scenario),
     )  # fmt: skip
     return replace(group, stricter=_begins_stricter(group, number))
 
 
-def _require_fit(
-    study: Study, scenario: Scenario, problem: Problem, parameters: Mapping[str, Any]
-) -> None:
-    """Raise an _UnfitError unless the varied values of a scenario can differ in an ensemble."""
-    timing, relative = scenario.content.timing, scenario.content.margin.fraction is not None
-    if not problem.model.has_one_arm:
-        raise _UnfitError("several arms move")
-    if "timing.duration" in parameters and (timing.stops or timing.speeds or problem.path.frame):
-        raise _UnfitError(
-            "timing.duration varies with stops, given speeds or a path on a moving body"
-        )
-    if "margin.value" in parameters and relative:
-        raise _UnfitError("margin.value varies beside margin.fraction")
-    if vary_robots(study.content.vary, study.variation.listed):  # of which these are others
-        if relative:
-            raise _UnfitError(
-                "the robot varies, and margin.fraction with it; margin.value would not"
+def _start_of(
+    study: Study, problem: Problem, parameters: Mapping[str, Any], reasons: list[str]
+) -> Start:
+    """How runs begin; adds why ensembles cannot, to the reasons."""
+    content = study.content
+    branch = content.branch if isinstance(content.branch, int) else None
+    unvaried = Unvaried.of(study) if content.branch is None else None
+    if unvaried is not None and unvaried.problem.model.arm_dof != problem.model.arm_dof:
+        reasons.append("the unvaried robot has another number of joints")
+    elif any(key in parameters for key in START_KEYS):
+        if content.branch is None and unvaried is None:
+            reasons.append(
+                "limits that only precise motions show choose the arm branch at each attitude, "
+                "unless branch or search.joints does"
             )
-        frame = scenario.content.path.frame
-        if isinstance(frame, PathFrame) and frame is not PathFrame.INERTIAL:
-            raise _UnfitError(f"the robot varies, and with it the path in the {frame} frame")
+        return Start(branch=branch, unvaried=unvaried)
+    heading = None if content.heading_deg is None else np.radians(content.heading_deg)
+    attitude = problem.attitude(content.attitude, heading=heading)
+    if not problem.branches(attitude):
+        reasons.append("the arm does not reach the start of the path")
+    if reasons:
+        return Start(attitude)
+    joints = None
+    if unvaried is not None:
+        (joints,) = unvaried.joints_at(attitude[None], 1)
+    if content.branch is None and (joints is None or not np.isfinite(joints).all()):
+        choice = branch_choice(
+            None, study.posed(study.base), problem, attitude, study.base_source.absolute()
+        )
+        branch, joints = choice.get("branch"), choice.get("joints")
+    return Start(attitude, branch, joints)
+
+
+def _unfit_values(
+    study: Study, scenario: Scenario, problem: Problem, parameters: Mapping[str, Any]
+) -> Iterator[str]:
+    """Yield why the varied values of a scenario cannot differ in an ensemble."""
+    content, relative = scenario.content, scenario.content.margin.fraction is not None
+    timed = content.timing.stops or content.timing.speeds or problem.path.frame
+    if "timing.duration" in parameters and timed:
+        yield "timing.duration varies with stops, given speeds or a path on a moving body"
+    if "margin.value" in parameters and relative:
+        yield "margin.value varies beside margin.fraction"
+    if relative and vary_robots(study.content.vary, study.variation.listed):
+        yield "the robot varies, and with fraction_of: run the margin with it"
+    frame = content.path.frame
+    turned = _moves_with_robot(scenario) and frame is not PathFrame.SPACECRAFT
+    if turned and _mounts_vary(parameters):
+        yield f"the mount varies, and with it the {frame} frame of the path"
     if "heading_deg" in parameters and not problem.task.planar:
-        raise _UnfitError("heading_deg varies, but the task is not planar")
+        yield "heading_deg varies, but the task is not planar"
+
+
+def _mounts_vary(parameters: Mapping[str, Any]) -> bool:
+    return any(key.startswith("robot.spacecraft.mount.") for key in parameters)
 
 
 def _varied_robot(study: Study, document: dict[str, Any], scenario: Scenario) -> VariedRobot:
@@ -258,4 +276,13 @@ def _varied_robot(study: Study, document: dict[str, Any], scenario: Scenario) ->
             own[SCALE_MASS] = 1.0
         return scenario_from(with_values(document, own), study.base_source.absolute()).model()
 
-    return VariedRobot(scenario.model(), scenario.content.robot, model_of)
+    model, search, present = scenario.model(), scenario.search(), None
+    if _moves_with_robot(scenario) and search.joints is not None:  # without, there is no path
+        attitude = UPRIGHT if search.from_attitude is None else search.from_attitude
+        present = attitude, model.joint_vector(search.joints)
+    return VariedRobot(model, scenario.content.robot, model_of, present)
+
+
+def _moves_with_robot(scenario: Scenario) -> bool:
+    """Whether the path is stated in the frame of the spacecraft, of the base, or of a link."""
+    return scenario.content.path.frame not in (PathFrame.INERTIAL, *scenario.scene().names)

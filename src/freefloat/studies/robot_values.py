@@ -88,11 +88,14 @@ class VariedRobot:
         model: The robot with nominal values.
         section: Its section in the scenario.
         model_of: Builds the model of a run.
+        present: Attitude and joints in whose spacecraft frame the path is stated; None for a path
+            that does not depend on the robot.
     """
 
     model: FreeFloatingModel
     section: RobotSection
     model_of: Callable[[int], FreeFloatingModel]
+    present: tuple[Array, Array] | None
 
     def robots(
         self, values: Mapping[str, Column], numbers: IntArray
@@ -132,7 +135,7 @@ class VariedRobot:
             self.model, numbers, self.model_of, factors=factors, rows=rows,
             mounts=self._mounts(fields, count),
         )  # fmt: skip
-        return robots, fits
+        return robots if self.present is None else robots.with_paths_from(*self.present), fits
 
     @property
     def _links(self) -> dict[str, str]:

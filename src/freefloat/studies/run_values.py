@@ -44,14 +44,13 @@ def fits_ensembles(key: str) -> bool:
     return key in named or component or is_robot_key(key)
 
 
-def why_alone(study: Study) -> str | None:
-    """Why all runs of a study are executed one by one, whatever its scenario; None else."""
+def why_alone(study: Study) -> list[str]:
+    """Why all runs of a study are executed one by one, whatever its scenario."""
     if study.content.command is not Command.SIMULATE:
-        return f"the command is {study.content.command}"
-    for key in study.content.vary.keys() - study.variation.listed.keys():
-        if not fits_ensembles(key):
-            return f"{key} varies at random, which ensembles do not"
-    return "the files of all runs are kept" if study.kept_files >= study.count else None
+        return [f"the command is {study.content.command}"]
+    random = [key for key in study.content.vary if key not in study.variation.listed]
+    reasons = [f"{key} varies at random" for key in random if not fits_ensembles(key)]
+    return reasons + ["the files of all runs are kept"] * (study.kept_files >= study.count)
 
 
 def group_numbers(study: Study) -> IntArray:
@@ -61,7 +60,7 @@ def group_numbers(study: Study) -> IntArray:
     no ensemble represents, and of studies that keep the file of every run.
     """
     alone = np.full(study.count, -1)
-    if why_alone(study) is not None:
+    if why_alone(study):
         return alone
     listed, places = study.variation.listed, study.variation.places(0, study.count)
     groups = np.zeros(study.count, dtype=np.int64)

@@ -123,7 +123,7 @@ def run_in_stages(
             with stages(runs_text(study.count)) as progress:
                 tally = Tally(study.count, database.rows, until, progress)
                 before = tally.done
-                if before < study.count and not _vary_robots(study):
+                if before < study.count and not study.varies_robot:
                     _require_robot(study)  # whose error is one of every run
                 sent = PortableStudy(study, () if scheduler is None else files)
                 count = workers or available_cores()
@@ -151,10 +151,6 @@ def _require_robot(study: Study) -> None:
     """Raise an InputError unless the robot of the base scenario can be read."""
     data, source = {"robot": study.base.get("robot")}, study.base_source
     validated(RobotFile, data, source).robot.to_model(source)
-
-
-def _vary_robots(study: Study) -> bool:
-    return any(key.split(".")[0] == "robot" for key in study.content.vary)
 
 
 @dataclass(frozen=True, eq=False)

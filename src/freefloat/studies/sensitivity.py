@@ -95,7 +95,7 @@ def sensitivities(study: Study) -> list[Sensitivity]:
     """Sobol indices of the keys of a study, for the minimum margin and for feasibility.
 
     They are those of 2,048 pairs of draws and their mixtures, integrated beside the runs of the
-    study. Those so near to margin or joint range that a precise motion would decide count as they
+    study. Those so near to margin or limits that a precise motion would decide count as they
     are. Empty for studies that ensembles do not decide, or that list values; without those of
     feasibility where limits need precise motions, and of what does not vary.
     """
@@ -113,7 +113,7 @@ def sensitivities(study: Study) -> list[Sensitivity]:
     known[numbers] = motions.reached & ~motions.failed
     used = known.reshape(-1, _PAIRS).all(axis=0)
     quantities = {MARGIN: motions.minimum_margins}
-    if not group.limited:
+    if not group.others:
         quantities[FEASIBILITY] = group.are_feasible(motions).astype(float)
     results = []
     for quantity, found in quantities.items():

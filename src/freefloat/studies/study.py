@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from freefloat.errors import FreeFloatError
+from freefloat.dynamics.measures import singularity_measure
+from freefloat.dynamics.tasks import Task
+from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.scenario.field_types import Name, Number, Quaternion, Section, Seed
+from freefloat.io.scenario.robot_section import RobotFile
 from freefloat.io.scenario.scenario import Scenario
+from freefloat.io.scenario.schema import ScenarioFile
+from freefloat.io.scenario.yaml import validated
 from freefloat.limits.kinds.clearance import have_shapes
 from freefloat.limits.values import OFF
+from freefloat.singularities.global_maximum import largest_magnitude
 from freefloat.studies.document import scenario_from, with_values
 from freefloat.studies.sampling import Count, ValuesSection
 from freefloat.studies.track_section import TRACK, TrackSection
@@ -147,12 +154,28 @@ class Study:
             return None
         return _CONTACT_UNCHECKED if touching else None
 
+    @property
+    def varies_robot(self) -> bool:
+        """Whether a key of the robot varies."""
+        return any(key.split(".")[0] == "robot" for key in self.content.vary)
+
     def posed(self, document: dict[str, Any]) -> dict[str, Any]:
         """The data of a scenario as runs pose it.
 
-        Simulations do not consider contact unless a clearance is stated: ensembles know none.
+        Simulations do not consider contact unless a clearance is stated: ensembles know none. Where
+        robots vary, a fraction of the largest measure of the base scenario's robot is a value.
+
+        Raises:
+            InputError: If there is such a fraction, and a value is not accepted.
         """
-        limits = document.get("limits") or {}
+        margin, limits = document.get("margin"), document.get("limits") or {}
+        if self.varies_robot and isinstance(margin, dict) and margin.get("fraction") is not None:
+            content = validated(ScenarioFile, document, self.base_source).margin
+            if content.fraction is not None and content.fraction_of != "run":
+                robot = json.dumps(self.base.get("robot"))
+                largest = _largest(robot, document["task"], content.measure, self.base_source)
+                value = content.fraction * largest
+                document = document | {"margin": {"measure": content.measure, "value": value}}
         simulated = self.content.command is Command.SIMULATE
         if not simulated or not isinstance(limits, dict) or _states_clearance(limits):
             return document
@@ -190,6 +213,18 @@ class Study:
     def tracking(self, number: int) -> dict[str, Any]:
         """The arguments of :func:`~freefloat.verification.tracking.track` in a run."""
         return self.content.track.with_values(self.parameters(number))
+
+
+@lru_cache(maxsize=8)
+def _largest(robot: str, task: str, measure: str, source: Path) -> float:
+    """Largest magnitude of a measure of the robot whose section is a JSON text."""
+    try:
+        section = validated(RobotFile, {"robot": json.loads(robot)}, source).robot
+        model = section.to_model(source.absolute())
+    except InputError as error:
+        problem = f"the base scenario has no robot: {error.key}: {error.problem}"
+        raise InputError("margin.fraction", problem, "fraction_of: run, or value") from None
+    return largest_magnitude(model, Task(task), singularity_measure(model, Task(task), measure))
 
 
 def _states_clearance(limits: Any) -> bool:

@@ -6,24 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from freefloat.ensemble.disturbed_motions import (
-    SAFE_RANGE,
-    STRICT_SAFE_RANGE,
-    integrate_disturbed,
-)
-from freefloat.ensemble.endings import NORMAL
+from freefloat.ensemble.disturbed_motions import integrate_disturbed
 from freefloat.ensemble.equivalence import equivalents
-from freefloat.ensemble.many_motions import ManyMotions
+from freefloat.ensemble.known_limits import KnownLimits
 from freefloat.io.scenario.scenario import Scenario
-from freefloat.limits.limits import GIVEN
+from freefloat.limits.limits import GIVEN, Limits
+from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
-from freefloat.robot.joint_ranges import largest_range_ratio
-from freefloat.so3 import Array, BoolArray
+from freefloat.so3 import Array
 from freefloat.studies.document import scenario_from
 from freefloat.studies.study import Study
 
-_OUTSIDE = 1.001
-"""Fraction of a joint range beyond which values at the steps show that it is left."""
+_ENSEMBLES_KNOW = ("joint_rate", "base_turn", "pointing")
+"""Limits that ensembles know beside the joint ranges."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,21 +27,21 @@ class Unvaried:
 
     Attributes:
         problem: The base scenario's problem, which may have ``start_joints``.
-        ranges: Whether the choice of its motion depends on joint ranges.
+        limits: Those on which the choice of its motion depends; None where it depends on none.
     """
 
     problem: Problem
-    ranges: bool
+    limits: KnownLimits | None
 
     @classmethod
     def of(cls, study: Study) -> Unvaried | None:
         """That of a study; None where limits choose the motion, which only precise ones show."""
         scenario = scenario_from(study.posed(study.base), study.base_source.absolute())
         problem = scenario.search().applied_to(scenario.problem())
-        ranges, limited = has_ranges_and_limits(scenario)
         if problem.start_joints is not None:
-            return cls(problem, False)
-        return None if limited else cls(problem, ranges)
+            return cls(problem, None)
+        limits, others = limits_of_runs(scenario)
+        return None if others or not problem.model.has_one_arm else cls(problem, limits)
 
     def joints_at(self, attitudes: Array, threads: int) -> Array:
         """Initial joint values of its motions from attitudes (K, 4).
@@ -62,35 +57,39 @@ class Unvaried:
             begun[np.nonzero(sets.exist)[0]] = sets.joints[sets.exist]
         motions = integrate_disturbed(
             equivalents(self.problem.replace(start_joints=None), len(attitudes)), attitudes,
-            required, joints=begun, threads=threads, ranges=self.ranges,
+            required, joints=begun, threads=threads, limits=self.limits,
         )  # fmt: skip
-        if not self.ranges:
+        if self.limits is None:
             return motions.joints
-        decided = keeps_ranges(self.problem, motions) | ~motions.feasible
-        return np.where(decided[:, None], motions.joints, np.nan)
+        certain = self.limits.are_certain(motions.ratios, motions.deciders)
+        return np.where((certain | ~motions.feasible)[:, None], motions.joints, np.nan)
 
 
-def keeps_ranges(problem: Problem, motions: ManyMotions) -> BoolArray:
-    """Whether motions keep their joint ranges by more than an ensemble's errors, shape (K,)."""
-    safe = np.where(motions.deciders == NORMAL, SAFE_RANGE, STRICT_SAFE_RANGE)
-    return np.asarray(range_ratios(problem, motions) <= safe)
+def limits_of_runs(
+    scenario: Scenario, *, mounts: bool = False
+) -> tuple[KnownLimits, tuple[str, ...]]:
+    """The limits of a scenario that ensembles know, and the names of the others.
+
+    Args:
+        scenario: The scenario.
+        mounts: Whether mounts vary, so that axes of the arm's first link do.
+    """
+    limits, problem, known = scenario.limits(), scenario.problem(), list(_ENSEMBLES_KNOW)
+    if mounts:
+        known.remove("pointing")
+    others = [name for name in _given(limits) if name not in known]
+    if problem.scene.corridor is not None:
+        others.append("corridor")
+    attitude = AttitudeLimits(
+        pointing=() if mounts else limits.pointing, base_turn=limits.base_turn
+    )
+    return KnownLimits(problem.model, limits.joint_rate, attitude), tuple(others)
 
 
-def leaves_ranges(problem: Problem, motions: ManyMotions) -> BoolArray:
-    """Whether motions leave their joint ranges, by more than an ensemble's errors, shape (K,)."""
-    return np.asarray(range_ratios(problem, motions) > _OUTSIDE)
-
-
-def range_ratios(problem: Problem, motions: ManyMotions) -> Array:
-    """Ratios of joint ranges that motions use, at the integrator's steps, shape (K,)."""
-    return largest_range_ratio(problem.model.joint_ranges, motions.lower, motions.upper)
-
-
-def has_ranges_and_limits(scenario: Scenario) -> tuple[bool, bool]:
-    """Whether the joints of a scenario have ranges, and whether anything else is limited."""
-    problem = scenario.problem()
-    ranges = bool(np.isfinite(problem.model.joint_ranges).any())
-    limits = scenario.limits()
-    bounds = [bound for kind in GIVEN if (bound := getattr(limits, kind.name)) is not None]
-    given = any(np.size(bound) > 0 and not isinstance(bound, str) for bound in bounds)
-    return ranges, given or problem.scene.corridor is not None
+def _given(limits: Limits) -> list[str]:
+    """The names of limits that have a bound."""
+    bounds = {kind.name: getattr(limits, kind.name) for kind in GIVEN}
+    return [
+        name for name, bound in bounds.items()
+        if bound is not None and np.size(bound) > 0 and not isinstance(bound, str)
+    ]  # fmt: skip

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from freefloat.dynamics.joint_space import largest_measure
-from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.system import System
 from freefloat.errors import InputError
@@ -42,7 +41,7 @@ from freefloat.robot.bundled import find_scenario
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.source import RobotSource
 from freefloat.scene.scene import Scene
-from freefloat.singularities.global_maximum import guaranteed_magnitude
+from freefloat.singularities.global_maximum import largest_magnitude
 from freefloat.so3 import Array, Pose, frozen, unit_quaternion
 
 
@@ -110,7 +109,7 @@ class Scenario(PlannedScenario):
             with file_keys(measure="margin.measure"):
                 measure = singularity_measure(model, content.task, content.margin.measure)
             if content.margin.fraction is not None:
-                value = content.margin.fraction * self._largest_measure(measure)
+                value = content.margin.fraction * largest_magnitude(model, content.task, measure)
             redundancy = None
             if content.redundancy is not None:
                 redundancy = Redundancy(**content.redundancy.model_dump(exclude_none=True))
@@ -170,13 +169,6 @@ class Scenario(PlannedScenario):
                 return None
             self.model().require_one_arm("motions to a goal")
             return section.to_goal(self.model())
-
-    def _largest_measure(self, measure: SingularityMeasure) -> float:
-        """Largest magnitude of a measure, guaranteed for det A unless the arm is redundant."""
-        model, task = self.model(), self.content.task
-        if measure.name == "system" and model.has_one_arm and model.dof == len(task.rows):
-            return guaranteed_magnitude(model, task, measure.name).value
-        return largest_measure(model, measure)
 
     def search(self) -> Search:
         """The search for a plan.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
@@ -50,8 +50,17 @@ class MarginSection(Section):
     """Smallest allowed magnitude of the measure."""
     fraction: Annotated[float, Field(strict=True, ge=0.0, lt=1.0)] | None = None
     """The same as a fraction of the largest magnitude of the measure over the joint space."""
+    fraction_of: Literal["base", "run"] | None = None
+    """In studies, whose largest magnitude: that of the robot of the ``base`` scenario, or of the
+    robot of each ``run``. For a single scenario both are the same. Default: base."""
 
     _exactly_one = exactly_one_of("value", "fraction")
+
+    @model_validator(mode="after")
+    def _of_a_fraction(self) -> MarginSection:
+        if self.fraction_of is not None and self.fraction is None:
+            raise ValueError("no fraction_of, where value is given in place of fraction")
+        return self
 
 
 class RedundancySection(Section):

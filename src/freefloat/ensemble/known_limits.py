@@ -1,0 +1,115 @@
+"""Limits that motions of an ensemble show to be kept or violated, and by how much."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.ensemble.result import EnsembleResult
+from freefloat.motion.pointing import AttitudeLimits, Keep
+from freefloat.robot.joint_ranges import largest_range_ratio, shifts_into_ranges
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, BoolArray
+
+_ERRORS = np.array([1e-4, 1e-6, 1e-8, 1e-8])
+"""Errors of the angles of compiled motions [rad], by the code of what decided them."""
+_SAMPLED = np.array([0.1, 0.03, 0.01, 0.01])
+"""How far the largest ratios of ranges and rates may be above those at the integrator's steps."""
+_RATE = 0.1
+"""Joint rate relative to its limit that an error of one radian changes by that error, at most."""
+
+
+class _Entry(NamedTuple):
+    """Ratios of a limit, the angle [rad] that changes them by 1, and whether steps show them."""
+
+    ratios: Callable[[EnsembleResult, Array], Array]
+    angle: float
+    sampled: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class KnownLimits:
+    """Limits whose ratios ensembles know; joint ranges are those of the robot.
+
+    Attributes:
+        model: The robot, whose arm follows the path.
+        joint_rate: Largest magnitudes [rad/s or m/s], shape (n,); None without limit.
+        attitude: Limits of attitude.
+    """
+
+    model: FreeFloatingModel
+    joint_rate: Array | None
+    attitude: AttitudeLimits
+
+    @cached_property
+    def _entries(self) -> dict[str, _Entry]:
+        """What is known of each limit, in the order in which limits are checked."""
+        (lower, upper), entries = self.model.joint_ranges, dict[str, _Entry]()
+        if np.isfinite([lower, upper]).any():
+            width = min(1.0, float((upper - lower).min()) / 2.0)
+            entries["joint_range"] = _Entry(self._range_ratios, width, sampled=True)
+        if self.joint_rate is not None:
+            entries["joint_rate"] = _Entry(self._rate_ratios, _RATE, sampled=True)
+        if self.attitude.base_turn is not None:
+            entries["base_turn"] = _Entry(self._turn_ratios, self.attitude.base_turn)
+        if self.attitude.pointing:
+            angle = min(limit.angle for limit in self.attitude.pointing)
+            entries["pointing"] = _Entry(self._pointing_ratios, angle)
+        return entries
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Their names in results."""
+        return tuple(self._entries)
+
+    def ratios(self, motions: EnsembleResult, stretches: Array) -> Array:
+        """Ratios of the limits, 1 where one is just kept, shape (K, L).
+
+        Args:
+            motions: Motions of an ensemble with these limits of attitude.
+            stretches: Times of the motions that they stand for over theirs, shape (K,).
+        """
+        ratios = np.empty((len(stretches), len(self._entries)))
+        for column, entry in zip(ratios.T, self._entries.values(), strict=True):
+            column[:] = entry.ratios(motions, stretches)
+        return ratios
+
+    def are_certain(self, ratios: Array, deciders: npt.NDArray[np.int8]) -> BoolArray:
+        """Whether errors change no verdict on a limit, for what decided the motions, (K,)."""
+        certain = np.ones(len(ratios), dtype=bool)
+        for column, entry in zip(ratios.T, self._entries.values(), strict=True):
+            error = _ERRORS[deciders] / entry.angle
+            above = _SAMPLED[deciders] * entry.sampled
+            certain &= (column <= 1.0 - error - above) | (column > 1.0 + error)
+        return certain
+
+    def _range_ratios(self, motions: EnsembleResult, _: Array) -> Array:
+        shifts = shifts_into_ranges(self.model, motions.lower, motions.upper)
+        ranges = self.model.joint_ranges
+        return largest_range_ratio(ranges, motions.lower + shifts, motions.upper + shifts)
+
+    def _rate_ratios(self, motions: EnsembleResult, stretches: Array) -> Array:
+        return motions.rate_usage(np.asarray(self.joint_rate)) / stretches
+
+    def _turn_ratios(self, motions: EnsembleResult, _: Array) -> Array:
+        half = float(self.attitude.base_turn or 0.0) / 2.0
+        cosines = np.cos(half) + motions.slacks[:, -1]
+        return np.asarray(np.arccos(np.clip(cosines, -1.0, 1.0)) / half)
+
+    def _pointing_ratios(self, motions: EnsembleResult, _: Array) -> Array:
+        """Those of the axes that are nearest to the edges of their cones, or farthest beyond."""
+        limits = self.attitude.pointing
+        angles = np.array([limit.angle for limit in limits])
+        inside = np.array([limit.keep is Keep.INSIDE for limit in limits])
+        slacks = motions.slacks[:, : len(limits)]
+        cosines = np.cos(angles) + np.where(inside, slacks, -slacks)
+        found = np.arccos(np.clip(cosines, -1.0, 1.0))
+        nearest = np.where(inside, angles - found, found - angles).argmin(axis=1)
+        with np.errstate(divide="ignore"):
+            ratios = np.where(inside, found / angles, angles / found)
+        return np.asarray(np.take_along_axis(ratios, nearest[:, None], axis=1)[:, 0])

@@ -1,0 +1,223 @@
+"""Studies of scenarios with a fraction, a path in the spacecraft's frame and limits: on ensembles.
+
+Rows are compared with ``ff.simulate`` of the posed scenario.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import freefloat as ff
+from freefloat.studies.estimate import why_run_by_run
+from freefloat.studies.runner import run_study
+from freefloat.studies.study import Study
+from tests.commands import document, run
+from tests.example_studies import BASE as PLANAR
+from tests.example_studies import a_study
+
+pytestmark = [pytest.mark.usefixtures("kernels"), pytest.mark.slow]
+
+ATTITUDE = [0.1, 0.2, 0.3, 0.9273618495495704]
+BASE: dict[str, Any] = {
+    "robot": {
+        "urdf": "example-robot-data:ur5", "end_effector": "tool0",
+        "spacecraft": {"mass": 200, "inertia": [35, 35, 35], "mount": {"xyz": [0, 0, 0.5]}},
+    },
+    "task": "pose",
+    "path": {
+        "frame": "spacecraft", "line": {"from": [0.6, 0.1, 0.9], "to": [0.35, 0.35, 1.0]},
+        "attitude": {"fixed": {"rpy": [0, 1.5707963268, 0]}},
+    },
+    "timing": {"duration": 20},
+    "margin": {"measure": "gjm", "fraction": 0.2},
+    "search": {"joints": [0.3, -1.2, 1.4, -0.2, 1.3, 0.2], "from_attitude": ATTITUDE},
+}  # fmt: skip
+VARY: dict[str, Any] = {
+    "robot.spacecraft.mass": {"uniform": [150, 250]},
+    "momentum": {"uniform": [[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]]},
+    "timing.duration": {"uniform": [15, 30]},
+}
+LINKS: dict[str, Any] = {
+    "robot.scale_mass.forearm_link": {"uniform": [0.5, 2.0]},
+    "robot.spacecraft.com": {"uniform": [[-0.1, -0.1, -0.1], [0.1, 0.1, 0.1]]},
+    "attitude": {"so3": {"center": ATTITUDE, "angle_deg": 10.0}},
+}
+LIMITS: dict[str, Any] = {
+    "joint_rate": 0.1, "base_turn_deg": 15.0,
+    "pointing": [{"body": "spacecraft", "axis": [0, 0, 1], "angle_deg": 20.0, "keep": "outside",
+                  "target": {"direction": [0.63, 0.28, 0.73]}},
+                 {"body": "forearm_link", "axis": [1, 0, 0], "angle_deg": 120.0,
+                  "target": {"point": [2.0, 1.0, 1.0]}}],
+}  # fmt: skip
+DRIFTS: dict[str, Any] = {"drift": {"uniform": [[-0.01, -0.01, -0.01], [0.01, 0.01, 0.01]]}}
+MOUNTS: dict[str, Any] = {
+    "robot.spacecraft.mount.xyz.2": {"uniform": [0.45, 0.55]},
+    "robot.spacecraft.mount.rpy.1": {"uniform": [-0.05, 0.05]},
+}
+
+
+def a_spatial_study(folder: Path, vary: dict[str, Any], **keys: Any) -> Study:
+    start = {} if "attitude" in vary else {"attitude": ATTITUDE}
+    defaults = {"base": BASE, "cases": 40, "files": "none", "heading_deg": None}
+    return a_study(folder, vary, **(defaults | start | keys))
+
+
+def rows_and_simulations(
+    study: Study, folder: Path, apart: int
+) -> tuple[list[dict[str, Any]], list[tuple[dict[str, Any], ff.Simulation]]]:
+    """All rows, and some of those that ensembles decided with precise motions of the same runs."""
+    rows = list(run_study(study, folder, workers=1, report=False).rows)
+    decided = [row for row in rows if str(row["decided_by"]).startswith("ensemble")]
+    pairs = []
+    for row in decided[::apart]:
+        number = row["number"]
+        start = {"attitude": [row[f"attitude.{axis}"] for axis in "xyzw"], "branch": row["branch"]}
+        pairs.append((row, ff.simulate(study.scenario(number).problem(), **start)))
+    return rows, pairs
+
+
+def assert_same(row: dict[str, Any], simulation: ff.Simulation) -> None:
+    """Verdicts are equal, values within 1e-4."""
+    chosen = simulation.chosen
+    assert row["verdict"] == ("feasible" if simulation.feasible else "infeasible")
+    assert row["completed"] == chosen.motion.completed
+    assert row["margin"] == pytest.approx(chosen.minimum_margin, rel=1e-4)
+    assert row["margin_required"] == pytest.approx(simulation.problem.margin.threshold, rel=1e-12)
+    initial = chosen.motion.initial.joints.tolist()
+    joints = [row[f"joints.{k}"] for k in range(len(initial))]
+    assert joints == pytest.approx(initial, abs=1e-9)
+    if not chosen.motion.completed:
+        return
+    for result in simulation.limit_results:
+        if (ratio := row.get(f"limits.{result.limit}")) is not None:
+            at_steps = result.limit in ("joint_range", "joint_rate")
+            assert ratio == pytest.approx(result.ratio, rel=0.03 if at_steps else 1e-4)
+    if chosen.feasible:
+        names = ", ".join(result.limit for result in simulation.limit_results if not result.kept)
+        assert row["reason"] == (f"Limits are not kept: {names}." if names else "")
+        assert row["limits_kept"] is (not names)
+
+
+@pytest.mark.parametrize(
+    ("vary", "frame", "keys"),
+    [
+        (VARY, "spacecraft", {}),
+        (VARY | LINKS, "base_link", {}),
+        (LINKS | MOUNTS, "spacecraft", {"branch": 1}),
+        (LINKS | MOUNTS, "spacecraft", {"branch": "best"}),
+    ],
+)
+def test_paths_in_the_frame_of_the_spacecraft_begin_where_each_robot_has_it(
+    vary: dict[str, Any], frame: str, keys: dict[str, Any], tmp_path: Path
+) -> None:
+    path = BASE["path"] | {"frame": frame}
+    if frame != "spacecraft":
+        path |= {"line": {"from": [0.6, 0.1, 0.4], "to": [0.35, 0.35, 0.5]}}
+    study = a_spatial_study(tmp_path, vary, base=BASE | {"path": path}, **keys)
+    assert why_run_by_run(study) is None
+    rows, pairs = rows_and_simulations(study, tmp_path / "out", 5)
+    assert {str(row["decided_by"]).split()[0] for row in rows} == {"ensemble"}
+    for row, simulation in pairs:
+        assert_same(row, simulation)
+
+
+def test_paths_in_frames_that_turn_with_a_mount_go_run_by_run(tmp_path: Path) -> None:
+    base = BASE | {"path": BASE["path"] | {"frame": "base"}}
+    assert "mount" in str(why_run_by_run(a_spatial_study(tmp_path, MOUNTS, base=base)))
+
+
+@pytest.mark.parametrize(
+    ("vary", "keys"),
+    [
+        (VARY, {}),
+        (VARY | LINKS | DRIFTS, {}),
+        (VARY | LINKS, {"branch": "best"}),
+    ],
+)
+def test_rates_turn_and_pointing_are_limited_without_precise_motions(
+    vary: dict[str, Any], keys: dict[str, Any], tmp_path: Path
+) -> None:
+    """All verdicts occur; runs on their own are those near to a limit."""
+    base = BASE | {"limits": LIMITS}
+    study = a_spatial_study(tmp_path, vary, base=base, cases=200, **keys)
+    assert why_run_by_run(study) is None
+    rows, pairs = rows_and_simulations(study, tmp_path / "out", 10)
+    reasons = " ".join({row["reason"] for row in rows})
+    for name in ("joint_rate", "base_turn", "pointing", "margin"):
+        assert name in reasons
+    assert any(row["verdict"] == "feasible" for row in rows)
+    for row in rows:
+        if row["decided_by"] == "motion":
+            ratios = [row[f"limits.{name}"] for name in ("joint_rate", "base_turn", "pointing")]
+            assert min(abs(ratio - 1.0) for ratio in ratios) < 0.03
+    for row, simulation in pairs:
+        assert_same(row, simulation)
+
+
+def test_limits_of_planar_arms_and_those_that_only_precise_motions_show(tmp_path: Path) -> None:
+    """Runs that violate what ensembles know need no precise motion, others do."""
+    limits = {"joint_rate": 0.07, "base_turn_deg": 40.0, "joint_torque": 0.5}
+    vary = {"momentum.2": {"uniform": [-1.0, 1.5]}, "timing.duration": {"uniform": [50, 200]},
+            "heading_deg": {"uniform": [130.0, 230.0]}}  # fmt: skip
+    study = a_study(tmp_path, vary, base=PLANAR | {"limits": limits}, cases=60, files="none",
+                    branch=1)  # fmt: skip
+    reason = str(why_run_by_run(study))
+    assert "joint_torque" in reason
+    assert "joint_rate" not in reason
+    rows, pairs = rows_and_simulations(study, tmp_path / "out", 2)
+    assert {row["decided_by"] for row in rows} > {"motion"}
+    for row in rows:
+        kept = row["completed"] and row["margin"] >= row["margin_required"]
+        if row["decided_by"] != "motion" and kept:
+            assert max(row["limits.joint_rate"], row["limits.base_turn"]) > 1.0
+            assert row["limits_kept"] is False
+    for row, simulation in pairs:
+        assert row["verdict"] == ("feasible" if simulation.feasible else "infeasible")
+
+
+def test_limits_choose_the_arm_branch_of_the_unvaried_motion_at_each_heading(
+    tmp_path: Path,
+) -> None:
+    limits = {"joint_rate": 0.05, "base_turn_deg": 40.0}
+    vary = {"momentum.2": {"uniform": [0.0, 1.0]}, "heading_deg": {"uniform": [130.0, 230.0]}}
+    base = PLANAR | {"limits": limits}
+    study = a_study(tmp_path, vary, base=base, cases=100, files="none")
+    assert why_run_by_run(study) is None
+    rows = list(run_study(study, tmp_path / "out", workers=1, report=False).rows)
+    assert sum(row["decided_by"] == "motion" for row in rows) < 10
+    unvaried, chosen = ff.load_scenario(tmp_path / "base.yaml").problem(), set()
+    for row in rows[::10]:
+        heading = np.radians(row["heading_deg"])
+        base_motion = ff.simulate(unvaried, heading=heading)
+        expected = base_motion.chosen.branch.index
+        problem = study.scenario(row["number"]).problem()
+        own = ff.simulate(problem, heading=heading, branch=expected)
+        assert row["branch"] == expected
+        assert row["verdict"] == ("feasible" if own.feasible else "infeasible")
+        chosen.add(expected)
+    assert len(chosen) == 2
+
+
+def test_all_reasons_are_said_together(tmp_path: Path) -> None:
+    """Several of them, in the JSON document, the table and the first line of a run."""
+    margin = BASE["margin"] | {"fraction_of": "run"}
+    base = BASE | {"path": BASE["path"] | {"frame": "base"}, "margin": margin,
+                   "limits": {"joint_torque": 10.0, "clearance": 0.01}}  # fmt: skip
+    study = a_spatial_study(tmp_path, VARY | MOUNTS, base=base, cases=16)
+    words = ("fraction_of", "mount", "clearance", "joint_torque")
+    file = tmp_path / "study.yaml"
+    answers = [
+        str(why_run_by_run(study)), run("batch", file, "--dry-run").stdout,
+        document("batch", file, "--dry-run")["run_by_run"],
+    ]  # fmt: skip
+    for answer in answers:
+        assert [word for word in words if word not in answer] == []
+    random = a_spatial_study(tmp_path, VARY | {"path.line.to.0": {"uniform": [0.3, 0.35]}},
+                             base=base, files="all")  # fmt: skip
+    reason = str(why_run_by_run(random))
+    words = ("path.line.to.0", "files", "fraction_of", "clearance")
+    assert [word for word in words if word not in reason] == []
