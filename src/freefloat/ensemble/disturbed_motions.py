@@ -50,8 +50,8 @@ end so and are slower none passes with exact numbers, of 860 faster ones 21."""
 _SINGULAR_RATIO, _PLANAR_RATIO = 1e-3, 0.1
 """Smallest over largest det S* below which errors of the minimum are large, in space and plane."""
 SAFE_RANGE, STRICT_SAFE_RANGE = 0.9, 0.99
-"""Fractions of joint ranges within which values at the steps of an ensemble, and of one at the
-strict tolerance, show that the ranges are kept."""
+"""Fractions of joint ranges within which extreme values of an ensemble, and of one at the strict
+tolerance, show that the ranges are kept."""
 _EQUAL = 1e-4
 """Relative difference of margins that errors of the ensemble may cause."""
 _FIRST_PASS = 0.8
@@ -210,7 +210,7 @@ def _best(owners: IntArray, motions: EnsembleResult, preferred: BoolArray, count
 
 
 def _range_ratios(problem: Problem, motions: EnsembleResult) -> Array:
-    """Ratios of joint ranges at the integrator's steps, shape (K,)."""
+    """Ratios of joint ranges that motions use, shape (K,)."""
     shifts = shifts_into_ranges(problem.chain(), motions.lower, motions.upper)
     ranges = problem.model.joint_ranges
     return largest_range_ratio(ranges, motions.lower + shifts, motions.upper + shifts)
