@@ -18,18 +18,15 @@ from freefloat.so3 import Array, BoolArray
 
 _ERRORS = np.array([1e-4, 1e-6, 1e-8, 1e-8])
 """Errors of the angles of compiled motions [rad], by the code of what decided them."""
-_SAMPLED = np.array([0.1, 0.03, 0.01, 0.01])
-"""How far the largest ratios of ranges and rates may be above those at the integrator's steps."""
 _RATE = 0.1
-"""Joint rate relative to its limit that an error of one radian changes by that error, at most."""
+"""Error of angles [rad] that changes rates, relative to their limits, by 1 at most."""
 
 
 class _Entry(NamedTuple):
-    """Ratios of a limit, the angle [rad] that changes them by 1, and whether steps show them."""
+    """Ratios of a limit, and the angle [rad] that changes them by 1."""
 
     ratios: Callable[[EnsembleResult, Array], Array]
     angle: float
-    sampled: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +36,13 @@ class KnownLimits:
     Attributes:
         model: The robot, whose arm follows the path.
         joint_rate: Largest magnitudes [rad/s or m/s], shape (n,); None without limit.
+        base_rate: Largest magnitude of the spacecraft's angular velocity [rad/s]; None without.
         attitude: Limits of attitude.
     """
 
     model: FreeFloatingModel
     joint_rate: Array | None
+    base_rate: float | None
     attitude: AttitudeLimits
 
     @cached_property
@@ -52,9 +51,11 @@ class KnownLimits:
         (lower, upper), entries = self.model.joint_ranges, dict[str, _Entry]()
         if np.isfinite([lower, upper]).any():
             width = min(1.0, float((upper - lower).min()) / 2.0)
-            entries["joint_range"] = _Entry(self._range_ratios, width, sampled=True)
+            entries["joint_range"] = _Entry(self._range_ratios, width)
         if self.joint_rate is not None:
-            entries["joint_rate"] = _Entry(self._rate_ratios, _RATE, sampled=True)
+            entries["joint_rate"] = _Entry(self._rate_ratios, _RATE)
+        if self.base_rate is not None:
+            entries["base_rate"] = _Entry(self._base_rate_ratios, _RATE)
         if self.attitude.base_turn is not None:
             entries["base_turn"] = _Entry(self._turn_ratios, self.attitude.base_turn)
         if self.attitude.pointing:
@@ -84,8 +85,7 @@ class KnownLimits:
         certain = np.ones(len(ratios), dtype=bool)
         for column, entry in zip(ratios.T, self._entries.values(), strict=True):
             error = _ERRORS[deciders] / entry.angle
-            above = _SAMPLED[deciders] * entry.sampled
-            certain &= (column <= 1.0 - error - above) | (column > 1.0 + error)
+            certain &= np.abs(column - 1.0) > error
         return certain
 
     def _range_ratios(self, motions: EnsembleResult, _: Array) -> Array:
@@ -95,6 +95,9 @@ class KnownLimits:
 
     def _rate_ratios(self, motions: EnsembleResult, stretches: Array) -> Array:
         return motions.rate_usage(np.asarray(self.joint_rate)) / stretches
+
+    def _base_rate_ratios(self, motions: EnsembleResult, stretches: Array) -> Array:
+        return motions.base_rate / (float(self.base_rate or 0.0) * stretches)
 
     def _turn_ratios(self, motions: EnsembleResult, _: Array) -> Array:
         half = float(self.attitude.base_turn or 0.0) / 2.0

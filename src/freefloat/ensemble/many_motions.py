@@ -29,8 +29,8 @@ class ManyMotions:
         thresholds: The margins that are required, shape (K,).
         deciders: What decided: indices into
             :data:`freefloat.ensemble.endings.DECIDERS`, shape (K,).
-        lower: Smallest joint values at the integrator's steps, shape (K, n).
-        upper: Largest joint values at the steps, shape (K, n).
+        lower: Smallest joint values, shape (K, n).
+        upper: Largest joint values, shape (K, n).
         ratios: Of the limits that were given, see :class:`.KnownLimits`, shape (K, L).
     """
 

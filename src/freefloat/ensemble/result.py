@@ -34,11 +34,12 @@ class EnsembleResult(NamedTuple):
         minimum_at: Times of the minimum [s], shape (K,).
         attitudes: Final attitudes, quaternions x, y, z, w, shape (K, 4).
         joints: Final joint values [rad or m], shape (K, n).
-        rates: Largest magnitudes of the joint rates at the integrator's steps, shape (K, n).
-        lower: Smallest joint values at the steps, shape (K, n).
-        upper: Largest joint values at the steps, shape (K, n).
-        determinant_ratios: Smallest over largest magnitude of det S* at the steps; small near any
-            singularity, also one at which the measure does not vanish, shape (K,).
+        rates: Largest magnitudes of the joint rates, shape (K, n).
+        base_rate: Largest magnitudes of the spacecraft's angular velocity, shape (K,).
+        lower: Smallest joint values, shape (K, n).
+        upper: Largest joint values, shape (K, n).
+        determinant_ratios: Smallest over largest magnitude of det S* at the integrator's steps;
+            small near any singularity, also one at which the measure does not vanish, shape (K,).
         evaluations: Number of evaluations of (4), shape (K,).
         slacks: Smallest differences of cosines to the bounds of the limits of attitude, negative
             where they are violated, shape (K, L).
@@ -51,6 +52,7 @@ class EnsembleResult(NamedTuple):
     attitudes: Quaternions
     joints: Joints
     rates: Annotated[Array, "rad/s or m/s"]
+    base_rate: Annotated[Array, "rad/s"]
     lower: Joints
     upper: Joints
     determinant_ratios: Annotated[Array, "1, smallest over largest det S*"]
@@ -60,13 +62,13 @@ class EnsembleResult(NamedTuple):
     @classmethod
     def empty(cls, shape: tuple[int, ...], n: int, limits: int = 0) -> EnsembleResult:
         """Arrays for results of motions of n joints, with the ending of missing branches."""
-        times, minimum_at = np.full((2, *shape), np.nan)
+        times, minimum_at, base_rate = np.full((3, *shape), np.nan)
         minimum, determinant_ratios = np.zeros((2, *shape))
         joints, rates, lower, upper = np.full((4, *shape, n), np.nan)
         return cls(
             np.full(shape, UNREACHED, np.int8), times, minimum, minimum_at,
-            np.full((*shape, 4), np.nan), joints, rates, lower, upper, determinant_ratios,
-            np.zeros(shape, np.int64), np.full((*shape, limits), np.nan),
+            np.full((*shape, 4), np.nan), joints, rates, base_rate, lower, upper,
+            determinant_ratios, np.zeros(shape, np.int64), np.full((*shape, limits), np.nan),
         )  # fmt: skip
 
     def rate_usage(self, limits: Array) -> Array:

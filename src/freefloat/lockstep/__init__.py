@@ -7,7 +7,7 @@ from freefloat.errors import MissingNumbaError
 
 try:
     import numba as numba
-except (ImportError, OSError, AttributeError) as error:  # the last two: of libraries that differ
+except Exception as error:  # whatever its libraries and its configuration file lead to
     raise MissingNumbaError(
         "numba",
         f"it cannot be imported ({str(error).rstrip('.')}), but spatial plans and maps, studies, "

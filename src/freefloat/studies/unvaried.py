@@ -17,7 +17,7 @@ from freefloat.so3 import Array
 from freefloat.studies.document import scenario_from
 from freefloat.studies.study import Study
 
-_ENSEMBLES_KNOW = ("joint_rate", "base_turn", "pointing")
+_ENSEMBLES_KNOW = ("joint_rate", "base_rate", "base_turn", "pointing")
 """Limits that ensembles know beside the joint ranges."""
 
 
@@ -83,7 +83,7 @@ def limits_of_runs(
     attitude = AttitudeLimits(
         pointing=() if mounts else limits.pointing, base_turn=limits.base_turn
     )
-    return KnownLimits(problem.model, limits.joint_rate, attitude), tuple(others)
+    return KnownLimits(problem.model, limits.joint_rate, limits.base_rate, attitude), tuple(others)
 
 
 def _given(limits: Limits) -> list[str]:

@@ -103,6 +103,7 @@ _RULES = {
     "motions.upper": _STATE,
     "motions.slacks": _STATE,
     "motions.rates": _STEPS._replace(unbounded=True),
+    "motions.base_rate": _STEPS._replace(unbounded=True),
     "motions.determinant_ratios": _STEPS,
     "motions.evaluations": _SEARCHED._replace(unbounded=True),
 }  # fmt: skip

@@ -23,7 +23,7 @@ from freefloat.verification.report import PINOCCHIO, CheckReport
 
 _BEST = 1e-4
 """Relative difference of margins that are equally large."""
-_BY_TIME = {"ended_at", "minimum_at", "rates", "evaluations"}
+_BY_TIME = {"ended_at", "minimum_at", "rates", "base_rate", "evaluations"}
 """Results of motions that depend on the timing."""
 
 
@@ -100,6 +100,7 @@ def _without_last_steps(results: BranchResults) -> BranchResults:
     singular, spent = motions.endings == SINGULAR, motions.evaluations  # none of mirrored branches
     decided: dict[str, Any] = {
         "rates": frozen(np.where(singular[..., None], np.inf, motions.rates)),
+        "base_rate": frozen(np.where(singular, np.inf, motions.base_rate)),
         "evaluations": frozen(np.where(singular & (spent > 0), np.inf, spent)),
     }
     return replace(results, motions=motions._replace(**decided))

@@ -59,14 +59,14 @@ def load(measured: Measured, k: int, lane: int, work: Workspace) -> None:
     for j in range(measured.joints.shape[1]):
         set_lane(work.y, 4 + j, lane, measured.joints[k, j])
     for j in range(6):
-        set_lane(work.weights, j, lane, measured.twists[k, j])
+        set_lane(work.b, j, lane, measured.twists[k, j])
         set_lane(work.h, j, lane, measured.momentum[j])
 
 
 @inner
 def solve(robot: Robot, null_space: NullSpace | None, speed: float, work: Workspace) -> None:
     """Write the joint rates into ``work.rates``."""
-    y, h, twist = work.y, work.h, work.weights
+    y, h, twist = work.y, work.h, work.b
     q = below(y, 4, 1)
     x, e = vector(y[0], y[1], y[2]), y[3]
     v, omega = vector(twist[0], twist[1], twist[2]), vector(twist[3], twist[4], twist[5])

@@ -21,6 +21,7 @@ from freefloat.ensemble.kernels.equation import (
     spacecraft,
 )
 from freefloat.ensemble.kernels.flow import to_spacecraft
+from freefloat.ensemble.kernels.interpolant import inside
 from freefloat.ensemble.kernels.records import (
     BASE,
     FRAME_COLUMNS,
@@ -64,14 +65,14 @@ def note_slacks(problem: Problem, dt: Float, fresh: Mask, accepted: Mask, work: 
     for i in range(cones.number):
         after = slack(robot, cones, i, work.at, work)
         before = select(fresh, after, slacks[2 * i + BEFORE])
-        state_inside(problem, dt, 0.0 * dt + 0.5, work)
+        inside(problem, dt, 0.0 * dt + 0.5, 0, work)
         middle = slack(robot, cones, i, work.inside, work)
         lowest = select(fresh, after, minimum(slacks[2 * i + LOWEST], minimum(middle, after)))
         curvature = 2.0 * (before + after - 2.0 * middle)
         place = 0.5 * (3.0 * before + after - 4.0 * middle) / curvature
         dips = accepted & (curvature > 0.0) & (place > 0.0) & (place < 1.0)
         if any_of(dips):
-            state_inside(problem, dt, select(dips, place, 0.5), work)
+            inside(problem, dt, select(dips, place, 0.5), 0, work)
             lowest = minimum(lowest, slack(robot, cones, i, work.inside, work))
         slacks[2 * i + LOWEST] = select(accepted, lowest, slacks[2 * i + LOWEST])
         slacks[2 * i + BEFORE] = select(accepted, after, slacks[2 * i + BEFORE])
@@ -82,20 +83,6 @@ def store_slacks(cones: Cones, k: int, lane: int, work: Workspace, out: Ensemble
     """Write the smallest slacks of the motion in a lane."""
     for i in range(cones.number):
         out.slacks[k, i] = get_lane(work.slacks, 2 * i + LOWEST, lane)
-
-
-@inlined
-def state_inside(problem: Problem, dt: Float, x: Float, work: Workspace) -> None:
-    """Write attitude, joint values and time at a fraction of the step into ``work.inside``."""
-    tableau, K, y = problem.tableau, work.K, work.y
-    for s in range(7):
-        power = tableau[8, s] + x * (tableau[9, s] + x * (tableau[10, s] + x * tableau[11, s]))
-        work.weights[s] = power * x * dt
-    for j in range(5 + problem.robot.n):
-        total = y[j]
-        for s in range(7):
-            total += work.weights[s] * K[j, s]
-        work.inside[j] = total
 
 
 @inner

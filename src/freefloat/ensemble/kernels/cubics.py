@@ -47,3 +47,16 @@ def value(cubic: Cubic, x: Float) -> Float:
 def slope(cubic: Cubic, x: Float) -> Float:
     """Its derivative by the fraction."""
     return (cubic.cube * (3.0 * x) + cubic.square * 2.0) * x + cubic.linear
+
+
+@inlined
+def bend(cubic: Cubic, x: Float) -> Float:
+    """Its second derivative."""
+    return cubic.cube * (6.0 * x) + cubic.square * 2.0
+
+
+@inlined
+def integral(cubic: Cubic, x: Float) -> Float:
+    """Its integral from 0."""
+    part = (cubic.cube * (0.25 * x) + cubic.square * (1.0 / 3.0)) * x + cubic.linear * 0.5
+    return (part * x + cubic.constant) * x

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from freefloat.ensemble.endings import COMPLETED, FAILED, MARGIN, SINGULAR
 from freefloat.ensemble.kernels.cones import store_slacks
+from freefloat.ensemble.kernels.extents import evaluate_peaks
 from freefloat.ensemble.kernels.flow import END, LAW, TIME_WEIGHT
 from freefloat.ensemble.kernels.records import (
     BY_TIME,
@@ -20,13 +21,16 @@ from freefloat.ensemble.kernels.records import (
     LEG,
     LOWEST,
     LOWEST_AT,
+    PEAK,
     SEGMENT,
     SMALLEST,
+    STATE,
     STEP,
     TOLERANCE,
     Motions,
     Problem,
     Workspace,
+    load_system,
     problem_in_tables,
     workspace_in_tables,
 )
@@ -34,6 +38,7 @@ from freefloat.ensemble.kernels.steps import attempt
 from freefloat.lockstep.compilation import compiled, inner
 from freefloat.lockstep.lanes import WIDTH, bits
 from freefloat.lockstep.tables import get_lane, set_lane
+from freefloat.so3 import Array
 
 if TYPE_CHECKING:
     from freefloat.ensemble.result import EnsembleResult
@@ -69,6 +74,7 @@ def integrate_many(
     queue, factors = np.arange(first, beyond), np.full(waiting, begun)
     again, stricter = np.empty(waiting, np.int64), np.empty(waiting)
     owners, steps = np.empty(WIDTH, np.int64), np.empty(WIDTH, np.int64)
+    peaks = np.empty((waiting, len(workspace.peaks)))
     for repeats in (True, False):
         following = busy = min(WIDTH, waiting)
         for lane in range(following):
@@ -95,7 +101,7 @@ def integrate_many(
                     ending = FAILED
                 if ending == _CONTINUES:
                     continue
-                store(problem, k, lane, ending, steps[lane], work, out)
+                store(problem, k, lane, ending, steps[lane], work, peaks[k - first], out)
                 factor = stricter_factor(motions, k, lane, work, out) if repeats else 1.0
                 if factor < begun:
                     again[repeated], stricter[repeated] = k, factor
@@ -109,6 +115,7 @@ def integrate_many(
                 load_motion(problem, motions, owners[lane], lane, factor, work)
                 following += 1
         queue, factors, waiting = again, stricter, repeated
+    evaluate_peaks(problem, motions, first, peaks, work, out)
 
 
 @inner
@@ -130,9 +137,10 @@ def load_motion(
     set_lane(work.y, 4 + n, lane, start / course.duration)
     for j in range(5 + n):
         set_lane(work.K, j, lane, 0.0)
-    for j in range(9):
-        set_lane(work.h, j, lane, motions.momenta[k, j])
-    load_robot(motions.robots, k, lane, work)
+    set_lane(work.extent, 3 * n, lane, 0.0)
+    for i in range(n + 1):
+        set_lane(work.peaks, i * (STATE + 5 + n) + PEAK, lane, 0.0)
+    load_system(motions, k, lane, work)
     forward, segment = 1.0 if goal >= start else -1.0, 0
     stride = LAW + 2 * (course.degree + 1)
     while segment < course.number - 1 and (
@@ -146,14 +154,6 @@ def load_motion(
     ):  # fmt: skip
         set_lane(status, row, lane, value)
     enter_segment(problem, segment, goal, lane, work)
-
-
-@inner
-def load_robot(robots: Any, k: int, lane: int, work: Workspace) -> None:
-    """Write the properties of the robot of motion k, unless those of all are equal."""
-    if robots is not None:
-        for j in range(robots.shape[1]):
-            set_lane(work.properties, j, lane, robots[k, j])
 
 
 @inner
@@ -209,9 +209,9 @@ def stricter_factor(
 @inner
 def store(
     problem: Problem, k: int, lane: int, ending: int, steps: int, work: Workspace,
-    out: EnsembleResult,
+    peaks: Array, out: EnsembleResult,
 ) -> None:  # fmt: skip
-    """Write the results of the motion in a lane."""
+    """Write the results of the motion in a lane, and where its rates are largest."""
     n, duration, status = problem.robot.n, problem.course.duration, work.status
     t = get_lane(work.y, 4 + n, lane) * duration
     largest = get_lane(status, LARGEST, lane)
@@ -229,4 +229,7 @@ def store(
         out.rates[k, j] = get_lane(work.extent, 3 * j, lane) / duration
         out.lower[k, j] = get_lane(work.extent, 3 * j + 1, lane)
         out.upper[k, j] = get_lane(work.extent, 3 * j + 2, lane)
+    out.base_rate[k] = 2.0 * get_lane(work.extent, 3 * n, lane) / duration
+    for i in range(len(peaks)):
+        peaks[i] = get_lane(work.peaks, i, lane)
     store_slacks(problem.cones, k, lane, work, out)

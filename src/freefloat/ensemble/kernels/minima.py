@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from freefloat.ensemble.kernels.interpolant import inside
 from freefloat.ensemble.kernels.measures import measure_at
 from freefloat.ensemble.kernels.records import LOWEST, LOWEST_AT, SIGN, VALUE, Problem, Workspace
 from freefloat.lockstep.compilation import inlined
@@ -14,6 +15,7 @@ from freefloat.lockstep.lanes import (
     minimum,
     select,
 )
+from freefloat.lockstep.tables import below
 
 _DEPTH_FACTOR = 3.0
 """Assumed ratio of the depth of a minimum inside a step to that of a parabola."""
@@ -24,24 +26,11 @@ _PROBES = 4
 
 
 @inlined
-def inside(problem: Problem, dt: Float, x: Float, work: Workspace) -> None:
-    """Write joint values and time at a fraction of the step into ``work.probe``."""
-    tableau, K, y = problem.tableau, work.K, work.y
-    for s in range(7):
-        power = tableau[8, s] + x * (tableau[9, s] + x * (tableau[10, s] + x * tableau[11, s]))
-        work.weights[s] = power * x * dt
-    for j in range(problem.robot.n + 1):
-        total = y[4 + j]
-        for s in range(7):
-            total += work.weights[s] * K[4 + j, s]
-        work.probe[j] = total
-
-
-@inlined
 def value_inside(problem: Problem, dt: Float, x: Float, work: Workspace) -> Float:
     """The measure at a fraction of the step, with the sign of the motion's first value."""
-    inside(problem, dt, x, work)
-    return work.status[SIGN] * measure_at(problem.robot, problem.measure, work.probe, work)
+    inside(problem, dt, x, 4, work)
+    q = below(work.inside, 4, 1)
+    return work.status[SIGN] * measure_at(problem.robot, problem.measure, q, work)
 
 
 @inlined
@@ -52,10 +41,10 @@ def note_minimum(
 
     The parabola through the values at the beginning, middle and end tells whether to look for one.
     """
-    status, last = work.status, problem.robot.n
+    status, T = work.status, 4 + problem.robot.n
     lower = accepted & (after < status[LOWEST])
     status[LOWEST] = select(lower, after, status[LOWEST])
-    status[LOWEST_AT] = select(lower, work.at[4 + last], status[LOWEST_AT])
+    status[LOWEST_AT] = select(lower, work.at[T], status[LOWEST_AT])
     before, middle = status[VALUE], value_inside(problem, dt, 0.0 * dt + 0.5, work)
     curvature = 2.0 * (before + after - 2.0 * middle)
     slope = 4.0 * middle - 3.0 * before - after
@@ -67,9 +56,9 @@ def note_minimum(
     if any_of(dips):
         found, place = local_minimum(problem, dt, before, middle, after, work)
         lower = dips & (found < status[LOWEST])
-        inside(problem, dt, place, work)
+        inside(problem, dt, place, 4, work)
         status[LOWEST] = select(lower, found, status[LOWEST])
-        status[LOWEST_AT] = select(lower, work.probe[last], status[LOWEST_AT])
+        status[LOWEST_AT] = select(lower, work.inside[T], status[LOWEST_AT])
 
 
 @inlined

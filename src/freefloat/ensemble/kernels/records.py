@@ -8,7 +8,7 @@ import numpy as np
 
 from freefloat.lockstep.compilation import inlined, inner
 from freefloat.lockstep.lanes import WIDTH
-from freefloat.lockstep.tables import Table, below, first_if_none, floats, lanes
+from freefloat.lockstep.tables import Table, below, first_if_none, floats, lanes, set_lane
 from freefloat.so3 import Array
 
 FRAME_COLUMNS, BODY_COLUMNS, JOINT_COLUMNS, CONE_COLUMNS = 6, 10, 15, 13
@@ -24,6 +24,11 @@ axes and origin; total mass; reach; rows of the bodies; coefficients of the meas
 length of the next step, whether it goes by time, whether it is the first; tolerance, and error of
 the last step; signs of det S* and of the measure at the beginning; measure at the last step, its
 minimum and the time of it, its maximum; smallest and largest magnitude of det S*; largest rate."""
+
+
+PEAK, PEAK_SEGMENT, STATE = 0, 1, 2
+"""Places of a rate in ``Workspace.peaks``: its square by the interpolant, in units of the duration,
+then the segment and the state there."""
 
 
 class Arms(NamedTuple):
@@ -145,11 +150,12 @@ class Workspace(NamedTuple):
     y: Table  # attitude, joints and time in units of the duration, (5 + n,)
     at: Table  # the same at the end of a step
     K: Table  # derivatives of the stages, (5 + n, 7)
-    probe: Table  # joints and time inside a step
     weights: Table  # of the interpolant
+    inside: Table  # attitude, joints and time inside a step
     status: Table
     h: Table  # angular momentum, that of wheels in the spacecraft frame, and the drift
-    extent: Table  # of each joint, the largest rate, smallest and largest value
+    extent: Table  # of each joint, the largest rate, smallest and largest value; rate of attitude
+    peaks: Table  # where the rates of joints and attitude are largest, (1 + n, 7 + n)
     momenta: Table  # see freefloat.ensemble.kernels.equation
     centre: Table  # of mass; then the second end-effector from there
     S: Table  # columns of S* in rows, then its factors, (n, 6), of two arms (n, 12)
@@ -163,7 +169,6 @@ class Workspace(NamedTuple):
     column: Table
     gradient: Table
     initial: Table  # attitude; this and the following are for limits of attitude
-    inside: Table  # attitude, joints and time inside a step
     slacks: Table
     across: Table  # x and y axes of the end-effector, for the task ``pointing``
     properties: Table  # of the motions' robots, see ``Robot.properties``; empty where all are equal
@@ -183,9 +188,10 @@ def make_workspace(n: int, m: int, cones: int = 0, properties: int = 0, arms: in
     """
     r = n - m
     shapes = (
-        (5 + n,), (5 + n,), (5 + n, 7), (1 + n,), (7,), (STATUS_ROWS,), (9,), (3 * n,),
+        (5 + n,), (5 + n,), (5 + n, 7), (7,), (5 + n,), (STATUS_ROWS,), (9,), (1 + 3 * n,),
+        ((1 + n) * (STATE + 5 + n),),
         (n, JOINT_COLUMNS), (arms, 3), (n, 6 * arms), (6 * arms,), (6 * arms,), (n,), (n * n,),
-        (n * r,), (r * r,), (2 * r,), (n,), (n,), (4,), (5 + n,), (2 * cones,),
+        (n * r,), (r * r,), (2 * r,), (n,), (n,), (4,), (2 * cones,),
         (2 * arms, 3), (properties,), (2, 3), (2, 3),
     )  # fmt: skip
     return Workspace(*(np.zeros((*shape, WIDTH)) for shape in shapes))
@@ -195,16 +201,32 @@ def make_workspace(n: int, m: int, cones: int = 0, properties: int = 0, arms: in
 def workspace_in_tables(work: Workspace, second: SecondArm | None) -> Workspace:
     """A workspace's arrays as tables."""
     return Workspace(
-        lanes(work.y, 1), lanes(work.at, 1), lanes(work.K, 7), lanes(work.probe, 1),
-        lanes(work.weights, 1), lanes(work.status, 1), lanes(work.h, 1), lanes(work.extent, 1),
-        lanes(work.momenta, JOINT_COLUMNS), lanes(work.centre, 3),
+        lanes(work.y, 1), lanes(work.at, 1), lanes(work.K, 7), lanes(work.weights, 1),
+        lanes(work.inside, 1), lanes(work.status, 1), lanes(work.h, 1), lanes(work.extent, 1),
+        lanes(work.peaks, 1), lanes(work.momenta, JOINT_COLUMNS), lanes(work.centre, 3),
         first_if_none(second, lanes(work.S, 6), lanes(work.S, 12)),
         lanes(work.scales, 1), lanes(work.b, 1), lanes(work.rates, 1), lanes(work.metric, 1),
         lanes(work.basis, 1), lanes(work.normal, 1), lanes(work.right, 1), lanes(work.column, 1),
-        lanes(work.gradient, 1), lanes(work.initial, 1), lanes(work.inside, 1),
+        lanes(work.gradient, 1), lanes(work.initial, 1),
         lanes(work.slacks, 1), lanes(work.across, 3), lanes(work.properties, 1),
         lanes(work.carried, 3), lanes(work.second_twist, 3),
     )  # fmt: skip
+
+
+@inner
+def load_system(motions: Motions, k: int, lane: int, work: Workspace) -> None:
+    """Write momenta and drift of motion k, and the properties of its robot."""
+    for j in range(9):
+        set_lane(work.h, j, lane, motions.momenta[k, j])
+    load_robot(motions.robots, k, lane, work)
+
+
+@inner
+def load_robot(robots: Array | None, k: int, lane: int, work: Workspace) -> None:
+    """Write the properties of the robot of motion k, unless those of all are equal."""
+    if robots is not None:
+        for j in range(robots.shape[1]):
+            set_lane(work.properties, j, lane, robots[k, j])
 
 
 @inner

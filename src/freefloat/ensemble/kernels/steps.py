@@ -14,7 +14,9 @@ import numpy as np
 from scipy.integrate import RK45
 
 from freefloat.ensemble.kernels.cones import note_slacks
+from freefloat.ensemble.kernels.extents import note_extents
 from freefloat.ensemble.kernels.flow import TIME_WEIGHT, flow
+from freefloat.ensemble.kernels.interpolant import BEGINNING, END, PART
 from freefloat.ensemble.kernels.measures import ARM, measure_at, of_determinants
 from freefloat.ensemble.kernels.minima import note_minimum
 from freefloat.ensemble.kernels.records import (
@@ -51,10 +53,12 @@ from freefloat.lockstep.lanes import (
 from freefloat.lockstep.reflections import is_singular
 from freefloat.lockstep.tables import Table, below
 
-TABLEAU = np.zeros((12, 7))
-"""Rows 0 to 5: stages; 6: the step; 7: its error; 8 to 11: the interpolant's coefficients by power
-of the fraction of the step."""
-TABLEAU[:6, :5], TABLEAU[6, :6], TABLEAU[7], TABLEAU[8:] = RK45.A, RK45.B, RK45.E, RK45.P.T
+TABLEAU = np.zeros((14, 7))
+"""Rows 0 to 5: stages; 6: the step; 7: its error; then those of the interpolant."""
+TABLEAU[:6, :5], TABLEAU[6, :6], TABLEAU[7], TABLEAU[PART:BEGINNING] = (
+    RK45.A, RK45.B, RK45.E, RK45.P.T,
+)  # fmt: skip
+TABLEAU[BEGINNING], TABLEAU[END] = 2.0 * RK45.P[:, 1], RK45.P @ [0.0, 2.0, 6.0, 12.0]
 _LAST_PART = 0.7
 """A step by arc length over more than this part of what remains of a segment goes by time."""
 _SHORTEST_STEP, _SINGULAR_STEP = 1e-11, 1e-7
@@ -87,6 +91,7 @@ def attempt(problem: Problem, work: Workspace) -> tuple[int, int]:
     value *= status[SIGN]
     note_minimum(problem, dt, value, accepted, work)
     note_slacks(problem, dt, fresh, accepted, work)
+    note_extents(problem, dt, accepted, work)
     status[VALUE] = select(accepted, value, status[VALUE])
     status[HIGHEST] = select(accepted, maximum(status[HIGHEST], value), status[HIGHEST])
     status[SMALLEST] = select(accepted, minimum(status[SMALLEST], size), status[SMALLEST])
@@ -177,23 +182,12 @@ def begin_motions(fresh: Mask, determinant: Float, value: Float, work: Workspace
 @inlined
 def advance(problem: Problem, accepted: Mask, whole: Mask, work: Workspace) -> None:
     """Go on from the ends of accepted steps."""
-    y, at, K, status, extent = work.y, work.at, work.K, work.status, work.extent
-    n, T = problem.robot.n, 4 + problem.robot.n
-    pace = magnitude(K[T, 6])
-    speed = 0.0 * pace
-    for j in range(n):
-        rate, q = magnitude(K[4 + j, 6]) / pace, at[4 + j]
-        speed = maximum(rate, speed)
-        lowest, highest = minimum(extent[3 * j + 1], q), maximum(extent[3 * j + 2], q)
-        extent[3 * j] = select(accepted, maximum(extent[3 * j], rate), extent[3 * j])
-        extent[3 * j + 1] = select(accepted, lowest, extent[3 * j + 1])
-        extent[3 * j + 2] = select(accepted, highest, extent[3 * j + 2])
-    status[SPEED] = speed
+    y, at, K, status, T = work.y, work.at, work.K, work.status, 4 + problem.robot.n
     norm = sqrt(at[0] * at[0] + at[1] * at[1] + at[2] * at[2] + at[3] * at[3])
     for j in range(4):
         at[j] = at[j] / norm
     at[T] = select(whole, status[LEG], at[T])
-    for j in range(5 + n):
+    for j in range(T + 1):
         y[j] = select(accepted, at[j], y[j])
         K[j, 0] = select(accepted, K[j, 6], K[j, 0])
 

@@ -1,0 +1,216 @@
+"""Joint ranges and largest rates of motions in lock step, also between the ends of steps.
+
+Extreme joint values inside a step are those of its interpolant. The derivative of the interpolant
+is less exact: it tells where a rate is largest. The states there are kept, the highest of each rate
+of a motion, and (4) is solved in them when all motions have ended. An error of the place enters
+squared. A joint that turns back twice inside one step is not noticed: both turns are then tiny.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from freefloat.ensemble.kernels.cubics import bend, integral, slope, value
+from freefloat.ensemble.kernels.flow import flow
+from freefloat.ensemble.kernels.interpolant import (
+    BEGINNING,
+    END,
+    derivative,
+    inside,
+    weighted,
+)
+from freefloat.ensemble.kernels.records import (
+    BY_TIME,
+    FORWARD,
+    PEAK,
+    PEAK_SEGMENT,
+    SEGMENT,
+    SPEED,
+    STATE,
+    Motions,
+    Problem,
+    Robot,
+    Workspace,
+    load_system,
+)
+from freefloat.lockstep.compilation import inlined, inner
+from freefloat.lockstep.lanes import (
+    WIDTH,
+    Float,
+    Mask,
+    any_of,
+    magnitude,
+    maximum,
+    minimum,
+    select,
+    sqrt,
+)
+from freefloat.lockstep.tables import Table, below, get_lane, set_lane
+from freefloat.so3 import Array
+
+if TYPE_CHECKING:
+    from freefloat.ensemble.result import EnsembleResult
+
+_NEWTON_STEPS = 2
+_HEIGHT_FACTOR = 4.0
+"""Assumed ratio of the height of a peak above the beginning of a step to that of a parabola."""
+
+
+@inner
+def note_extents(problem: Problem, dt: Float, accepted: Mask, work: Workspace) -> None:
+    """Update extreme joint values and largest rates by those along a step."""
+    n, K, extent = problem.robot.n, work.K, work.extent
+    share = 1.0 / magnitude(K[4 + n, 6])
+    speed = 0.0 * share
+    for j in range(n):
+        rate = magnitude(K[4 + j, 6]) * share
+        speed = maximum(rate, speed)
+        extent[3 * j] = select(accepted, maximum(extent[3 * j], rate), extent[3 * j])
+        note_values(j, work.at[4 + j], accepted, extent)
+        note_turning_point(problem, dt, j, accepted, work)
+    work.status[SPEED] = speed
+    rate = attitude_rate(K, 6) * share
+    extent[3 * n] = select(accepted, maximum(extent[3 * n], rate), extent[3 * n])
+    note_peaks(problem, dt, accepted, work)
+
+
+@inlined
+def attitude_rate(K: Table, stage: int) -> Float:
+    """The norm of the derivative of the attitude: half the spacecraft's angular rate."""
+    square = K[0, stage] * K[0, stage] + K[1, stage] * K[1, stage]
+    return sqrt(square + K[2, stage] * K[2, stage] + K[3, stage] * K[3, stage])
+
+
+@inlined
+def note_values(j: int, q: Float, chosen: Mask, extent: Table) -> None:
+    """Extend the range of joint ``j`` to a value."""
+    lowest, highest = minimum(extent[3 * j + 1], q), maximum(extent[3 * j + 2], q)
+    extent[3 * j + 1] = select(chosen, lowest, extent[3 * j + 1])
+    extent[3 * j + 2] = select(chosen, highest, extent[3 * j + 2])
+
+
+@inlined
+def note_turning_point(
+    problem: Problem, dt: Float, j: int, accepted: Mask, work: Workspace
+) -> None:
+    """Extend the range of joint ``j`` to where its rate changes sign inside the step."""
+    before, after = work.K[4 + j, 0], work.K[4 + j, 6]
+    turns = accepted & (before * after < 0.0)
+    if any_of(turns):
+        d, x = derivative(problem, 4 + j, work), before / (before - after)
+        for _ in range(_NEWTON_STEPS):
+            x = maximum(minimum(x - value(d, x) / slope(d, x), 1.0), 0.0)
+        note_values(j, work.y[4 + j] + dt * integral(d, x), turns, work.extent)
+
+
+@inlined
+def note_peaks(problem: Problem, dt: Float, accepted: Mask, work: Workspace) -> None:
+    """Look for states inside a step in which rates are larger than so far.
+
+    There is one if the rate grows at the beginning of the step and falls at its end. The parabola
+    with this growth tells how large its square becomes. Growth is the derivative of half the square
+    by the fraction of the step x, times the cube of dt/dx.
+    """
+    K, n, T, tableau = work.K, problem.robot.n, 4 + problem.robot.n, problem.tableau
+    forward = work.status[FORWARD]
+    s1, s2 = forward * K[T, 0], forward * weighted(tableau, BEGINNING, K, T)
+    t1, t2 = forward * K[T, 6], forward * weighted(tableau, END, K, T)
+    for i in range(n + 1):
+        first, beyond = elements(problem.robot, i)
+        square, before, after = 0.0 * s1, 0.0 * s1, 0.0 * s1
+        for j in range(first, beyond):
+            d = K[j, 0]
+            square += d * d
+            before += d * (weighted(tableau, BEGINNING, K, j) * s1 - d * s2)
+            d = K[j, 6]
+            after += d * (weighted(tableau, END, K, j) * t1 - d * t2)
+        noted = work.extent[3 * i] * s1
+        missing = (noted * noted - square) * s1 * (before - after)
+        tops = accepted & (before > 0.0) & (after < 0.0)
+        tops = tops & (missing < _HEIGHT_FACTOR * before * before)
+        if any_of(tops):
+            note_peak(problem, dt, i, before / (before - after), tops, work)
+
+
+@inlined
+def elements(robot: Robot, i: int) -> tuple[int, int]:
+    """The first element of the state of which rate i is, and that beyond the last."""
+    if i < robot.n:
+        return 4 + i, 5 + i
+    return 2 if robot.planar else 0, 4
+
+
+@inner
+def note_peak(problem: Problem, dt: Float, i: int, x: Float, tops: Mask, work: Workspace) -> None:
+    """Keep the state near a fraction of the step in which rate i is largest, if it is so far."""
+    n = problem.robot.n
+    first, beyond = elements(problem.robot, i)
+    t, height = derivative(problem, 4 + n, work), 0.0 * x
+    for _ in range(_NEWTON_STEPS):
+        square, growth, change = 0.0 * x, 0.0 * x, 0.0 * x
+        t1, t2, t3 = value(t, x), slope(t, x), bend(t, x)
+        for j in range(first, beyond):
+            d = derivative(problem, j, work)
+            d1, d2 = value(d, x), slope(d, x)
+            turn = d2 * t1 - d1 * t2
+            square += d1 * d1
+            growth += d1 * turn
+            change += d2 * turn + d1 * (bend(d, x) * t1 - d1 * t3)
+        step, share = growth / change, 1.0 / t1
+        height = share * share * (square - growth * step * share)
+        x = maximum(minimum(x - step, 1.0), 0.0)
+    peak, noted = below(work.peaks, i * (STATE + 5 + n), 1), work.extent[3 * i]
+    higher = tops & (height > maximum(noted * noted, peak[PEAK]))
+    if any_of(higher):
+        inside(problem, dt, x, 0, work)
+        peak[PEAK] = select(higher, height, peak[PEAK])
+        peak[PEAK_SEGMENT] = select(higher, work.status[SEGMENT], peak[PEAK_SEGMENT])
+        for j in range(5 + n):
+            peak[STATE + j] = select(higher, work.inside[j], peak[STATE + j])
+
+
+@inner
+def evaluate_peaks(
+    problem: Problem, motions: Motions, first: int, peaks: Array, work: Workspace,
+    out: EnsembleResult,
+) -> None:  # fmt: skip
+    """Raise the largest rates of motions from ``first`` on to those in the states that were kept.
+
+    Args:
+        problem: Data of the problem.
+        motions: The motions.
+        first: Number of the first one.
+        peaks: Their columns of ``work.peaks``, in rows.
+        work: Workspace.
+        out: Results.
+    """
+    n, duration, K = problem.robot.n, problem.course.duration, work.K
+    owners, places = np.empty(WIDTH, np.int64), np.empty(WIDTH, np.int64)
+    filled, last = 0, len(peaks) * (n + 1) - 1
+    work.status[FORWARD], work.status[BY_TIME] = 1.0, 1.0  # K: by time in units of the duration
+    for place in range(last + 1):
+        k, i = first + place // (n + 1), place % (n + 1)
+        peak = peaks[k - first, i * (STATE + 5 + n) :]
+        noted = out.rates[k, i] if i < n else 0.5 * out.base_rate[k]
+        if peak[PEAK] > (noted * duration) ** 2:
+            load_system(motions, k, filled, work)
+            set_lane(work.status, SEGMENT, filled, peak[PEAK_SEGMENT])
+            for j in range(5 + n):
+                set_lane(work.at, j, filled, peak[STATE + j])
+            owners[filled], places[filled] = k, i
+            filled += 1
+        if filled == WIDTH or (place == last and filled > 0):
+            flow(problem.robot, problem.course, problem.null_space, work.at, work, 0)
+            work.extent[n] = attitude_rate(K, 0) * 2.0
+            for j in range(n):
+                work.extent[j] = magnitude(K[4 + j, 0])
+            for lane in range(filled):
+                k, i = owners[lane], places[lane]
+                rate = get_lane(work.extent, i, lane) / duration
+                if i < n:
+                    out.rates[k, i] = max(out.rates[k, i], rate)
+                else:
+                    out.base_rate[k] = max(out.base_rate[k], rate)
+            filled = 0
