@@ -36,6 +36,25 @@ _FEW, _MANY = 10_000, 100_000
 """Runs of studies that are timed three times and twice; more are timed once."""
 _TO_COMPILE = 100
 """Runs after which the kernels are on disk."""
+WHOLE: dict[str, Any] = {
+    "robot": {
+        "urdf": "example-robot-data:ur5", "end_effector": "tool0",
+        "spacecraft": {"mass": 200, "inertia": [35, 35, 35], "mount": {"xyz": [0, 0, 0.5]}},
+    },
+    "path": {
+        "frame": "spacecraft", "line": {"from": [0.6, 0.1, 0.9], "to": [0.35, 0.35, 1.0]},
+        "attitude": {"fixed": {"rpy": [0, 1.5707963268, 0]}},
+    },
+    "timing": {"duration": 20},
+    "margin": {"measure": "gjm", "fraction": 0.2},
+    "search": {"joints": [0.3, -1.2, 1.4, -0.2, 1.3, 0.2]},
+    "limits": {
+        "joint_rate": 0.1, "base_rate": 0.0165, "base_turn_deg": 15,
+        "pointing": [{"body": "spacecraft", "axis": [0, 0, 1], "angle_deg": 20, "keep": "outside",
+                      "target": {"direction": [0.63, 0.28, 0.73]}}],
+    },
+}  # fmt: skip
+"""A base scenario with a fraction, a path in the spacecraft's frame and limits."""
 SLOWER = 1.0 / 1.08
 """Ratio of a motion with the problem's robot and one with a robot of its own."""
 
@@ -66,6 +85,8 @@ def cases() -> list[Case]:
     arm = ("upper_arm_link", "forearm_link", "wrist_1_link", "wrist_2_link", "wrist_3_link")
     panda_links = tuple(f"panda_link{k}" for k in range(1, 8))
     factors = " and a mass factor for each link"
+    whole = ur5 | {"vary": {"robot.spacecraft.mass": {"uniform": [150, 250]},
+                            "timing.duration": {"uniform": [15, 30]}, **momentum}}  # fmt: skip
     return [
         Case(STUDY, bundled, (), {}, 10_000, 3.0),
         Case(STUDY, bundled, (), {}, 100_000, 9.0, 200.0),
@@ -75,6 +96,8 @@ def cases() -> list[Case]:
         Case(STUDY + factors, by_link, links, {}, 1_000_000, 150.0, 200.0),
         Case("a study of a UR5" + factors, ur5, arm, margin, 100_000, None, 100.0),
         Case("a study of seven joints" + factors, panda, panda_links, margin, 100_000, None, 100.0),
+        Case("a UR5 with a fraction, a path from the spacecraft and limits of joint rates, base "
+             "rate, turn and pointing", whole, (), WHOLE, 5_000, None, 100.0),
     ]  # fmt: skip
 
 
@@ -126,7 +149,7 @@ def study(case: Case, quick: bool) -> list[Result]:
 
         def loop() -> None:
             for motion, start in zip(motions, starts, strict=True):
-                motion.minimum(*start)
+                motion.worst(*start, 6) if case.base.get("limits") else motion.minimum(*start)
 
         best = np.full(3, np.inf)
         for _ in range(1 if quick else 1 + (runs <= _MANY) + (runs <= _FEW)):

@@ -87,3 +87,23 @@ class PlainMotion:
             rtol=tolerance, atol=tolerance, events=singular,
         )  # fmt: skip
         return min(abs(singular(0.0, y)) for y in solution.y.T)
+
+    def worst(self, attitude: np.ndarray, joints: np.ndarray, body: int) -> np.ndarray:
+        """What limits need: smallest determinant, largest rates of joints and base, turn, pointing.
+
+        At 200 instants of one motion, as ``solve_ivp`` interpolates it; a body's angle from its
+        start stands for pointing.
+        """
+        times = np.linspace(0.0, self.path.duration, 200)
+        solution = solve_ivp(
+            self.rates, times[[0, -1]], np.concatenate([attitude, joints]), rtol=1e-6, atol=1e-6,
+            t_eval=times,
+        )  # fmt: skip
+        found = []
+        for t, y in zip(solution.t, solution.y.T, strict=True):
+            rates, determinant = self.rates(t, y), np.linalg.det(self.matrix(y))
+            axis = self.data.oMi[body].rotation[:, 2]
+            turn = abs(y[:4] @ attitude) / np.linalg.norm(y[:4])
+            base = 2.0 * np.linalg.norm(rates[:4])
+            found.append([-abs(determinant), *np.abs(rates[4:]), base, -turn, -axis[2]])
+        return np.max(found, axis=0)
