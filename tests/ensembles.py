@@ -107,7 +107,9 @@ class Case:
 def both(problem: ff.Problem, attitudes: np.ndarray, joints: np.ndarray) -> list[Case]:
     """Integrate every state by both methods."""
     coarse, fine = (
-        EnsembleIntegrator(problem, 1, tolerance=tolerance).integrate(attitudes, joints)
+        EnsembleIntegrator(problem, 1, tolerance=tolerance).integrate(
+            attitudes, joints, extremes=True
+        )
         for tolerance in (1e-6, FINE)
     )
     motions = [

@@ -77,7 +77,7 @@ def assert_precise(motion: Motion) -> None:
     for tolerance, rate, value in ((coarse, 1e-5, 5e-6), (1e-9, 1e-5, 1e-6)):
         integrator = EnsembleIntegrator(problem, 1, tolerance=tolerance)
         state = first.attitude[None], first.joints[None]
-        assert_same(integrator.integrate(*state), expected, rate, value)
+        assert_same(integrator.integrate(*state, extremes=True), expected, rate, value)
 
 
 @pytest.mark.slow
@@ -122,7 +122,7 @@ def test_plain_integration() -> None:
     expected = extents(states[:, 7:], slopes[:, 7:], 2.0 * slopes[:, 3:7])
     integrator = EnsembleIntegrator(problem, 1)
     first = motion.initial
-    result = integrator.integrate(first.attitude[None], first.joints[None])
+    result = integrator.integrate(first.attitude[None], first.joints[None], extremes=True)
     assert_same(result, expected, 1e-5, 5e-6)
 
 
@@ -134,9 +134,11 @@ def seven_joints() -> Start:
 def test_backward_motions() -> None:
     start = seven_joints()
     integrator = EnsembleIntegrator(start.problem, 1, tolerance=1e-9)
-    there = integrator.integrate(start.attitude[None], start.joints[None])
+    there = integrator.integrate(start.attitude[None], start.joints[None], extremes=True)
     end = np.array([start.problem.path.duration])
-    back = integrator.integrate(there.attitudes, there.joints, starts=end, ends=0.0 * end)
+    back = integrator.integrate(
+        there.attitudes, there.joints, starts=end, ends=0.0 * end, extremes=True
+    )
     assert back.endings[0] == COMPLETED
     assert_same(back, there, 1e-6, 1e-6)
 
@@ -153,10 +155,14 @@ def test_robots_in_lanes() -> None:
     robots = Robots.of(problem.model, np.arange(count), model_of, factors=factors)
     systems = replace(Systems.of(problem), robots=robots)
     attitudes, joints = (np.tile(v, (count, 1)) for v in (start.attitude, start.joints))
-    together = EnsembleIntegrator(problem, 1, tolerance=1e-9).integrate(attitudes, joints, systems)
+    together = EnsembleIntegrator(problem, 1, tolerance=1e-9).integrate(
+        attitudes, joints, systems, extremes=True
+    )
     for k in (0, count - 1):
         own = replace(problem, model=model_of(k))
-        single = EnsembleIntegrator(own, 1, tolerance=1e-9).integrate(attitudes[:1], joints[:1])
+        single = EnsembleIntegrator(own, 1, tolerance=1e-9).integrate(
+            attitudes[:1], joints[:1], extremes=True
+        )
         for name in EXTENTS:
             np.testing.assert_allclose(
                 getattr(together, name)[k], getattr(single, name)[0], rtol=1e-7, atol=1e-7
@@ -170,6 +176,6 @@ def test_plain_kernels() -> None:
     start = redundant("4", ff.Task.PLANAR_POSE, None, 1)
     integrator = EnsembleIntegrator(start.problem, 1)
     state = start.attitude[None], start.joints[None]
-    compiled = integrator.integrate(*state)
+    compiled = integrator.integrate(*state, extremes=True)
     with plain_kernels():
-        assert_same(integrator.integrate(*state), compiled, 1e-9, 1e-9)
+        assert_same(integrator.integrate(*state, extremes=True), compiled, 1e-9, 1e-9)

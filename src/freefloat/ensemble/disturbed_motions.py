@@ -141,7 +141,9 @@ def _decided(
         integrator = EnsembleIntegrator(
             disturbed.problem, threads, tolerance=tolerance, limits=attitude
         )
-        found = integrator.integrate(attitudes[chosen], joints[chosen], some.systems, **options)
+        found = integrator.integrate(
+            attitudes[chosen], joints[chosen], some.systems, extremes=limits is not None, **options
+        )
         endings = np.where(found.endings == LIMITED, COMPLETED, found.endings).astype(np.int8)
         return found._replace(endings=endings)
 

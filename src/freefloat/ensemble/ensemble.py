@@ -72,6 +72,7 @@ class EnsembleIntegrator:
         ends: Array | None = None,
         stop_below: float = 0.0,
         stricter: bool = False,
+        extremes: bool = False,
         progress: Progress | None = None,
     ) -> EnsembleResult:
         """Integrate the motions along the path from many states.
@@ -87,6 +88,8 @@ class EnsembleIntegrator:
             stop_below: Stop motions that violate a margin with this threshold.
             stricter: Begin with a tenth of the tolerance, with which motions whose minimum of the
                 measure is small relative to its maximum are otherwise integrated again.
+            extremes: Look for the largest rates and the extreme joint values between the
+                integrator's steps, too, which takes a tenth longer.
             progress: Called with the fraction done, in [0, 1].
 
         Raises:
@@ -109,6 +112,7 @@ class EnsembleIntegrator:
             _checked("ends", np.full(K, duration) if ends is None else ends, (K,), duration),
             stop_below * (1.0 - ROUNDING),
             stricter,
+            extremes,
         )
         properties = 0 if robots is None else robots.shape[1]
         result = EnsembleResult.empty((K,), n, len(self._spares))

@@ -51,6 +51,7 @@ class PreciseIntegrator:
         ends: Array | None = None,
         stop_below: float = 0.0,
         stricter: bool = False,
+        extremes: bool = False,
         progress: Progress | None = None,
     ) -> EnsembleResult:
         """See ``EnsembleIntegrator.integrate``."""
@@ -81,10 +82,11 @@ class PreciseIntegrator:
         joints = motion.joints[:, :n]
         result.attitudes[k], result.joints[k] = final.attitude, final.joints[:n]
         result.lower[k], result.upper[k] = joints.min(axis=0), joints.max(axis=0)
-        result.rates[k] = 0.0
+        result.rates[k] = result.base_rate[k] = 0.0
         if motion.panels:
-            rates = np.abs(motion.node_rates[..., 3 : 3 + n])
-            result.rates[k] = np.nan_to_num(rates, nan=np.inf).max(axis=(0, 1))
+            rates = np.nan_to_num(motion.node_rates, nan=np.inf)
+            result.rates[k] = np.abs(rates[..., 3 : 3 + n]).max(axis=(0, 1))
+            result.base_rate[k] = np.linalg.norm(rates[..., :3], axis=-1).max()
         result.evaluations[k] = len(motion.times)
         result.ended_at[k] = result.minimum_at[k] = final.time
         if not motion.completed:

@@ -59,8 +59,13 @@ _HEIGHT_FACTOR = 4.0
 
 
 @inner
-def note_extents(problem: Problem, dt: Float, accepted: Mask, work: Workspace) -> None:
-    """Update extreme joint values and largest rates by those along a step."""
+def note_extents(
+    problem: Problem, dt: Float, accepted: Mask, extremes: bool, work: Workspace
+) -> None:
+    """Update extreme joint values and largest rates by those at the end of a step.
+
+    With ``extremes`` also by those along it.
+    """
     n, K, extent = problem.robot.n, work.K, work.extent
     share = 1.0 / magnitude(K[4 + n, 6])
     speed = 0.0 * share
@@ -69,11 +74,13 @@ def note_extents(problem: Problem, dt: Float, accepted: Mask, work: Workspace) -
         speed = maximum(rate, speed)
         extent[3 * j] = select(accepted, maximum(extent[3 * j], rate), extent[3 * j])
         note_values(j, work.at[4 + j], accepted, extent)
-        note_turning_point(problem, dt, j, accepted, work)
+        if extremes:
+            note_turning_point(problem, dt, j, accepted, work)
     work.status[SPEED] = speed
     rate = attitude_rate(K, 6) * share
     extent[3 * n] = select(accepted, maximum(extent[3 * n], rate), extent[3 * n])
-    note_peaks(problem, dt, accepted, work)
+    if extremes:
+        note_peaks(problem, dt, accepted, work)
 
 
 @inlined

@@ -83,7 +83,7 @@ def integrate_many(
         for lane in range(following, WIDTH):
             owners[lane] = -1
         while busy > 0:
-            arrived, singular = attempt(problem, work)
+            arrived, singular = attempt(problem, motions.extremes, work)
             below = bits(work.status[LOWEST] < motions.stop_below)
             for lane in range(WIDTH):
                 k, bit = owners[lane], 1 << lane
@@ -115,7 +115,8 @@ def integrate_many(
                 load_motion(problem, motions, owners[lane], lane, factor, work)
                 following += 1
         queue, factors, waiting = again, stricter, repeated
-    evaluate_peaks(problem, motions, first, peaks, work, out)
+    if motions.extremes:
+        evaluate_peaks(problem, motions, first, peaks, work, out)
 
 
 @inner

@@ -142,6 +142,7 @@ class Motions(NamedTuple):
     goals: Array
     stop_below: float
     stricter: bool  # whether all begin with the tolerance of those with small minima
+    extremes: bool  # whether extreme values are those between the ends of steps, too
 
 
 class Workspace(NamedTuple):

@@ -66,8 +66,13 @@ _SHORTEST_STEP, _SINGULAR_STEP = 1e-11, 1e-7
 
 
 @inner
-def attempt(problem: Problem, work: Workspace) -> tuple[int, int]:
+def attempt(problem: Problem, extremes: bool, work: Workspace) -> tuple[int, int]:
     """Attempt one step of each motion.
+
+    Args:
+        problem: Data of the problem.
+        extremes: Whether extreme values are those between the ends of steps, too.
+        work: Workspace.
 
     Returns:
         Bits of the motions that arrived at the end of their segment, and of those that ended at a
@@ -91,7 +96,7 @@ def attempt(problem: Problem, work: Workspace) -> tuple[int, int]:
     value *= status[SIGN]
     note_minimum(problem, dt, value, accepted, work)
     note_slacks(problem, dt, fresh, accepted, work)
-    note_extents(problem, dt, accepted, work)
+    note_extents(problem, dt, accepted, extremes, work)
     status[VALUE] = select(accepted, value, status[VALUE])
     status[HIGHEST] = select(accepted, maximum(status[HIGHEST], value), status[HIGHEST])
     status[SMALLEST] = select(accepted, minimum(status[SMALLEST], size), status[SMALLEST])
