@@ -10,10 +10,11 @@ import pytest
 import freefloat as ff
 from freefloat.dynamics.redundancy import Metric, Toward
 from freefloat.ensemble.endings import COMPLETED
-from freefloat.ensemble.ensemble import EnsembleIntegrator, step_tolerance
+from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.systems import Systems
+from freefloat.ensemble.tolerances import step_tolerance
 from freefloat.motion.motion import Motion
 from tests.lock_step import plain_kernels
 from tests.motions import GOOD, bundled, first_motion, simulated

@@ -117,6 +117,13 @@ def test_a_fraction_is_of_the_unvaried_robot_or_of_each_run(command: str, tmp_pa
     assert required[2] == pytest.approx([required[0][0], 2.0 * required[0][0]])
 
 
+def test_the_base_of_a_fraction_may_lack_what_all_runs_have(tmp_path: Path) -> None:
+    base = SHORT | {"margin": FRACTION, "timing": {}}
+    vary = {"timing.duration": {"list": [8.0, 9.0]}, "robot.scale_mass": {"list": [1.0, 2.0]}}
+    study = a_study(tmp_path, vary, base=base, combine="zipped", branch=0, files="none")
+    assert [row["error"] for row in rows_of(study, tmp_path / "out")] == [None, None]
+
+
 @pytest.mark.parametrize(
     "margin", [{"value": 5.0, "fraction_of": "run"}, FRACTION | {"fraction_of": "none"}]
 )

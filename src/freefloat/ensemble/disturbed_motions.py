@@ -89,7 +89,7 @@ def integrate_disturbed(
     starts = starts_at(problem, attitudes, branch, joints, disturbed.systems.robots)
     owners, columns = np.nonzero(starts.exist)
     begun = starts.joints[owners, columns]
-    motions, deciders = _decided(
+    motions, deciders, replaced = _decided(
         disturbed[owners], attitudes[owners], begun, thresholds[owners], threads, progress,
         limits=limits, stricter=stricter,
     )  # fmt: skip
@@ -98,6 +98,7 @@ def integrate_disturbed(
     ratios = np.empty((len(motions.endings), 0))
     if limits is not None:
         ratios = limits.ratios(motions, disturbed.stretches[owners])
+        ratios[replaced] = np.nan
         preferred &= (ratios <= 1.0).all(axis=1)
     chosen = _best(owners, motions, preferred, len(attitudes))
     found = chosen >= 0
@@ -131,8 +132,11 @@ def _decided(
     *,
     limits: KnownLimits | None,
     stricter: bool,
-) -> tuple[EnsembleResult, npt.NDArray[np.int8]]:
-    """Results of the nominal problem's motions, and what decided them."""
+) -> tuple[EnsembleResult, npt.NDArray[np.int8], BoolArray]:
+    """Results of the nominal problem's motions, what decided them, and whose endings were wrong.
+
+    Of these, extreme values and slacks are unknown.
+    """
     required = thresholds / disturbed.magnifications
     attitude = None if limits is None else limits.attitude
 
@@ -174,10 +178,10 @@ def _decided(
         motions.assign(chosen, finer)
         deciders[chosen] = decider
         chosen, step = chosen[doubtful], None  # which are few
-    deciders[chosen] = MOTION
+    deciders[chosen], compiled = MOTION, motions.endings.copy()
     for k in chosen.tolist():
         _decide_precisely(disturbed.problem_of(k), attitudes[k], joints[k], motions, k)
-    return motions, deciders
+    return motions, deciders, motions.endings != compiled
 
 
 def _may_pass(problem: Problem, motions: EnsembleResult) -> BoolArray:

@@ -16,6 +16,8 @@ from freefloat.robot.joint_ranges import largest_range_ratio, shifts_into_ranges
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, BoolArray
 
+KNOWN = "joint_rate", "base_rate", "base_turn", "pointing"
+"""Names of the limits that ensembles know beside the joint ranges."""
 _ERRORS = np.array([5e-4, 5e-5, 5e-7, 5e-7])
 """Errors of angles of compiled motions [rad], by the code of what decided them: above the
 largest ones of 1,400 motions with limits of pointing."""

@@ -29,8 +29,9 @@ class ManyMotions:
         thresholds: The margins that are required, shape (K,).
         deciders: What decided: indices into
             :data:`freefloat.ensemble.endings.DECIDERS`, shape (K,).
-        lower: Smallest joint values, shape (K, n).
-        upper: Largest joint values, shape (K, n).
+        lower: Smallest joint values at the integrator's steps, or along the whole motion where
+            limits were given, shape (K, n).
+        upper: Largest ones in the same way, shape (K, n).
         ratios: Of the limits that were given, see :class:`.KnownLimits`, shape (K, L).
     """
 

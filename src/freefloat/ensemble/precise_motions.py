@@ -88,6 +88,7 @@ class PreciseIntegrator:
             result.rates[k] = np.abs(rates[..., 3 : 3 + n]).max(axis=(0, 1))
             result.base_rate[k] = np.linalg.norm(rates[..., :3], axis=-1).max()
         result.evaluations[k] = len(motion.times)
+        result.slacks[k] = [_least(motion, slack) for slack in self._slacks(motion)]
         result.ended_at[k] = result.minimum_at[k] = final.time
         if not motion.completed:
             result.endings[k] = SINGULAR
@@ -95,7 +96,6 @@ class PreciseIntegrator:
         approach = closest_approach(motion, motion.problem.margin.measure)
         result.minimum[k], result.minimum_at[k] = approach.value, approach.time
         result.determinant_ratios[k] = _determinant_ratio(motion)
-        result.slacks[k] = [_least(motion, slack) for slack in self._slacks(motion)]
         if approach.value < stop_below * (1.0 - ROUNDING):
             result.endings[k] = MARGIN
         else:

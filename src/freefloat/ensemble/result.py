@@ -34,8 +34,8 @@ class EnsembleResult(NamedTuple):
         minimum_at: Times of the minimum [s], shape (K,).
         attitudes: Final attitudes, quaternions x, y, z, w, shape (K, 4).
         joints: Final joint values [rad or m], shape (K, n).
-        rates: Largest magnitudes of the joint rates, shape (K, n); with these and the next three
-            values at the integrator's steps, or along the whole motion if that was asked for.
+        rates: Largest magnitudes of the joint rates, shape (K, n). These and the next three are
+            values at the integrator's steps, or along the whole motion with ``extremes``.
         base_rate: Largest magnitudes of the spacecraft's angular velocity, shape (K,).
         lower: Smallest joint values, shape (K, n).
         upper: Largest joint values, shape (K, n).

@@ -73,8 +73,9 @@ class Systems:
         return revolutions(self.momenta, self.wheels, inertias, problem.path.duration)
 
     def problem_of(self, problem: Problem, k: int) -> Problem:
-        """A problem with the system of motion k, where every array is one for each."""
+        """A problem with the system of motion k."""
         if self.robots is not None:
             problem = self.robots.problem(problem, k)
-        system = System(problem.model, self.momenta[k], self.wheels[k], self.drifts[k])
+        own = (v if v.ndim == 1 else v[k] for v in (self.momenta, self.wheels, self.drifts))
+        system = System(problem.model, *own)
         return problem.with_system(system)

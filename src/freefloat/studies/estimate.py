@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from freefloat.concurrency import available_cores
-from freefloat.errors import MissingNumbaError
 from freefloat.so3 import IntArray
 from freefloat.studies.columns import ERROR, NUMBER, Column
 from freefloat.studies.database import StudyDatabase, open_results
@@ -108,10 +106,9 @@ def why_run_by_run(study: Study) -> str | None:
     if not reasons and not len(together):
         reasons = [f"fewer than {FEWEST} runs differ in nothing but values that ensembles vary"]
     if study.content.command is Command.SIMULATE and study.count >= FEWEST:
-        with suppress(MissingNumbaError):  # which runs on their own need not
-            from freefloat.studies.groups import why_apart  # compiled kernels
+        from freefloat.studies.groups import why_apart  # compiled kernels
 
-            reasons += why_apart(study, int(together[0]) if len(together) else 0)
+        reasons += why_apart(study, int(together[0]) if len(together) else 0)
     return "; ".join(reasons) or None
 
 

@@ -49,7 +49,9 @@ def why_alone(study: Study) -> list[str]:
     if study.content.command is not Command.SIMULATE:
         return [f"the command is {study.content.command}"]
     random = [key for key in study.content.vary if key not in study.variation.listed]
-    reasons = [f"{key} varies at random" for key in random if not fits_ensembles(key)]
+    reasons = [
+        f"{key} varies at random, not from a list" for key in random if not fits_ensembles(key)
+    ]
     return reasons + ["the files of all runs are kept"] * (study.kept_files >= study.count)
 
 

@@ -17,7 +17,7 @@ from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.scenario.field_types import Name, Number, Quaternion, Section, Seed
 from freefloat.io.scenario.robot_section import RobotFile
 from freefloat.io.scenario.scenario import Scenario
-from freefloat.io.scenario.schema import ScenarioFile
+from freefloat.io.scenario.schema import MarginSection
 from freefloat.io.scenario.yaml import validated
 from freefloat.limits.kinds.clearance import have_shapes
 from freefloat.limits.values import OFF
@@ -168,12 +168,16 @@ class Study:
         Raises:
             InputError: If there is such a fraction, and a value is not accepted.
         """
-        margin, limits = document.get("margin"), document.get("limits") or {}
-        if self.varies_robot and isinstance(margin, dict) and margin.get("fraction") is not None:
-            content = validated(ScenarioFile, document, self.base_source).margin
+        margin, limits, task = (document.get(key) for key in ("margin", "limits", "task"))
+        limits = limits or {}
+        if (
+            self.varies_robot and isinstance(task, str)  # else the run's error
+            and isinstance(margin, dict) and margin.get("fraction") is not None
+        ):  # fmt: skip
+            content = validated(_MarginFile, {"margin": margin}, self.base_source).margin
             if content.fraction is not None and content.fraction_of != "run":
                 robot = json.dumps(self.base.get("robot"))
-                largest = _largest(robot, document["task"], content.measure, self.base_source)
+                largest = _largest(robot, task, content.measure, self.base_source)
                 value = content.fraction * largest
                 document = document | {"margin": {"measure": content.measure, "value": value}}
         simulated = self.content.command is Command.SIMULATE
@@ -215,6 +219,12 @@ class Study:
         return self.content.track.with_values(self.parameters(number))
 
 
+class _MarginFile(Section):
+    """The margin of a scenario file."""
+
+    margin: MarginSection
+
+
 @lru_cache(maxsize=8)
 def _largest(robot: str, task: str, measure: str, source: Path) -> float:
     """Largest magnitude of a measure of the robot whose section is a JSON text."""
@@ -222,7 +232,7 @@ def _largest(robot: str, task: str, measure: str, source: Path) -> float:
         section = validated(RobotFile, {"robot": json.loads(robot)}, source).robot
         model = section.to_model(source.absolute())
     except InputError as error:
-        problem = f"the base scenario has no robot: {error.key}: {error.problem}"
+        problem = f"the robot of the base scenario: {error.key}: {error.problem}"
         raise InputError("margin.fraction", problem, "fraction_of: run, or value") from None
     return largest_magnitude(model, Task(task), singularity_measure(model, Task(task), measure))
 

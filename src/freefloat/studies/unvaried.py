@@ -8,7 +8,7 @@ import numpy as np
 
 from freefloat.ensemble.disturbed_motions import integrate_disturbed
 from freefloat.ensemble.equivalence import equivalents
-from freefloat.ensemble.known_limits import KnownLimits
+from freefloat.ensemble.known_limits import KNOWN, KnownLimits
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.limits import GIVEN, Limits
 from freefloat.motion.pointing import AttitudeLimits
@@ -16,9 +16,6 @@ from freefloat.motion.problem import Problem
 from freefloat.so3 import Array
 from freefloat.studies.document import scenario_from
 from freefloat.studies.study import Study
-
-_ENSEMBLES_KNOW = ("joint_rate", "base_rate", "base_turn", "pointing")
-"""Limits that ensembles know beside the joint ranges."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +71,7 @@ def limits_of_runs(
         scenario: The scenario.
         mounts: Whether mounts vary, so that axes of the arm's first link do.
     """
-    limits, problem, known = scenario.limits(), scenario.problem(), list(_ENSEMBLES_KNOW)
+    limits, problem, known = scenario.limits(), scenario.problem(), list(KNOWN)
     if mounts:
         known.remove("pointing")
     others = [name for name in _given(limits) if name not in known]

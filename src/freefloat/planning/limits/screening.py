@@ -1,8 +1,8 @@
 """Candidates that compiled motions show to violate limits.
 
-Joint ranges and rates are compared along compiled motions, clearances at some instants of these. A
-candidate that is screened out violates the limit; one that passes may still violate a clearance
-between the instants.
+Joint ranges and rates are compared at the integrator's steps, clearances at some instants. A
+compiled motion passes through these states, so a candidate that is screened out violates the limit;
+one that passes may still violate it in between.
 """
 
 from __future__ import annotations

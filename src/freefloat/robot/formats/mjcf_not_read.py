@@ -219,7 +219,9 @@ def _of_file(root: Any) -> Iterator[NotRead]:
 
 def _parsed(path: Path) -> Any:
     """The root of an XML file; None where it is none: MuJoCo accepts more than XML."""
-    parser = etree.XMLParser(no_network=True, resolve_entities=False, remove_comments=True)
+    parser = etree.XMLParser(
+        encoding="utf-8", no_network=True, resolve_entities=False, remove_comments=True
+    )
     try:
         text = read_text(path)
         root = etree.fromstring(text.encode(), parser)
