@@ -16,6 +16,7 @@ from freefloat.io.files import written_beside
 from freefloat.io.hdf5 import AlteredFileError
 from freefloat.io.records.differences import differences
 from freefloat.robot.bundled import find_robot
+from tests.plans import planar_plan
 from tests.result_files import altered, replaced, with_digest
 from tests.samples import plans
 
@@ -120,6 +121,15 @@ def refusal(saved, tmp_path):
 @pytest.mark.parametrize("name", KINDS)
 def test_files_of_another_kind_are_input_errors(refusal, name):
     assert not isinstance(refusal(KINDS[name]), AlteredFileError)
+
+
+def test_a_segment_without_duration_is_refused(tmp_path):
+    path = tmp_path / "plan.h5"
+    ff.save(planar_plan(), path)
+    change = replaced("result/segments/0/span", lambda span: 0.0 * span)
+    path.write_bytes(altered(path.read_bytes(), change))
+    with pytest.raises(InputError, match="span"):
+        ff.load(path)
 
 
 MOTION = "result/chosen/motion"

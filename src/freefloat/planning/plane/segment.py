@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
+from freefloat.errors import InputError
 from freefloat.planning.plane.arcs import BranchRanges
 from freefloat.planning.plane.ranges import RangeLimit, Span
 
@@ -22,6 +23,9 @@ class Segment:
         at_end: Headings at its end of these motions.
         joined_at_end: Headings at its end of motions that are feasible along this segment and all
             that follow.
+
+    Raises:
+        InputError: If the span has no end after its start.
     """
 
     span: Annotated[Span, "s"]
@@ -29,6 +33,11 @@ class Segment:
     at_start: tuple[BranchRanges, ...] = field(repr=False)
     at_end: tuple[BranchRanges, ...] = field(repr=False)
     joined_at_end: tuple[BranchRanges, ...] = field(repr=False)
+
+    def __post_init__(self) -> None:
+        start, end = self.span
+        if not start < end:
+            raise InputError("span", f"from {start:g} to {end:g} s", "an end after the start")
 
     def to_dict(self) -> dict[str, Any]:
         """The segment's JSON document."""
