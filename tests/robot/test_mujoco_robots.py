@@ -125,7 +125,8 @@ def test_robots_that_are_tied_to_what_is_fixed_are_refused(tie: str, tmp_path: P
 
 
 @pytest.mark.parametrize(("force", "refused"), [
-    ('stiffness="10"', True), ('limited="true" range="0 2"', True), ("", False),
+    ('stiffness="10"', True), ('limited="true" range="0 2"', True), ('frictionloss="1"', True),
+    ("", False),
 ])  # fmt: skip
 def test_tendons_from_what_is_fixed_are_refused(force: str, refused: bool, tmp_path: Path) -> None:
     """Unless they transmit no force."""
@@ -134,6 +135,31 @@ def test_tendons_from_what_is_fixed_are_refused(force: str, refused: bool, tmp_p
         tmp_path, '<freejoint/><site name="here"/>', before='<site name="there" pos="0 0 2"/>',
         tail=f"<tendon>{tendon}</tendon>",
     )  # fmt: skip
+    if refused:
+        assert error_key(ff.FreeFloatingModel.from_urdf, file, "hand") == "root"
+    else:
+        ff.FreeFloatingModel.from_urdf(file, "hand")
+
+
+@pytest.mark.parametrize("active", ["true", "false"])
+def test_tendons_whose_length_is_kept_are_refused(active: str, tmp_path: Path) -> None:
+    cable = '<spatial name="cable"><site site="there"/><site site="here"/></spatial>'
+    kept = f'<equality><tendon tendon1="cable" active="{active}"/></equality>'
+    file = written(
+        tmp_path, '<freejoint/><site name="here"/>', before='<site name="there" pos="0 0 2"/>',
+        tail=f"<tendon>{cable}</tendon>{kept}",
+    )  # fmt: skip
+    if active == "true":
+        assert error_key(ff.FreeFloatingModel.from_urdf, file, "hand") == "root"
+    else:
+        ff.FreeFloatingModel.from_urdf(file, "hand")
+
+
+@pytest.mark.parametrize(("fixed", "refused"), [("world", True), ("hand", False)])
+def test_flexes_to_what_is_fixed_are_refused(fixed: str, refused: bool, tmp_path: Path) -> None:
+    flex = (f'<flex name="rope" dim="1" body="bus {fixed}" vertex="0 0 0 0 0 0" element="0 1" '
+            'radius="0.01"/>')  # fmt: skip
+    file = written(tmp_path, tail=f"<deformable>{flex}</deformable>")
     if refused:
         assert error_key(ff.FreeFloatingModel.from_urdf, file, "hand") == "root"
     else:

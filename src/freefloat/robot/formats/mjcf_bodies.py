@@ -161,7 +161,10 @@ def _tie(model: Any, root: int) -> str | None:
         first = int(model.flex_vertadr[flex])
         vertices = slice(first, first + int(model.flex_vertnum[flex]))
         if _joins(model, model.flex_vertbodyid[vertices].tolist(), robot):
-            return f"the flex {model.flex(flex).name or flex}"
+            import mujoco
+
+            name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_FLEX, flex)
+            return f"the flex {name or flex}"
     return None
 
 
@@ -169,7 +172,7 @@ def _held_tendons(model: Any) -> Array:
     """Which tendons act on their ends without a drive, shape (T,)."""
     held = np.zeros(model.ntendon, dtype=bool)
     for name in _HOLDS:
-        held |= np.asarray(getattr(model, f"tendon_{name}", held)) != 0
+        held |= getattr(model, f"tendon_{name}") != 0
     of_length = model.eq_active0.astype(bool) & (model.eq_type == _LENGTH)
     for ends in (model.eq_obj1id, model.eq_obj2id):
         held[ends[of_length & (ends >= 0)]] = True
