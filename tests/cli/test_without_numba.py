@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -86,11 +87,11 @@ def test_a_planar_map_is_that_of_the_kernels(tmp_path: Path) -> None:
         )
 
 
-def numbers(value: object) -> list[float]:
+def numbers(value: Any) -> list[float]:
     """All numbers of a JSON document, nan for null."""
     if isinstance(value, dict | list):
         entries = value.values() if isinstance(value, dict) else value
         return [number for entry in entries for number in numbers(entry)]
     if isinstance(value, str):
         return []
-    return [np.nan if value is None else float(value)]  # type: ignore[arg-type]
+    return [np.nan if value is None else float(value)]
