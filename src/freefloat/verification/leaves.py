@@ -105,7 +105,7 @@ _RULES = {
     "motions.rates": _STEPS._replace(unbounded=True),
     "motions.base_rate": _STEPS._replace(unbounded=True),
     "motions.determinant_ratios": _STEPS,
-    "motions.evaluations": _ANY,  # what integrates them decides
+    "motions.evaluations": _SEARCHED._replace(unbounded=True),
 }  # fmt: skip
 """Rules by the last two parts of a name, without numbers, or the last one alone."""
 
