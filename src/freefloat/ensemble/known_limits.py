@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.motion.pointing import AttitudeLimits, Keep
-from freefloat.robot.joint_ranges import largest_range_ratio, shifts_into_ranges
+from freefloat.robot.joint_ranges import largest_range_ratio
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, BoolArray
 
@@ -92,9 +92,7 @@ class KnownLimits:
         return certain
 
     def _range_ratios(self, motions: EnsembleResult, _: Array) -> Array:
-        shifts = shifts_into_ranges(self.model, motions.lower, motions.upper)
-        ranges = self.model.joint_ranges
-        return largest_range_ratio(ranges, motions.lower + shifts, motions.upper + shifts)
+        return largest_range_ratio(self.model, motions.lower, motions.upper)
 
     def _rate_ratios(self, motions: EnsembleResult, stretches: Array) -> Array:
         return motions.rate_usage(np.asarray(self.joint_rate)) / stretches
@@ -103,19 +101,14 @@ class KnownLimits:
         return motions.base_rate / (float(self.base_rate or 0.0) * stretches)
 
     def _turn_ratios(self, motions: EnsembleResult, _: Array) -> Array:
-        half = float(self.attitude.base_turn or 0.0) / 2.0
-        cosines = np.cos(half) + motions.slacks[:, -1]
-        return np.asarray(np.arccos(np.clip(cosines, -1.0, 1.0)) / half)
+        return self.attitude.ratios(motions.slacks)[:, -1]
 
     def _pointing_ratios(self, motions: EnsembleResult, _: Array) -> Array:
         """Those of the axes that are nearest to the edges of their cones, or farthest beyond."""
         limits = self.attitude.pointing
+        ratios = self.attitude.ratios(motions.slacks)[:, : len(limits)]
         angles = np.array([limit.angle for limit in limits])
         inside = np.array([limit.keep is Keep.INSIDE for limit in limits])
-        slacks = motions.slacks[:, : len(limits)]
-        cosines = np.cos(angles) + np.where(inside, slacks, -slacks)
-        found = np.arccos(np.clip(cosines, -1.0, 1.0))
-        nearest = np.where(inside, angles - found, found - angles).argmin(axis=1)
         with np.errstate(divide="ignore"):
-            ratios = np.where(inside, found / angles, angles / found)
-        return np.asarray(np.take_along_axis(ratios, nearest[:, None], axis=1)[:, 0])
+            from_edge = angles * np.where(inside, 1.0 - ratios, 1.0 / ratios - 1.0)
+        return np.take_along_axis(ratios, from_edge.argmin(axis=1)[:, None], axis=1)[:, 0]

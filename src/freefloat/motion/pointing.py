@@ -184,3 +184,19 @@ class AttitudeLimits:
         """Name of each limit in results, in the same order."""
         turn = () if self.base_turn is None else ("base_turn",)
         return ("pointing",) * len(self.pointing) + turn
+
+    def ratios(self, slacks: Array) -> Array:
+        """Angles over those of the limits, for axes outside of cones the inverse, shape (..., L).
+
+        Args:
+            slacks: Differences of cosines to the bounds, of the turn those of half the angles,
+                negative where they are violated, shape (..., L).
+        """
+        bounds = np.array([limit.angle for limit in self.pointing])
+        outside = np.array([limit.keep is Keep.OUTSIDE for limit in self.pointing], bool)
+        if self.base_turn is not None:
+            bounds, outside = np.append(bounds, self.base_turn / 2.0), np.append(outside, False)
+        cosines = np.cos(bounds) + np.where(outside, -slacks, slacks)
+        angles = np.arccos(np.clip(cosines, -1.0, 1.0))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.where(outside, bounds / angles, angles / bounds))

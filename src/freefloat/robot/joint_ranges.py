@@ -53,6 +53,8 @@ def range_ratios(ranges: tuple[Array, Array], low: Array, high: Array) -> tuple[
     return (lower - low) / half + 1.0, (high - upper) / half + 1.0
 
 
-def largest_range_ratio(ranges: tuple[Array, Array], low: Array, high: Array) -> Array:
-    """The largest of these ratios of all joints, shape (...)."""
-    return np.asarray(np.maximum(*range_ratios(ranges, low, high)).max(axis=-1))
+def largest_range_ratio(model: FreeFloatingModel, low: Array, high: Array) -> Array:
+    """The largest of these ratios of all joints, put into their ranges by revolutions, (...)."""
+    shifts = shifts_into_ranges(model, low, high)
+    ratios = range_ratios(model.joint_ranges, low + shifts, high + shifts)
+    return np.asarray(np.maximum(*ratios).max(axis=-1))
