@@ -33,11 +33,10 @@ from freefloat.studies.columns import (
 )
 from freefloat.studies.folder import DATABASE, FILES, locked, prepare_folder
 from freefloat.studies.integrity import (
+    ADDED,
     DIGESTS,
     add_digests,
     drop_damaged,
-    list_added,
-    listed_columns,
     require_schema,
     require_whole,
     rows_of_study,
@@ -104,7 +103,7 @@ class StudyDatabase:
         for name in columns:
             if name not in self._types:
                 self._connection.execute(_addition(name))
-                list_added(self._connection, name)
+                self._connection.execute("INSERT INTO added VALUES (?)", (name,))
                 self._types[name] = result_type(name.removeprefix(FOUND))
 
     def add_file(self, number: int, file: str, size: int) -> None:
@@ -178,6 +177,7 @@ def _create_or_check(connection: sqlite3.Connection, study: Study, files: Files)
         f"CREATE TABLE runs ({', '.join(definitions)}) STRICT",
         "CREATE TABLE study (digest TEXT, content TEXT, software TEXT, seal TEXT) STRICT",
         DIGESTS,
+        ADDED,
     ]
     new = _content(study, files)
     if connection.execute("SELECT count(*) FROM sqlite_master").fetchone() == (0,):
@@ -193,8 +193,9 @@ def _create_or_check(connection: sqlite3.Connection, study: Study, files: Files)
     if stored[0] != new[0]:
         problem = "it holds the results of another study, base scenario or robot"
         raise InputError("output", problem, "the unchanged study, or another folder")
-    added = [name for name in listed_columns(connection)
-             if name.removeprefix(FOUND).partition(".")[0] in FAMILIES]  # fmt: skip
+    listed = connection.execute("SELECT name FROM added ORDER BY rowid")
+    added = [name for (name,) in listed
+             if str(name).removeprefix(FOUND).partition(".")[0] in FAMILIES]  # fmt: skip
     require_schema(connection, schema + [_addition(name) for name in added])
 
 

@@ -16,15 +16,14 @@ from freefloat.studies.columns import NUMBER, TEXT, Columns
 from freefloat.studies.rows import quoted
 
 DIGESTS = "CREATE TABLE digests (part TEXT, numbers TEXT, digest TEXT) STRICT"
-"""Digests of rows that were stored together: of one part of their columns, by their numbers.
-Columns that were added later are listed with them, by their names."""
+"""Digests of rows that were stored together: of one part of their columns, by their numbers."""
+ADDED = "CREATE TABLE added (name TEXT) STRICT"
+"""Names of the columns that were added to the rows, in their order."""
 _ALTERED = "its tables are altered, or those of another version of freefloat"
 _RESULTS, _FILE = "results", "file"
 """Parts of the columns, which are stored one after the other."""
 _NAMED = ("file", "bytes")
 """Columns of the second part."""
-_ADDED = "column"
-"""What a name of a column is listed as."""
 
 
 def require_whole(connection: sqlite3.Connection) -> None:
@@ -52,17 +51,6 @@ def require_schema(connection: sqlite3.Connection, schema: Iterable[str]) -> Non
             expected.execute(statement)
         if _objects(connection) != _objects(expected):
             raise sqlite3.DatabaseError(_ALTERED)
-
-
-def list_added(connection: sqlite3.Connection, name: str) -> None:
-    """List a column that is added to the rows."""
-    connection.execute("INSERT INTO digests VALUES (?, ?, NULL)", (_ADDED, name))
-
-
-def listed_columns(connection: sqlite3.Connection) -> list[str]:
-    """The columns that were added, in their order."""
-    query = "SELECT numbers FROM digests WHERE part = ? AND numbers NOTNULL ORDER BY rowid"
-    return [name for (name,) in connection.execute(query, (_ADDED,))]
 
 
 def _objects(connection: sqlite3.Connection) -> set[tuple[str, ...]]:
@@ -93,8 +81,7 @@ def drop_damaged(connection: sqlite3.Connection, progress: Progress) -> int:
     types = {name: kind for _, name, kind, *_ in connection.execute("PRAGMA table_info(runs)")}
     parts = {_RESULTS: [name for name in types if name not in _NAMED], _FILE: [NUMBER, *_NAMED]}
     whole: dict[str, set[int]] = {part: set() for part in parts}
-    query = "SELECT rowid, part, numbers, digest FROM digests WHERE part IS NOT ?"
-    digests = connection.execute(query, (_ADDED,)).fetchall()
+    digests = connection.execute("SELECT rowid, part, numbers, digest FROM digests").fetchall()
     connection.text_factory = lambda text: text.decode(errors="surrogateescape")
     for place, (row, part, text, digest) in enumerate(digests):
         progress(place / len(digests))
