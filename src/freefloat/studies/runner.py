@@ -12,8 +12,6 @@ from pathlib import Path
 
 from freefloat.concurrency import Progress, available_cores, require_memory
 from freefloat.errors import InputError, finite_number, require_extra, require_type, whole_number
-from freefloat.io.scenario.robot_section import RobotFile
-from freefloat.io.scenario.yaml import validated
 from freefloat.studies.columns import NUMBER, Columns
 from freefloat.studies.database import StudyDatabase, open_results
 from freefloat.studies.folder import DATABASE
@@ -124,7 +122,7 @@ def run_in_stages(
                 tally = Tally(study.count, database.rows, until, progress)
                 before = tally.done
                 if before < study.count and not study.varies_robot:
-                    _require_robot(study)  # whose error is one of every run
+                    _ = study.base_robot  # whose error is one of every run
                 sent = PortableStudy(study, () if scheduler is None else files)
                 count = workers or available_cores()
                 execution = _Execution(sent, database, tally, count, scheduler)
@@ -145,12 +143,6 @@ def run_in_stages(
             with stages("report") as progress:
                 result = replace(result, files=paths | save_report(result, progress))
     return replace(result, seconds=time.perf_counter() - begin)
-
-
-def _require_robot(study: Study) -> None:
-    """Raise an InputError unless the robot of the base scenario can be read."""
-    data, source = {"robot": study.base.get("robot")}, study.base_source
-    validated(RobotFile, data, source).robot.to_model(source)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property, lru_cache
@@ -21,6 +20,7 @@ from freefloat.io.scenario.schema import MarginSection
 from freefloat.io.scenario.yaml import validated
 from freefloat.limits.kinds.clearance import have_shapes
 from freefloat.limits.values import OFF
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.singularities.global_maximum import largest_magnitude
 from freefloat.studies.document import scenario_from, with_values
 from freefloat.studies.sampling import Count, ValuesSection
@@ -154,6 +154,16 @@ class Study:
             return None
         return _CONTACT_UNCHECKED if touching else None
 
+    @cached_property
+    def base_robot(self) -> FreeFloatingModel:
+        """The robot of the base scenario.
+
+        Raises:
+            InputError: If it cannot be read.
+        """
+        data = {"robot": self.base.get("robot")}
+        return validated(RobotFile, data, self.base_source).robot.to_model(self.base_source)
+
     @property
     def varies_robot(self) -> bool:
         """Whether a key of the robot varies."""
@@ -168,22 +178,30 @@ class Study:
         Raises:
             InputError: If there is such a fraction, and a value is not accepted.
         """
-        margin, limits, task = (document.get(key) for key in ("margin", "limits", "task"))
-        limits = limits or {}
-        if (
-            self.varies_robot and isinstance(task, str)  # else the run's error
-            and isinstance(margin, dict) and margin.get("fraction") is not None
-        ):  # fmt: skip
-            content = validated(_MarginFile, {"margin": margin}, self.base_source).margin
-            if content.fraction is not None and content.fraction_of != "run":
-                robot = json.dumps(self.base.get("robot"))
-                largest = _largest(robot, task, content.measure, self.base_source)
-                value = content.fraction * largest
-                document = document | {"margin": {"measure": content.measure, "value": value}}
+        if self.varies_robot:
+            document = document | self._margin_value(document)
+        limits = document.get("limits") or {}
         simulated = self.content.command is Command.SIMULATE
         if not simulated or not isinstance(limits, dict) or _states_clearance(limits):
             return document
         return document | {"limits": limits | {"clearance": OFF}}
+
+    def _margin_value(self, document: dict[str, Any]) -> dict[str, Any]:
+        """The margin in place of a fraction of the measure of the base scenario's robot, if any."""
+        margin, task = document.get("margin"), document.get("task")
+        if task is None or not isinstance(margin, dict) or margin.get("fraction") is None:
+            return {}
+        question = {"task": task, "margin": margin}
+        content = validated(_MarginFile, question, self.base_source)
+        measure, fraction = content.margin.measure, content.margin.fraction
+        if fraction is None or content.margin.fraction_of == "run":
+            return {}
+        try:
+            largest = _largest(self.base_robot, content.task, measure)
+        except InputError as error:
+            problem = f"the robot of the base scenario: {error.key}: {error.problem}"
+            raise InputError("margin.fraction", problem, "fraction_of: run, or value") from None
+        return {"margin": {"measure": measure, "value": fraction * largest}}
 
     def document(self, number: int) -> dict[str, Any]:
         """The base scenario's data with the values of a run."""
@@ -220,21 +238,15 @@ class Study:
 
 
 class _MarginFile(Section):
-    """The margin of a scenario file."""
+    """Task and margin of a scenario file."""
 
+    task: Task
     margin: MarginSection
 
 
 @lru_cache(maxsize=8)
-def _largest(robot: str, task: str, measure: str, source: Path) -> float:
-    """Largest magnitude of a measure of the robot whose section is a JSON text."""
-    try:
-        section = validated(RobotFile, {"robot": json.loads(robot)}, source).robot
-        model = section.to_model(source.absolute())
-    except InputError as error:
-        problem = f"the robot of the base scenario: {error.key}: {error.problem}"
-        raise InputError("margin.fraction", problem, "fraction_of: run, or value") from None
-    return largest_magnitude(model, Task(task), singularity_measure(model, Task(task), measure))
+def _largest(robot: FreeFloatingModel, task: Task, measure: str) -> float:
+    return largest_magnitude(robot, task, singularity_measure(robot, task, measure))
 
 
 def _states_clearance(limits: Any) -> bool:
