@@ -99,11 +99,11 @@ class PlainMotion:
             self.rates, times[[0, -1]], np.concatenate([attitude, joints]), rtol=1e-6, atol=1e-6,
             t_eval=times,
         )  # fmt: skip
-        found = []
+        rows = []
         for t, y in zip(solution.t, solution.y.T, strict=True):
             rates, determinant = self.rates(t, y), np.linalg.det(self.matrix(y))
             axis = self.data.oMi[body].rotation[:, 2]
             turn = abs(y[:4] @ attitude) / np.linalg.norm(y[:4])
             base = 2.0 * np.linalg.norm(rates[:4])
-            found.append([-abs(determinant), *np.abs(rates[4:]), base, -turn, -axis[2]])
-        return np.max(found, axis=0)
+            rows.append([-abs(determinant), *np.abs(rates[4:]), base, -turn, -axis[2]])
+        return np.max(rows, axis=0)

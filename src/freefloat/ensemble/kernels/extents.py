@@ -1,9 +1,10 @@
 """Joint ranges and largest rates of motions in lock step, also between the ends of steps.
 
-Extreme joint values inside a step are those of its interpolant. The derivative of the interpolant
-is less exact: it tells where a rate is largest. The states there are kept, the highest of each rate
-of a motion, and (4) is solved in them when all motions have ended. An error of the place enters
-squared. A joint that turns back twice inside one step is not noticed: both turns are then tiny.
+Extreme joint values inside a step are those of its interpolant. Its derivative has larger errors,
+but shows where a rate is largest. For each rate of a motion the state with the highest one is
+stored, and (4) is solved there when all motions have ended: an error of the place enters squared.
+A joint whose rate changes its sign twice inside one step, or in the first one from rest, is not
+noticed: both ways are then tiny.
 """
 
 from __future__ import annotations
@@ -117,8 +118,8 @@ def note_peaks(problem: Problem, dt: Float, accepted: Mask, work: Workspace) -> 
     """Look for states inside a step in which rates are larger than so far.
 
     There is one if the rate grows at the beginning of the step and falls at its end. The parabola
-    with this growth tells how large its square becomes. Growth is the derivative of half the square
-    by the fraction of the step x, times the cube of dt/dx.
+    with these slopes estimates the maximum of its square. Slopes are derivatives of half the square
+    by the fraction x of the step, times the cube of dt/dx.
     """
     K, n, T, tableau = work.K, problem.robot.n, 4 + problem.robot.n, problem.tableau
     forward = work.status[FORWARD]
