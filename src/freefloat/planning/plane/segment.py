@@ -25,7 +25,7 @@ class Segment:
             that follow.
 
     Raises:
-        InputError: If the span has no end after its start.
+        InputError: If the span is not two times, the second after the first.
     """
 
     span: Annotated[Span, "s"]
@@ -35,9 +35,8 @@ class Segment:
     joined_at_end: tuple[BranchRanges, ...] = field(repr=False)
 
     def __post_init__(self) -> None:
-        start, end = self.span
-        if not start < end:
-            raise InputError("span", f"from {start:g} to {end:g} s", "an end after the start")
+        if len(self.span) != 2 or not self.span[0] < self.span[1]:
+            raise InputError("span", f"{self.span} s", "two times, the second after the first")
 
     def to_dict(self) -> dict[str, Any]:
         """The segment's JSON document."""
