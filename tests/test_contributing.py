@@ -231,7 +231,7 @@ np.testing.assert_array_equal(np.loadtxt(lines[-5:]), table)
     "result view": """
 from freefloat.dynamics.momentum import mass_matrix
 from freefloat.io.formats.trajectory import Trajectory
-from freefloat.so3 import rotation_matrix
+from freefloat.rotations import rotation_matrix
 
 problem = ff.load_scenario("spatial_6dof/line").problem()
 simulation = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0])

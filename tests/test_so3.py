@@ -11,13 +11,13 @@ from scipy.stats import qmc
 
 import freefloat as ff
 from freefloat.attitude_grids import low_discrepancy
+from freefloat.rotations import rotation_matrix
 from freefloat.so3 import (
     Pose,
     axes_rotation,
     cross,
     heading_of,
     heading_quaternion,
-    rotation_matrix,
     rotation_vector_between,
     unit_quaternion,
     unit_vector,

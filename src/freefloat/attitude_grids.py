@@ -6,8 +6,8 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array
 
 _SPIRALS = (np.sqrt(2.0), 1.533751168755204288118041)  # the second solves x**4 = x + 4
@@ -54,7 +54,7 @@ def attitude_grid(count: int, seed: int = 0) -> Array:
     ])  # fmt: skip
     if seed == 0:
         return grid
-    rotation = Rotation.random(rng=np.random.default_rng(seed))
+    rotation = Rotation.from_quat(np.random.default_rng(seed).normal(size=4))
     return np.asarray((rotation * Rotation.from_quat(grid)).as_quat())
 
 

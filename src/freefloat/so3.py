@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError, finite_vector, number_array
+from freefloat.rotations import Rotation, rotation_matrix
 
 Array = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -67,7 +67,8 @@ class Pose:
     @property
     def quaternion(self) -> Array:
         """The rotation as a unit quaternion x, y, z, w with w of at least zero, shape (4,)."""
-        return np.asarray(Rotation.from_matrix(self.rotation).as_quat(canonical=True))
+        x, y, z, w = Rotation.from_matrix(self.rotation).as_quat()
+        return np.array([x, y, z, w]) if w >= 0.0 else -np.array([x, y, z, w])
 
     def __matmul__(self, inner: Pose) -> Pose:
         """The composition with the pose ``inner`` relative to this frame."""
@@ -147,19 +148,6 @@ def cross(u: Array, v: Array) -> Array:
     """The vector product of two vectors (3,), in a fifth of ``np.cross``'s time."""
     (a, b, c), (x, y, z) = u.tolist(), v.tolist()
     return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
-
-
-def rotation_matrix(quaternion: npt.ArrayLike) -> Array:
-    """The rotation (3, 3) of a quaternion ``x, y, z, w``, in a tenth of SciPy's time."""
-    x, y, z, w = np.asarray(quaternion, dtype=float).tolist()
-    k = 2.0 / (x * x + y * y + z * z + w * w)
-    xx, yy, zz, xy, yz, zx = k * x * x, k * y * y, k * z * z, k * x * y, k * y * z, k * z * x
-    wx, wy, wz = k * w * x, k * w * y, k * w * z
-    return np.array([
-        [1.0 - yy - zz, xy - wz, zx + wy],
-        [xy + wz, 1.0 - zz - xx, yz - wx],
-        [zx - wy, yz + wx, 1.0 - xx - yy],
-    ])  # fmt: skip
 
 
 def wrapped(angles: npt.ArrayLike) -> Array:

@@ -21,7 +21,8 @@ from freefloat.robot.bundled import (
     bundled_studies,
     models_folder,
 )
-from freefloat.so3 import Pose, rotation_matrix, unit_quaternion
+from freefloat.rotations import rotation_matrix
+from freefloat.so3 import Pose, unit_quaternion
 from tests.commands import document, run
 
 ENTRIES = {entry.name: entry for group in catalogue().values() for entry in group}

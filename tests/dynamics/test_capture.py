@@ -14,7 +14,7 @@ import freefloat as ff
 from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
 from freefloat.robot.mjcf_writer import robot_mjcf
 from freefloat.robot.parts import Mount
-from freefloat.so3 import rotation_matrix
+from freefloat.rotations import rotation_matrix
 from tests.motions import bundled
 
 ROBOTS = ("spatial_6dof/line", "ets_vii/line", "ur5_servicer/arc", "ssrms/transfer")

@@ -18,7 +18,8 @@ from freefloat.dynamics.momentum import (
     system_matrix_derivative,
 )
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
-from freefloat.so3 import rotation_matrix, rotation_vector_between
+from freefloat.rotations import rotation_matrix
+from freefloat.so3 import rotation_vector_between
 from tests.motions import relative
 from tests.robots import Robot, attitudes, joint_values, planar_robot, robots
 

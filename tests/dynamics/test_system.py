@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.dynamics.momentum import momentum_map
-from freefloat.so3 import rotation_matrix
+from freefloat.rotations import rotation_matrix
 from tests.errors import error_key
 from tests.motions import bundled
 

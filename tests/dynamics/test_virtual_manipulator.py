@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import freefloat as ff
 from freefloat.dynamics.momentum import system_matrix
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.so3 import rotation_matrix
+from freefloat.rotations import rotation_matrix
 from tests.motions import virtual_jacobian
 from tests.robots import (
     STROKE,

@@ -16,7 +16,8 @@ from freefloat.paths.time_laws import TimeLaw
 from freefloat.planning.phases.kinds.path_phase import branch_at
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.phases.state import SystemState
-from freefloat.so3 import Pose, angle_between, rotation_matrix
+from freefloat.rotations import rotation_matrix
+from freefloat.so3 import Pose, angle_between
 from tests.errors import error_key
 
 GRAPPLE = np.array([0.5, 1.2, 0.0])

@@ -73,7 +73,7 @@ def cone(problem: ff.Problem, motion: Motion, axis: np.ndarray, spare: float) ->
     """A cone, midway between the ends of an axis of the spacecraft, just wider than it moves."""
     body = next(name for name, (number, _) in problem.model.link_places.items() if not number)
     ends = motion.initial.attitude, motion.final.attitude
-    direction = sum(ff.so3.rotation_matrix(attitude) @ axis for attitude in ends)
+    direction = sum(ff.rotations.rotation_matrix(attitude) @ axis for attitude in ends)
 
     def limits(angle: float) -> ff.Limits:
         return ff.Limits(pointing=(ff.PointingLimit(body, axis, angle, direction=direction),))

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 import freefloat as ff
 from freefloat.dynamics.momentum import momentum_map
 from freefloat.robot.validation import read_urdf
-from freefloat.so3 import rotation_matrix
+from freefloat.rotations import rotation_matrix
 from tests.errors import error_key
 from tests.robots import (
     Robot,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.so3 import heading_quaternion, rotation_matrix
+from freefloat.rotations import rotation_matrix
+from freefloat.so3 import heading_quaternion
 from tests.errors import error_key
 from tests.motions import bundled
 from tests.robots import random_robot

@@ -13,7 +13,7 @@ import freefloat as ff
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.motion.motion import Motion
 from freefloat.robot.bundled import find_robot
-from freefloat.so3 import rotation_matrix
+from freefloat.rotations import rotation_matrix
 from freefloat.verification.engine_runs import engine_runs
 from freefloat.verification.gravity import CircularOrbit
 from tests.commands import document, error, run

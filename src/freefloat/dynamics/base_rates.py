@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.system import System
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array
 
 
@@ -30,7 +30,7 @@ def base_rates(system: System, attitudes: Array, joints: Array, rates: Array) ->
     """
     D, carried = inertia_and_momentum(system.model, joints, rates)
     turned = Rotation.from_quat(attitudes.reshape(-1, 4))
-    h = turned.apply(np.array(system.momentum), inverse=True).reshape(carried.shape)
+    h = turned.inv().apply(np.array(system.momentum)).reshape(carried.shape)
     return np.asarray(np.linalg.solve(D, (h - system.wheels - carried)[..., None])[..., 0])
 
 

@@ -19,7 +19,8 @@ from freefloat.dynamics.system import System
 from freefloat.errors import InputError, finite_vector, require_type
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.parts import Mount, Payload
-from freefloat.so3 import Array, frozen, rotation_matrix, unit_quaternion, zeros
+from freefloat.rotations import rotation_matrix
+from freefloat.so3 import Array, frozen, unit_quaternion, zeros
 
 
 @dataclass(frozen=True, eq=False)

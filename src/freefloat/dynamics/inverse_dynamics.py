@@ -10,7 +10,8 @@ import pinocchio as pin
 from freefloat.dynamics.momentum import momentum_map
 from freefloat.dynamics.system import System
 from freefloat.dynamics.tasks import Task, task_rows
-from freefloat.so3 import Array, cross, rotation_matrix
+from freefloat.rotations import rotation_matrix
+from freefloat.so3 import Array, cross
 
 
 @dataclass(frozen=True, eq=False)

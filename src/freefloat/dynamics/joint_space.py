@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.measures import SingularityMeasure
@@ -150,13 +151,11 @@ def _extremum(
     With the sign -1 the largest maximum. On a kink rounding decides where the optimizer ends, so
     that smooth functions lead there.
     """
-    from scipy.optimize import minimize  # imported late: it takes a third of a second
-
     scale, ends = sign * (max(abs(function(start)) for start in starts) or 1.0), list(starts)
     for stage in smooth or (function,):
         ends = [
             # SLSQP: L-BFGS-B uses threaded BLAS for its tiny matrices, which takes far longer
-            minimize(lambda q, f=stage: f(q) / scale, end, method="SLSQP",
+            scipy.optimize.minimize(lambda q, f=stage: f(q) / scale, end, method="SLSQP",
                      bounds=optimizer_bounds(model), options={"ftol": 1e-15}).x
             for end in ends
         ]  # fmt: skip

@@ -10,7 +10,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.joint_space import Extremes, joint_space_extremes, sampled_reach
 from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
@@ -20,6 +19,7 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.robot.description import Severity, UrdfDiagnostic
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.rotations import Rotation
 from freefloat.so3 import UPRIGHT, Array, Pose, unit_quaternion
 
 
@@ -91,7 +91,7 @@ def frames_at(
 def roll_pitch_yaw(rotation: Array) -> Array:
     """Angles about the fixed axes x, y, z, in this order, as in URDF [rad], shape (3,)."""
     with warnings.catch_warnings(action="ignore"):  # at a pitch of 90 degrees yaw is zero
-        return np.asarray(Rotation.from_matrix(rotation).as_euler("xyz"))
+        return np.asarray(Rotation.from_matrix(rotation).as_rpy())
 
 
 @dataclass(frozen=True, eq=False)

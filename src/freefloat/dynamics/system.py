@@ -11,7 +11,8 @@ from freefloat.dynamics.momentum import inertia_matrices, momentum_map
 from freefloat.errors import finite_vector, require_type
 from freefloat.robot.joint_values import finite_after
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, frozen, rotation_matrix, unit_quaternion, zeros
+from freefloat.rotations import rotation_matrix
+from freefloat.so3 import Array, frozen, unit_quaternion, zeros
 
 
 @dataclass(frozen=True, eq=False)

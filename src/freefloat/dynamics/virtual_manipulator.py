@@ -11,10 +11,10 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array, Pose, frozen
 
 _TOLERANCE = 1e-9

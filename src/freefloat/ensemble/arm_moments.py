@@ -7,13 +7,13 @@ angular momentum of their own; equation (4) knows nothing else of them.
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.link_frames import LinkFrames, in_frame, inertial_row
 from freefloat.ensemble.kernel_axes import KernelAxes
 from freefloat.ensemble.kernels.records import Arms
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array
 
 _CELLS, _ERROR = (64, 256, 1024), 1e-10

@@ -28,6 +28,7 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.arm_moments import NO_ARMS, kernel_arms
 from freefloat.ensemble.kernel_axes import KernelAxes
 from freefloat.ensemble.kernels.cones import AXIS, ORIGIN, TARGET
+from freefloat.ensemble.kernels.dormand_prince import TABLEAU
 from freefloat.ensemble.kernels.null_space import (
     BASE_RATE,
     ENERGY,
@@ -46,7 +47,6 @@ from freefloat.ensemble.kernels.records import (
     SecondArm,
 )
 from freefloat.ensemble.kernels.records import Problem as KernelProblem
-from freefloat.ensemble.kernels.steps import TABLEAU
 from freefloat.ensemble.robots import robot_properties
 from freefloat.errors import InputError
 from freefloat.motion.pointing import AttitudeLimits, Keep

@@ -23,7 +23,8 @@ from freefloat.ik.chain import Chain
 from freefloat.motion.problem import Problem
 from freefloat.robot.description import IDENTITY
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, BoolArray, IntArray, Pose, rotation_matrix
+from freefloat.rotations import rotation_matrix
+from freefloat.so3 import Array, BoolArray, IntArray, Pose
 
 _PLANAR = 1e-9
 """Asymmetry relative to the whole inertia that counts as none."""

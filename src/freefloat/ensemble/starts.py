@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
@@ -15,6 +14,7 @@ from freefloat.ik.chain import Chain
 from freefloat.ik.nearest import closest_branches
 from freefloat.ik.neighbours import neighbouring_configurations
 from freefloat.motion.problem import Problem
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array, BoolArray, IntArray
 
 _REQUESTED = 0.3

@@ -13,7 +13,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
@@ -68,7 +68,7 @@ class PoseTable:
     length: float
     joints: Array
     features: _Features
-    tree: cKDTree
+    tree: scipy.spatial.cKDTree
     spacing: float
 
     @classmethod
@@ -85,7 +85,7 @@ class PoseTable:
         if _last_follows(chain, task):
             joints[-1] = 0.0
         features = _features(chain, task, length, *chain.pose(joints))
-        tree = cKDTree(features.values[:, :_SAMPLES].T)
+        tree = scipy.spatial.cKDTree(features.values[:, :_SAMPLES].T)
         distance, _ = tree.query(features.values[:, _SAMPLES:].T)
         spacing = max(_NEARBY, _CAUTION * float(distance.max()))
         return cls(chain, task, length, joints, features, tree, spacing)

@@ -12,15 +12,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.polynomial import chebyshev
-from scipy.optimize import minimize_scalar
-from scipy.spatial.transform import Rotation
 
 from freefloat.limits.levers import frame_levers, joint_levers
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.motion import Motion
 from freefloat.motion.panels import TO_COEFFICIENTS
 from freefloat.motion.scene_poses import scene_poses
+from freefloat.rotations import Rotation
 from freefloat.scene.scene import Scene
 from freefloat.scene.tumbling import Tumbling
 from freefloat.so3 import Array, IntArray, Pose, without_jumps
@@ -99,7 +99,7 @@ def clearance(
         return Clearance(float(smallest), int(number), motion.time_at(0.0))
     if nearest[0] < below and not decide_only and start < end:
         only = np.array([number])
-        refined = minimize_scalar(
+        refined = scipy.optimize.minimize_scalar(
             lambda u: _distances(motion, pairs, np.array([u]), only)[0],
             bounds=(start, end), method="bounded", options={"xatol": 1e-9},
         )  # fmt: skip

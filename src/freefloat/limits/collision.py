@@ -11,7 +11,7 @@ from typing import Any
 
 import coal
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
+import scipy
 
 from freefloat.errors import ModelError
 from freefloat.robot.description import LinkShape
@@ -234,7 +234,7 @@ def convex_parts(triangles: Array, most: int = _MOST) -> tuple[ConvexPart, ...]:
     vertices, numbers = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
     try:
         whole = _MeshPart(vertices, numbers.reshape(-1, 3))
-    except QhullError:
+    except scipy.spatial.QhullError:
         raise MeshFileError("its triangles lie on a line") from None
     parts = [whole]
     while len(parts) < most:
@@ -266,7 +266,7 @@ class _MeshPart:
                 origin = low + fraction * (high - low)
                 sides = list(self._sides((self.vertices - origin) @ axis))
                 if min(map(len, sides)) > 0:
-                    with suppress(QhullError):  # a side without extent
+                    with suppress(scipy.spatial.QhullError):  # a side without extent
                         volume = float(sum(_hull(side).volume for side in sides))
                         cuts.append((volume, axis, origin))
         if not cuts:
@@ -318,12 +318,12 @@ class _MeshPart:
 def _hull(points: Array) -> Any:
     """The convex hull of points; that of a thin plate where they lie in a plane."""
     try:
-        return ConvexHull(points)
-    except QhullError:
+        return scipy.spatial.ConvexHull(points)
+    except scipy.spatial.QhullError:
         centred = points - points.mean(axis=0)
         normal = np.linalg.eigh(centred.T @ centred).eigenvectors[:, 0]
         offset = _THICKNESS / 2.0 * normal
-        return ConvexHull(np.vstack([points - offset, points + offset]))
+        return scipy.spatial.ConvexHull(np.vstack([points - offset, points + offset]))
 
 
 def _volume(parts: list[_MeshPart]) -> float:

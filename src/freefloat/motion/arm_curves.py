@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline, PPoly
+import scipy
 
 from freefloat.errors import InputError, finite_number, number_array, require_type
 from freefloat.robot.model import FreeFloatingModel
@@ -64,8 +64,8 @@ class ArmCurve:
         return float(self.times[-1])
 
     @cached_property
-    def _derivatives(self) -> tuple[CubicSpline, ...]:
-        spline = CubicSpline(self.times, self.waypoints, bc_type="clamped")
+    def _derivatives(self) -> tuple[scipy.interpolate.CubicSpline, ...]:
+        spline = scipy.interpolate.CubicSpline(self.times, self.waypoints, bc_type="clamped")
         return spline, spline.derivative(), spline.derivative(2)
 
     def at(self, t: npt.ArrayLike, order: int = 0) -> Array:
@@ -79,7 +79,9 @@ class ArmCurve:
         inside = np.clip(np.asarray(t, dtype=float), 0.0, self.duration)
         return np.asarray(self._derivatives[order](inside))
 
-    def leg(self, start: float, end: float) -> tuple[PPoly, PPoly]:
+    def leg(
+        self, start: float, end: float
+    ) -> tuple[scipy.interpolate.PPoly, scipy.interpolate.PPoly]:
         """Joint values and rates by time between two times [s] without a waypoint between them.
 
         They are also valid a little beyond.
@@ -89,7 +91,9 @@ class ArmCurve:
         )
         part = slice(k, k + 1), self.times[k : k + 2]
         values, rates, _ = self._derivatives
-        return PPoly(values.c[:, part[0]], part[1]), PPoly(rates.c[:, part[0]], part[1])
+        return scipy.interpolate.PPoly(values.c[:, part[0]], part[1]), scipy.interpolate.PPoly(
+            rates.c[:, part[0]], part[1]
+        )
 
     def stretched(self, factor: float) -> ArmCurve:
         """The same curve at another speed, its duration multiplied by a factor."""

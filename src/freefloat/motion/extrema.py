@@ -11,8 +11,8 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.polynomial import chebyshev
-from scipy.optimize import brentq, minimize_scalar
 
 from freefloat.dynamics.measures import SingularityMeasure
 from freefloat.errors import require_type
@@ -111,7 +111,7 @@ def _first_below(values: Array, f: Function, level: float) -> float | None:
         return float(f(panel, x)[0]) - level
 
     if excess(x) < 0.0 <= excess(before):  # else the two differ by rounding alone
-        x = float(brentq(excess, before, x, xtol=1e-13))
+        x = float(scipy.optimize.brentq(excess, before, x, xtol=1e-13))
     return panel + (x + 1.0) / 2.0
 
 
@@ -146,7 +146,7 @@ def _refined(f: Function, candidate: Extremum) -> Extremum:
     panel, index = candidate.panel, candidate.index
     nearest = int(np.abs(NODES - candidate.x).argmin())
     bounds = NODES[max(nearest - 1, 0)], NODES[min(nearest + 1, DEGREE)]
-    search = minimize_scalar(
+    search = scipy.optimize.minimize_scalar(
         lambda x: float(f(panel, float(x))[index]),
         bounds=bounds, method="bounded", options={"xatol": _XATOL},
     )  # fmt: skip

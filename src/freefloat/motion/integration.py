@@ -13,8 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
-from scipy.integrate import DOP853
-from scipy.optimize import brentq
+import scipy
 
 from freefloat.dynamics.momentum import generalized_determinant, generalized_jacobian
 from freefloat.dynamics.redundancy import SINGULAR_SPEED, SPINNING_SPEED, Metric
@@ -247,7 +246,7 @@ class _Stepper:
         tolerance = self._tolerance
         if self._breaks:  # rates are differences of states by the leg's length, and as precise
             tolerance = max(tolerance * min(abs(goal - y[0]), 1.0), _FINEST)
-        solver = DOP853(
+        solver = scipy.integrate.DOP853(
             tangent, 0.0, y, np.inf, max_step=_LONGEST_STEP, rtol=tolerance, atol=tolerance,
             first_step=self._proposed,
         )  # fmt: skip
@@ -261,15 +260,17 @@ class _Stepper:
             stop = solver.t
             pace = sign * solver.f[0]
             if pace < 0.0:
-                stop = brentq(pace_at, solver.t_old, stop, (dense,))
+                stop = scipy.optimize.brentq(pace_at, solver.t_old, stop, (dense,))
             rows = _nodes(dense, solver.t_old, stop)
             if (np.diff(sign * rows[:, 0]) < 0.0).any():
                 if (r := _reversal(pace_at, sign, dense, solver.t_old, stop)) is not None:
-                    pace, stop = -1.0, brentq(pace_at, solver.t_old, r, (dense,))
+                    pace, stop = -1.0, scipy.optimize.brentq(pace_at, solver.t_old, r, (dense,))
                     rows = _nodes(dense, solver.t_old, stop)
                 rows[:, 0] = sign * np.maximum.accumulate(sign * rows[:, 0])
             if arrived := bool(sign * rows[-1, 0] >= sign * goal):
-                stop = brentq(lambda r, y: y(r)[0] - goal, solver.t_old, stop, (dense,))
+                stop = scipy.optimize.brentq(
+                    lambda r, y: y(r)[0] - goal, solver.t_old, stop, (dense,)
+                )
                 rows = _nodes(dense, solver.t_old, stop)
                 self._proposed = solver.h_abs if self._breaks else None
             rows[:, 0] *= unit

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.base_rates import inertia_and_momentum
 from freefloat.errors import IntegrationError
@@ -12,6 +11,7 @@ from freefloat.motion.joint_spline import JointSpline
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES
 from freefloat.motion.problem import Problem
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array, frozen
 
 _PANELS = 4
@@ -88,7 +88,7 @@ def _attitudes(
     quaternions, omega = np.tile(first, (len(own), 1)), own
     for _ in range(_ITERATIONS):
         if momentum.any():
-            h = Rotation.from_quat(quaternions).apply(momentum, inverse=True)
+            h = Rotation.from_quat(quaternions).inv().apply(momentum)
             omega = own + np.einsum("kij,kj->ki", inverse_D, h)
         rates = (np.tensordot(quaternions, _BY_RATE, 1) @ omega[:, :, None])[..., 0]  # (8c)
         found = first + half * (_INTEGRALS @ rates)

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import BSpline
+import scipy
 
 from freefloat.errors import InputError
 from freefloat.records import Joints
@@ -46,8 +46,8 @@ class JointSpline:
         return len(self.control_points) - DEGREE
 
     @cached_property
-    def _derivatives(self) -> tuple[BSpline, ...]:
-        spline = BSpline(knots(self.spans), self.control_points, DEGREE)
+    def _derivatives(self) -> tuple[scipy.interpolate.BSpline, ...]:
+        spline = scipy.interpolate.BSpline(knots(self.spans), self.control_points, DEGREE)
         return spline, spline.derivative(), spline.derivative(2)
 
     def at(self, s: Any, order: int = 0) -> Array:
@@ -68,5 +68,5 @@ def knots(spans: int) -> Array:
 
 def spline_basis(spans: int, s: Array, order: int) -> Array:
     """Derivatives of joints, or of theirs by s, by the control points at s (K,), (K, spans + 3)."""
-    spline = BSpline(knots(spans), np.eye(spans + DEGREE), DEGREE)
+    spline = scipy.interpolate.BSpline(knots(spans), np.eye(spans + DEGREE), DEGREE)
     return np.asarray(spline.derivative(order)(s))

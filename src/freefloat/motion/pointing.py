@@ -21,7 +21,8 @@ from freefloat.errors import (
     require_type,
 )
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, frozen, rotation_matrix, unit_vector
+from freefloat.rotations import rotation_matrix
+from freefloat.so3 import Array, frozen, unit_vector
 
 TOO_NEAR = 1e-3
 """Distance of a point from the start of the line of sight below which it has no direction [m]."""

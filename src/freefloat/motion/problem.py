@@ -30,12 +30,12 @@ from freefloat.motion.revolutions import require_few_revolutions
 from freefloat.paths.orientation import FreeOrientation
 from freefloat.paths.timing import TimedPath
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.rotations import rotation_matrix
 from freefloat.scene.scene import Scene
 from freefloat.so3 import (
     Array,
     IntArray,
     frozen,
-    rotation_matrix,
     unit_quaternion,
     zeros,
 )

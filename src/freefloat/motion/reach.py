@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from freefloat.motion.problem import Problem
 
@@ -28,4 +28,4 @@ def out_of_reach(problem: Problem) -> float | None:
     outside = next((k for k, s in enumerate(samples) if excess(s) > 0.0), None)
     if not outside:
         return outside
-    return float(brentq(excess, *samples[outside - 1 : outside + 1]))
+    return float(scipy.optimize.brentq(excess, *samples[outside - 1 : outside + 1]))

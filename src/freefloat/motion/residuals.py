@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import momentum_map
 from freefloat.dynamics.tasks import Task
 from freefloat.motion.panels import TO_COEFFICIENTS, with_slopes
 from freefloat.motion.problem import Problem
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array, IntArray, Pose, rotation_vector_between
 
 _UNRESOLVED = 1e-7

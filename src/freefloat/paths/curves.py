@@ -18,7 +18,7 @@ from typing import Self
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline, PPoly
+import scipy
 
 from freefloat.errors import InputError, finite_number, finite_vector, number_array
 from freefloat.so3 import Array, Pose, cross, frozen, unit_vector
@@ -182,7 +182,7 @@ class SplineCurve(Curve):
         if knots[0] != 0.0 or knots[-1] != 1.0 or np.diff(knots).min() <= 0.0:
             raise InputError("s", f"{knots.tolist()} was given", "values that rise from 0 to 1")
         self.knots = frozen(knots)
-        self._use(CubicSpline(self.knots, self.points))
+        self._use(scipy.interpolate.CubicSpline(self.knots, self.points))
         size = float(np.ptp(self.points, axis=0).max())
         third = 6.0 * self._spline.c[0]
         self.breaks = significant_breaks(self.knots, third, _NEGLIGIBLE * size)
@@ -206,7 +206,7 @@ class SplineCurve(Curve):
         part._use(segments_within(self._spline, low, high))
         return part
 
-    def _use(self, spline: PPoly) -> None:
+    def _use(self, spline: scipy.interpolate.PPoly) -> None:
         """Take the values from a spline, whose own call takes five times as long."""
         self._spline, self._starts = spline, spline.x[:-1].tolist()
         self._pieces = [_orders(piece[::-1]) for piece in spline.c.swapaxes(0, 1)]
@@ -232,13 +232,15 @@ def _value(coefficients: list[list[float]], s: float) -> Array:
     return np.array([x, y, z])
 
 
-def segments_within(spline: PPoly, low: float, high: float) -> PPoly:
+def segments_within(
+    spline: scipy.interpolate.PPoly, low: float, high: float
+) -> scipy.interpolate.PPoly:
     """The segments of a spline that hold somewhere between low and high, but for rounding."""
     knots = spline.x
     last = len(knots) - 2
     first = min(max(int(np.searchsorted(knots, low + _ROUNDING, side="right")) - 1, 0), last)
     final = min(max(int(np.searchsorted(knots, high - _ROUNDING)) - 1, first), last)
-    return PPoly(spline.c[:, first : final + 1], knots[first : final + 2])
+    return scipy.interpolate.PPoly(spline.c[:, first : final + 1], knots[first : final + 2])
 
 
 def significant_breaks(knots: Array, third_derivatives: Array, negligible: float) -> Array:

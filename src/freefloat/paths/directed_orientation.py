@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize_scalar
+import scipy
 
 from freefloat.errors import InputError, finite_vector
 from freefloat.paths.curves import Curve
@@ -157,6 +157,6 @@ def _smallest(function: Callable[[float], float]) -> tuple[float, float]:
     minima = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])) + 1
     for i in minima[np.argsort(values[minima])][:_REFINED]:
         bounds = _SAMPLES[[i - 1, i + 1]]
-        refined = minimize_scalar(function, bounds=bounds, options={"xatol": 1e-12})
+        refined = scipy.optimize.minimize_scalar(function, bounds=bounds, options={"xatol": 1e-12})
         best.append((float(refined.fun), float(refined.x)))
     return min(best)

@@ -15,9 +15,10 @@ from typing import Self
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation, RotationSpline
+import scipy
 
 from freefloat.paths.curves import Segmented, segments_within, significant_breaks
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array, attitude_axes, cross, frozen, rotation_vector_between
 
 _NEGLIGIBLE = 1e-8
@@ -134,7 +135,8 @@ class OrientationSpline(OrientationLaw):
         self._knots = np.asarray(s, dtype=float)
         self._rotations = rotations = Rotation.from_quat(quaternions)
         self._starts = rotations.as_matrix()[:-1]
-        self._vectors = RotationSpline(self._knots, rotations).interpolator
+        given = scipy.spatial.transform.Rotation.from_quat(quaternions)
+        self._vectors = scipy.spatial.transform.RotationSpline(self._knots, given).interpolator
         rates = [[self.within(low, high).rate(low + k * (high - low) / 2.0) for k in range(3)]
                  for low, high in pairwise(self._knots)]  # fmt: skip
         seconds = np.diff(np.array(rates), 2, axis=1)[:, 0]

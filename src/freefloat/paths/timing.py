@@ -9,7 +9,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from freefloat.errors import InputError, finite_number, finite_vector, member, require_type
 from freefloat.paths.path import EndEffectorPath
@@ -155,7 +155,9 @@ class Timing:
         if not 0.0 < s < self.s(self.duration):
             return 0.0 if s <= 0.0 else self.duration
         accuracy = 1e-14 * self.duration
-        return float(brentq(lambda t: self.s(t) - s, 0.0, self.duration, xtol=accuracy))
+        return float(
+            scipy.optimize.brentq(lambda t: self.s(t) - s, 0.0, self.duration, xtol=accuracy)
+        )
 
 
 Leg = Callable[[float], tuple[Array, float]]
@@ -282,7 +284,7 @@ class TimedPath:
         for k, (low, high) in enumerate(pairwise((0.0, *law.ends))):
             first, last = law.s(low, 0, k), law.s(high, 0, k)
             for s in self.path.breaks[(self.path.breaks > first) & (self.path.breaks < last)]:
-                t = brentq(
+                t = scipy.optimize.brentq(
                     lambda t, s, k: law.s(t, 0, k) - s, low, high, (s, k),
                     xtol=1e-300,  # rtol alone decides
                 )  # fmt: skip

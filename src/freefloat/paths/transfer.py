@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from freefloat.errors import number_array
 from freefloat.paths.curves import PolynomialCurve
@@ -15,6 +14,7 @@ from freefloat.paths.orientation import OrientationLaw, exponential_rate
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import TimedPath, Timing
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array, Pose, attitude_axes, frozen
 
 

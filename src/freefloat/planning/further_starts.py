@@ -16,7 +16,8 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.settings import PLAN_ATTITUDES, Search
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.mapping import sample_attitudes
-from freefloat.so3 import Array, rotated, rotation_matrix
+from freefloat.rotations import rotation_matrix
+from freefloat.so3 import Array, rotated
 
 _HEADINGS, _IN_RANGE = 1440, 24
 """Headings from which violations are compared: of all, and inside each range that is known."""

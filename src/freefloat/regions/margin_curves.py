@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
+import scipy
 
 from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError
@@ -104,7 +104,7 @@ class TwoAngleDeterminant:
         edges = np.append(edges, edges[:1] + 2.0 * np.pi)
         values = self.room(edges, level)
         roots = [
-            float(brentq(self.room, a, b, args=(level,), xtol=1e-15))
+            float(scipy.optimize.brentq(self.room, a, b, args=(level,), xtol=1e-15))
             for (a, b), (u, v) in zip(pairwise(edges), pairwise(values), strict=True)
             if (u > 0.0) != (v > 0.0)
         ]
@@ -230,7 +230,7 @@ def _curve(
     def extreme(sign: float) -> float:
         k = int(np.argmin(sign * radii))
         around = places[max(k - 1, 0)], places[min(k + 1, count - 1)]
-        found = minimize_scalar(
+        found = scipy.optimize.minimize_scalar(
             lambda u: sign * abs(point_3(arm, joints(np.array([u])))[0]), bounds=around,
             method="bounded", options={"xatol": _EXACT},
         )  # fmt: skip

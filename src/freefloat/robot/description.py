@@ -9,12 +9,12 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.errors import ModelError
 from freefloat.robot.formats.reader_process import Argument
 from freefloat.robot.not_read import NotRead
 from freefloat.robot.shapes import Shape
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array, Pose
 
 MOVING = ("revolute", "continuous", "prismatic")
@@ -271,4 +271,4 @@ class RobotDescription:
 
 def rpy_rotation(rpy: Array) -> Array:
     """The rotation (3, 3) of roll, pitch, yaw about the fixed x, y, z axes in this order [rad]."""
-    return np.asarray(Rotation.from_euler("xyz", rpy).as_matrix())
+    return np.asarray(Rotation.from_rpy(rpy).as_matrix())

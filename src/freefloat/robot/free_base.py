@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 from lxml import etree
-from scipy.spatial.transform import Rotation
 
 from freefloat.robot.description import IDENTITY, Joint, RobotDescription, Severity
 from freefloat.robot.not_read import NotRead
 from freefloat.robot.urdf_text import Element
+from freefloat.rotations import Rotation
 from freefloat.so3 import Pose
 
 FREE = 6

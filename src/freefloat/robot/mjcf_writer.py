@@ -7,13 +7,13 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.robot.description import LinkShape
 from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.rigid_bodies import Body
 from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Sphere
+from freefloat.rotations import Rotation
 from freefloat.so3 import Pose
 
 if TYPE_CHECKING:

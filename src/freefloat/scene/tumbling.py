@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.integrate import solve_ivp
-from scipy.spatial.transform import Rotation
+import scipy
 
 from freefloat.errors import InputError, finite_vector
 from freefloat.robot.parts import inertia_matrix
-from freefloat.so3 import Array, frozen, rotation_matrix, zeros
+from freefloat.rotations import Rotation, rotation_matrix
+from freefloat.so3 import Array, frozen, zeros
 
 _TOLERANCE = 1e-13
 """Relative tolerance: the attitude is exact to 1e-11 over ten revolutions."""
@@ -160,7 +160,9 @@ def _solution(
     scale = max(map(abs, rate))
     tolerance = [_ABSOLUTE] * 4 + [_ABSOLUTE * scale] * 3
     start = [0.0, 0.0, 0.0, 1.0, *rate]
-    solution: Any = solve_ivp(derivative, (0.0, duration), start, "DOP853", rtol=_TOLERANCE,
-                              atol=tolerance, dense_output=True)  # fmt: skip
+    solution: Any = scipy.integrate.solve_ivp(
+        derivative, (0.0, duration), start, "DOP853",
+        rtol=_TOLERANCE, atol=tolerance, dense_output=True,
+    )  # fmt: skip
     interpolant: Callable[[float | Array], Array] = solution.sol
     return interpolant

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
@@ -111,9 +112,6 @@ def singularity_components(found: SingularityMap) -> SingularityComponents:
 
 def _connected(found: SingularityMap, nodes: IntArray, centres: Array, halves: Array) -> IntArray:
     """A number for each of some boxes, the same for those that are connected, shape (K,)."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     row = np.full(len(found.nodes), -1, dtype=np.int32)
     row[nodes] = np.arange(len(nodes))
     edges = []
@@ -125,8 +123,10 @@ def _connected(found: SingularityMap, nodes: IntArray, centres: Array, halves: A
         free = np.flatnonzero(neighbours >= 0)
         edges.append(np.stack([free, neighbours[free]]))
     pairs = np.concatenate(edges, axis=1) if edges else np.zeros((2, 0), dtype=int)
-    graph = coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(len(nodes), len(nodes)))
-    return np.asarray(connected_components(graph, directed=False)[1])
+    graph = scipy.sparse.coo_array(
+        (np.ones(pairs.shape[1]), tuple(pairs)), shape=(len(nodes), len(nodes))
+    )
+    return np.asarray(scipy.sparse.csgraph.connected_components(graph, directed=False)[1])
 
 
 def _branches(found: SingularityMap, labels: _Labels, count: int) -> list[dict[str, int]]:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
@@ -21,10 +22,11 @@ from freefloat.dynamics.momentum import generalized_jacobian
 from freefloat.dynamics.tasks import Task, require_task, required_plane
 from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.rotations import rotation_matrix
 from freefloat.singularities.global_maximum import halved
 from freefloat.singularities.joint_polynomial import JointPolynomial
 from freefloat.singularities.singularity_polynomial import SingularityPolynomial
-from freefloat.so3 import UPRIGHT, Array, frozen, rotation_matrix, unit_quaternion
+from freefloat.so3 import UPRIGHT, Array, frozen, unit_quaternion
 
 _TOLERANCE = 1e-3
 """Relative difference of the bounds at which the search ends."""
@@ -201,10 +203,8 @@ class _Search:
 
     def _polish(self, start: Array) -> None:
         """Use the zero nearest to the joint values that a local search finds, or its start."""
-        from scipy.optimize import minimize  # imported late: it takes a third of a second
-
         scale = float(self._S.derivative_bounds[0])
-        found = minimize(
+        found = scipy.optimize.minimize(
             lambda x: float(((x - self._q) ** 2).sum()), start, jac=lambda x: 2.0 * (x - self._q),
             method="SLSQP", bounds=list(zip(self._lower, self._upper, strict=True)),
             constraints={

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.link_frames import inertial_row
 from freefloat.ensemble.robots import Robots
 from freefloat.io.scenario.robot_section import RobotSection
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array, BoolArray, IntArray, Pose
 from freefloat.studies.value_columns import as_numbers
 
@@ -192,7 +192,7 @@ class VariedRobot:
             return None
         xyz, rpy = (np.broadcast_to(fields.get(key, self._nominal(key)), (count, 3))
                     for key in keys)  # fmt: skip
-        return craft.mount.to_mount().pose, xyz, Rotation.from_euler("xyz", rpy).as_matrix()
+        return craft.mount.to_mount().pose, xyz, Rotation.from_rpy(rpy).as_matrix()
 
 
 def _link_factors(values: Mapping[str, Column], count: int) -> dict[str, Array]:

@@ -9,11 +9,11 @@ from hashlib import sha256
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
+import scipy
 from pydantic import Discriminator, Field, Tag, model_validator
-from scipy.spatial.transform import Rotation
-from scipy.special import ndtri
 
 from freefloat.io.scenario.field_types import NotNegative, Number, Quaternion, Section
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array
 from freefloat.studies.robot_values import INERTIA, are_inertias
 
@@ -235,7 +235,7 @@ class ValuesSection(Section):
         if self.normal is not None:
             mean, sd = (np.asarray(v, dtype=float) for v in (self.normal.mean, self.normal.sd))
             numbers = stream(mean.size).reshape(count, *mean.shape)
-            return np.asarray(mean + sd * ndtri(numbers))
+            return np.asarray(mean + sd * scipy.special.ndtri(numbers))
         raise ValueError(f"the values of {key} are listed")
 
 
@@ -253,7 +253,7 @@ def _random_numbers(seed: int, key: str, first: int, count: int, width: int) -> 
 
 def _directions(numbers: Array) -> Array:
     """Unit vectors (K, k) without preferred direction, of random numbers in (0, 1)."""
-    normal = ndtri(numbers)
+    normal = scipy.special.ndtri(numbers)
     return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
 
 

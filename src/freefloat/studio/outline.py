@@ -6,7 +6,6 @@ import warnings
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.tasks import Task
 from freefloat.io.scenario.arms_section import paths_of_arms
@@ -16,6 +15,7 @@ from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.problem import Problem
 from freefloat.paths.curves import SplineCurve
 from freefloat.paths.timing import TimedPath
+from freefloat.rotations import Rotation
 from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, Pose
 from freefloat.visualization.scenes.overlays import thickness
@@ -152,5 +152,5 @@ def rounded_rpy(rotation: Array) -> list[float]:
     """Roll, pitch and yaw of a rotation matrix [rad], rounded."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # where the pitch is 90 degrees, any roll will do
-        rpy: list[float] = Rotation.from_matrix(rotation).as_euler("xyz").round(6).tolist()
+        rpy: list[float] = Rotation.from_matrix(rotation).as_rpy().round(6).tolist()
     return rpy

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.errors import FreeFloatError, InputError
 from freefloat.robot.bundled import bundled_scenarios
+from freefloat.rotations import Rotation
 from freefloat.so3 import heading_quaternion
 from freefloat.studio.document import Document
 from freefloat.studio.edits import edited

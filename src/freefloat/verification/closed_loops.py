@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.tasks import Task
 from freefloat.ensemble.rate_commands import RateCommands
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array
 from freefloat.verification.engines.mujoco import start
 from freefloat.verification.engines.mujoco_model import Engine

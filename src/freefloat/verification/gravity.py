@@ -6,14 +6,15 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.integrate import solve_ivp
+import scipy
 
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.errors import finite_number
 from freefloat.motion.motion import Motion, State
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array, angle_between, rotation_matrix
+from freefloat.rotations import rotation_matrix
+from freefloat.so3 import Array, angle_between
 
 _EARTH = 3.986004418e14
 """Gravitational parameter of the Earth (WGS 84) [m³/s²]."""
@@ -129,7 +130,7 @@ def _on_the_path(motion: Motion, orbit: CircularOrbit) -> tuple[float, float]:
         segment = problem.path.timing.segment_at((start + end) / 2.0)
         inner = times[(times > start) & (times < end)]
         with np.errstate(over="ignore", invalid="ignore"):  # rates have no bound at a singularity
-            solution = solve_ivp(
+            solution = scipy.integrate.solve_ivp(
                 _slopes, (start, end), y, "DOP853", np.array([start, *inner, end]),
                 args=(problem, orbit, segment), rtol=_TOLERANCE, atol=_TOLERANCE,
             )  # fmt: skip

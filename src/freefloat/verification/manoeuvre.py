@@ -23,7 +23,8 @@ from freefloat.planning.phases.prescribed_path import JUMP
 from freefloat.planning.phases.state import SystemState
 from freefloat.planning.plan import Plan
 from freefloat.records import Known, Origin
-from freefloat.so3 import Array, angle_between, rotation_matrix
+from freefloat.rotations import rotation_matrix
+from freefloat.so3 import Array, angle_between
 from freefloat.verification.comparisons import Check, error_check
 from freefloat.verification.goal_motions import goal_report
 from freefloat.verification.path_motions import plan_report

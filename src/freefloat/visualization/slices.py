@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from freefloat.concurrency import Progress
 from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array, frozen
 
 if TYPE_CHECKING:  # compiled kernels are slow to import

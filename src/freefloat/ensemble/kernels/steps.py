@@ -10,13 +10,9 @@ sign, is rejected and shortened until it is negligible.
 
 from __future__ import annotations
 
-import numpy as np
-from scipy.integrate import RK45
-
 from freefloat.ensemble.kernels.cones import note_slacks
 from freefloat.ensemble.kernels.extents import note_extents
 from freefloat.ensemble.kernels.flow import TIME_WEIGHT, flow
-from freefloat.ensemble.kernels.interpolant import BEGINNING, END, PART
 from freefloat.ensemble.kernels.measures import ARM, measure_at, of_determinants
 from freefloat.ensemble.kernels.minima import note_minimum
 from freefloat.ensemble.kernels.records import (
@@ -53,12 +49,6 @@ from freefloat.lockstep.lanes import (
 from freefloat.lockstep.reflections import is_singular
 from freefloat.lockstep.tables import Table, below
 
-TABLEAU = np.zeros((14, 7))
-"""Rows 0 to 5: stages; 6: the step; 7: its error; then those of the interpolant."""
-TABLEAU[:6, :5], TABLEAU[6, :6], TABLEAU[7], TABLEAU[PART:BEGINNING] = (
-    RK45.A, RK45.B, RK45.E, RK45.P.T,
-)  # fmt: skip
-TABLEAU[BEGINNING], TABLEAU[END] = 2.0 * RK45.P[:, 1], RK45.P @ [0.0, 2.0, 6.0, 12.0]
 _LAST_PART = 0.7
 """A step by arc length over more than this part of what remains of a segment goes by time."""
 _SHORTEST_STEP, _SINGULAR_STEP = 1e-11, 1e-7

@@ -6,10 +6,9 @@ import math
 from pathlib import Path
 from typing import Any
 
-from scipy.spatial.transform import Rotation
-
 from freefloat.errors import InputError
 from freefloat.io.formats.trajectory import Trajectory
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array
 
 _LAST = 2**31 - 1

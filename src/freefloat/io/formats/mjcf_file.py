@@ -9,7 +9,8 @@ import numpy as np
 from freefloat.errors import InputError
 from freefloat.io.formats.trajectory import Trajectory
 from freefloat.robot.mjcf_writer import attribute, robot_mjcf, why_refused
-from freefloat.so3 import Array, rotation_matrix
+from freefloat.rotations import rotation_matrix
+from freefloat.so3 import Array
 
 
 def mjcf_text(trajectory: Trajectory) -> str:

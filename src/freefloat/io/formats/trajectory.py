@@ -9,10 +9,10 @@ from datetime import UTC, datetime
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError, finite_number, require_type, whole_number
 from freefloat.motion.motion import Ending, Motion
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array, Pose, frozen, without_jumps
 
 MAX_SAMPLES = 1_000_000

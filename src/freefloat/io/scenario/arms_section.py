@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import scipy
 from pydantic import Field
-from scipy.interpolate import CubicSpline
 
 from freefloat.errors import InputError
 from freefloat.io.scenario.field_types import Name, Number, Section
@@ -129,7 +129,9 @@ def _saved_curve(path: Path, key: str, joints: tuple[str, ...]) -> ArmCurve:
     if missing or len(times) < 2 or not (np.diff(times) > 0.0).all():
         problem = f"{path} has no motion of {', '.join(missing or joints)}"
         raise InputError(key, problem, _SAVED)
-    spline = CubicSpline(times, values[:, [names.index(joint) for joint in joints]])
+    spline = scipy.interpolate.CubicSpline(
+        times, values[:, [names.index(joint) for joint in joints]]
+    )
     instants = np.linspace(0.0, float(times[-1]), _SAMPLES)
     return ArmCurve(spline(instants), instants)
 

@@ -6,7 +6,6 @@ from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field
-from scipy.spatial.transform import Rotation
 
 from freefloat.io.scenario.field_types import (
     Quaternion,
@@ -15,7 +14,8 @@ from freefloat.io.scenario.field_types import (
     Vector,
     exactly_one_of,
 )
-from freefloat.so3 import Array, axes_rotation, rotation_matrix, unit_quaternion
+from freefloat.rotations import Rotation, rotation_matrix
+from freefloat.so3 import Array, axes_rotation, unit_quaternion
 
 Axes = Annotated[dict[Literal["x", "y", "z"], Vector], Field(min_length=2, max_length=2)]
 
@@ -47,7 +47,7 @@ def rotation_of(section: OrientationSection, key: str) -> Array:
     if section.quaternion is not None:
         return rotation_matrix(unit_quaternion(f"{key}.quaternion", section.quaternion))
     if section.rpy is not None:
-        return np.asarray(Rotation.from_euler("xyz", section.rpy).as_matrix())
+        return np.asarray(Rotation.from_rpy(section.rpy).as_matrix())
     first, second = (section.axes or {}).items()
     return axes_rotation(f"{key}.axes", first, second)
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.summary import frames_at
 from freefloat.dynamics.tasks import Task
@@ -39,6 +38,7 @@ from freefloat.paths.samples import parse_samples
 from freefloat.paths.timing import TimedPath, Timing
 from freefloat.planning.settings import Search
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.rotations import Rotation
 from freefloat.scene.scene import Scene
 from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import UPRIGHT, Array, Pose

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.result import LimitResult, all_violations
@@ -13,6 +12,7 @@ from freefloat.planning.goals.goal_motion import GoalMotion, earlier
 from freefloat.planning.goals.joint_paths import Course
 from freefloat.planning.goals.resting import violation_at_rest
 from freefloat.planning.goals.search import REACHED, GoalSearch
+from freefloat.rotations import Rotation
 
 
 def why_not(

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.summary import frames_at
 from freefloat.errors import InputError, finite_vector, require_type
@@ -15,6 +14,7 @@ from freefloat.paths.time_laws import positive_duration
 from freefloat.planning.goals.target import Target
 from freefloat.records import Joints, Quaternions
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.rotations import Rotation
 from freefloat.scene.scene import FRAMES
 from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import UPRIGHT, Array, Pose, frozen, unit_quaternion

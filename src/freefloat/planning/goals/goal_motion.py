@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.plane import plane_of, why_in_no_plane
@@ -30,6 +29,7 @@ from freefloat.planning.answer import Answer, PhaseResult
 from freefloat.planning.goals.goal import Goal
 from freefloat.planning.goals.target import EndState
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.rotations import Rotation
 from freefloat.scene.scene import Scene
 from freefloat.so3 import UPRIGHT, Array
 

@@ -18,7 +18,8 @@ from freefloat.planning.goals.goal import Goal
 from freefloat.planning.goals.goal_motion import earlier
 from freefloat.planning.goals.resting import violation_at_rest
 from freefloat.planning.goals.target import EndState, Target
-from freefloat.so3 import Array, angle_between, rotation_matrix
+from freefloat.rotations import rotation_matrix
+from freefloat.so3 import Array, angle_between
 
 _SAME = 1e-9
 """Distance from a goal that is the state at the start [rad, m]."""

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.concurrency import Progress
 from freefloat.limits.result import LimitResult, violated
@@ -16,6 +15,7 @@ from freefloat.planning.goals.effort import Effort
 from freefloat.planning.goals.quadratic import Quadratic
 from freefloat.planning.goals.relaxation import Relaxation, Weights
 from freefloat.planning.goals.starts import random_path, starts
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array, rotation_vector_between
 
 _STAGES = ((Weights(1.0, 1.0), 6), (Weights(0.1, 100.0), 15), (FINAL, 20))

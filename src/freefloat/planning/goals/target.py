@@ -9,11 +9,11 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import system_matrix
 from freefloat.dynamics.tasks import Task
 from freefloat.motion.problem import Problem
+from freefloat.rotations import Rotation
 from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import UPRIGHT, Array, Pose, rotation_vector_between
 

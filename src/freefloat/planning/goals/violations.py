@@ -8,7 +8,6 @@ from functools import cached_property, partial
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.limits.kinds.base_turn import BaseTurnLimit
 from freefloat.limits.kinds.corridor import CorridorLimit
@@ -18,6 +17,7 @@ from freefloat.limits.result import LimitResult
 from freefloat.motion.pointing import Keep, angle_of
 from freefloat.motion.problem import Problem
 from freefloat.planning.goals.joint_paths import Course, JointPaths
+from freefloat.rotations import Rotation
 from freefloat.scene.scene_body import Hand
 from freefloat.so3 import Array, IntArray, angle_between
 

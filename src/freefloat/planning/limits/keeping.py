@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
 
 from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
@@ -229,7 +228,6 @@ def moved_nearer(
     if np.abs(away).max() < _SAME:
         return passed
     step = spare * away / np.linalg.norm(away)
-    between = Slerp([0.0, 1.0], Rotation.from_quat([start, present]))
     low, high = 0.0, 1.0
 
     def trial(attitude: Array, number: int = branch) -> PassedTrial | None:
@@ -246,7 +244,7 @@ def moved_nearer(
     nearest = passed
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2.0
-        nearer = trial(between(middle).as_quat())
+        nearer = trial(rotated(present, (1.0 - middle) * away)[0])
         if nearer is None:
             high = middle
         else:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array, angle_between
 
 _INTERVALS = 4

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError
@@ -14,6 +13,7 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.relative_path import RelativePath
 from freefloat.paths.timing import TimedPath
+from freefloat.rotations import Rotation
 from freefloat.scene.scene_body import SceneBody
 from freefloat.so3 import Array, Pose, rotation_vector_between
 

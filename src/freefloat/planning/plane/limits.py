@@ -13,7 +13,7 @@ from math import tau
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq
+import scipy
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.check import attitude_limits
@@ -105,7 +105,11 @@ class _Slack:
         """The precise zero between two headings, or the nearer one where it lies just outside."""
         ends = {heading: self._precise(heading)[0] for heading in (low, high)}
         if ends[low] * ends[high] < 0.0:
-            zero = float(brentq(lambda heading: self._precise(heading)[0], low, high, xtol=_EXACT))
+            zero = float(
+                scipy.optimize.brentq(
+                    lambda heading: self._precise(heading)[0], low, high, xtol=_EXACT
+                )
+            )
         else:
             zero = min(ends, key=lambda heading: abs(ends[heading]))
         return zero % tau, self._precise(zero)[1].limit

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
+import scipy
 
 from freefloat.so3 import Array, IntArray
 
@@ -16,7 +16,7 @@ def nearest_among(others: Array, threads: int = 1) -> Callable[[Array], tuple[Ar
 
     Of attitudes (K, 4) it returns the angles [rad] to the nearest, and its index, shapes (K,).
     """
-    tree = cKDTree(np.vstack([others, -others]))
+    tree = scipy.spatial.cKDTree(np.vstack([others, -others]))
 
     def nearest(attitudes: Array) -> tuple[Array, IntArray]:
         chords, index = tree.query(attitudes, workers=threads)

@@ -6,9 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+import scipy
 
 from freefloat.planning.candidates import Region
 from freefloat.planning.searches.nearest_neighbours import depths
@@ -50,11 +48,13 @@ def find_regions(samples: AttitudeMap, threads: int = 1) -> tuple[Region, ...]:
 def _components(attitudes: Array, radius: float, threads: int) -> npt.NDArray[np.int32]:
     """Number of the connected part that each attitude belongs to."""
     K = len(attitudes)
-    chord, other = cKDTree(np.vstack([attitudes, -attitudes])).query(
+    chord, other = scipy.spatial.cKDTree(np.vstack([attitudes, -attitudes])).query(
         attitudes, k=min(_NEIGHBOURS + 1, 2 * K), workers=threads
     )
     near = chord < 2.0 * np.sin(radius / 4.0)
     first = np.broadcast_to(np.arange(K)[:, None], near.shape)[near]
     second = other[near] % K
-    graph = coo_array((np.ones(len(first), dtype=np.int8), (first, second)), shape=(K, K))
-    return np.asarray(connected_components(graph, directed=False)[1])
+    graph = scipy.sparse.coo_array(
+        (np.ones(len(first), dtype=np.int8), (first, second)), shape=(K, K)
+    )
+    return np.asarray(scipy.sparse.csgraph.connected_components(graph, directed=False)[1])

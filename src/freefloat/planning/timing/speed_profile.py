@@ -15,8 +15,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linprog
-from scipy.sparse import csr_array
+import scipy
 
 from freefloat.dynamics.inverse_dynamics import InverseDynamics
 from freefloat.errors import InputError
@@ -168,10 +167,12 @@ def _largest_squares(
     limits, column = np.array(right), np.array(columns)
     row = np.arange(len(limits))
     index = np.concatenate([row, row]), np.concatenate([column, column + 1])
-    matrix = csr_array((np.concatenate([before, after]), index), shape=(len(limits), len(knots)))
+    matrix = scipy.sparse.csr_array(
+        (np.concatenate([before, after]), index), shape=(len(limits), len(knots))
+    )
     finite = np.isfinite(limits)
     bounds = [(0.0, 0.0), *[(0.0, None)] * (len(knots) - 2), (0.0, 0.0)]
-    result = linprog(-weights, matrix[finite], limits[finite] / scale, bounds=bounds)
+    result = scipy.optimize.linprog(-weights, matrix[finite], limits[finite] / scale, bounds=bounds)
     if result.x is None:
         return np.zeros(len(knots))
     return np.asarray(np.maximum(result.x, 0.0) * scale)

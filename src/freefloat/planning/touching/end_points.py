@@ -10,9 +10,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from contourpy import contour_generator
-from scipy.optimize import root
-from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.problem import Problem
@@ -23,6 +22,7 @@ from freefloat.planning.touching.touch_point import (
     distinct_in_space,
     roots_between,
 )
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array
 
 _ANGLES = np.linspace(-np.pi, np.pi * (1.0 + 2.0 / 180), 182)
@@ -92,7 +92,7 @@ class _EndStates:
             places = place[None]
             return np.append(self._measures(places) / level - 1.0, self._off(places) / reach)
 
-        solution = root(errors, start, tol=1e-13)
+        solution = scipy.optimize.root(errors, start, tol=1e-13)
         if not np.abs(solution.fun).max() < _EXACT:
             return
         attitudes, joints = self._configurations(solution.x[None])

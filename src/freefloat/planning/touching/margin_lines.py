@@ -18,13 +18,13 @@ import numpy as np
 import numpy.typing as npt
 from contourpy import contour_generator
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.spatial.transform import Rotation
 
 from freefloat.attitude_grids import even_directions
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.analytic import spherical_wrist_angles
 from freefloat.motion.problem import Problem
 from freefloat.planning.touching.touch_point import roots_between
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array
 
 _TIMES = 201

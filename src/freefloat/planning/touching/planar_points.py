@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from functools import lru_cache
 
 import numpy as np
+import scipy
 from contourpy import contour_generator
-from scipy.optimize import root
 
 from freefloat.motion.problem import Problem
 from freefloat.planning.touching.planar_candidates import PathState, PlanarCandidates
@@ -75,7 +75,9 @@ def _at_end(candidates: PlanarCandidates, kind: TouchKind, t: float) -> tuple[To
         off = curve.radii - abs(complex(path.position))
         for i in np.flatnonzero(off[:-1] * off[1:] <= 0.0):
             start = (curve.joints[i] + curve.joints[i + 1]) / 2.0
-            solution = root(candidates.errors, start, args=(path, curve.level), tol=1e-14)
+            solution = scipy.optimize.root(
+                candidates.errors, start, args=(path, curve.level), tol=1e-14
+            )
             rises = inward * curve.level * candidates.slope(solution.x, path) >= 0.0
             if rises and np.abs(solution.fun).max() < _EXACT:
                 points.append(_point(candidates, kind, solution.x, t, curve.level))

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.optimize import root
+import scipy
 
 from freefloat.motion.problem import Problem
 from freefloat.planning.touching.margin_lines import StatesOnPath, margin_lines
@@ -75,7 +75,7 @@ def _refined(
         (S,), (slope,) = on_path.measures(joints), on_path.slopes(t, attitudes, joints)
         return np.array([distance / on_path.reach, S / level - 1.0, slope / steepness])
 
-    solution = root(errors, [start[0] / duration, *start[1:]], tol=1e-12)
+    solution = scipy.optimize.root(errors, [start[0] / duration, *start[1:]], tol=1e-12)
     tau, q3, roll = solution.x.tolist()
     if not np.abs(solution.fun).max() < _EXACT or not 0.0 < tau < 1.0:
         return None

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from freefloat.dynamics.system import System
 from freefloat.motion.motion import Ending, Motion, State
-from freefloat.so3 import Array, angle_between, rotation_matrix
+from freefloat.rotations import rotation_matrix
+from freefloat.so3 import Array, angle_between
 
 STIFFNESS = 0.2
 """Natural frequency of the servos times the time step."""
@@ -71,7 +72,7 @@ class Reference:
     first: float
     last: float
     steps: int
-    _spline: CubicSpline = field(repr=False)
+    _spline: scipy.interpolate.CubicSpline = field(repr=False)
 
     @classmethod
     def of(cls, motion: Motion, steps: int | None = None) -> Reference:
@@ -84,7 +85,7 @@ class Reference:
         steps = steps or int(np.clip(required_steps, _STEPS, _MAX_STEPS))
         nodes = np.linspace(first, last, round(_SPLINE * steps) + 1)
         _, _, rows = motion.evaluate(motion.coordinates_at(nodes))
-        return cls(first, last, steps, CubicSpline(nodes, rows))
+        return cls(first, last, steps, scipy.interpolate.CubicSpline(nodes, rows))
 
     @property
     def step(self) -> float:

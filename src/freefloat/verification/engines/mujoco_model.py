@@ -15,11 +15,11 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.system import System
 from freefloat.errors import InputError, require_extra
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array
 from freefloat.verification.gravity import CircularOrbit
 
@@ -275,10 +275,10 @@ def _fix(joint: ET.Element, value: float) -> None:
     if origin is None:
         origin = ET.SubElement(joint, "origin")
     xyz = np.array(origin.get("xyz", "0 0 0").split(), dtype=float)
-    rotation = Rotation.from_euler("xyz", list(map(float, origin.get("rpy", "0 0 0").split())))
+    rotation = Rotation.from_rpy(list(map(float, origin.get("rpy", "0 0 0").split())))
     if prismatic:
         xyz = xyz + rotation.apply(axis)
     else:
         rotation = rotation * Rotation.from_rotvec(axis)
     origin.set("xyz", " ".join(map(repr, xyz.tolist())))
-    origin.set("rpy", " ".join(map(repr, rotation.as_euler("xyz").tolist())))
+    origin.set("rpy", " ".join(map(repr, rotation.as_rpy().tolist())))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.errors import IntegrationError
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array
 from freefloat.verification.engines.mujoco_model import Engine
 from freefloat.verification.engines.servo_steps import (

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.plane import Plane
 from freefloat.io.formats.trajectory import Trajectory
@@ -18,6 +17,7 @@ from freefloat.motion.pointing import AttitudeLimits, Keep, angle_of
 from freefloat.motion.problem import Problem
 from freefloat.planning.touching.touch_point import touches
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array, angle_between
 from freefloat.visualization.figure_style import (
     BLACK,
@@ -72,7 +72,7 @@ def shown_times(motion: Motion) -> Array:
 
 def euler_angles(attitudes: Array) -> Array:
     """Rotation angles about x, the new y and the new z axis [deg], without jumps, (K, 3)."""
-    angles = Rotation.from_quat(attitudes).as_euler("XYZ")
+    angles = -Rotation.from_quat(attitudes).inv().as_rpy()
     return np.asarray(np.degrees(np.unwrap(angles, axis=0)))
 
 

@@ -7,9 +7,9 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+import scipy
 from matplotlib.patches import Polygon
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-from scipy.spatial import ConvexHull
 
 from freefloat.attitude_grids import even_directions
 from freefloat.motion.motion import Motion
@@ -52,13 +52,13 @@ def draw_in_plane(axes: Any, motion: Motion, times: Array) -> None:
 def from_above(points: Array) -> Array:
     """Corners of the convex outline of points (K, 3) in the x-y plane [m], shape (C, 2)."""
     places = np.unique(points[:, :2].round(_DECIMALS), axis=0)
-    return np.asarray(places[ConvexHull(places, qhull_options=_JOGGLE).vertices])
+    return np.asarray(places[scipy.spatial.ConvexHull(places, qhull_options=_JOGGLE).vertices])
 
 
 def draw_in_space(axes: Any, motion: Motion, time: float) -> None:
     """Draw the bodies at a time [s]."""
     for _, points in outline_points(motion, time):
-        faces = points[ConvexHull(points, qhull_options=_JOGGLE).simplices]
+        faces = points[scipy.spatial.ConvexHull(points, qhull_options=_JOGGLE).simplices]
         axes.add_collection3d(Poly3DCollection(faces, facecolors=ORANGE, alpha=0.25))
 
 

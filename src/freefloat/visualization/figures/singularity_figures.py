@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from scipy.ndimage import binary_dilation
 
 from freefloat.singularities.singularity_map import Kind, SingularityMap
 from freefloat.so3 import Array
@@ -140,7 +140,7 @@ def _beneath_zeros(values: Array) -> npt.NDArray[np.bool_]:
     positive = values > 0.0
     corners = [positive[:-1, :-1], positive[1:, :-1], positive[:-1, 1:], positive[1:, 1:]]
     crossed = np.any(corners, axis=0) & ~np.all(corners, axis=0)
-    return np.asarray(binary_dilation(crossed))
+    return np.asarray(scipy.ndimage.binary_dilation(crossed))
 
 
 def _frame(axes: Any, plane: Section, units: Sequence[tuple[str, float]]) -> None:

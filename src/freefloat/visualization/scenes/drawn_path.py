@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.motion.motion import Motion
 from freefloat.paths.curves import SplineCurve
 from freefloat.paths.orientation import OrientationSpline
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import TimedPath
+from freefloat.rotations import Rotation
 
 
 def with_drawn_path(motion: Motion) -> Motion:

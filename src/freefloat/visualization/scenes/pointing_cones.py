@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.colors import to_hex
-from scipy.spatial.transform import Rotation
 
 from freefloat.motion.pointing import Keep, PointingLimit
 from freefloat.motion.problem import Problem
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array, axes_rotation
 from freefloat.visualization.scenes.description import Label
 from freefloat.visualization.scenes.overlays import arrow, surface_of_revolution, thickness, tube

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+import scipy
 from meshcat import geometry as g
-from scipy.spatial import ConvexHull
-from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError
 from freefloat.limits.contact import deepest_contact
@@ -17,6 +16,7 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import PointingLimit
 from freefloat.motion.singularity import singular_event
 from freefloat.regions.workspace import exact_workspace
+from freefloat.rotations import Rotation
 from freefloat.so3 import Array
 from freefloat.visualization.scenes.description import (
     MarginColours,
@@ -225,7 +225,7 @@ def _view(samples: Sequence[SampledMotion], places: Sequence[Place], planar: boo
             axes = sampled.motion.problem.plane.axes[:, :2].T
             parts += [sampled.areas.reach[1] * axes, -sampled.areas.reach[1] * axes]
     points = np.vstack(parts)
-    points = points[ConvexHull(points, qhull_options="QJ").vertices]
+    points = points[scipy.spatial.ConvexHull(points, qhull_options="QJ").vertices]
     centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
     others = [place for sampled in samples for place in sampled.surroundings.places()]
     direction = view_direction([sampled.positions for sampled in samples], others)

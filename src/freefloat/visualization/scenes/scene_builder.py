@@ -17,7 +17,8 @@ from meshcat.commands import SetObject, SetProperty, SetTransform
 from meshcat.path import Path
 
 from freefloat.robot.shapes import Box, Cylinder, Sphere
-from freefloat.so3 import Array, IntArray, Pose, rotation_matrix
+from freefloat.rotations import rotation_matrix
+from freefloat.so3 import Array, IntArray, Pose
 from freefloat.visualization.scenes.description import SceneDescription
 from freefloat.visualization.scenes.visuals import Visual
 

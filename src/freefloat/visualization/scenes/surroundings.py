@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
@@ -15,6 +14,7 @@ from freefloat.robot.description import Colour
 from freefloat.robot.mesh_files import MeshFileError, find_mesh
 from freefloat.robot.meshes import capsule_mesh, read_mesh
 from freefloat.robot.shapes import Box, Capsule, Cylinder, MeshFile, Sphere
+from freefloat.rotations import Rotation
 from freefloat.scene.scene import Corridor
 from freefloat.scene.scene_body import SceneBody
 from freefloat.scene.tumbling import Tumbling
