@@ -278,7 +278,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def execute(folder: Path, *words: str) -> None:
     """Run a module of Python on the sources in a folder."""
-    variables = {"PYTHONPATH": str(folder / "src"), "COLUMNS": "200", "NUMBA_OPT": "1"}
+    variables = {"PYTHONPATH": str(folder / "src"), "COLUMNS": "200"}
     done = subprocess.run(
         [sys.executable, *words], cwd=folder, env=os.environ | variables, check=False,
         capture_output=True, text=True,

@@ -70,6 +70,15 @@ def test_cached_kernels_are_compiled_again_when_a_called_kernel_changes(tmp_path
 
 
 @pytest.mark.slow
+def test_another_checkout_of_the_same_kernels_compiles_nothing(tmp_path: Path) -> None:
+    for name, hits in (("first", "0"), ("second", "1")):
+        (folder := tmp_path / name).mkdir()
+        (folder / "kernel.py").write_text(KERNEL)
+        (folder / "helper.py").write_text(HELPER.format(value=2.0))
+        assert run(folder, tmp_path / "cache") == ["6.0", hits, "Scale."]
+
+
+@pytest.mark.slow
 def test_kernels_are_cached_by_a_numba_whose_cache_files_are_others(tmp_path: Path) -> None:
     """Digests are left out; the folder is another one when a called kernel changes."""
     (tmp_path / "kernel.py").write_text(KERNEL)

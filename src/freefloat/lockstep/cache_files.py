@@ -11,6 +11,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from numba import config
 from numba.core.caching import Cache, IndexDataCacheFile
 from numba.core.serialize import dumps
 
@@ -25,10 +26,11 @@ class CheckedCacheFile(IndexDataCacheFile):
     """Index and data files of a kernel; a damaged one is deleted, and the kernel compiled again."""
 
     @classmethod
-    def of(cls, cache: Cache) -> CheckedCacheFile:
-        """The files in place of those of a cache."""
-        stamp = cache._impl.locator.get_source_stamp()
-        return cls(cache.cache_path, f"{cache._impl.filename_base}.checked", stamp)
+    def of(cls, cache: Cache, folder: Path, module: str) -> CheckedCacheFile:
+        """The files of a kernel of a module in the folder of its sources, wherever these lie."""
+        level = vars(config)["OPT"]  # of optimization
+        name = f"{module}.{cache._impl.filename_base}.{level}.checked"
+        return cls(str(folder), name, folder.name)
 
     def save(self, key: Any, data: Any) -> None:
         """Write an entry where the folder permits it."""

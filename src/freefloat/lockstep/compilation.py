@@ -49,7 +49,7 @@ def _cached(function: Callable[..., Any]) -> Any:
     with suppress(ImportError, AttributeError, TypeError):  # another Numba keeps its own files
         from freefloat.lockstep.cache_files import CheckedCacheFile
 
-        kernel._cache._cache_file = CheckedCacheFile.of(kernel._cache)
+        kernel._cache._cache_file = CheckedCacheFile.of(kernel._cache, folder, function.__module__)
     return kernel
 
 
