@@ -19,6 +19,7 @@ from pathlib import Path
 
 from benchmarks.batches import batch_results
 from benchmarks.bound import bound_results
+from benchmarks.compiled import compiled_results
 from benchmarks.costs import cost_results
 from benchmarks.jacobians import jacobian_results
 from benchmarks.motions import motion_results
@@ -31,6 +32,7 @@ BEGIN, END = "<!-- speed: scripts/benchmark.py -->", "<!-- /speed -->"
 GROUPS: dict[str, Callable[[bool], list[Result]]] = {
     "jacobians": jacobian_results,
     "motions": motion_results,
+    "compiled": compiled_results,
     "scaling": scaling_results,
     "batches": batch_results,
     "costs": cost_results,
