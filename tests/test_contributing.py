@@ -135,7 +135,6 @@ loaded, table = tour(content | {"phases": []})
 assert loaded.limits.end_effector_speed == 0.11 and "end effector speed [m/s]" in table
 result = limit(r.to_dict() for r in loaded.limit_results)
 assert result["kept"] and abs(result["worst"] - speed) < 1e-9 and abs(result["time"] - 15) < 1e-3
-run("retime", "new.h5", code=2)
 
 write("fast.yaml", phases=[], limits={"end_effector_speed": 0.1})
 found = json.loads(run("plan", "fast.yaml", "--json", "--stretch"))
@@ -144,7 +143,7 @@ found = json.loads(run("simulate", "fast.yaml", "--json", "--heading", "25", cod
 assert not limit(found["limits"])["kept"]
 
 write("phases.yaml", search={"objective": "nearest", "from_attitude": [0, 0, 0, 1],
-                             "joints": [0.5, 0.8], "reorient": True})
+                             "joints": [0.5, 0.8]})
 found = json.loads(run("plan", "phases.yaml", "--json", "-o", "phases.h5"))
 assert all(limit(phase["limits"])["kept"] for phase in found["phases"])
 run("check", "phases.h5")

@@ -188,15 +188,14 @@ def documents_of_all_commands() -> dict[str, list[dict[str, Any]]]:
             document("singularities", "planar_3dof", "--fix", "q3=0.5", "--resolution", 5, *pages)
         ],
     }
-    plan, retimed = documents["plan"][1], document("retime", "line.h5")
-    documents["retime"] = [{key: retimed[key] for key in retimed.keys() - plan.keys()}]
-    turn = ("--from", 0, 0, 0, 1, "--to", 0, 0, 0.1305262, 0.9914449)
+    plan = documents["plan"][1]
     Path("goal.yaml").write_text(GOAL)
     rates = ff.Goal(joints=[0.6, 0.2], joint_rates=[0.01, 0.0]).to_dict()
+    turned = ff.Goal(attitude=[0.0, 0.0, 0.1305262, 0.9914449], joints=[0.6, 0.2]).to_dict()
     documents["plan, with a goal"] = [
-        document("reorient", "planar_2dof/line", *turn),
         document("plan", "goal.yaml", *pages),
         {"goal": rates},
+        {"goal": turned},
     ]  # fmt: skip
     Path("phases.yaml").write_text(PHASES)
     manoeuvre = document("plan", "phases.yaml", "-o", "manoeuvre.h5")

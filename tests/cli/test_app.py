@@ -22,8 +22,8 @@ from tests.commands import error, run, without_progress
 
 PROGRAM = [sys.executable, "-m", "freefloat"]
 COMMANDS = (
-    *("models", "info", "workspace", "singularities", "simulate", "plan", "retime", "reorient"),
-    *("map", "view", "plot", "studio", "check", "export", "assemble", "batch", "schema"),
+    *("models", "info", "workspace", "singularities", "simulate", "plan"),
+    *("map", "view", "studio", "check", "export", "assemble", "batch", "schema"),
 )
 SIMULATE = ("simulate", "planar_3dof/parabola_nonstop", "--heading", "200")
 

@@ -65,7 +65,7 @@ def test_several_motions_become_one_page(files: Path, elsewhere: Path) -> None:
     titles = ["good", "good (2)", "bad"]
     assert document("view", *words) == {
         "address": None, "html": "p.html", "snapshots": [], "video": None,
-        "scenes": titles, "remarks": [],
+        "figures": [], "scenes": titles, "remarks": [],
     }  # fmt: skip
     assert scenes(elsewhere / "p.html") == titles
     assert '"opens": "bad"' in (elsewhere / "p.html").read_text(encoding="utf-8")

@@ -23,9 +23,6 @@ from freefloat.cli.map import map_
 from freefloat.cli.models import models, schema
 from freefloat.cli.options import ListCommand
 from freefloat.cli.plan import plan
-from freefloat.cli.plot import plot
-from freefloat.cli.reorient import reorient
-from freefloat.cli.retime import retime
 from freefloat.cli.simulate import simulate
 from freefloat.cli.singularities import singularities
 from freefloat.cli.studio import studio
@@ -103,8 +100,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 _COMMANDS = (
-    models, info, workspace, singularities, simulate, plan, retime, reorient, map_, view, plot,
-    studio, check, export, assemble, batch, schema,
+    models, info, workspace, singularities, simulate, plan, map_, view, studio,
+    check, export, assemble, batch, schema,
 )  # fmt: skip
 for _command in _COMMANDS:
     app.command(_command.__name__.rstrip("_"), cls=ListCommand)(_command)

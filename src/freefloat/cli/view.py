@@ -12,11 +12,21 @@ import typer
 
 from freefloat.cli.answers import load_motion
 from freefloat.cli.console import Console
-from freefloat.cli.options import Json, NoOpen, Page, Quiet, distinct_stems, prepare_outputs
+from freefloat.cli.options import (
+    Json,
+    NoOpen,
+    Page,
+    Quiet,
+    Threads,
+    distinct_stems,
+    prepare_outputs,
+)
 from freefloat.errors import InputError, require_extra
 from freefloat.io.files import make_folder
 
 if TYPE_CHECKING:
+    from freefloat.concurrency import Progress
+    from freefloat.motion.motion import Motion
     from freefloat.visualization.page.playback import Playback
     from freefloat.visualization.page.video import FrameTimes
 
@@ -43,6 +53,14 @@ _Output = Annotated[
         "--snapshots the folder of the pictures; default NAME_snapshots.",
     ),
 ]  # fmt: skip
+_Plots = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        help="Draw all figures into this folder, as PDF and PNG. Of several files each has a "
+        "folder of its own, and a figure compares up to four motions.",
+    ),
+]
 _Video = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Write a .gif, or a .mp4 (needs ffmpeg).")
 ]
@@ -78,6 +96,7 @@ class _Shown:
     address: str | None = None
     html: Path | None = None
     pictures: tuple[Path, ...] = ()
+    figures: tuple[str, ...] = ()
     video: tuple[Path, FrameTimes] | None = None
 
     def print(self, console: Console) -> None:
@@ -86,7 +105,8 @@ class _Shown:
         console.json({
             "address": self.address, "html": self.html and str(self.html),
             "snapshots": [str(file) for file in self.pictures], "video": video,
-            "scenes": list(self.playback.titles), "remarks": list(self.playback.remarks),
+            "figures": list(self.figures), "scenes": list(self.playback.titles),
+            "remarks": list(self.playback.remarks),
         })  # fmt: skip
         console.tables(self._lines())
 
@@ -100,6 +120,7 @@ class _Shown:
         if self.pictures:
             first, last = self.pictures[0], self.pictures[-1]
             yield f"pictures: {first}" + (f" to {last}" if last != first else "")
+        yield from (f"figure: {name}" for name in self.figures if name.endswith(".png"))
         if self.video is not None:
             file, frames = self.video
             speed = "" if frames.speed == 1.0 else f", {frames.speed:g} times the motion's speed"
@@ -118,10 +139,12 @@ def view(
     speed: _Speed = None,
     size: _Size = None,
     scene: _Scene = None,
+    plots: _Plots = None,
+    threads: Threads = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Play motions or show a map in a browser until Ctrl-C; or write the page, pictures, a video.
+    """Play motions or show a map in a browser until Ctrl-C; or write page, pictures, video, figures.
 
     The page is served to this machine alone. Pictures and videos need freefloat[video] and a
     Chromium or Chrome on PATH, or the one that CHROMIUM_BIN names. Exit code 0, also after Ctrl-C.
@@ -129,6 +152,8 @@ def view(
     Example: freefloat view plan.h5
 
     Example: freefloat view feasible.h5 singular.h5 --html both.html --scene singular
+
+    Example: freefloat view plan.h5 --plots figures
     """
     from freefloat.visualization.page.pictures import save_picture, save_snapshots
     from freefloat.visualization.page.video import save_video
@@ -150,16 +175,19 @@ def view(
         speed=(speed, {"--video": video}),
         size=(size, {"--snapshots": snapshots, "--video": video, "-o": picture}),
         scene=(scene, {"--html": html, "--snapshots": snapshots, "--video": video, "-o": picture}),
+        threads=(threads, {"--plots": plots}),
     )
     if (snapshots, video, picture) != (None, None, None):
         require_extra("video", "playwright")
     console, pixels = Console(as_json, quiet), _pixels(size)
     prepare_outputs(*files, results=False, html=html, video=video, output=picture)
+    if plots is not None:
+        make_folder("plots", plots)
     with console.progress("making the page"):
         playback = _playback(files)
     scene = playback.scene_title(scene)
     options: dict[str, Any] = {"size": pixels, "scene": scene}
-    if (html, snapshots, video, picture) == (None, None, None, None):
+    if (html, snapshots, video, picture, plots) == (None, None, None, None, None):
         _serve(console, playback, port, open_page=not (no_open or as_json))
         return
     begin, end = playback.scene_times(scene)
@@ -183,6 +211,10 @@ def view(
         shown = replace(shown, video=(video, frames))
     if html is not None:
         shown = replace(shown, html=playback.save(html, scene))
+    if plots is not None:
+        with console.progress("drawing") as update:
+            names = _save_figures(files, plots, threads, update)
+        shown = replace(shown, figures=tuple(names))
     shown.print(console)
 
 
@@ -228,3 +260,26 @@ def _playback(files: Sequence[Path]) -> Playback:
         motion, violation = load_motion(file)
         motions[f"{name}, {violation}" if violation else name] = motion
     return playback(motions, " · ".join(motions))
+
+
+def _save_figures(
+    files: Sequence[Path], folder: Path, threads: int | None, progress: Progress
+) -> list[str]:
+    """Draw the figures of files, and one that compares their motions; the names of all."""
+    from freefloat.io.records.results import load
+    from freefloat.visualization.figure_style import save_figures
+    from freefloat.visualization.figures.comparison_figure import comparison_figure
+    from freefloat.visualization.figures.figures import figures
+
+    written: list[Path] = []
+    motions: dict[str, Motion] = {}
+    for name, file in zip(distinct_stems(files), files, strict=True):
+        result = load(file)
+        place = folder / name if len(files) > 1 else folder
+        written += save_figures(place, figures(result, threads=threads, progress=progress))
+        moving = [p.shown_motion for p in getattr(result, "phases", ()) if p.motion is not None]
+        if len(moving) == 1:
+            motions[name] = moving[0]
+    if len(motions) > 1:
+        written += save_figures(folder, {"comparison": comparison_figure(motions)})
+    return [str(file) for file in written]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -46,15 +45,6 @@ class Retiming:
     def duration(self) -> float:
         """Duration of the fastest timing [s]."""
         return self.plan.problem.path.duration
-
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON document of ``freefloat retime``."""
-        return {
-            "before": self.before,
-            "agrees": self.agrees,
-            "usage": dict(self.usage),
-            **self.plan.to_dict(),
-        }
 
 
 def retime(plan: Plan, *, threads: int | None = None, progress: Progress | None = None) -> Retiming:

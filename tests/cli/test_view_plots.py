@@ -1,4 +1,4 @@
-"""``freefloat plot`` draws saved results."""
+"""``freefloat view --plots`` draws the figures of saved results."""
 
 from __future__ import annotations
 
@@ -24,9 +24,11 @@ def test_figures_of_a_motion_and_of_several_beside_each_other(
     for heading, file in zip((0.0, 1.0), files, strict=True):
         file.parent.mkdir()
         ff.save(ff.simulate(problem, heading_quaternion(heading)), file)
-    (figure, *_) = document("plot", files[0], "-o", tmp_path / "one")["figures"]
+    (figure, *_) = document("view", files[0], "--plots", tmp_path / "one")["figures"]
     assert Path(figure).parent == tmp_path / "one"
-    figures = {Path(name) for name in document("plot", *files, "-o", tmp_path / "two")["figures"]}
+    figures = {
+        Path(name) for name in document("view", *files, "--plots", tmp_path / "two")["figures"]
+    }
     assert all(figure.stat().st_size > 500 for figure in figures)
     assert {figure.parent.name for figure in figures} == {"motion", "motion (2)", "two"}
     assert tmp_path / "two" / "comparison.pdf" in figures
@@ -38,10 +40,10 @@ def test_figures_need_no_latex_that_the_users_own_settings_ask_for(tmp_path: Pat
     problem = ff.load_scenario("planar_2dof/line").problem()
     ff.save(ff.simulate(problem, heading_quaternion(0.0)), tmp_path / "motion.h5")
     with rc_context({"text.usetex": True, "text.latex.preamble": r"\input{secret}"}):
-        figures = document("plot", tmp_path / "motion.h5", "-o", tmp_path / "out")["figures"]
+        figures = document("view", tmp_path / "motion.h5", "--plots", tmp_path / "out")["figures"]
     assert len(figures) > 2
 
 
 def test_files_of_another_kind_are_errors(tmp_path: Path) -> None:
     (tmp_path / "text.h5").write_text("no result")
-    assert error("plot", tmp_path / "text.h5")["key"] == "file"
+    assert error("view", tmp_path / "text.h5", "--plots", tmp_path / "out")["key"] == "file"
