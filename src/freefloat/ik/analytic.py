@@ -9,13 +9,14 @@ from __future__ import annotations
 import numpy as np
 
 from freefloat.dynamics.tasks import Task
-from freefloat.ik.chain import CONVERGED, EXACT, Chain
-from freefloat.ik.numeric import Effort, newton
+from freefloat.ik.chain import Chain
+from freefloat.ik.newton import Newton
 from freefloat.ik.vectors import cross, dot, norm, product, rotated, times
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, axis_frame
 
-_POLISHING = Effort(np.float64, EXACT, steps=4, patience=4)
-"""By Newton's method: closed forms lose half the digits near singularities of wrist or elbow."""
+_POLISHING = 4
+"""Steps of Newton's method: closed forms lose half the digits near singularities of the wrist."""
 _NEARLY_SQUARE = 1e-6
 """Cosine below which axes count as perpendicular, also when written with rounded angles."""
 SIGNS = np.array([1.0, -1.0])
@@ -104,15 +105,14 @@ def reach_term(upper: Array, fore: Array, v: Array) -> Array:
 
 
 def solve_elbow_and_wrist(
-    chain: Chain, task: Task, centre: Array, positions: Array, rotations: Array
+    model: FreeFloatingModel, centre: Array, positions: Array, rotations: Array
 ) -> Array:
     """The eight branches of an elbow arm with a spherical wrist.
 
     Shoulder from (17), elbow from (28), spherical wrist.
 
     Args:
-        chain: Arm.
-        task: Part of the poses that is prescribed.
+        model: Robot.
         centre: Wrist centre at zero joints, shape (3,).
         positions: End-effector positions, shape (3, K).
         rotations: End-effector rotations, shape (3, 3, K).
@@ -120,6 +120,7 @@ def solve_elbow_and_wrist(
     Returns:
         Joint values, shape (6, 8, K).
     """
+    chain = Chain.of(model)
     shoulder, elbow, wrist = SIGNS[:, None, None, None], SIGNS[:, None, None], SIGNS[:, None]
     h1, h2, h3, h4, h5, h6 = chain.axes.T[..., None, None, None, None]
     p1, p2, p3 = chain.points.T[:3, :, None, None, None, None]
@@ -137,14 +138,16 @@ def solve_elbow_and_wrist(
         roll, pitch = rotated(roll, axis, -angle), rotated(pitch, axis, -angle)
     q4, q5, q6 = spherical_wrist(h4, h5, h6, roll, pitch, wrist)
     q = np.stack(np.broadcast_arrays(q1, q2, q3, q4, q5, q6)).reshape(6, 8, -1)
-    return _within_ranges(chain, task, positions, rotations, q)
+    poses, newton = (positions.T, rotations.transpose(2, 0, 1)), Newton.of(model, Task.POSE)
+    return chain.into_range(newton.solutions(*poses, q, _POLISHING))
 
 
-def solve_planar_elbow(chain: Chain, task: Task, positions: Array, rotations: Array) -> Array:
+def solve_planar_elbow(model: FreeFloatingModel, positions: Array, rotations: Array) -> Array:
     """The two branches of a planar arm from the triangle of b, c and the paper's point 3 (28).
 
     Arguments are as for :func:`solve_elbow_and_wrist`; the result has shape (n, 2, K).
     """
+    chain = Chain.of(model)
     n = chain.axes.shape[1]
     h, points = chain.axes.T[..., None, None], chain.points.T[..., None, None]
     tip = chain.position[:, None, None]
@@ -163,10 +166,4 @@ def solve_planar_elbow(chain: Chain, task: Task, positions: Array, rotations: Ar
         x = axis_frame(chain.axes[:, 0])[:, 0, None, None]
         folded = rotated(rotated(times(change, x), h[0], -q[0]), h[1], -q2)
         q.append(angle_onto(h[2], x, folded))
-    return _within_ranges(chain, task, positions, rotations, np.stack(q))
-
-
-def _within_ranges(chain: Chain, task: Task, positions: Array, rotations: Array, q: Array) -> Array:
-    """Closed forms (n, B, K), refined and shifted into the joint ranges; NaN if that fails."""
-    q, residual = newton(chain, task, positions, rotations, q, _POLISHING)
-    return np.where(residual < CONVERGED, chain.into_range(q), np.nan)
+    return chain.into_range(np.stack(q))
