@@ -179,13 +179,13 @@ def many_arm_branches(
             joints[others], names[others] = searched.joints, searched.names
         return BranchSets(joints, names, _SIGNS)
     if form is ClosedForm.ELBOW_AND_WRIST:
-        labels, centre = _SIGNS, np.array(VirtualManipulator.of(model).wrist_centre)
-        solve = partial(solve_elbow_and_wrist, model, centre)
+        labels, solve = _SIGNS, partial(solve_elbow_and_wrist, model)
     else:
         labels, solve = _ELBOWS, partial(solve_planar_elbow, model)
     joints = np.concatenate(_in_slices(solve, p, R), axis=2).transpose(2, 1, 0)
-    names = np.where(np.isfinite(joints).all(axis=2), np.arange(len(labels)), -1)
-    return BranchSets(np.ascontiguousarray(joints), names, labels)
+    exist = np.isfinite(joints).all(axis=2)
+    joints = np.where(exist[..., None], joints, np.nan)
+    return BranchSets(joints, np.where(exist, np.arange(len(labels)), -1), labels)
 
 
 def search_arm_branches(
