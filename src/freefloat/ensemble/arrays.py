@@ -20,7 +20,7 @@ from freefloat.dynamics.redundancy import (
 )
 from freefloat.dynamics.robot_arrays import kernel_robot
 from freefloat.dynamics.tasks import Task
-from freefloat.ensemble.arm_moments import kernel_arms
+from freefloat.ensemble.arm_moments import NODES, cubics_through, kernel_arms
 from freefloat.ensemble.kernels.cones import AXIS, ORIGIN, TARGET
 from freefloat.ensemble.kernels.null_space import (
     BASE_RATE,
@@ -50,9 +50,6 @@ _CELLS, _TANGENT_ERROR = (1, 4, 32, 256), 1e-11
 """Numbers of cubics that approximate the path's tangent, and their relative error."""
 _ERROR = 100.0
 """Error of the angles of compiled motions [rad], by the tolerance of their steps."""
-_NODES = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0, 0.5])
-_THROUGH_NODES = np.linalg.inv(np.vander(_NODES[:4], increasing=True))
-"""Maps values at the first four nodes to the cubic's coefficients, lowest power first."""
 
 
 @lru_cache(maxsize=8)
@@ -200,10 +197,9 @@ def _tangents(path: EndEffectorPath, low: float, high: float) -> Array:
     tangent = path.tangent_within(low, high)
     for number in _CELLS:
         width = (high - low) / number
-        nodes = low + width * (np.arange(number)[:, None] + _NODES)
+        nodes = low + width * (np.arange(number)[:, None] + NODES)
         values = np.array([tangent(s) for s in nodes.ravel().tolist()]).reshape(number, 5, 6)
-        cubics = np.einsum("pk,nki->nip", _THROUGH_NODES, values[:, :4])[..., ::-1]
-        error = values[:, 4] - cubics @ (0.5 ** np.arange(3, -1, -1))
-        if np.abs(error).max() <= _TANGENT_ERROR * np.abs(values).max():
+        cubics, error = cubics_through(values)
+        if error.max() <= _TANGENT_ERROR * np.abs(values).max():
             break
-    return np.ascontiguousarray(cubics)
+    return cubics

@@ -124,12 +124,8 @@ class FeasibilityEvaluator:
         if count <= size:
             return self._evaluated(attitudes, branch, threshold, self.integrator, progress)
         run_chunks(evaluate_chunk, range(0, count, size), self.threads, progress)
-        every = [parts[first] for first in sorted(parts)]
-        columns = zip(*(part.motions for part in every), strict=True)
-        return BranchResults(
-            attitudes, np.concatenate([part.joints for part in every]),
-            EnsembleResult._make(map(np.concatenate, columns)),
-        )  # fmt: skip
+        first, *others = (parts[number] for number in sorted(parts))
+        return first.and_others(*others)
 
     def _evaluated(
         self, attitudes: Array, branch: Branch, threshold: float, integrator: Integrator,

@@ -195,9 +195,7 @@ class Robots:
         The points are the origins of frame 0, the joints' and the end-effector's.
         """
         axes, origin = self.frames.base[:3], self.frames.base[3]
-        frames = frames_at_zero(self.frames)
-        frames[:, 3] -= origin
-        frames = frames @ axes.T
+        frames = self._frames_at(np.zeros(self.nominal.dof))
         _, points, _ = joints_at_zero(self.nominal)
         tip = frames[-1, 3] + self.frames.tool @ frames[-1, :3]
         return frames, np.vstack([np.zeros(3), (points - origin) @ axes.T, tip])

@@ -97,12 +97,7 @@ class ArmGroup:
     ) -> Array:
         """The joints (N, n) to which Newton's method converges from others, else NaN.
 
-        Args:
-            positions: Of E end-effectors at K instants, shape (E, K, 3).
-            rotations: Likewise, shape (E, K, 3, 3).
-            pose: Numbers of the instants, shape (N,).
-            q: Joint values from which it starts, shape (N, n).
-            steps: Largest number of steps.
+        Arguments are as for :meth:`.Newton.solved`.
         """
         newton = Newton.of(self.model, self.task)
         q, residuals = newton.solved(positions, rotations, pose, q, steps, patience=steps)

@@ -183,7 +183,7 @@ def many_arm_branches(
     else:
         labels, solve = _ELBOWS, partial(solve_planar_elbow, model)
     joints = np.concatenate(_in_slices(solve, p, R), axis=2).transpose(2, 1, 0)
-    exist = np.isfinite(joints).all(axis=2)
+    exist = np.asarray(np.isfinite(joints).all(axis=2))
     joints = np.where(exist[..., None], joints, np.nan)
     return BranchSets(joints, np.where(exist, np.arange(len(labels)), -1), labels)
 

@@ -9,7 +9,6 @@ from math import tau
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.dynamics.plane import Plane, plane_of
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.vectors import wrapped
 from freefloat.robot.model import FreeFloatingModel
@@ -29,10 +28,8 @@ class Chain:
         position: Position of the end-effector [m], shape (3,).
         rotation: From the end-effector frame, shape (3, 3).
         prismatic: Which joints are prismatic, shape (n,).
-        strokes: Displacement per metre of a prismatic joint, shape (n,).
         lower: Lower ends of the joint ranges, shape (n,).
         upper: Upper ends, shape (n,).
-        plane: The plane in which it moves; None where there is none.
     """
 
     points: Array
@@ -40,10 +37,8 @@ class Chain:
     position: Array
     rotation: Array
     prismatic: npt.NDArray[np.bool_]
-    strokes: Array
     lower: Array
     upper: Array
-    plane: Plane | None = None
 
     @classmethod
     @lru_cache(maxsize=16)
@@ -52,8 +47,7 @@ class Chain:
         virtual = VirtualManipulator.of(model)
         p, R, points, axes = virtual.kinematics(np.zeros(len(virtual.axes)))
         return cls(
-            points[:, 0].T, axes[:, 0].T, p[0], R[0], virtual.prismatic, virtual.strokes,
-            *model.joint_ranges, plane_of(model),
+            points[:, 0].T, axes[:, 0].T, p[0], R[0], virtual.prismatic, *model.joint_ranges
         )  # fmt: skip
 
     @property

@@ -10,10 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import tau
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
@@ -27,8 +25,6 @@ from freefloat.so3 import Array, BoolArray, IntArray
 
 _STEPS, _PATIENCE = 30, 3
 """Largest number of Newton's steps from one of many starts, and of those that are in vain."""
-_TRIALS = (slice(2), slice(2, 8))
-"""Starts, the closest first, one of which comes near to a pose that is within reach."""
 _PASSES = ((48, 20), (160, 48))
 """Numbers of closest configurations, and of well-spread starts among them, for redundant arms."""
 _ROUNDS = 16
@@ -39,8 +35,6 @@ _STARTS = (96, 512)
 """Numbers of starts of square arms, the greater ones where fewer do not suffice."""
 _HITS = 3
 """The search ends when each solution was found this often and their number is even."""
-
-Floats = npt.NDArray[np.floating[Any]]
 
 
 def isolated_configurations(
@@ -203,10 +197,8 @@ def found_often(hits: Array) -> BoolArray:
     return np.asarray(often & ((hits > 0).sum(axis=0) % 2 == 0))
 
 
-def _joint_distance(prismatic: BoolArray, first: Floats, second: Floats) -> Floats:
+def _joint_distance(prismatic: BoolArray, first: Array, second: Array) -> Array:
     """Largest differences (B, K) of joint values, modulo 2 pi for revolute joints."""
     difference = first - second
-    revolutions = np.rint(difference * first.dtype.type(1.0 / tau))
-    revolutions[prismatic] = 0.0
-    difference -= first.dtype.type(tau) * revolutions
-    return np.asarray(np.abs(difference).max(axis=0))
+    revolutions = np.where(prismatic[:, None, None], 0.0, np.rint(difference / tau))
+    return np.asarray(np.abs(difference - tau * revolutions).max(axis=0))

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 CONVERGED = 1e-9
 """Largest residual of a solution [m, rad]."""
-_EXACT = 1e-13
-"""Residual at which the iteration stops [m, rad]."""
 _PATIENCE = 4
 """Steps one after the other that may be in vain, unless told otherwise."""
 
@@ -53,7 +51,7 @@ class Newton:
 
     def solved(
         self, positions: Array, rotations: Array, pose: IntArray, q: Array, steps: int,
-        *, patience: int = _PATIENCE, residual: float = _EXACT, robots: Array | None = None,
+        *, patience: int = _PATIENCE, robots: Array | None = None,
     ) -> tuple[Array, Array]:  # fmt: skip
         """The joints (N, n) after the last step from others, and their residuals [m, rad], (N,).
 
@@ -65,10 +63,9 @@ class Newton:
             q: Joint values from which it starts, shape (N, n).
             steps: Largest number of steps.
             patience: Largest number of steps one after the other that are in vain.
-            residual: Residual at which the iteration stops.
             robots: Properties of the robots of the poses, see :class:`.Robot`, shape (K, C).
         """
-        from freefloat.ik.newton_kernel import Effort, make_workspace, solve_all
+        from freefloat.ik.newton_kernel import make_workspace, solve_all
 
         axes = required_plane(self.model, self.task).axes if self.task.planar else np.eye(3)
         rows = np.concatenate([positions[..., None, :], np.swapaxes(rotations, -1, -2)], axis=-2)
@@ -79,7 +76,7 @@ class Newton:
             return q, residuals
         solve_all(
             self._robot, robots, np.ascontiguousarray(targets), np.ascontiguousarray(pose), q,
-            residuals, Effort(residual, steps, patience),
+            residuals, steps, patience,
             make_workspace(self._robot, 0 if robots is None else robots.shape[1]),
         )  # fmt: skip
         return q, residuals

@@ -38,6 +38,8 @@ from freefloat.so3 import Array, IntArray
 
 _SMALLEST = 1e-12
 """Smallest square of the cosine of half an angle: a rotation by pi has no direction."""
+_EXACT = 1e-13
+"""Residual at which the iteration stops [m, rad]."""
 _GAIN = 0.9
 """A step that reduces the smallest residual by less than this factor is in vain."""
 
@@ -53,14 +55,6 @@ class Workspace(NamedTuple):
     moves: Table  # 1 in lanes that take the step
 
 
-class Effort(NamedTuple):
-    """When Newton's method ends."""
-
-    residual: float  # where it is small enough [m, rad]
-    steps: int
-    patience: int  # steps one after the other that may be in vain
-
-
 def make_workspace(robot: Robot, properties: int) -> Workspace:
     """Workspace for a robot, and so many properties that differ."""
     shapes = (robot.n,), (robot.arms, 12), (S_COLUMNS, S_COLUMNS), (1,), (1,)
@@ -71,7 +65,7 @@ def make_workspace(robot: Robot, properties: int) -> Workspace:
 @compiled
 def solve_all(
     robot: Robot, robots: Array | None, targets: Array, pose: IntArray, q: Array, residual: Array,
-    effort: Effort, workspace: Workspace,
+    steps: int, patience: int, workspace: Workspace,
 ) -> None:  # fmt: skip
     """Replace joints by those to which Newton's method converges, and write the residuals.
 
@@ -82,7 +76,8 @@ def solve_all(
         pose: Numbers of the poses, shape (N,).
         q: Joint values, shape (N, n).
         residual: Receives the residuals [m, rad], shape (N,).
-        effort: When it ends.
+        steps: Largest number of steps.
+        patience: Largest number of steps one after the other that are in vain.
         workspace: Workspace.
     """
     work = _in_tables(workspace)
@@ -101,8 +96,8 @@ def solve_all(
             k, size = owners[lane], get_lane(work.size, 0, lane)
             vain[lane] = 0 if size < _GAIN * lowest[lane] else vain[lane] + 1
             lowest[lane] = min(size, lowest[lane])
-            goes_on = k >= 0 and size > effort.residual
-            goes_on = goes_on and taken[lane] < effort.steps and vain[lane] <= effort.patience
+            goes_on = k >= 0 and size > _EXACT
+            goes_on = goes_on and taken[lane] < steps and vain[lane] <= patience
             set_lane(work.moves, 0, lane, 1.0 if goes_on else 0.0)
             taken[lane] += 1
             if k < 0 or goes_on:

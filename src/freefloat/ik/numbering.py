@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.dynamics.tasks import Task
+from freefloat.dynamics.tasks import Task, task_rows
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.chain import Chain
 from freefloat.ik.vectors import cross, dot
@@ -33,7 +33,7 @@ def numbered_branches(model: FreeFloatingModel, task: Task, q: Array) -> tuple[A
         Joint values in the joint ranges, NaN where a branch does not exist, shape
         (K, MAX_BRANCHES, n), and names, -1 where it does not, shape (K, MAX_BRANCHES).
     """
-    chain, square = Chain.of(model), len(q) == len(task.rows)
+    square = len(q) == len(task.rows)
     if square:
         order = np.lexsort(np.rint(1e6 * q[::-1]), axis=0)
         q = np.take_along_axis(q, order[None], axis=1)
@@ -41,9 +41,10 @@ def numbered_branches(model: FreeFloatingModel, task: Task, q: Array) -> tuple[A
     names = np.where(exist, np.arange(len(exist))[:, None], -1)
     columns = names
     if square:
-        placed = VirtualManipulator.of(model).kinematics(q[:, exist].T)
-        negative = np.linalg.det(_jacobians(chain, task, *placed)) < 0.0
-        if len(q) == 6 and not chain.prismatic.any():
+        virtual = VirtualManipulator.of(model)
+        placed = virtual.kinematics(q[:, exist].T)
+        negative = np.linalg.det(_jacobians(model, task, *placed)) < 0.0
+        if len(q) == 6 and not virtual.prismatic.any():
             names[exist] = sign_patterns(*placed[2:], negative)
         else:
             names = numbers_by_sign(exist, negative)
@@ -51,28 +52,27 @@ def numbered_branches(model: FreeFloatingModel, task: Task, q: Array) -> tuple[A
     joints = np.full((q.shape[2], MAX_BRANCHES, len(q)), np.nan)
     names_by_column = np.full(joints.shape[:2], -1)
     place = np.nonzero(exist)[1], columns[exist]
-    joints[place], names_by_column[place] = chain.into_range(q[:, exist]).T, names[exist]
+    joints[place], names_by_column[place] = Chain.of(model).into_range(q[:, exist]).T, names[exist]
     return joints, names_by_column
 
 
 def _jacobians(
-    chain: Chain, task: Task, positions: Array, rotations: Array, points: Array, axes: Array
-) -> Array:
+    model: FreeFloatingModel, task: Task, positions: Array, rotations: Array, points: Array,
+    axes: Array,
+) -> Array:  # fmt: skip
     """The task's rows of the virtual manipulator's Jacobians (N, m, n).
 
     Arguments are what :meth:`.VirtualManipulator.kinematics` returns.
     """
-    prismatic = chain.prismatic[:, None, None]
-    linear = np.where(
-        prismatic, chain.strokes[:, None, None] * axes, np.cross(axes, positions - points)
+    prismatic, strokes = (
+        values[:, None, None] for values in (model.prismatic, VirtualManipulator.of(model).strokes)
     )
+    linear = np.where(prismatic, strokes * axes, np.cross(axes, positions - points))
     angular = np.where(prismatic, 0.0, axes)
     if task is Task.POINTING:  # along the end-effector's axes
         angular = np.einsum("nki,kij->nkj", angular, rotations)
     twists = np.moveaxis(np.concatenate([linear, angular], axis=-1), -1, 0)
-    if task.planar and chain.plane is not None:
-        twists = chain.plane.rows(twists)
-    return twists[task.rows].transpose(2, 0, 1)
+    return task_rows(model, task, twists).transpose(2, 0, 1)
 
 
 def sign_patterns(points: Array, axes: Array, negative: npt.NDArray[np.bool_]) -> IntArray:

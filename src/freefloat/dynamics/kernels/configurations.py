@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from freefloat.dynamics.kernels.equation import form_jacobian
-from freefloat.dynamics.kernels.inertia import Inertia
 from freefloat.dynamics.kernels.kinematics import AXIS, LINEAR, POINT, TURN, X_AXIS
 from freefloat.dynamics.kernels.robot import (
     Robot,
@@ -63,15 +62,10 @@ def place_all(
             for j in range(robot.n):
                 set_lane(q, j, lane, joints[min(first + lane, count - 1), j])
         _, inverse_D, _ = form_jacobian(robot, q, work)
-        _keep(inverse_D, below(inertia, 0, 3))
+        set_vector(below(inertia, 0, 3), 0, 0, inverse_D.diagonal)
+        set_vector(below(inertia, 0, 3), 1, 0, inverse_D.products)
         for lane in range(min(WIDTH, count - first)):
             _store(robot, first + lane, lane, inertia, work, out)
-
-
-@inner
-def _keep(inertia: Inertia, rows: Table) -> None:
-    set_vector(rows, 0, 0, inertia.diagonal)
-    set_vector(rows, 1, 0, inertia.products)
 
 
 @inner
