@@ -20,11 +20,13 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.extending import _Intrinsic
 
 import freefloat as ff
+import freefloat.dynamics.kernels
 import freefloat.ensemble
 import freefloat.lockstep
+from freefloat.dynamics.kernels import equation, kinematics
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.kernels import equation, measures, records
+from freefloat.ensemble.kernels import measures, records
 from freefloat.lockstep.lanes import WIDTH
 from freefloat.paths import FixedOrientation, PolynomialCurve
 
@@ -140,7 +142,7 @@ def plain_kernels() -> Iterator[None]:
     """Run the kernels as plain Python, also those of ``EnsembleIntegrator.integrate``."""
     names = [
         module.name
-        for package in (freefloat.lockstep, freefloat.ensemble)
+        for package in (freefloat.lockstep, freefloat.dynamics.kernels, freefloat.ensemble)
         for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
     ]
     with ExitStack() as changes:
@@ -171,7 +173,7 @@ class Kernels:
     def __init__(self, problem: ff.Problem) -> None:
         arrays = EnsembleIntegrator(problem, 1)._arrays
         work = records.make_workspace(arrays.robot.n, arrays.robot.m)
-        self.work = records.workspace_in_tables(work, None)
+        self.work = records.workspace_in_tables(work)
         self.problem = records.problem_in_tables(arrays, None, self.work)
         self.robot = self.problem.robot
 
@@ -182,11 +184,15 @@ class Kernels:
 
     def jacobian(self, joints: np.ndarray) -> tuple[Lanes, Any, Lanes]:
         """End-effector position from the centre of mass, inverse and determinant of D."""
-        return equation.form_jacobian(self.robot, self.column(joints), self.work)
+        _, inverse, det_D = equation.form_jacobian(
+            self.robot, self.column(joints), self.work.solver
+        )
+        tip = get_vector(self.work.solver.ends, 0, kinematics.TIP)
+        return tip - get_vector(self.work.solver.centre, 0, 0), inverse, det_D
 
     def determinant(self, joints: np.ndarray) -> Lanes:
         """Det S*."""
-        return equation.determinants(self.robot, self.column(joints), self.work)[0]
+        return equation.determinants(self.robot, self.column(joints), self.work.solver)[0]
 
     def measure(self, joints: np.ndarray) -> Lanes:
         """The measure."""
@@ -196,8 +202,11 @@ class Kernels:
         self, joints: np.ndarray, v: np.ndarray, omega: np.ndarray, h: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, Lanes]:
         """The spacecraft's angular velocities and joint rates, rows by motion, and det S*."""
+        work = self.work.solver
+        for column, rows in ((0, v), (3, omega)):
+            set_vector(work.twists, 0, column, vector(*rows.T))
         drift, determinant, _ = equation.solve_rates(
-            self.robot, self.column(joints), *(vector(*rows.T) for rows in (v, omega, h)), self.work
+            self.robot, self.column(joints), vector(*h.T), work
         )
-        turn = equation.spacecraft_rate(self.robot, drift, self.work)
-        return np.asarray(turn).T, self.work.rates.array.T.copy(), determinant
+        turn = equation.spacecraft_rate(self.robot, drift, work)
+        return np.asarray(turn).T, work.rates.array.T.copy(), determinant

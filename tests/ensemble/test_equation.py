@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.dynamics.kernels.kinematics import ANGULAR, AXIS
+from freefloat.dynamics.kernels.robot import JOINT_COLUMNS, S_COLUMNS
 from freefloat.dynamics.momentum import generalized_determinant, inertia_matrices
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ensemble.kernels.equation import ANGULAR, AXIS, LINEAR
-from freefloat.ensemble.kernels.records import JOINT_COLUMNS
 from freefloat.lockstep import lanes, reflections
 from freefloat.lockstep.lanes import WIDTH
 from tests.lock_step import Kernels, Table, as_lanes, measured_problem, plain_kernels
@@ -78,11 +78,10 @@ def assert_equal_parts(model: ff.FreeFloatingModel, task: ff.Task, joints: np.nd
     """Inverse and determinant of D and L of (1), S* of (7) and its determinant (6)."""
     kernels = Kernels(measured_problem(model, task))
     position, inverse, det_D = kernels.jacobian(joints)
-    S, momenta, centre = (
-        array.reshape(-1, columns, WIDTH)
-        for array, columns in (
-            (kernels.work.S.array, 6), (kernels.work.momenta.array, JOINT_COLUMNS),
-            (kernels.work.centre.array, 3),
+    S, momenta = (
+        table.array.reshape(-1, columns, WIDTH)
+        for table, columns in (
+            (kernels.work.solver.S, S_COLUMNS), (kernels.work.solver.momenta, JOINT_COLUMNS),
         )
     )  # fmt: skip
     S, determinant = S.copy(), kernels.determinant(joints)
@@ -98,12 +97,10 @@ def assert_equal_parts(model: ff.FreeFloatingModel, task: ff.Task, joints: np.nd
             np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]]) @ D, np.eye(3),
             rtol=0, atol=ROUNDING * condition,
         )  # fmt: skip
-        P, L = momenta[:, LINEAR : LINEAR + 3, k], momenta[:, ANGULAR : ANGULAR + 3, k]
+        L = momenta[:, ANGULAR : ANGULAR + 3, k]
         revolute = np.array([not body.prismatic for body in model.bodies[1:]])
         a = momenta[:, AXIS : AXIS + 3, k] * revolute[:, None]
-        np.testing.assert_allclose(
-            L - np.cross(centre[0, :, k], P), a @ D - Dq.T, rtol=0, atol=ROUNDING * size
-        )
+        np.testing.assert_allclose(L, a @ D - Dq.T, rtol=0, atol=ROUNDING * size)
         expected = ff.generalized_jacobian(model, q, task)
         if task is ff.Task.POINTING:  # the kernels keep linear rows in the spacecraft frame
             rotation = VirtualManipulator.of(model).pose(q).rotation

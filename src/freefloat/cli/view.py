@@ -144,7 +144,7 @@ def view(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Play motions or show a map in a browser until Ctrl-C; or write page, pictures, video, figures.
+    """Play motions or show a map in a browser until Ctrl-C; or write page, pictures, video, plots.
 
     The page is served to this machine alone. Pictures and videos need freefloat[video] and a
     Chromium or Chrome on PATH, or the one that CHROMIUM_BIN names. Exit code 0, also after Ctrl-C.

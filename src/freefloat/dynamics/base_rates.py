@@ -1,9 +1,10 @@
-"""Angular velocity of the spacecraft for prescribed joint rates, in many configurations at once."""
+"""Angular velocity of the spacecraft for prescribed joint rates, in many configurations."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.system import System
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import Rotation
@@ -37,11 +38,7 @@ def base_rates(system: System, attitudes: Array, joints: Array, rates: Array) ->
 def inertia_and_momentum(
     model: FreeFloatingModel, joints: Array, rates: Array
 ) -> tuple[Array, Array]:
-    """``D`` and ``Dq q'`` of (1), in many configurations at once.
-
-    ``Dq q'`` is the angular momentum about the centre of mass while the spacecraft is fixed, so one
-    pass over the bodies gives both. See :func:`freefloat.dynamics.momentum.inertia_matrices` for
-    the matrices of one configuration.
+    """``D`` and ``Dq q'`` of (1), in many configurations.
 
     Args:
         model: Robot.
@@ -51,50 +48,8 @@ def inertia_and_momentum(
     Returns:
         In spacecraft axes [kg m², N m s], shapes (..., 3, 3) and (..., 3).
     """
-    base, *arm = model.bodies
-    zeros = np.zeros((*joints.shape[:-1], 3))
-    rotation, origin = zeros[..., None] + np.eye(3), zeros
-    spin, velocity = zeros, zeros  # of the frame, at its origin
-    mass, centre, speed = [base.mass], [zeros + base.centre], [zeros]
-    inertia, momentum = zeros[..., None] + base.inertia, zeros
-    for k, body in enumerate(arm):
-        angle, rate = joints[..., k], rates[..., k, None]
-        axis = rotation @ body.placement.rotation @ body.axis
-        step = rotation @ body.placement.position
-        rotation = rotation @ body.placement.rotation
-        if body.prismatic:
-            step = step + angle[..., None] * axis
-        origin, velocity = origin + step, velocity + _cross(spin, step)
-        if body.prismatic:
-            velocity = velocity + rate * axis
-        else:
-            rotation = rotation @ _about(body.axis, angle)
-            spin = spin + rate * axis
-        offset = rotation @ body.centre
-        mass.append(body.mass)
-        centre.append(origin + offset)
-        speed.append(velocity + _cross(spin, offset))
-        turned = rotation @ body.inertia @ np.swapaxes(rotation, -1, -2)
-        inertia = inertia + turned
-        momentum = momentum + np.einsum("...ij,...j->...i", turned, spin)
-    masses, r = np.array(mass), np.array(centre)
-    r = r - np.tensordot(masses, r, 1) / masses.sum()
-    weighted = masses.reshape(-1, *[1] * joints.ndim) * r
-    spread = np.einsum("b...i,b...j->...ij", weighted, r)
-    trace = np.trace(spread, axis1=-2, axis2=-1)[..., None, None]
-    D = inertia + trace * np.eye(3) - spread
-    return D, momentum + _cross(weighted, np.array(speed)).sum(axis=0)
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """The cross product, without the overhead of ``np.cross``."""
-    x, y, z = a[..., 0], a[..., 1], a[..., 2]
-    u, v, w = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
-
-
-def _about(axis: Array, angles: Array) -> Array:
-    """Rotations about an axis by angles (...), shape (..., 3, 3); Rodrigues' formula."""
-    K = np.cross(np.eye(3), axis)
-    sine, versine = np.sin(angles)[..., None, None], (1.0 - np.cos(angles))[..., None, None]
-    return np.asarray(np.eye(3) + sine * K + versine * (K @ K))
+    shape, n = joints.shape[:-1], joints.shape[-1]
+    pairs = [inertia_matrices(model, q) for q in joints.reshape(-1, n)]
+    D, Dq = (np.array(matrices) for matrices in zip(*pairs, strict=True))
+    carried = np.einsum("kij,kj->ki", Dq, rates.reshape(-1, n))
+    return D.reshape(*shape, 3, 3), carried.reshape(*shape, 3)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import reduce
+from math import prod
 from typing import NamedTuple
 
 import numpy as np
@@ -162,6 +164,29 @@ def in_frame(rows: Array, rotation: Array, position: Array) -> Array:
     shift = shift + m[..., None] * _of_point(position, position)
     inertia = rotation @ matrix @ np.swapaxes(rotation, -1, -2) + shift
     return np.concatenate([m, moment + m * position, _moments(inertia)], axis=-1)
+
+
+def robot_properties(
+    bases: Array, bodies: Array, reach: Array | float, coefficients: Array
+) -> Array:
+    """What the kernels read of a robot, see :class:`.Robot`, for one or many.
+
+    Args:
+        bases: Link frame 0 of each arm in the spacecraft frame, see :class:`.LinkFrames`, shape
+            (..., E, 4, 3).
+        bodies: The bodies in their link frames, shape (..., E + n, 10).
+        reach: Of the virtual manipulator [m], shape (...).
+        coefficients: Those of the measure ``arm``, shape (..., T, 2); of others (..., 0, 2).
+
+    Returns:
+        Shape (..., C).
+    """
+    rows = bodies.shape[:-2]
+    total = reduce(np.add, np.moveaxis(bodies[..., 0], -1, 0))
+    parts = total, np.asarray(reach), bases, bodies, coefficients
+    sizes = (prod(part.shape[len(rows) :]) for part in parts)
+    columns = (part.reshape(*rows, size) for part, size in zip(parts, sizes, strict=True))
+    return np.concatenate([*columns], axis=-1)
 
 
 def _of_point(a: Array, b: Array) -> Array:

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
 
 from freefloat.dynamics.arm_factor import ArmPlane
-from freefloat.dynamics.link_frames import (
-    LinkFrames,
-    frames_at_zero,
-    in_frame,
-    inertial_row,
-    link_frames,
-)
+from freefloat.dynamics.kernels.robot import REACH, Robot
+from freefloat.dynamics.link_frames import LinkFrames, frames_at_zero, link_frames
 from freefloat.dynamics.measures import KEYS, unit_of_length
 from freefloat.dynamics.redundancy import (
     DAMPED_BELOW,
@@ -21,12 +17,10 @@ from freefloat.dynamics.redundancy import (
     Toward,
     joint_weights,
     range_centres,
-    singular_speed,
 )
-from freefloat.dynamics.tasks import Task, prescribed_rows
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ensemble.arm_moments import NO_ARMS, kernel_arms
-from freefloat.ensemble.kernel_axes import KernelAxes
+from freefloat.dynamics.robot_arrays import kernel_robot
+from freefloat.dynamics.tasks import Task
+from freefloat.ensemble.arm_moments import NODES, cubics_through, kernel_arms
 from freefloat.ensemble.kernels.cones import AXIS, ORIGIN, TARGET
 from freefloat.ensemble.kernels.dormand_prince import TABLEAU
 from freefloat.ensemble.kernels.null_space import (
@@ -38,16 +32,12 @@ from freefloat.ensemble.kernels.null_space import (
 )
 from freefloat.ensemble.kernels.records import (
     CONE_COLUMNS,
-    REACH,
     Cones,
     Course,
     Measure,
     NullSpace,
-    Robot,
-    SecondArm,
 )
 from freefloat.ensemble.kernels.records import Problem as KernelProblem
-from freefloat.ensemble.robots import robot_properties
 from freefloat.errors import InputError
 from freefloat.motion.pointing import AttitudeLimits, Keep
 from freefloat.motion.problem import Problem
@@ -60,43 +50,33 @@ _CELLS, _TANGENT_ERROR = (1, 4, 32, 256), 1e-11
 """Numbers of cubics that approximate the path's tangent, and their relative error."""
 _ERROR = 100.0
 """Error of the angles of compiled motions [rad], by the tolerance of their steps."""
-_NODES = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0, 0.5])
-_THROUGH_NODES = np.linalg.inv(np.vander(_NODES[:4], increasing=True))
-"""Maps values at the first four nodes to the cubic's coefficients, lowest power first."""
 
 
 @lru_cache(maxsize=8)
 def kernel_problem(problem: Problem, limits: AttitudeLimits | None = None) -> KernelProblem:
     """The arrays that the kernels read of a problem and of limits of attitude."""
-    model, path = problem.chain().single_arms[0], problem.path
-    frames = link_frames(model)
-    robot, measure = kernel_robot(model, problem.task, problem.margin.measure.name, frames)
-    limits = limits or AttitudeLimits()
+    model, path, limits = problem.chain(), problem.path, limits or AttitudeLimits()
     if path.arms:
         _require_two_paths(problem, limits)
-        robot = _with_second_arm(problem, robot, frames)
-    elif problem.arms:
+    frames = link_frames(model.single_arms[0])
+    robot, measure = kernel_measure(model, problem.task, problem.margin.measure.name, frames)
+    if problem.arms:
         robot = _with_arms(problem, robot, frames)
     _require_own_bodies(problem.model, limits)
-    cones = _cones(model, frames, limits, path.duration)
-    course = _course(path.every[0], path.breaks)
+    cones = _cones(model.single_arms[0], frames, limits, path.duration)
+    course = _course(path.every, path.breaks)
     return KernelProblem(robot, course, measure, _null_space(problem), TABLEAU, cones)
 
 
-def kernel_robot(
+def kernel_measure(
     model: FreeFloatingModel, task: Task, name: str, frames: LinkFrames
 ) -> tuple[Robot, Measure]:
-    """The arrays of a robot, whose frames are given, of its task and of a measure by its name."""
-    pointing, reach = task is Task.POINTING, VirtualManipulator.of(model).reach
-    axes, (multiples, coefficients) = KernelAxes.of(model, task), np.zeros((2, 0, 2))
+    """The arrays of a robot, whose frames are given, with its task, and of a measure."""
+    multiples, coefficients = np.zeros((2, 0, 2))
     if name == "arm":
         plane = ArmPlane.of(frames)
         multiples, coefficients = plane.multiples, plane.coefficients(frames.bodies)
-    robot = Robot(
-        frames.joints, robot_properties(axes.seen(frames.base), frames.bodies, reach, coefficients),
-        frames.tool, np.array(task.rows, dtype=float), model.dof, len(task.rows), task.planar,
-        pointing, singular_speed(task), frames.across, NO_ARMS, None,
-    )  # fmt: skip
+    robot = kernel_robot(model, task, coefficients)
     return robot, Measure(KEYS.index(name), len(multiples), multiples)
 
 
@@ -104,7 +84,7 @@ def _with_arms(problem: Problem, robot: Robot, frames: LinkFrames) -> Robot:
     """The arrays of a robot with its further arms."""
     properties = robot.properties.copy()
     properties[REACH] = unit_of_length(problem.model)
-    return robot._replace(properties=properties, arms=kernel_arms(problem, frames))
+    return robot._replace(properties=properties, further=kernel_arms(problem, frames))
 
 
 def _require_two_paths(problem: Problem, limits: AttitudeLimits) -> None:
@@ -119,33 +99,6 @@ def _require_two_paths(problem: Problem, limits: AttitudeLimits) -> None:
     if problem.redundancy is not None and not problem.redundancy.minimum_norm:
         problem_text = "another than minimum norm was given, but two arms follow paths"
         raise InputError("redundancy", problem_text, "no such key, or simulate")
-
-
-def _with_second_arm(problem: Problem, robot: Robot, frames: LinkFrames) -> Robot:
-    """The arrays of a robot with a second arm that follows a path."""
-    model, path = problem.chain(), problem.path.every[1]
-    first, second = model.single_arms
-    axes = KernelAxes.of(model, problem.task)
-    behind, body = link_frames(second), model.bodies[0]
-    turn = np.eye(3) if axes.plane is None else axes.plane.axes.T
-    root = inertial_row(body.mass, body.centre, body.inertia)
-    own, other = (
-        in_frame(root, entry.base[:3], -entry.base[:3] @ entry.base[3])
-        for entry in (frames, behind)
-    )
-    bodies = np.vstack([own, frames.bodies[1:], behind.bodies[1:]])
-    reach = robot.properties[REACH]
-    rows = prescribed_rows(model, problem.task)
-    masses = [float(entry.bodies[1:, 0].sum()) for entry in (frames, behind)]
-    return robot._replace(
-        joints=np.vstack([frames.joints, behind.joints]),
-        properties=robot_properties(axes.seen(frames.base), bodies, reach, np.zeros((0, 2))),
-        rows=np.array(rows, dtype=float), n=model.dof, m=len(rows),
-        second=SecondArm(
-            first.dof, np.array(masses), in_frame(root, turn, np.zeros(3))[None], other[None],
-            axes.seen(behind.base), behind.tool, behind.across, _course(path, problem.path.breaks),
-        ),
-    )  # fmt: skip
 
 
 def _require_own_bodies(model: FreeFloatingModel, limits: AttitudeLimits) -> None:
@@ -209,17 +162,20 @@ def _null_space(problem: Problem) -> NullSpace | None:
     )  # fmt: skip
 
 
-def _course(path: TimedPath, breaks: Array) -> Course:
-    """Path and timing as arrays, with segments between some breaks [s]."""
-    ends = np.append(breaks, path.duration)
+def _course(paths: Sequence[TimedPath], breaks: Array) -> Course:
+    """Paths and their timing as arrays, with segments between some breaks [s]."""
+    duration = paths[0].duration
+    ends = np.append(breaks, duration)
     starts = np.append(0.0, ends[:-1])
     segments = [
-        path.timing.segments[path.timing.segment_at(t)] for t in ((starts + ends) / 2.0).tolist()
+        (path, path.timing.segments[path.timing.segment_at(t)], *span)
+        for path in paths
+        for t, *span in zip((starts + ends) / 2.0, starts.tolist(), ends.tolist(), strict=True)
     ]
-    degree = max(len(segment.orders[0]) for segment in segments) - 1
+    degree = max(len(segment.orders[0]) for _, segment, *_ in segments) - 1
     rows: list[list[float]] = []
     cells: list[Array] = []
-    for segment, start, end in zip(segments, starts.tolist(), ends.tolist(), strict=True):
+    for path, segment, start, end in segments:
         low, high = segment(start, 0), segment(end, 0)
         pieces = _tangents(path.path, low, high)
         density = len(pieces) / (high - low)
@@ -229,7 +185,7 @@ def _course(path: TimedPath, breaks: Array) -> Course:
         rows.append([*place, *counts, *law[0], *law[1]])
         cells.append(pieces)
     stacked = np.concatenate(cells)
-    return Course(path.duration, np.array(rows), len(rows), degree, stacked, len(stacked) == 1)
+    return Course(duration, np.array(rows), len(starts), degree, stacked, len(stacked) == 1)
 
 
 def _tangents(path: EndEffectorPath, low: float, high: float) -> Array:
@@ -241,10 +197,9 @@ def _tangents(path: EndEffectorPath, low: float, high: float) -> Array:
     tangent = path.tangent_within(low, high)
     for number in _CELLS:
         width = (high - low) / number
-        nodes = low + width * (np.arange(number)[:, None] + _NODES)
+        nodes = low + width * (np.arange(number)[:, None] + NODES)
         values = np.array([tangent(s) for s in nodes.ravel().tolist()]).reshape(number, 5, 6)
-        cubics = np.einsum("pk,nki->nip", _THROUGH_NODES, values[:, :4])[..., ::-1]
-        error = values[:, 4] - cubics @ (0.5 ** np.arange(3, -1, -1))
-        if np.abs(error).max() <= _TANGENT_ERROR * np.abs(values).max():
+        cubics, error = cubics_through(values)
+        if error.max() <= _TANGENT_ERROR * np.abs(values).max():
             break
-    return np.ascontiguousarray(cubics)
+    return cubics

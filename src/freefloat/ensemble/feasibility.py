@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from freefloat.attitude_grids import attitude_grid
-from freefloat.concurrency import Progress, require_memory
+from freefloat.concurrency import Progress, require_memory, run_chunks
 from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.integrators import integrator_for
 from freefloat.ensemble.result import REGULAR_RATIO, BranchResults, EnsembleResult
@@ -20,10 +21,15 @@ from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.so3 import Array, IntArray
 
+if TYPE_CHECKING:
+    from freefloat.ensemble.integrators import Integrator
+
 _REDUCTION = 4
 """Reduction of the number of attitudes in searches whose arm branches have no closed form."""
 _AMPLE = 1e9
 """Largest multiple of a margin, which may be zero."""
+_MOST, _FEWEST, _CHUNKS = 128, 16, 4
+"""Numbers of attitudes whose arm branches a thread looks for at once, and of such chunks of it."""
 _ATTITUDE_SIZE, _MOTION_SIZE, _JOINT_SIZE = 500, 200, 40
 """Memory of a map for an attitude, for each of its motions, and for each joint of these, with the
 copies made of it [bytes]."""
@@ -60,7 +66,10 @@ class FeasibilityEvaluator:
         require_problem(problem)
         self.problem = problem
         self.limits = limits or AttitudeLimits()
-        self.integrator = integrator_for(problem, threads, tolerance=tolerance, limits=self.limits)
+        self.integrator, self._single = (
+            integrator_for(problem, number, tolerance=tolerance, limits=self.limits)
+            for number in (threads, 1)
+        )
         self.wrist_flipped = has_wrist_flipped_branches(problem) and not self._on_wrist()
         exact = not problem.path.arms and closed_form(problem.chain(), problem.task)
         self.sample_reduction = 1 if exact else _REDUCTION
@@ -85,7 +94,7 @@ class FeasibilityEvaluator:
     def evaluate(
         self,
         attitudes: Array,
-        branch: int | None = None,
+        branch: Branch = None,
         *,
         stop_at_margin: bool = False,
         progress: Progress | None = None,
@@ -97,33 +106,57 @@ class FeasibilityEvaluator:
 
         Args:
             attitudes: Unit quaternions x, y, z, w, shape (K, 4).
-            branch: Only the arm branch with this number; all when left out.
+            branch: Only the arm branch with this number, or that of each attitude; all when left
+                out.
             stop_at_margin: Stop motions that violate the margin.
             progress: Called with the fraction done, in [0, 1].
         """
+        count = len(attitudes)
+        size = min(_MOST, max(-(-count // (_CHUNKS * self.threads)), _FEWEST))
+        threshold = self.problem.margin.threshold if stop_at_margin else 0.0
+        parts: dict[int, BranchResults] = {}
+
+        def evaluate_chunk(first: int) -> None:
+            few = slice(first, first + size)
+            own = branch[few] if isinstance(branch, np.ndarray) else branch
+            parts[first] = self._evaluated(attitudes[few], own, threshold, self._single)
+
+        if count <= size:
+            return self._evaluated(attitudes, branch, threshold, self.integrator, progress)
+        run_chunks(evaluate_chunk, range(0, count, size), self.threads, progress)
+        first, *others = (parts[number] for number in sorted(parts))
+        return first.and_others(*others)
+
+    def _evaluated(
+        self, attitudes: Array, branch: Branch, threshold: float, integrator: Integrator,
+        progress: Progress | None = None,
+    ) -> BranchResults:  # fmt: skip
+        """The results of :meth:`evaluate` by an integrator, motions being stopped at a margin."""
         branches = self.problem.many_branches(attitudes, branch=branch)
         joints, exist = branches.joints, branches.exist
-        columns = np.arange(joints.shape[1])
-        columns = columns if branch is None else columns[branch : branch + 1]
-        flipped = self.wrist_flipped and bool((exist[:, ::2] == exist[:, 1::2]).all())
-        sources = columns - columns % 2 if flipped else columns
-        integrated = np.unique(sources)
-        chosen = exist[:, integrated]
-        result = self.integrator.integrate(
-            attitudes[np.nonzero(chosen)[0]], joints[:, integrated][chosen],
-            stop_below=self.problem.margin.threshold if stop_at_margin else 0.0,
+        count, most = exist.shape
+        every = np.arange(most)[None]
+        if branch is not None:
+            every = np.atleast_1d(branch)[:, None]
+            every = every[:, every[0] < most]
+        rows, columns = np.arange(count)[:, None], np.broadcast_to(every, (count, every.shape[1]))
+        sources = columns
+        if self.wrist_flipped:
+            both = np.repeat(exist[:, ::2] & exist[:, 1::2], 2, axis=1)
+            sources = columns - columns % 2 * both[rows, columns]
+        chosen = np.zeros_like(exist)
+        chosen[rows, sources] = exist[rows, sources]
+        result = integrator.integrate(
+            attitudes[np.nonzero(chosen)[0]], joints[chosen], stop_below=threshold,
             progress=progress,
         )  # fmt: skip
-        table = EnsembleResult.empty(chosen.shape, joints.shape[2], self.limits.number)
+        table = EnsembleResult.empty(exist.shape, joints.shape[2], self.limits.number)
         table.assign(chosen, result)
-        selected = np.searchsorted(integrated, sources)
-        table = table.columns(selected)
-        if flipped:
-            flip_wrists(table, columns % 2 == 1, joints[:, sources], joints[:, columns])
-        joints = joints[:, columns]
-        for values in (joints, *table):
-            values.setflags(write=False)
-        return BranchResults(attitudes, joints, table)
+        table = EnsembleResult._make(values[rows, sources] for values in table)
+        own = joints[rows, columns]
+        if self.wrist_flipped:
+            flip_wrists(table, sources != columns, joints[rows, sources], own)
+        return BranchResults(attitudes, own, table)
 
     def margins(self, attitudes: Array, branch: Branch) -> Array:
         """Minimum margin along a branch, or the largest of all branches, shape (K,)."""
@@ -159,18 +192,7 @@ class FeasibilityEvaluator:
         self, attitudes: Array, branch: Branch, *, stop_at_margin: bool = True
     ) -> EnsembleResult:
         """Results of the motions of all arm branches, shape (K, B), or of a branch each, (K, 1)."""
-        if not isinstance(branch, np.ndarray):
-            return self.evaluate(attitudes, branch, stop_at_margin=stop_at_margin).motions
-        branches = self.problem.many_branches(attitudes, branch=branch)
-        chosen = np.arange(len(attitudes)), branch
-        joints, exist = branches.joints[chosen], branches.exist[chosen]
-        result = self.integrator.integrate(
-            attitudes[exist], joints[exist],
-            stop_below=self.problem.margin.threshold if stop_at_margin else 0.0,
-        )  # fmt: skip
-        table = EnsembleResult.empty((len(attitudes), 1), joints.shape[1], self.limits.number)
-        table.assign(exist[:, None], result)
-        return table
+        return self.evaluate(attitudes, branch, stop_at_margin=stop_at_margin).motions
 
 
 def regularity(motions: EnsembleResult, threshold: float) -> Array:

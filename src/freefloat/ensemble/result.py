@@ -135,15 +135,15 @@ class BranchResults:
         """As :attr:`margins`, but nan where there is no such arm branch."""
         return np.where(self.exist, self.margins, np.nan)
 
-    def and_others(self, others: BranchResults) -> BranchResults:
+    def and_others(self, *others: BranchResults) -> BranchResults:
         """These results and those of other attitudes along as many arm branches."""
-        attitudes = np.concatenate([self.attitudes, others.attitudes])
-        joints = np.concatenate([self.joints, others.joints])
-        shape, count = joints.shape[:2], len(self.attitudes)
-        table = EnsembleResult.empty(shape, joints.shape[2], self.motions.slacks.shape[2])
-        table.assign(np.arange(len(attitudes)) < count, self.motions)
-        table.assign(np.arange(len(attitudes)) >= count, others.motions)
-        return BranchResults(attitudes, joints, table)
+        every = (self, *others)
+        columns = zip(*(part.motions for part in every), strict=True)
+        return BranchResults(
+            np.concatenate([part.attitudes for part in every]),
+            np.concatenate([part.joints for part in every]),
+            EnsembleResult._make(map(np.concatenate, columns)),
+        )  # fmt: skip
 
     def columns(self, numbers: IntArray) -> BranchResults:
         """The results of some of the columns."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
-from math import prod
 
 import numpy as np
 
@@ -17,14 +16,14 @@ from freefloat.dynamics.link_frames import (
     inertial_row,
     joints_at_zero,
     link_frames,
+    robot_properties,
 )
-from freefloat.dynamics.plane import Plane, plane_of
-from freefloat.ik.chain import Chain
+from freefloat.dynamics.plane import Plane
 from freefloat.motion.problem import Problem
 from freefloat.robot.description import IDENTITY
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import rotation_matrix
-from freefloat.so3 import Array, BoolArray, IntArray, Pose
+from freefloat.so3 import UPRIGHT, Array, BoolArray, IntArray, Pose
 
 _PLANAR = 1e-9
 """Asymmetry relative to the whole inertia that counts as none."""
@@ -122,11 +121,10 @@ class Robots:
         """
         model, R = self.nominal, rotation_matrix(attitude)
         centre = R.T @ model.base_position(attitude, joints)
-        position = R.T @ model.end_effector_pose(attitude, joints).position - centre
-        end = self.frames.base[:3] @ (position - self.frames.base[3])  # in link frame 0
-        from_centre, _ = self.chain.pose(np.tile(joints[:, None], len(self)))
+        moments = self._moments(self._frames_at(joints))
+        from_end = reduce(np.add, moments.swapaxes(0, 1)) / self.total_masses  # in link frame 0
         axes = self.base[:, :3].swapaxes(1, 2)
-        moved = (axes @ (from_centre.T - end)[..., None])[..., 0] - self.base[:, 3] - centre
+        moved = -(axes @ from_end.T[..., None])[..., 0] - self.base[:, 3] - centre
         return replace(self, offsets=(R @ moved[..., None])[..., 0])  # each by itself
 
     def properties(self, problem: Problem) -> Array:
@@ -135,7 +133,7 @@ class Robots:
         if problem.margin.measure.name == "arm":
             coefficients = ArmPlane.of(self.frames).coefficients(self.bodies)
         base = problem.plane.seen(self.base) if problem.task.planar else self.base
-        return robot_properties(base, self.bodies, self.reaches, coefficients)
+        return robot_properties(base[:, None], self.bodies, self.reaches, coefficients)
 
     def suit(self, problem: Problem) -> BoolArray:
         """Which robots suit the task and the measure of the model's problem, shape (K,)."""
@@ -162,22 +160,6 @@ class Robots:
         return np.asarray(np.abs(defects).max(axis=(0, 2)) <= _PLANAR * size)
 
     @property
-    def chain(self) -> Chain:
-        """The virtual manipulators, in link frame 0."""
-        frames, _ = self._at_zero
-        links, strokes = self._barycentric
-        corners = np.cumsum(links, axis=1)
-        x, y = self.frames.across
-        plane = plane_of(self.nominal)
-        if plane is not None:
-            plane = Plane(self.frames.base[:3] @ plane.axes)
-        rotation = frames[-1, :3].T @ np.column_stack([x, y, np.cross(x, y)])
-        return Chain(
-            corners[:, :-1], frames[1:, 2].T, corners[:, -1], rotation, self.nominal.prismatic,
-            strokes, *self.nominal.joint_ranges, plane,
-        )  # fmt: skip
-
-    @property
     def reaches(self) -> Array:
         """Upper bounds of the distances from the centre of mass to the end-effector [m], (K,).
 
@@ -194,7 +176,7 @@ class Robots:
         """Means of the principal moments about the centre of mass at zero joints [kg m²], (K,)."""
         frames, _ = self._at_zero
         origins = frames[:, 3].T[..., None]
-        masses, moments = self.bodies[..., 0].T, self._moments
+        masses, moments = self.bodies[..., 0].T, self._moments(frames)
         about_frames = np.moveaxis(self.bodies[..., 4:7], -1, 0).swapaxes(1, 2)
         shifted = 4.0 * _dot(origins, moments) - 2.0 * masses * _dot(origins, origins)
         traces = reduce(np.add, [*about_frames, shifted])
@@ -214,17 +196,29 @@ class Robots:
         The points are the origins of frame 0, the joints' and the end-effector's.
         """
         axes, origin = self.frames.base[:3], self.frames.base[3]
-        frames = frames_at_zero(self.frames)
-        frames[:, 3] -= origin
-        frames = frames @ axes.T
+        frames = self._frames_at(np.zeros(self.nominal.dof))
         _, points, _ = joints_at_zero(self.nominal)
         tip = frames[-1, 3] + self.frames.tool @ frames[-1, :3]
         return frames, np.vstack([np.zeros(3), (points - origin) @ axes.T, tip])
 
-    @cached_property
-    def _moments(self) -> Array:
-        """First moments of the bodies about the origin of frame 0 at zero joints, (3, 1 + n, K)."""
-        frames, _ = self._at_zero
+    def _frames_at(self, joints: Array) -> Array:
+        """Link frames in frame 0 at joint values (n,), rows x, y, z and origin, (1 + n, 4, 3)."""
+        zero, now = (self.nominal.body_poses(UPRIGHT, q) for q in (0.0 * joints, joints))
+        frames = frames_at_zero(self.frames)
+        for frame, before, after in zip(frames, zero, now, strict=True):
+            turn = after.rotation @ before.rotation.T
+            lever = frame[3] + zero[0].position - before.position
+            frame[:3] = frame[:3] @ turn.T
+            frame[3] = after.position - now[0].position + turn @ lever
+        frames[:, 3] -= self.frames.base[3]
+        return np.asarray(frames @ self.frames.base[:3].T)
+
+    def _moments(self, frames: Array) -> Array:
+        """First moments of the bodies about the origin of frame 0, shape (3, 1 + n, K).
+
+        Args:
+            frames: The link frames in frame 0, shape (1 + n, 4, 3).
+        """
         masses, own = self.bodies[..., 0].T, self.bodies[..., 1:4].T
         turned = (frames[:, i].T[..., None] * own[i] for i in range(3))
         return reduce(np.add, turned, frames[:, 3].T[..., None] * masses)
@@ -232,33 +226,11 @@ class Robots:
     @cached_property
     def _barycentric(self) -> tuple[Array, Array]:
         """Barycentric vectors (17) at zero joints in frame 0, (3, 1 + n, K), and strokes (n, K)."""
-        _, points = self._at_zero
+        frames, points = self._at_zero
         fractions = self.bodies[..., 0].T / self.total_masses
         inward = np.cumsum(fractions, axis=0)
-        centres = self._moments / self.total_masses - points[:-1].T[..., None] * fractions
+        centres = self._moments(frames) / self.total_masses - points[:-1].T[..., None] * fractions
         return np.diff(points, axis=0).T[..., None] * inward - centres, inward[:-1]
-
-
-def robot_properties(
-    base: Array, bodies: Array, reach: Array | float, coefficients: Array
-) -> Array:
-    """What the kernels read of a robot, see ``Robot.properties``, for one or many.
-
-    Args:
-        base: Link frame 0 in the spacecraft frame, see :class:`.LinkFrames`, shape (..., 4, 3).
-        bodies: The bodies in their link frames, shape (..., 1 + n, 10).
-        reach: Of the virtual manipulator [m], shape (...).
-        coefficients: Those of the measure ``arm``, shape (..., T, 2); of others (..., 0, 2).
-
-    Returns:
-        Shape (..., C).
-    """
-    rows = bodies.shape[:-2]
-    total = reduce(np.add, np.moveaxis(bodies[..., 0], -1, 0))
-    parts = base, total, np.asarray(reach), bodies, coefficients
-    sizes = (prod(part.shape[len(rows) :]) for part in parts)
-    columns = (part.reshape(*rows, size) for part, size in zip(parts, sizes, strict=True))
-    return np.concatenate([*columns], axis=-1)
 
 
 def _link_in_frame(

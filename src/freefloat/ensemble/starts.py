@@ -12,15 +12,17 @@ from freefloat.ensemble.wrist_flips import has_wrist_flipped_branches
 from freefloat.errors import InputError
 from freefloat.ik.chain import Chain
 from freefloat.ik.nearest import closest_branches
-from freefloat.ik.neighbours import neighbouring_configurations
+from freefloat.ik.newton import CONVERGED, Newton
 from freefloat.motion.problem import Problem
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array, BoolArray, IntArray
 
 _REQUESTED = 0.3
 """Distance of an arm branch from requested joints up to which other robots have it, too [rad]."""
-_SLICE = 2048
-"""Robots whose configurations are computed at once, so that they fit into the cache."""
+_STEPS = 12
+"""Largest number of Newton's steps."""
+_FAR = 0.3
+"""Distance from the start beyond which a configuration may be that of another branch [rad, m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,21 +128,17 @@ def _near_starts(
     problem: Problem, robots: Robots, attitudes: Array, joints: Array
 ) -> tuple[Array, BoolArray]:
     """The configurations (K, n) of robots near joint values (K, n), and whether they are."""
-    if not len(robots):
-        return np.empty((0, problem.model.arm_dof)), np.zeros(0, dtype=bool)
-    pose = problem.path.pose(0.0)
-    to_base = robots.base[:, :3] @ Rotation.from_quat(attitudes).as_matrix().swapaxes(1, 2)
+    pose, every = problem.path.pose(0.0), np.flatnonzero(np.isfinite(joints).all(axis=1))
+    back = Rotation.from_quat(attitudes).as_matrix().swapaxes(1, 2)
     position = pose.position if robots.offsets is None else pose.position + robots.offsets
-    position = (to_base @ position[..., None])[..., 0].T
-    rotation = np.moveaxis(to_base @ pose.rotation, 0, -1)
-    parts = []
-    for first in range(0, len(robots), _SLICE):
-        few = np.arange(first, min(first + _SLICE, len(robots)))
-        parts.append(neighbouring_configurations(
-            robots[few].chain, problem.task, position[:, few], rotation[..., few], joints[few].T
-        ))  # fmt: skip
-    found, near = zip(*parts, strict=True)
-    return np.concatenate(found, axis=1).T, np.concatenate(near)
+    q, near = np.full(joints.shape, np.nan), np.zeros(len(joints), dtype=bool)
+    q[every], residuals = Newton.of(problem.model, problem.task).solved(
+        (back @ position[..., None])[..., 0], back @ pose.rotation, every, joints[every], _STEPS,
+        robots=robots.properties(problem),
+    )  # fmt: skip
+    far = np.abs(q[every] - joints[every]).max(axis=1, initial=0.0) > _FAR
+    near[every] = (residuals < CONVERGED) & ~far
+    return q, near
 
 
 @lru_cache(maxsize=8)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ik.branches import ClosedForm, closed_form
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array
+from freefloat.so3 import Array, BoolArray
 
 _NEGLIGIBLE = 1e-7
 """Fraction of the system's mass and inertia below which a body counts as massless."""
@@ -44,23 +43,23 @@ def has_wrist_flipped_branches(problem: Problem) -> bool:
 
 
 def flip_wrists(
-    table: EnsembleResult, odd: npt.NDArray[np.bool_], integrated: Array, flipped: Array
+    table: EnsembleResult, derived: BoolArray, integrated: Array, flipped: Array
 ) -> None:
     """Replace results of branches 2 k by those of their wrist-flipped branches, in place.
 
     Args:
         table: Results, arrays of leading shape (K, B).
-        odd: The columns to change, shape (B,).
+        derived: Which are changed, shape (K, B).
         integrated: Initial joint values of the integrated branches, shape (K, B, 6).
         flipped: Those of the branches of the columns, shape (K, B, 6).
     """
     sign = np.ones(6)
     sign[_FLIPPED_JOINT] = -1.0
-    start, offset = integrated[:, odd], flipped[:, odd]
+    start, offset = integrated[derived], flipped[derived]
     final, low, high = (
-        offset + sign * (values[:, odd] - start)
+        offset + sign * (values[derived] - start)
         for values in (table.joints, table.lower, table.upper)
     )
-    table.joints[:, odd] = final
-    table.lower[:, odd], table.upper[:, odd] = np.minimum(low, high), np.maximum(low, high)
-    table.evaluations[:, odd] = 0
+    table.joints[derived] = final
+    table.lower[derived], table.upper[derived] = np.minimum(low, high), np.maximum(low, high)
+    table.evaluations[derived] = 0

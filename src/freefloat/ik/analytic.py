@@ -6,16 +6,23 @@ distinguishes branches, then K poses. Values that do not exist are NaN.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
+from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.tasks import Task
-from freefloat.ik.chain import CONVERGED, EXACT, Chain
-from freefloat.ik.numeric import Effort, newton
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.ik.chain import Chain
+from freefloat.ik.newton import Newton
 from freefloat.ik.vectors import cross, dot, norm, product, rotated, times
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, axis_frame
 
-_POLISHING = Effort(np.float64, EXACT, steps=4, patience=4)
-"""By Newton's method: closed forms lose half the digits near singularities of wrist or elbow."""
+_POLISHING = 4
+"""Steps of Newton's method."""
+_SAMPLES, _EXACT = 8, 1e-12
+"""Number of configurations that tell whether the closed form is exact, and its largest error."""
 _NEARLY_SQUARE = 1e-6
 """Cosine below which axes count as perpendicular, also when written with rounded angles."""
 SIGNS = np.array([1.0, -1.0])
@@ -103,23 +110,9 @@ def reach_term(upper: Array, fore: Array, v: Array) -> Array:
     return np.asarray((dot(v, v) - dot(upper, upper) - dot(fore, fore)) / 2.0)
 
 
-def solve_elbow_and_wrist(
-    chain: Chain, task: Task, centre: Array, positions: Array, rotations: Array
-) -> Array:
-    """The eight branches of an elbow arm with a spherical wrist.
-
-    Shoulder from (17), elbow from (28), spherical wrist.
-
-    Args:
-        chain: Arm.
-        task: Part of the poses that is prescribed.
-        centre: Wrist centre at zero joints, shape (3,).
-        positions: End-effector positions, shape (3, K).
-        rotations: End-effector rotations, shape (3, 3, K).
-
-    Returns:
-        Joint values, shape (6, 8, K).
-    """
+def _elbow_and_wrist(model: FreeFloatingModel, positions: Array, rotations: Array) -> Array:
+    """Shoulder from (17), elbow from (28), spherical wrist; see :func:`solve_elbow_and_wrist`."""
+    chain, centre = Chain.of(model), np.array(VirtualManipulator.of(model).wrist_centre)
     shoulder, elbow, wrist = SIGNS[:, None, None, None], SIGNS[:, None, None], SIGNS[:, None]
     h1, h2, h3, h4, h5, h6 = chain.axes.T[..., None, None, None, None]
     p1, p2, p3 = chain.points.T[:3, :, None, None, None, None]
@@ -136,15 +129,52 @@ def solve_elbow_and_wrist(
     for axis, angle in ((h1, q1), (h2, q2 + dot(h2, h3) * q3)):
         roll, pitch = rotated(roll, axis, -angle), rotated(pitch, axis, -angle)
     q4, q5, q6 = spherical_wrist(h4, h5, h6, roll, pitch, wrist)
-    q = np.stack(np.broadcast_arrays(q1, q2, q3, q4, q5, q6)).reshape(6, 8, -1)
-    return _within_ranges(chain, task, positions, rotations, q)
+    return np.stack(np.broadcast_arrays(q1, q2, q3, q4, q5, q6)).reshape(6, 8, -1)
 
 
-def solve_planar_elbow(chain: Chain, task: Task, positions: Array, rotations: Array) -> Array:
+@lru_cache(maxsize=16)
+def _is_exact(model: FreeFloatingModel) -> bool:
+    """Whether the closed form of an elbow arm with a spherical wrist needs no Newton's method.
+
+    It does where axes that count as square or as meeting in a point are not quite. That of a wrist
+    with other angles loses half the digits near singularities.
+    """
+    virtual, (h4, h5, h6) = VirtualManipulator.of(model), Chain.of(model).axes.T[3:]
+    if max(abs(h4 @ h5), abs(h5 @ h6)) > _NEARLY_SQUARE:
+        return False
+    p, R, _, _ = virtual.kinematics(low_discrepancy(_SAMPLES, 6) + 0.1)
+    q = _elbow_and_wrist(model, p.T, R.transpose(1, 2, 0)).reshape(6, -1).T
+    reached = np.isfinite(q).all(axis=1)
+    pose = np.tile(np.arange(_SAMPLES), len(q) // _SAMPLES)[reached]
+    position, rotation, _, _ = virtual.kinematics(q[reached])
+    error = max(np.abs(position - p[pose]).max(), np.abs(rotation - R[pose]).max())
+    return bool(error < _EXACT * max(1.0, virtual.reach))
+
+
+def solve_elbow_and_wrist(model: FreeFloatingModel, positions: Array, rotations: Array) -> Array:
+    """The eight branches of an elbow arm with a spherical wrist.
+
+    Args:
+        model: Robot.
+        positions: End-effector positions, shape (3, K).
+        rotations: End-effector rotations, shape (3, 3, K).
+
+    Returns:
+        Joint values, shape (6, 8, K).
+    """
+    q = _elbow_and_wrist(model, positions, rotations)
+    if not _is_exact(model):
+        poses = positions.T, rotations.transpose(2, 0, 1)
+        q = Newton.of(model, Task.POSE).solutions(*poses, q, _POLISHING)
+    return Chain.of(model).into_range(q)
+
+
+def solve_planar_elbow(model: FreeFloatingModel, positions: Array, rotations: Array) -> Array:
     """The two branches of a planar arm from the triangle of b, c and the paper's point 3 (28).
 
     Arguments are as for :func:`solve_elbow_and_wrist`; the result has shape (n, 2, K).
     """
+    chain = Chain.of(model)
     n = chain.axes.shape[1]
     h, points = chain.axes.T[..., None, None], chain.points.T[..., None, None]
     tip = chain.position[:, None, None]
@@ -163,10 +193,4 @@ def solve_planar_elbow(chain: Chain, task: Task, positions: Array, rotations: Ar
         x = axis_frame(chain.axes[:, 0])[:, 0, None, None]
         folded = rotated(rotated(times(change, x), h[0], -q[0]), h[1], -q2)
         q.append(angle_onto(h[2], x, folded))
-    return _within_ranges(chain, task, positions, rotations, np.stack(q))
-
-
-def _within_ranges(chain: Chain, task: Task, positions: Array, rotations: Array, q: Array) -> Array:
-    """Closed forms (n, B, K), refined and shifted into the joint ranges; NaN if that fails."""
-    q, residual = newton(chain, task, positions, rotations, q, _POLISHING)
-    return np.where(residual < CONVERGED, chain.into_range(q), np.nan)
+    return chain.into_range(np.stack(q))

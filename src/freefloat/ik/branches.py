@@ -22,7 +22,6 @@ import numpy.typing as npt
 from freefloat.dynamics.tasks import Task, require_task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.analytic import solve_elbow_and_wrist, solve_planar_elbow
-from freefloat.ik.chain import Chain
 from freefloat.ik.configurations import isolated_configurations, spread_configurations
 from freefloat.ik.numbering import MAX_BRANCHES, numbered_branches
 from freefloat.ik.parallel_axes import solve_parallel_axes
@@ -167,27 +166,26 @@ def many_arm_branches(
     form = closed_form(model, task)
     if form is None:
         return search_arm_branches(model, positions, rotations, task)
-    chain = Chain.of(model)
     p, R = _poses(positions, rotations)
     if form is ClosedForm.PARALLEL_AXES:
-        solved = _in_slices(partial(solve_parallel_axes, chain, task), p, R)
+        solved = _in_slices(partial(solve_parallel_axes, model), p, R)
         q, well_conditioned = (
             np.concatenate(parts, axis=-1) for parts in zip(*solved, strict=True)
         )
-        joints, names = numbered_branches(chain, task, q)
+        joints, names = numbered_branches(model, task, q)
         (others,) = np.nonzero(~well_conditioned)
         if len(others):
             searched = search_arm_branches(model, p[others], R[others], task)
             joints[others], names[others] = searched.joints, searched.names
         return BranchSets(joints, names, _SIGNS)
     if form is ClosedForm.ELBOW_AND_WRIST:
-        labels, centre = _SIGNS, np.array(VirtualManipulator.of(model).wrist_centre)
-        solve = partial(solve_elbow_and_wrist, chain, task, centre)
+        labels, solve = _SIGNS, partial(solve_elbow_and_wrist, model)
     else:
-        labels, solve = _ELBOWS, partial(solve_planar_elbow, chain, task)
+        labels, solve = _ELBOWS, partial(solve_planar_elbow, model)
     joints = np.concatenate(_in_slices(solve, p, R), axis=2).transpose(2, 1, 0)
-    names = np.where(np.isfinite(joints).all(axis=2), np.arange(len(labels)), -1)
-    return BranchSets(np.ascontiguousarray(joints), names, labels)
+    exist = np.asarray(np.isfinite(joints).all(axis=2))
+    joints = np.where(exist[..., None], joints, np.nan)
+    return BranchSets(joints, np.where(exist, np.arange(len(labels)), -1), labels)
 
 
 def search_arm_branches(
@@ -200,10 +198,10 @@ def search_arm_branches(
     p, R = _poses(positions, rotations)
     m = len(task.rows)
     configurations = spread_configurations if model.dof > m else isolated_configurations
-    q = np.concatenate(
-        _in_slices(partial(configurations, model, task, most=MAX_BRANCHES), p, R), axis=2
-    )
-    joints, names = numbered_branches(Chain.of(model), task, q)
+    slices = [slice(first, first + _SLICE) for first in range(0, max(1, len(p)), _SLICE)]
+    found = [configurations(model, task, p[few], R[few], MAX_BRANCHES) for few in slices]
+    q = np.concatenate(found, axis=2)
+    joints, names = numbered_branches(model, task, q)
     return BranchSets(joints, names, searched_labels(model, task))
 
 

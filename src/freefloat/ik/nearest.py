@@ -8,13 +8,15 @@ import numpy as np
 
 from freefloat.dynamics.tasks import Task, prescribed_rows
 from freefloat.ik.branches import ArmBranch, BranchSets, many_arm_branches
-from freefloat.ik.chain import Chain
+from freefloat.ik.newton import CONVERGED, Newton
 from freefloat.ik.numbering import MAX_BRANCHES
-from freefloat.ik.numeric import solutions
-from freefloat.ik.several_arms import newton_combinations, several_arm_branches
+from freefloat.ik.several_arms import several_arm_branches
 from freefloat.robot.joint_ranges import revolutions
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen
+
+_STEPS, _PATIENCE = 60, 6
+"""Largest number of Newton's steps, and of those one after the other that are in vain."""
 
 
 def newton_configuration(
@@ -85,12 +87,12 @@ def newton_solutions(
     are shifted by full rotations toward these, within their ranges. Positions and rotations are as
     for :func:`closest_branches`.
     """
-    starts = np.broadcast_to(joints, (positions.shape[-2], model.dof))
-    if model.path_arms:
-        found = newton_combinations(model, positions, rotations, task, starts)
-    else:
-        target = positions.T, rotations.transpose(1, 2, 0)
-        found = solutions(Chain.of(model), task, *target, starts.T[:, None])[:, 0].T
+    every = np.arange(positions.shape[-2])
+    starts = np.broadcast_to(joints, (len(every), model.dof))
+    found, residuals = Newton.of(model, task).solved(
+        positions, rotations, every, starts, _STEPS, patience=_PATIENCE
+    )
+    found[~(residuals <= CONVERGED)] = np.nan
     return _distances(model, found, joints)[0]
 
 

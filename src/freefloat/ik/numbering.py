@@ -5,16 +5,18 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.dynamics.tasks import Task
-from freefloat.ik.chain import Chain, Kinematics
+from freefloat.dynamics.tasks import Task, task_rows
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.ik.chain import Chain
 from freefloat.ik.vectors import cross, dot
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, IntArray
 
 MAX_BRANCHES = 16
 """Maximum number of branches at a pose: that of an arm with six revolute joints."""
 
 
-def numbered_branches(chain: Chain, task: Task, q: Array) -> tuple[Array, IntArray]:
+def numbered_branches(model: FreeFloatingModel, task: Task, q: Array) -> tuple[Array, IntArray]:
     """The branches at each pose in columns by number.
 
     Branches of square arms are numbered in lexicographic order of their first six decimals, by the
@@ -22,7 +24,7 @@ def numbered_branches(chain: Chain, task: Task, q: Array) -> tuple[Array, IntArr
     of redundant arms keep their order.
 
     Args:
-        chain: Arm.
+        model: Robot.
         task: Part of the poses that is prescribed.
         q: Joint values of B branches at K poses, revolute joints in (-pi, pi], NaN where there are
             fewer, shape (n, B, K).
@@ -39,29 +41,50 @@ def numbered_branches(chain: Chain, task: Task, q: Array) -> tuple[Array, IntArr
     names = np.where(exist, np.arange(len(exist))[:, None], -1)
     columns = names
     if square:
-        at = chain.kinematics(q[:, exist])
-        J = chain.task_rows(task, chain.jacobian(at), at.rotation[:, :, None])
-        negative = np.linalg.det(J.transpose(2, 0, 1)) < 0.0
-        if len(q) == 6 and not chain.prismatic.any():
-            names[exist] = sign_patterns(at, negative)
+        virtual = VirtualManipulator.of(model)
+        placed = virtual.kinematics(q[:, exist].T)
+        negative = np.linalg.det(_jacobians(model, task, *placed)) < 0.0
+        if len(q) == 6 and not virtual.prismatic.any():
+            names[exist] = sign_patterns(*placed[2:], negative)
         else:
             names = numbers_by_sign(exist, negative)
         columns = columns_by_name(names)
     joints = np.full((q.shape[2], MAX_BRANCHES, len(q)), np.nan)
     names_by_column = np.full(joints.shape[:2], -1)
     place = np.nonzero(exist)[1], columns[exist]
-    joints[place], names_by_column[place] = chain.into_range(q[:, exist]).T, names[exist]
+    joints[place], names_by_column[place] = Chain.of(model).into_range(q[:, exist]).T, names[exist]
     return joints, names_by_column
 
 
-def sign_patterns(at: Kinematics, negative: npt.NDArray[np.bool_]) -> IntArray:
+def _jacobians(
+    model: FreeFloatingModel, task: Task, positions: Array, rotations: Array, points: Array,
+    axes: Array,
+) -> Array:  # fmt: skip
+    """The task's rows of the virtual manipulator's Jacobians (N, m, n).
+
+    Arguments are what :meth:`.VirtualManipulator.kinematics` returns.
+    """
+    prismatic, strokes = (
+        values[:, None, None] for values in (model.prismatic, VirtualManipulator.of(model).strokes)
+    )
+    linear = np.where(prismatic, strokes * axes, np.cross(axes, positions - points))
+    angular = np.where(prismatic, 0.0, axes)
+    if task is Task.POINTING:  # along the end-effector's axes
+        angular = np.einsum("nki,kij->nkj", angular, rotations)
+    twists = np.moveaxis(np.concatenate([linear, angular], axis=-1), -1, 0)
+    return task_rows(model, task, twists).transpose(2, 0, 1)
+
+
+def sign_patterns(points: Array, axes: Array, negative: npt.NDArray[np.bool_]) -> IntArray:
     """Numbers (N,) of the signs (shoulder, elbow, wrist) of six revolute joints.
+
+    Points and axes of the joints have shape (6, N, 3).
 
     The elbow sign is that of the elbow angle, the wrist sign that of the fifth joint; the shoulder
     sign makes the product of all three that of the Jacobian's determinant, so that signs change at
     singularities only.
     """
-    p, h = at.points.swapaxes(0, 1), at.axes.swapaxes(0, 1)
+    p, h = np.moveaxis(points, -1, 1), np.moveaxis(axes, -1, 1)
     elbow = dot(h[2], cross(p[2] - p[1], p[3] - p[2])) < 0.0
     wrist = dot(h[4], cross(h[3], h[5])) < 0.0
     return np.asarray(4 * (negative ^ elbow ^ wrist) + 2 * elbow + wrist)

@@ -21,12 +21,14 @@ from freefloat.ik.analytic import (
     reach_term,
     required_rotation,
 )
-from freefloat.ik.chain import CONVERGED, EXACT, SAME, Chain
-from freefloat.ik.numeric import Effort, newton
+from freefloat.ik.chain import SAME, Chain
+from freefloat.ik.newton import Newton
 from freefloat.ik.vectors import cross, dot, norm, rotated, times, wrapped
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
-_POLISHING = Effort(np.float64, EXACT, steps=8, patience=8)
+_POLISHING = 8
+"""Steps of Newton's method."""
 _FLAT = 1e-6
 """Relative size below which ellipses and links count as degenerate."""
 _OFF_CIRCLE = 1e-4
@@ -132,16 +134,20 @@ def remaining_joints(
 
 @np.errstate(divide="ignore", invalid="ignore")  # of degenerate ellipses and links
 def solve_parallel_axes(
-    chain: Chain, task: Task, positions: Array, rotations: Array
+    model: FreeFloatingModel, positions: Array, rotations: Array
 ) -> tuple[Array, BoolArray]:
     """All solutions of an arm with three parallel axes.
 
-    Arguments are as for :func:`freefloat.ik.analytic.solve_elbow_and_wrist`.
+    Args:
+        model: Robot.
+        positions: End-effector positions, shape (3, K).
+        rotations: End-effector rotations, shape (3, 3, K).
 
     Returns:
         Joint values in (-pi, pi], NaN where there are fewer than eight, shape (6, 8, K), and where
         the solutions are well-conditioned, shape (K,).
     """
+    chain = Chain.of(model)
     change = required_rotation(chain, rotations)
     offset = times(change, (chain.position - chain.points[:, 5])[:, None])
     u = positions - offset - chain.points[:, :1]
@@ -151,8 +157,9 @@ def solve_parallel_axes(
     )
     q = q.reshape(6, 8, -1)
     missing = np.isnan(q).any(axis=0)
-    q, residual = newton(chain, task, positions, rotations, q, _POLISHING)
+    poses, newton = (positions.T, rotations.transpose(2, 0, 1)), Newton.of(model, Task.POSE)
+    q = newton.solutions(*poses, q, _POLISHING, patience=_POLISHING)
     i, j = np.triu_indices(8, 1)
     equal = np.abs(wrapped(q[:, i] - q[:, j])).max(axis=0) < SAME
-    well &= ~ill.any(axis=(0, 1)) & (missing | (residual < CONVERGED)).all(axis=0)
+    well &= ~ill.any(axis=(0, 1)) & (missing | np.isfinite(q[0])).all(axis=0)
     return wrapped(q), well & ~equal.any(axis=0)

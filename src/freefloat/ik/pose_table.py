@@ -75,7 +75,8 @@ class PoseTable:
     @lru_cache(maxsize=16)
     def of(cls, model: FreeFloatingModel, task: Task, *, inside: bool) -> PoseTable:
         """The configurations inside the joint ranges, or those of all revolutions."""
-        chain, length = Chain.of(model), VirtualManipulator.of(model).reach
+        chain, virtual = Chain.of(model), VirtualManipulator.of(model)
+        length = virtual.reach
         lower, upper = sampled_box(model) if inside else joint_box(model)
         probes = np.random.default_rng(0).random((_PROBES, model.dof))
         points = np.concatenate([low_discrepancy(_SAMPLES, model.dof), probes])
@@ -84,7 +85,8 @@ class PoseTable:
             joints[0] = 0.0
         if _last_follows(chain, task):
             joints[-1] = 0.0
-        features = _features(chain, task, length, *chain.pose(joints))
+        p, R, _, _ = virtual.kinematics(joints.T)
+        features = _features(chain, task, length, p.T, R.transpose(1, 2, 0))
         tree = scipy.spatial.cKDTree(features.values[:, :_SAMPLES].T)
         distance, _ = tree.query(features.values[:, _SAMPLES:].T)
         spacing = max(_NEARBY, _CAUTION * float(distance.max()))
@@ -94,15 +96,16 @@ class PoseTable:
         """The configurations with the poses closest to K others.
 
         Args:
-            positions: End-effector positions, shape (3, K).
-            rotations: End-effector rotations, shape (3, 3, K).
+            positions: End-effector positions, shape (K, 3).
+            rotations: End-effector rotations, shape (K, 3, 3).
             count: Number of configurations for each pose.
 
         Returns:
             Joint values, the closest first, NaN where there are fewer at most ``spacing`` away,
             shape (n, count, K).
         """
-        wanted = _features(self.chain, self.task, self.length, positions, rotations)
+        poses = positions.T, rotations.transpose(1, 2, 0)
+        wanted = _features(self.chain, self.task, self.length, *poses)
         distance, index = self.tree.query(
             np.nan_to_num(wanted.values.T, nan=np.inf), k=count, distance_upper_bound=self.spacing
         )

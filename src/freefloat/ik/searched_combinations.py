@@ -10,8 +10,7 @@ from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.ik.arm_group import ArmGroup
 from freefloat.ik.branches import BranchSets, has_signs, searched_labels
-from freefloat.ik.chain import SAME
-from freefloat.ik.configurations import distinct_solutions, found_often, usable
+from freefloat.ik.configurations import all_from_starts, usable
 from freefloat.ik.numbering import MAX_BRANCHES, numbered_branches
 from freefloat.so3 import Array, IntArray
 
@@ -23,30 +22,21 @@ _STEPS = 25
 
 def searched_combinations(group: ArmGroup, positions: Array, rotations: Array) -> BranchSets:
     """The combinations at K instants that are found; see :func:`.several_arm_branches`."""
-    lower, upper = joint_box(group.model)
-    starts = lower + (upper - lower) * low_discrepancy(_STARTS[-1], len(lower))
+    every, prismatic = np.arange(positions.shape[1]), group.model.prismatic
 
-    def ends(poses: IntArray, first: Array) -> Array:
-        """Where Newton's method leads from starts (S, n), shape (n, S, K)."""
-        pose, q = np.repeat(poses, len(first)), np.tile(first, (len(poses), 1))
-        q = group.solved(positions, rotations, pose, q, _STEPS)
-        return q.reshape(len(poses), *first.shape).transpose(2, 1, 0)
+    def solved(poses: IntArray, starts: Array) -> Array:
+        pose = np.tile(poses, starts.shape[1])
+        q = group.solved(positions, rotations, pose, starts.reshape(len(starts), -1).T, _STEPS)
+        return q.T.reshape(starts.shape)
 
-    pending, prismatic = np.arange(positions.shape[1]), group.model.prismatic
     if group.redundant:
-        q, most = ends(pending, starts[: _STARTS[0]]), MAX_BRANCHES * len(group.arms)
+        lower, upper = joint_box(group.model)
+        starts = (lower + (upper - lower) * low_discrepancy(_STARTS[0], len(lower))).T
+        q = solved(every, np.repeat(starts[..., None], len(every), axis=2))
+        most = MAX_BRANCHES * len(group.arms)
         return _listed(usable(prismatic, group.model.joint_ranges, q, most))
     most = MAX_BRANCHES ** len(group.arms)
-    found = np.full((len(lower), most, len(pending)), np.nan)
-    q = np.empty((len(lower), 0, len(pending)))
-    for count in _STARTS:
-        q = np.concatenate([q, ends(pending, starts[q.shape[1] : count])], axis=1)
-        found[..., pending], hits = distinct_solutions(
-            prismatic, q, np.ones(q.shape[1:]), most, SAME
-        )
-        more = ~found_often(hits)
-        pending, q = pending[more], q[..., more]
-    return _numbered(group, found)
+    return _numbered(group, all_from_starts(group.model, _STARTS, len(every), most, solved))
 
 
 def _sorted(q: Array) -> Array:
@@ -71,7 +61,7 @@ def _numbered(group: ArmGroup, q: Array) -> BranchSets:
     exist = np.isfinite(q).all(axis=0)
     pose, own = np.nonzero(exist)[1], q[:, exist]
     digits = np.array([
-        numbered_branches(arm.chain, group.task, own[arm.joints, None])[1].max(axis=1, initial=-1)
+        numbered_branches(arm.model, group.task, own[arm.joints, None])[1].max(axis=1, initial=-1)
         for arm in group.arms
     ])  # fmt: skip
     labels = [searched_labels(arm.model, group.task) for arm in group.arms]

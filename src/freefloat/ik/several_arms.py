@@ -66,14 +66,6 @@ def several_arm_branches(
     return BranchSets(joints, np.concatenate([part.names for part in parts]), parts[0].labels)
 
 
-def newton_combinations(
-    model: FreeFloatingModel, positions: Array, rotations: Array, task: Task, joints: Array
-) -> Array:
-    """The joints (K, n) to which Newton's method converges from others (K, n), else NaN."""
-    group, every = ArmGroup.of(model, task), np.arange(len(joints))
-    return np.asarray(group.solved(positions, rotations, every, joints, _STEPS))
-
-
 @dataclass(frozen=True, eq=False)
 class _ClosedForms:
     """The combinations of arms with closed forms at K instants.
@@ -155,7 +147,7 @@ class _ClosedForms:
         for e, arm in enumerate(self.group.arms):
             own = q[:, arm.joints]
             if arm.form is ClosedForm.PARALLEL_AXES:  # the number is that of its signs
-                _, signs = numbered_branches(arm.chain, self.group.task, own.T[:, None])
+                _, signs = numbered_branches(arm.model, self.group.task, own.T[:, None])
                 digits.append(signs.max(axis=1, initial=-1))
                 continue
             near = self._branches_of(e, d, pose).joints

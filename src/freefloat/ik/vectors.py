@@ -12,9 +12,6 @@ import numpy as np
 
 from freefloat.so3 import Array
 
-_SMALL = 1e-7
-"""Twice the sine of an angle below which a rotation is the identity or half a revolution."""
-
 
 def dot(u: Array, v: Array) -> Array:
     """The scalar product."""
@@ -48,42 +45,6 @@ def rotated(v: Array, axis: Array, angle: Array) -> Array:
     cosine, sine = np.cos(angle), np.sin(angle)
     along = (1.0 - cosine) * dot(axis, v)
     return np.asarray(cosine * v + sine * cross(axis, v) + along * axis)
-
-
-def rotation_vector(start: Array, end: Array) -> Array:
-    """The rotation vector from rotations to others."""
-    R = product(end, start.swapaxes(0, 1))
-    twice = np.stack([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    sine, cosine = norm(twice), R[0, 0] + R[1, 1] + R[2, 2] - 1.0
-    small = sine <= _SMALL
-    factor = np.where(small, 0.5, np.arctan2(sine, cosine) / np.where(small, 1.0, sine))
-    vector = twice * factor
-    half_turn = small & (cosine <= 0.0)
-    if half_turn.any():
-        vector[:, half_turn] = _half_turn(R[..., half_turn])
-    return np.asarray(vector)
-
-
-def tilt(start: Array, end: Array) -> Array:
-    """The shortest rotation vector from the z axes of rotations to those of others."""
-    z, wanted = start[:, 2], end[:, 2]
-    vector, cosine = cross(z, wanted), dot(z, wanted)
-    sine = norm(vector)
-    small = sine <= _SMALL
-    factor = np.where(small, 1.0, np.arctan2(sine, cosine) / np.where(small, 1.0, sine))
-    opposite = small & (cosine < 0.0)
-    return np.asarray(np.where(opposite, np.pi * end[:, 0], vector * factor))
-
-
-def _half_turn(R: Array) -> Array:
-    """Rotation vectors (3, N) of rotations (3, 3, N) by pi.
-
-    The longest row of (R + R') / 2 + 1 has the axis' direction.
-    """
-    rows = R + R.swapaxes(0, 1) + 2.0 * np.eye(3)[:, :, None]
-    longest = np.einsum("iin->in", rows).argmax(axis=0)
-    axis = rows[longest, :, np.arange(R.shape[2])].T
-    return np.asarray(np.pi * axis / norm(axis))
 
 
 def wrapped(angle: Array) -> Array:

@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from numba import config, njit
+from numba import config, njit, types
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 
 from freefloat.errors import InputError
@@ -55,13 +55,20 @@ def _cached(function: Callable[..., Any]) -> Any:
 
 def inner(function: _Function) -> _Function:
     """Compile a function that compiled functions alone call, as part of these."""
-    return cast(_Function, njit(**_OPTIONS, pipeline_class=_InnerCompiler)(function))
+    return cast(_Function, _part(function, **_OPTIONS))
 
 
 def inlined(function: _Function) -> _Function:
     """Compile a small function into the functions that call it."""
-    options = _OPTIONS | {"forceinline": True}
-    return cast(_Function, njit(**options, pipeline_class=_InnerCompiler)(function))
+    return cast(_Function, _part(function, **_OPTIONS, forceinline=True))
+
+
+def _part(function: Callable[..., Any], **options: Any) -> Any:
+    """The compiled function; Numba compiles others again for each constant argument."""
+    part = njit(**options, pipeline_class=_InnerCompiler)(function)
+    compile_for = part.compile
+    part.compile = lambda kinds: compile_for(tuple(map(types.unliteral, kinds)))
+    return part
 
 
 class _InnerCompiler(CompilerBase):

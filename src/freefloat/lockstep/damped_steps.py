@@ -14,7 +14,7 @@ _ROUNDING = 2e-15
 
 @inlined
 def damped_step(m: int, n: int, J: Table, b: Table, square: Float, A: Table, x: Table) -> None:
-    """Write ``S' (S S' + damping)^-1 b`` into ``x``, as :func:`freefloat.ik.chain.damped_step`.
+    """Write ``S' (S S' + damping)^-1 b`` into ``x``, the damping proportional to the error.
 
     Args:
         m: Number of rows of S.

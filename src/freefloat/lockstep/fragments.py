@@ -16,6 +16,7 @@ from numba._dynfunc import make_function
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_machinery import register_pass
+from numba.core.lowering import Lower
 from numba.core.typed_passes import NativeLowering
 
 
@@ -29,11 +30,21 @@ class _Fragment(JITCodeLibrary):
         self._finalized = True
 
 
+class _Lower(Lower):
+    """Writes functions that stay functions: as part of each caller they take longer to compile."""
+
+    def setup_function(self, fndesc: Any) -> None:
+        super().setup_function(fndesc)
+        if not fndesc.inline:
+            self.function.attributes.add("noinline")
+
+
 @register_pass(mutates_CFG=True, analysis_only=False)
 class _FragmentLowering(NativeLowering):
     """The translation of Numba's code to that of LLVM, which is left as it is."""
 
     _name = "fragment_lowering"
+    lowering_class = _Lower
 
     def run_pass(self, state: Any) -> bool:
         state.library = _Fragment(state.targetctx.codegen(), state.func_id.func_qualname)

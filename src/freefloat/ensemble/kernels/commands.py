@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from freefloat.ensemble.kernels.equation import form_jacobian, solve_rates
+from freefloat.dynamics.kernels.equation import form_jacobian, solve_rates
+from freefloat.dynamics.kernels.robot import Robot, robot_in_tables
 from freefloat.ensemble.kernels.flow import to_spacecraft
 from freefloat.ensemble.kernels.measures import measure_at
 from freefloat.ensemble.kernels.null_space import add_null_space_motion, form_inertia, gradient
@@ -12,16 +13,14 @@ from freefloat.ensemble.kernels.records import (
     Measure,
     NullSpace,
     Problem,
-    Robot,
     Workspace,
     measure_in_tables,
     problem_in_tables,
-    robot_in_tables,
     workspace_in_tables,
 )
 from freefloat.lockstep.compilation import compiled, inner
 from freefloat.lockstep.lanes import WIDTH
-from freefloat.lockstep.tables import below, get_lane, set_lane
+from freefloat.lockstep.tables import below, get_lane, get_vector, set_lane, set_vector
 from freefloat.lockstep.vectors import vector
 from freefloat.so3 import Array
 
@@ -39,7 +38,7 @@ class Measured(NamedTuple):
 @compiled
 def command(problem: Problem, measured: Measured, workspace: Workspace, out: Array) -> None:
     """Solve (4) in measured states; write joint rates (K, n)."""
-    work = workspace_in_tables(workspace, problem.robot.second)
+    work = workspace_in_tables(workspace)
     problem = problem_in_tables(problem, None, work)
     robot, count = problem.robot, len(measured.joints)
     for first in range(0, count, WIDTH):
@@ -48,7 +47,7 @@ def command(problem: Problem, measured: Measured, workspace: Workspace, out: Arr
         solve(robot, problem.null_space, measured.speed, work)
         for lane in range(min(WIDTH, count - first)):
             for j in range(robot.n):
-                out[first + lane, j] = get_lane(work.rates, j, lane)
+                out[first + lane, j] = get_lane(work.solver.rates, j, lane)
 
 
 @inner
@@ -58,24 +57,25 @@ def load(measured: Measured, k: int, lane: int, work: Workspace) -> None:
         set_lane(work.y, j, lane, measured.attitudes[k, j])
     for j in range(measured.joints.shape[1]):
         set_lane(work.y, 4 + j, lane, measured.joints[k, j])
+    twists = below(work.solver.twists, 0, 1)
     for j in range(6):
-        set_lane(work.b, j, lane, measured.twists[k, j])
+        set_lane(twists, j, lane, measured.twists[k, j])
         set_lane(work.h, j, lane, measured.momentum[j])
 
 
 @inner
 def solve(robot: Robot, null_space: NullSpace | None, speed: float, work: Workspace) -> None:
-    """Write the joint rates into ``work.rates``."""
-    y, h, twist = work.y, work.h, work.b
+    """Write the joint rates into ``work.solver.rates``."""
+    y, h, twists = work.y, work.h, work.solver.twists
     q = below(y, 4, 1)
     x, e = vector(y[0], y[1], y[2]), y[3]
-    v, omega = vector(twist[0], twist[1], twist[2]), vector(twist[3], twist[4], twist[5])
+    for part in range(2):
+        seen = to_spacecraft(x, e, get_vector(twists, 0, 3 * part))
+        set_vector(twists, 0, 3 * part, seen)
     momentum = to_spacecraft(x, e, vector(h[0], h[1], h[2])) - vector(h[3], h[4], h[5])
     if null_space is not None and null_space.toward != 0:
         gradient(robot, null_space, q, work)
-    drift, _, _ = solve_rates(
-        robot, q, to_spacecraft(x, e, v), to_spacecraft(x, e, omega), momentum, work
-    )
+    drift, _, _ = solve_rates(robot, q, momentum, work.solver)
     if null_space is not None:
         add_null_space_motion(robot, null_space, drift, speed + 0.0 * e, work)
 
@@ -83,14 +83,14 @@ def solve(robot: Robot, null_space: NullSpace | None, speed: float, work: Worksp
 @compiled
 def weigh(problem: Problem, joints: Array, workspace: Workspace, out: Array) -> None:
     """Write generalized inertias of the joint rates (K, n, n)."""
-    work = workspace_in_tables(workspace, problem.robot.second)
+    work = workspace_in_tables(workspace)
     problem = problem_in_tables(problem, None, work)
     robot, (count, n) = problem.robot, joints.shape
     for first in range(0, count, WIDTH):
         for lane in range(WIDTH):
             for j in range(n):
                 set_lane(work.y, 4 + j, lane, joints[min(first + lane, count - 1), j])
-        form_jacobian(robot, below(work.y, 4, 1), work)
+        form_jacobian(robot, below(work.y, 4, 1), work.solver)
         form_inertia(robot, work)
         for lane in range(min(WIDTH, count - first)):
             for j in range(n):
@@ -103,12 +103,12 @@ def measure_all(
     robot: Robot, measure: Measure, joints: Array, workspace: Workspace, out: Array
 ) -> None:
     """Write the singularity measure at joint values (K, n)."""
-    work, (count, n) = workspace_in_tables(workspace, robot.second), joints.shape
-    robot, measure = robot_in_tables(robot, None, work), measure_in_tables(measure)
+    work, (count, n) = workspace_in_tables(workspace), joints.shape
+    robot, measure = robot_in_tables(robot, None, work.solver), measure_in_tables(measure)
     for first in range(0, count, WIDTH):
         for lane in range(WIDTH):
             for j in range(n):
                 set_lane(work.y, 4 + j, lane, joints[min(first + lane, count - 1), j])
-        work.b[0] = measure_at(robot, measure, below(work.y, 4, 1), work)
+        work.solver.b[0] = measure_at(robot, measure, below(work.y, 4, 1), work)
         for lane in range(min(WIDTH, count - first)):
-            out[first + lane] = get_lane(work.b, 0, lane)
+            out[first + lane] = get_lane(work.solver.b, 0, lane)

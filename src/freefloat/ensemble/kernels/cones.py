@@ -9,29 +9,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from freefloat.ensemble.kernels.equation import (
-    ALONG_X,
-    ALONG_Z,
-    ANGLE,
-    COSINE,
-    MASS,
-    MOMENT,
-    PRISMATIC,
-    SINE,
-    spacecraft,
-)
+from freefloat.dynamics.kernels.kinematics import AXIS as Z_AXIS
+from freefloat.dynamics.kernels.kinematics import POINT, X_AXIS, place_arms
+from freefloat.dynamics.kernels.robot import Robot, Solver, base_of
 from freefloat.ensemble.kernels.flow import to_spacecraft
 from freefloat.ensemble.kernels.interpolant import inside
-from freefloat.ensemble.kernels.records import (
-    BASE,
-    FRAME_COLUMNS,
-    TOTAL_MASS,
-    Cones,
-    Problem,
-    Robot,
-    Workspace,
-    bodies_of,
-)
+from freefloat.ensemble.kernels.records import SLACK_ROWS, Cones, Problem, Workspace
 from freefloat.lockstep.compilation import inlined, inner
 from freefloat.lockstep.lanes import (
     Float,
@@ -40,11 +23,10 @@ from freefloat.lockstep.lanes import (
     magnitude,
     minimum,
     select,
-    sine_cosine,
     sqrt,
 )
 from freefloat.lockstep.tables import Table, below, get_lane, get_vector
-from freefloat.lockstep.vectors import Vector, components, dot, vector
+from freefloat.lockstep.vectors import Vector, components, cross, dot, vector
 from freefloat.motion.pointing import TOO_NEAR
 
 if TYPE_CHECKING:
@@ -54,40 +36,54 @@ BODY, OF_POINT, SIDE, BOUND, AXIS, ORIGIN, TARGET = 0, 1, 2, 3, 4, 7, 10
 """Columns of ``Cones.table``: number of the body, -1 for the turn of the spacecraft; 1 for a target
 that is a point; 1 for inside, -1 for outside; cosine of the bound; axis and origin of the line of
 sight in the body's link frame; direction of the target, or its place in the path's frame."""
-BEFORE, LOWEST = 0, 1
-"""Rows of a limit in ``Workspace.slacks``: slack at the last step, and the smallest."""
+BEFORE, LOWEST, MIDDLE, AFTER = range(SLACK_ROWS)
+"""Rows of a limit in ``Workspace.slacks``: slack at the last step, the smallest, slacks in the
+middle and at the end of a step."""
 
 
 @inner
 def note_slacks(problem: Problem, dt: Float, fresh: Mask, accepted: Mask, work: Workspace) -> None:
     """Update the smallest slacks by those along a step; write the first ones of fresh motions."""
-    robot, cones, slacks = problem.robot, problem.cones, work.slacks
-    for i in range(cones.number):
-        after = slack(robot, cones, i, work.at, work)
-        before = select(fresh, after, slacks[2 * i + BEFORE])
-        inside(problem, dt, 0.0 * dt + 0.5, 0, work)
-        middle = slack(robot, cones, i, work.inside, work)
-        lowest = select(fresh, after, minimum(slacks[2 * i + LOWEST], minimum(middle, after)))
+    if problem.cones.number == 0:
+        return
+    write_slacks(problem, work.at, AFTER, work)
+    inside(problem, dt, 0.0 * dt + 0.5, 0, work)
+    write_slacks(problem, work.inside, MIDDLE, work)
+    for i in range(problem.cones.number):
+        slacks = below(work.slacks, SLACK_ROWS * i, 1)
+        middle, after = slacks[MIDDLE], slacks[AFTER]
+        before = select(fresh, after, slacks[BEFORE])
+        lowest = select(fresh, after, minimum(slacks[LOWEST], minimum(middle, after)))
         curvature = 2.0 * (before + after - 2.0 * middle)
         place = 0.5 * (3.0 * before + after - 4.0 * middle) / curvature
         dips = accepted & (curvature > 0.0) & (place > 0.0) & (place < 1.0)
         if any_of(dips):
             inside(problem, dt, select(dips, place, 0.5), 0, work)
-            lowest = minimum(lowest, slack(robot, cones, i, work.inside, work))
-        slacks[2 * i + LOWEST] = select(accepted, lowest, slacks[2 * i + LOWEST])
-        slacks[2 * i + BEFORE] = select(accepted, after, slacks[2 * i + BEFORE])
+            place_arms(problem.robot, below(work.inside, 4, 1), work.solver)
+            lowest = minimum(lowest, slack(problem.robot, problem.cones, i, work.inside, work))
+        slacks[LOWEST] = select(accepted, lowest, slacks[LOWEST])
+        slacks[BEFORE] = select(accepted, after, slacks[BEFORE])
+
+
+@inlined
+def write_slacks(problem: Problem, y: Table, row: int, work: Workspace) -> None:
+    """Write the slacks in a state into rows of all limits."""
+    place_arms(problem.robot, below(y, 4, 1), work.solver)
+    for i in range(problem.cones.number):
+        value = slack(problem.robot, problem.cones, i, y, work)
+        work.slacks[SLACK_ROWS * i + row] = value
 
 
 @inner
 def store_slacks(cones: Cones, k: int, lane: int, work: Workspace, out: EnsembleResult) -> None:
     """Write the smallest slacks of the motion in a lane."""
     for i in range(cones.number):
-        out.slacks[k, i] = get_lane(work.slacks, 2 * i + LOWEST, lane)
+        out.slacks[k, i] = get_lane(work.slacks, SLACK_ROWS * i + LOWEST, lane)
 
 
 @inner
 def slack(robot: Robot, cones: Cones, i: int, y: Table, work: Workspace) -> Float:
-    """The slack of limit ``i`` in a state."""
+    """The slack of limit ``i`` in a state in which the arm is placed."""
     table = cones.table
     x, e = vector(y[0], y[1], y[2]), y[3]
     scale = 1.0 / sqrt(dot(x, x) + e * e)
@@ -98,59 +94,23 @@ def slack(robot: Robot, cones: Cones, i: int, y: Table, work: Workspace) -> Floa
     t = y[4 + robot.n] * (cones.duration * table[i, OF_POINT])
     target = get_vector(table, i, TARGET) - vector(work.h[6], work.h[7], work.h[8]) * t
     target = to_spacecraft(x * scale, e * scale, target)
-    axis = to_base(robot, body, get_vector(table, i, AXIS), 0.0, y)
+    axis = in_spacecraft(robot, body, get_vector(table, i, AXIS), 0.0, work.solver)
     if table[i, OF_POINT] != 0.0:
-        origin = to_base(robot, body, get_vector(table, i, ORIGIN), 1.0, y)
-        target = target - origin + centre_of_mass(robot, y, work)
+        origin = in_spacecraft(robot, body, get_vector(table, i, ORIGIN), 1.0, work.solver)
+        target = target - origin + get_vector(work.solver.centre, 0, 0)
         distance = sqrt(dot(target, target))
         slack = (dot(axis, target) / distance - table[i, BOUND]) * table[i, SIDE]
         return select(distance < TOO_NEAR, 1.0, slack)
     return (dot(axis, target) - table[i, BOUND]) * table[i, SIDE]
 
 
-@inner
-def to_base(robot: Robot, body: int, v: Vector, point: float, y: Table) -> Vector:
+@inlined
+def in_spacecraft(robot: Robot, body: int, v: Vector, point: float, work: Solver) -> Vector:
     """A direction, or a point (1), of a body's link frame in the spacecraft frame."""
-    for k in range(body, 0, -1):
-        v = to_previous(robot, k, v, point, y)
-    return in_spacecraft(robot, v, point + 0.0 * y[0])
-
-
-@inlined
-def in_spacecraft(robot: Robot, v: Vector, point: Float) -> Vector:
-    """A vector of link frame 0 in the spacecraft frame; with the part ``point`` of its origin."""
-    base = below(robot.properties, BASE, 3)
+    base, w = base_of(robot, 0), work.momenta
+    ex, ez, p = get_vector(base, 0, 0), get_vector(base, 2, 0), get_vector(base, 3, 0)
+    if body > 0:
+        ex, ez = get_vector(w, body - 1, X_AXIS), get_vector(w, body - 1, Z_AXIS)
+        p = get_vector(w, body - 1, POINT)
     x, y, z = components(v)
-    rotated = get_vector(base, 0, 0) * x + get_vector(base, 1, 0) * y + get_vector(base, 2, 0) * z
-    return rotated + get_vector(base, 3, 0) * point
-
-
-@inlined
-def to_previous(robot: Robot, k: int, v: Vector, point: Float, y: Table) -> Vector:
-    """A vector of link frame k in frame k - 1, with ``point`` times the frame's displacement."""
-    joint, q = below(robot.joints, k - 1, FRAME_COLUMNS), y[3 + k]
-    angle, along = joint[0, ANGLE] + 0.0 * q, joint[0, ALONG_Z] + 0.0 * q
-    if joint[0, PRISMATIC] != 0.0:
-        along = along + q
-    else:
-        angle = angle + q
-    s, c = sine_cosine(angle)
-    a, b, z = components(v)
-    a, b, z = c * a - s * b, s * a + c * b, z + along * point
-    s, c = joint[0, SINE], joint[0, COSINE]
-    return vector(a + joint[0, ALONG_X] * point, b * c - z * s, b * s + z * c)
-
-
-@inner
-def centre_of_mass(robot: Robot, y: Table, work: Workspace) -> Vector:
-    """Centre of mass of the whole system in the spacecraft frame."""
-    bodies = bodies_of(robot)
-    M, u = bodies[robot.n, MASS], get_vector(bodies, robot.n, MOMENT)
-    for k in range(robot.n, 0, -1):
-        u = to_previous(robot, k, u, M, y)
-        if k > 1:
-            u = u + get_vector(bodies, k - 1, MOMENT)
-        M += bodies[k - 1, MASS]
-    moment, _ = spacecraft(robot, below(y, 4, 1), work)
-    u = u + moment
-    return in_spacecraft(robot, u, M + 0.0 * y[0]) * (1.0 / robot.properties[TOTAL_MASS])
+    return ex * x + cross(ez, ex) * y + ez * z + p * point

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from freefloat.ensemble.kernels.cubics import bend, integral, slope, value
+from freefloat.dynamics.kernels.cubics import bend, integral, slope, value
+from freefloat.dynamics.kernels.robot import Robot
 from freefloat.ensemble.kernels.flow import flow
 from freefloat.ensemble.kernels.interpolant import (
     BEGINNING,
@@ -32,7 +33,6 @@ from freefloat.ensemble.kernels.records import (
     STATE,
     Motions,
     Problem,
-    Robot,
     Workspace,
     load_system,
 )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from freefloat.ensemble.kernels.cubics import SIX, six_cubics, value
-from freefloat.ensemble.kernels.equation import solve_rates, spacecraft_rate
+from freefloat.dynamics.kernels.cubics import SIX, six_cubics, value
+from freefloat.dynamics.kernels.equation import solve_rates, spacecraft_rate
+from freefloat.dynamics.kernels.robot import Robot
 from freefloat.ensemble.kernels.null_space import add_null_space_motion, gradient
 from freefloat.ensemble.kernels.records import (
     BY_TIME,
@@ -11,8 +12,6 @@ from freefloat.ensemble.kernels.records import (
     SEGMENT,
     Course,
     NullSpace,
-    Robot,
-    SecondArm,
     Workspace,
 )
 from freefloat.lockstep.compilation import inlined
@@ -29,33 +28,34 @@ TIME_WEIGHT = 20.0
 
 
 @inlined
-def of_segment(course: Course, segment: Float, column: int) -> Float:
-    """A column of the segments of the motions."""
+def of_segment(course: Course, e: int, segment: Float, column: int) -> Float:
+    """A column of the segments of the motions, of the path with number ``e``."""
     stride = LAW + 2 * (course.degree + 1)
+    column += e * course.number * stride
     if course.number == 1:
         return 0.0 * segment + course.segments[column]
     return pick(course.segments, segment * stride + column)
 
 
 @inlined
-def twist_at(course: Course, segment: Float, t: Float) -> tuple[Vector, Vector, Float]:
-    """End-effector velocity, angular velocity and path speed ds/dt, frame of the path."""
-    since = t * course.duration - of_segment(course, segment, ORIGIN)
-    tau = since * of_segment(course, segment, FREQUENCY)
+def twist_at(course: Course, e: int, segment: Float, t: Float) -> tuple[Vector, Vector, Float]:
+    """Velocity, angular velocity and path speed ds/dt of end-effector ``e``, frame of the path."""
+    since = t * course.duration - of_segment(course, e, segment, ORIGIN)
+    tau = since * of_segment(course, e, segment, FREQUENCY)
     s, speed = 0.0 * tau, 0.0 * tau
     count = course.degree + 1
     for k in range(count):
-        s = s * tau + of_segment(course, segment, LAW + k)
-        speed = speed * tau + of_segment(course, segment, LAW + count + k)
-    place = (s - of_segment(course, segment, FIRST_S)) * of_segment(course, segment, DENSITY)
-    last = of_segment(course, segment, CELLS) - 1.0
+        s = s * tau + of_segment(course, e, segment, LAW + k)
+        speed = speed * tau + of_segment(course, e, segment, LAW + count + k)
+    place = (s - of_segment(course, e, segment, FIRST_S)) * of_segment(course, e, segment, DENSITY)
+    last = of_segment(course, e, segment, CELLS) - 1.0
     cell = maximum(minimum(floor(place), last), 0.0)
     u = place - cell
     if course.single_cell:
         v = vector(fixed(course, 0, u), fixed(course, 4, u), fixed(course, 8, u))
         omega = vector(fixed(course, 12, u), fixed(course, 16, u), fixed(course, 20, u))
     else:
-        first = (of_segment(course, segment, FIRST_CELL) + cell) * SIX
+        first = (of_segment(course, e, segment, FIRST_CELL) + cell) * SIX
         x, y, z, a, b, c = six_cubics(course.cells, first)
         v = vector(value(x, u), value(y, u), value(z, u))
         omega = vector(value(a, u), value(b, u), value(c, u))
@@ -75,18 +75,6 @@ def to_spacecraft(a: Vector, e: Float, v: Vector) -> Vector:
     """A vector of the inertial frame in the spacecraft frame, attitude quaternion (a, e)."""
     t = cross(v, a) * 2.0
     return v + t * e + cross(t, a)
-
-
-@inlined
-def note_second_twist(
-    second: SecondArm | None, x: Vector, e: Float, t: Float, work: Workspace
-) -> None:
-    """Write the twist of the second end-effector, attitude quaternion (x, e), to the workspace."""
-    if second is not None:
-        v, omega, _ = twist_at(second.course, work.status[SEGMENT], t)
-        v = v - vector(work.h[6], work.h[7], work.h[8])
-        set_vector(work.second_twist, 0, 0, to_spacecraft(x, e, v))
-        set_vector(work.second_twist, 1, 0, to_spacecraft(x, e, omega))
 
 
 @inlined
@@ -116,22 +104,23 @@ def flow(
     x, e = vector(y[0], y[1], y[2]), y[3]
     scale = 1.0 / sqrt(dot(x, x) + e * e)
     x, e = x * scale, e * scale
-    v, omega, speed = twist_at(course, status[SEGMENT], y[4 + n])
-    v = v - vector(work.h[6], work.h[7], work.h[8])  # relative to the centre of mass
-    note_second_twist(robot.second, x, e, y[4 + n], work)
+    speed, drift = 0.0 * e, vector(work.h[6], work.h[7], work.h[8])
+    for arm in range(robot.arms):
+        v, omega, speed = twist_at(course, arm, status[SEGMENT], y[4 + n])
+        v = v - drift  # relative to the centre of mass
+        set_vector(work.solver.twists, arm, 0, to_spacecraft(x, e, v))
+        set_vector(work.solver.twists, arm, 3, to_spacecraft(x, e, omega))
     h = to_spacecraft(x, e, vector(work.h[0], work.h[1], work.h[2]))
     h = h - vector(work.h[3], work.h[4], work.h[5])  # what wheels do not store
     if null_space is not None and null_space.toward != 0:
         gradient(robot, null_space, q, work)
-    drift, determinant, det_D = solve_rates(
-        robot, q, to_spacecraft(x, e, v), to_spacecraft(x, e, omega), h, work
-    )
+    drift, determinant, det_D = solve_rates(robot, q, h, work.solver)
     if null_space is not None:
         add_null_space_motion(robot, null_space, drift, speed, work)
-    half = spacecraft_rate(robot, drift, work) * (0.5 * course.duration)
+    half = spacecraft_rate(robot, drift, work.solver) * (0.5 * course.duration)
     square = dot(half, half)  # of the quaternion's rate
     for j in range(n):
-        rate = work.rates[j] * course.duration
+        rate = work.solver.rates[j] * course.duration
         square += rate * rate
         K[4 + j, stage] = rate
     pace = select(status[BY_TIME] > 0.0, 1.0, 1.0 / sqrt(TIME_WEIGHT + square))

@@ -67,7 +67,7 @@ def integrate_many(
     tolerance, unless all begin with that. So are those that become singular after having come so
     close to a singularity that with exact numbers they may pass it.
     """
-    work = workspace_in_tables(workspace, problem.robot.second)
+    work = workspace_in_tables(workspace)
     problem = problem_in_tables(problem, motions.robots, work)
     waiting, repeated = beyond - first, 0
     begun = _STRICTER if motions.stricter else 1.0

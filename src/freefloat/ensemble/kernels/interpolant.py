@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from freefloat.ensemble.kernels.cubics import Cubic
+from freefloat.dynamics.kernels.cubics import Cubic
 from freefloat.ensemble.kernels.records import Problem, Workspace
 from freefloat.lockstep.compilation import inlined
 from freefloat.lockstep.lanes import Float

@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-from freefloat.ensemble.kernels.equation import PRISMATIC, form_jacobian
-from freefloat.ensemble.kernels.records import (
-    BODIES,
-    BODY_COLUMNS,
-    REACH,
-    Measure,
-    Robot,
-    Workspace,
-)
+from freefloat.dynamics.kernels.equation import form_jacobian
+from freefloat.dynamics.kernels.robot import PRISMATIC, REACH, Robot, coefficients_of
+from freefloat.ensemble.kernels.records import Measure, Workspace
 from freefloat.lockstep.compilation import inlined, inner
 from freefloat.lockstep.lanes import (
     Float,
@@ -22,7 +16,7 @@ from freefloat.lockstep.lanes import (
     sqrt,
 )
 from freefloat.lockstep.reflections import factorize
-from freefloat.lockstep.tables import Table, below
+from freefloat.lockstep.tables import Table
 
 GJM, SYSTEM, ARM, SIGMA = 0, 1, 2, 3
 """Codes of the measures, in the order of ``freefloat.dynamics.measures.KEYS``."""
@@ -35,10 +29,10 @@ def measure_at(robot: Robot, measure: Measure, q: Table, work: Workspace) -> Flo
     """The measure at joint values."""
     if measure.code == ARM:
         return polynomial(robot, measure, q)
-    _, _, det_D = form_jacobian(robot, q, work)
+    _, _, det_D = form_jacobian(robot, q, work.solver)
     if measure.code == SIGMA:
-        return smallest_singular_value(robot, work.S)
-    determinant = factorize(robot.m, robot.n, work.S, work.scales)
+        return smallest_singular_value(robot, work.solver.S)
+    determinant = factorize(robot.m, robot.n, work.solver.S, work.solver.scales)
     return of_determinants(measure, determinant, det_D)
 
 
@@ -53,7 +47,7 @@ def of_determinants(measure: Measure, determinant: Float, det_D: Float) -> Float
 @inlined
 def polynomial(robot: Robot, measure: Measure, q: Table) -> Float:
     """The measure ``arm``: the sum of a cos(k q2 + l q3) + b sin(k q2 + l q3), multiples k, l."""
-    coefficients = below(robot.properties, BODIES + BODY_COLUMNS * (1 + robot.n), 2)
+    coefficients = coefficients_of(robot)
     total = 0.0 * q[1]
     for i in range(measure.terms):
         s, c = sine_cosine(q[1] * measure.multiples[i, 0] + q[2] * measure.multiples[i, 1])

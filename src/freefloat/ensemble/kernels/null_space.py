@@ -15,18 +15,11 @@ where the pseudoinverse is that of :func:`freefloat.dynamics.resolved_rates.damp
 
 from __future__ import annotations
 
+from freefloat.dynamics.kernels.equation import determinants, spacecraft_rate
+from freefloat.dynamics.kernels.kinematics import ANGULAR, AXIS, LINEAR, POINT, TURN
+from freefloat.dynamics.kernels.robot import PRISMATIC, TOTAL_MASS, Robot
 from freefloat.dynamics.redundancy import NEARLY_DEPENDENT
-from freefloat.ensemble.kernels.equation import (
-    ANGULAR,
-    AXIS,
-    LINEAR,
-    POINT,
-    PRISMATIC,
-    TURN,
-    determinants,
-    spacecraft_rate,
-)
-from freefloat.ensemble.kernels.records import TOTAL_MASS, NullSpace, Robot, Workspace
+from freefloat.ensemble.kernels.records import NullSpace, Workspace
 from freefloat.lockstep.compilation import inlined, inner
 from freefloat.lockstep.lanes import Float, maximum, select, sqrt
 from freefloat.lockstep.reflections import reflect
@@ -52,9 +45,9 @@ def gradient(robot: Robot, null_space: NullSpace, q: Table, work: Workspace) -> 
             g[k] = (null_space.middles[k] - here) * null_space.ranges[k]
             continue
         q[k] = here + _STEP
-        above, _ = determinants(robot, q, work)
+        above, _ = determinants(robot, q, work.solver)
         q[k] = here - _STEP
-        under, _ = determinants(robot, q, work)
+        under, _ = determinants(robot, q, work.solver)
         q[k] = here
         total = above + under
         g[k] = select(total > 0.0, (above - under) / (_STEP * total), 0.0 * total)
@@ -64,7 +57,7 @@ def gradient(robot: Robot, null_space: NullSpace, q: Table, work: Workspace) -> 
 def add_null_space_motion(
     robot: Robot, null_space: NullSpace, drift: Vector, speed: Float, work: Workspace
 ) -> None:
-    """Add the null-space motion to the rates of least norm in ``work.rates``.
+    """Add the null-space motion to the rates of least norm in ``work.solver.rates``.
 
     Args:
         robot: Data of the robot.
@@ -86,7 +79,7 @@ def add_null_space_motion(
     for i in range(n):
         for c in range(r):
             along = work.right[2 * c] + pace * work.right[2 * c + 1]
-            work.rates[i] = work.rates[i] + work.basis[c * n + i] * along
+            work.solver.rates[i] = work.solver.rates[i] + work.basis[c * n + i] * along
 
 
 @inner
@@ -117,7 +110,7 @@ def _least_norm(robot: Robot, null_space: NullSpace, work: Workspace) -> None:
             work.column[i] = total
         for d in range(r):
             work.normal[c * r + d] = _product(n, below(work.basis, d * n, 1), work.column)
-        work.right[2 * c] = -_product(n, work.rates, work.column)
+        work.right[2 * c] = -_product(n, work.solver.rates, work.column)
         work.right[2 * c + 1] = 0.0
         if null_space.toward != 0:
             work.right[2 * c + 1] = _product(n, N, work.gradient) * null_space.gain
@@ -130,7 +123,7 @@ def _least_base_rate(robot: Robot, null_space: NullSpace, drift: Vector, work: W
     n, r, right = robot.n, robot.n - robot.m, work.right
     first = 2 if robot.planar else 0  # of the components of angular velocities that count
     k, G, A = 3 - first, work.metric, work.normal
-    omega = components(spacecraft_rate(robot, drift, work))
+    omega = components(spacecraft_rate(robot, drift, work.solver))
     square = _base_rates(robot, first, work) * null_space.damped_below**2
     if r <= k:
         for c in range(r):
@@ -171,8 +164,8 @@ def _base_rates(robot: Robot, first: int, work: Workspace) -> Float:
     Returns:
         The sum of squares of that per joint rate.
     """
-    n, r, w = robot.n, robot.n - robot.m, work.momenta
-    square = 0.0 * work.rates[0]
+    n, r, w = robot.n, robot.n - robot.m, work.solver.momenta
+    square = 0.0 * work.solver.rates[0]
     for i in range(3 - first):
         for j in range(n):
             square += w[j, TURN + first + i] * w[j, TURN + first + i]
@@ -217,7 +210,7 @@ def _basis(robot: Robot, work: Workspace) -> None:
         N = below(work.basis, c * robot.n, 1)
         for i in range(robot.n):
             N[i] = 1.0 if i == robot.m + c else 0.0
-        reflect(robot.m, robot.n, work.S, work.scales, N)
+        reflect(robot.m, robot.n, work.solver.S, work.solver.scales, N)
 
 
 @inner
@@ -257,14 +250,14 @@ def form_inertia(robot: Robot, work: Workspace) -> Float:
 
     Args:
         robot: Data of the robot.
-        work: Workspace, in which :func:`.equation.form_jacobian` has written the momenta.
+        work: Workspace, in which :func:`.form_jacobian` has written the momenta.
 
     Returns:
         Its trace.
     """
-    n, w, W = robot.n, work.momenta, work.metric
-    centre, share = get_vector(work.centre, 0, 0), 1.0 / robot.properties[TOTAL_MASS]
-    trace = 0.0 * work.scales[0]
+    n, w, W = robot.n, work.solver.momenta, work.metric
+    centre, share = get_vector(work.solver.centre, 0, 0), 1.0 / robot.properties[TOTAL_MASS]
+    trace = 0.0 * work.solver.scales[0]
     for i in range(n):
         a, P = get_vector(w, i, AXIS), get_vector(w, i, LINEAR)
         if robot.joints[i, PRISMATIC] != 0.0:
@@ -273,9 +266,8 @@ def form_inertia(robot: Robot, work: Workspace) -> Float:
             velocity = P * share + cross(a, get_vector(w, i, POINT) - centre)
         turn = get_vector(w, i, TURN)
         for j in range(i + 1):
-            P = get_vector(w, j, LINEAR)
-            L = get_vector(w, j, ANGULAR) - cross(centre, P)
-            W[i * n + j] = -(dot(velocity, P) + dot(turn, L))
+            W[i * n + j] = -dot(velocity, get_vector(w, j, LINEAR))
+            W[i * n + j] = W[i * n + j] - dot(turn, get_vector(w, j, ANGULAR))
             W[j * n + i] = W[i * n + j]
         trace += W[i * n + i]
     return trace

@@ -75,7 +75,7 @@ def attempt(problem: Problem, extremes: bool, work: Workspace) -> tuple[int, int
     error = error_of(problem, dt, work)
     early = (status[BY_TIME] > 0.0) | (status[FORWARD] * (status[LEG] - work.at[4 + n]) > 0.0)
     accepted = (regular & early & (error < 1.0)) | fresh
-    ended = fresh & is_singular(robot.m, work.S, work.scales)
+    ended = fresh & is_singular(robot.m, work.solver.S, work.solver.scales)
     if measure.code < ARM:
         value = of_determinants(measure, determinant, det_D)
     else:

@@ -4,9 +4,7 @@ The attitude obeys ``R' = R [omega]x`` with ``omega = D^-1 (T (R^T h - h_w) - Dq
 from 0 to 1 in the duration T. It is a product of exponentials, the Magnus expansion of fourth order
 with two Gauss points in each interval (A. Iserles, H. Z. Munthe-Kaas, S. P. Nørsett and A. Zanna,
 "Lie-group methods", Acta Numerica, 2000, section 4); the variation of every factor is its
-derivative, with momentum nearly. A joint that moves turns the momentum of all bodies beyond it
-(R. Featherstone, "Rigid Body Dynamics Algorithms", 2008, chapter 2), which gives the derivatives of
-omega by the joints.
+derivative, with momentum nearly. Derivatives of D^-1 and Dq by the joints are differences.
 """
 
 from __future__ import annotations
@@ -15,14 +13,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from freefloat.dynamics.kernels.configurations import Configurations
 from freefloat.lockstep.compilation import compiled, inner
-from freefloat.planning.goals.placements import Arm, Frames, multiply, place
+from freefloat.planning.goals.placements import Arm
 from freefloat.so3 import Array
 
 GAUSS = np.sqrt(3.0) / 6.0
 """Distance of the two Gauss points of an interval from its middle, over its length."""
 _SMALL = 1e-4
 """Angle below which series replace quotients of trigonometric functions [rad]."""
+_STEP = 2e-5
+"""Step of the joint values for differences [rad, m]."""
 
 
 class Buffers(NamedTuple):
@@ -39,6 +40,14 @@ class Buffers(NamedTuple):
     turns: Array
     omega: Array
     slopes: Array
+
+
+@inner
+def _multiply(a: Array, b: Array, product: Array) -> None:
+    """Write the product of two matrices (3, 3)."""
+    for i in range(3):
+        for j in range(3):
+            product[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
 
 
 @inner
@@ -87,94 +96,100 @@ class JointSamples(NamedTuple):
     """A joint path at the 2 N Gauss points, with K rows of n coefficients of its basis.
 
     Attributes:
-        joints: Joint values, shape (2 N, n).
-        rates: Their derivatives by s, shape (2 N, n).
-        by_duration: Derivatives of both by the duration, shape (2, 2 N, n).
+        by_duration: Derivatives of joint values and their derivatives by s, by the duration, shape
+            (2, 2 N, n).
         basis: Derivatives of both by the coefficients, shape (2, 2 N, K).
+        omega: Angular velocity of the spacecraft by s without momentum, shape (2 N, 3).
+        turns: Its derivatives by the rates, ``-D^-1 Dq``, shape (2 N, 3, n).
+        inverses: D^-1, shape (2 N, 3, 3).
+        omega_slopes: Derivatives of omega by the joints, shape (2 N, n, 3).
+        inverse_slopes: Those of D^-1, shape (2 N, n, 3, 3).
     """
 
-    joints: Array
-    rates: Array
     by_duration: Array
     basis: Array
+    omega: Array
+    turns: Array
+    inverses: Array
+    omega_slopes: Array
+    inverse_slopes: Array
+
+    @classmethod
+    def of(
+        cls, arm: Arm, joints: Array, rates: Array, by_duration: Array, basis: Array, order: int
+    ) -> JointSamples:
+        """Samples of joint values (2 N, n) and their derivatives by s; of order 0 without slopes.
+
+        Other arguments are attributes.
+        """
+        points, n = joints.shape
+        steps = np.zeros((1, n))
+        if order:
+            steps = np.concatenate([steps, _STEP * np.eye(n), -_STEP * np.eye(n)])
+        every = (joints[:, None] + steps).reshape(-1, n)
+        _, _, inverses, turns = Configurations.of(arm.robot, every, placed=False)
+        inverses = inverses.reshape(points, len(steps), 3, 3)
+        turns = turns.reshape(points, len(steps), 3, n)
+        omega = np.einsum("gsij,gj->gsi", turns, rates)
+        ahead, behind = slice(1, 1 + n), slice(1 + n, None)
+        slopes = (
+            (values[:, ahead] - values[:, behind]) / (2.0 * _STEP) for values in (omega, inverses)
+        )
+        now = (np.ascontiguousarray(values[:, 0]) for values in (omega, turns, inverses))
+        return cls(by_duration, basis, *now, *slopes)
 
 
 class _Gauss(NamedTuple):
     """What is computed anew at every Gauss point.
 
     Attributes:
-        frames: The bodies.
-        work: Buffers of :func:`~freefloat.planning.goals.placements.place`; the last is D^-1.
-        screws: Angular velocities due to the joints' rates, and velocities of points of the bodies
-            beyond them at the centre of mass, shape (n, 2, 3).
-        twists: The same of the bodies, by s, shape (1 + n, 2, 3).
-        momentum: About the centre of mass, angular and linear momentum of bodies by s, the change
-            of the former, and a first moment, shape (4, 3).
-        moved: Change of a twist, or a vector, shape (2, 3).
         by_joint: Derivatives of the angular velocity by the joints, shape (3, n).
         by_turn: Its derivatives by a rotation of the spacecraft, shape (3, 3).
-        loaded: Whether system or wheels have momentum.
         h: Angular momentum of spacecraft and arm in the spacecraft frame, shape (3,).
         spin: Angular velocity by time due to it, shape (3,).
     """
 
-    frames: Frames
-    work: Array
-    screws: Array
-    twists: Array
-    momentum: Array
-    moved: Array
     by_joint: Array
     by_turn: Array
-    loaded: bool
     h: Array
     spin: Array
 
 
 @compiled
 def march(
-    arm: Arm, samples: JointSamples, momenta: Array, duration: float, buffers: Buffers, order: int
+    samples: JointSamples, momenta: Array, duration: float, buffers: Buffers, order: int
 ) -> None:
     """Write attitudes and rates of the spacecraft along a joint path.
 
     The unknowns of the derivatives are the coefficients of the path, then the duration.
 
     Args:
-        arm: The robot.
         samples: The path.
         momenta: Of the system, inertial axes, and of the wheels [N m s], shape (2, 3).
         duration: Duration of the path [s].
         buffers: What is written.
         order: 1 for the variations too.
     """
-    points, n = samples.joints.shape
+    points, _, n = samples.turns.shape
     attitudes, omega, step = buffers.attitudes, buffers.omega, 2.0 / points
-    frames = Frames(
-        np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3)), np.empty(3),
-        np.empty((3, n)), np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((3, n)),
-    )  # fmt: skip
     loaded = False
     for i in range(3):
         loaded = loaded or momenta[0, i] != 0.0 or momenta[1, i] != 0.0
-    at = _Gauss(
-        frames, np.empty((4, 3, 3)), np.empty((n, 2, 3)), np.empty((n + 1, 2, 3)),
-        np.empty((4, 3)), np.empty((2, 3)), np.empty((3, n)), np.zeros((3, 3)),
-        loaded, np.zeros(3), np.zeros(3),
-    )  # fmt: skip
+    at = _Gauss(np.empty((3, n)), np.zeros((3, 3)), np.zeros(3), np.zeros(3))
     F, J, vector = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     c = GAUSS / 2.0 * step * step
     for g in range(points):
-        place(arm, samples.joints[g], frames, at.work)
         for i in range(3):
-            omega[g, i] = 0.0
-            for k in range(n):
-                omega[g, i] += frames.A[i, k] * samples.rates[g, k]
+            omega[g, i] = samples.omega[g, i]
         if loaded:
-            _add_spin(at, g, momenta, duration, buffers)
+            _add_spin(at, g, samples, momenta, duration, buffers)
         if order:
-            _write_twists(arm, at, omega[g], samples.rates[g])
-            _write_by_joint(arm, at)
-            _write_slopes(at, g, samples, buffers)
+            for i in range(3):
+                for j in range(n):
+                    slopes = samples.inverse_slopes[g, j, i]
+                    turned = slopes[0] * at.h[0] + slopes[1] * at.h[1] + slopes[2] * at.h[2]
+                    at.by_joint[i, j] = samples.omega_slopes[g, j, i] + duration * turned
+            _write_slopes(at, g, loaded, samples, buffers)
         if g % 2 == 0:
             continue
         u, w = omega[g - 1], omega[g]
@@ -182,15 +197,18 @@ def march(
             j, k = (i + 1) % 3, (i + 2) % 3
             vector[i] = step / 2.0 * (u[i] + w[i]) + c * (u[j] * w[k] - u[k] * w[j])
         _exponential(vector, F, J)
-        multiply(attitudes[g // 2], F, attitudes[g // 2 + 1])
+        _multiply(attitudes[g // 2], F, attitudes[g // 2 + 1])
         if order:
             _propagate(buffers, g, F, J)
 
 
 @inner
-def _add_spin(at: _Gauss, g: int, momenta: Array, duration: float, buffers: Buffers) -> None:
+def _add_spin(
+    at: _Gauss, g: int, samples: JointSamples, momenta: Array, duration: float, buffers: Buffers
+) -> None:
     """Add the angular velocity due to the momentum at Gauss point g; write its derivatives."""
-    before, omega, h, inverse = buffers.attitudes[g // 2], buffers.omega, at.h, at.work[3]
+    before, omega, h = buffers.attitudes[g // 2], buffers.omega, at.h
+    inverse = samples.inverses[g]
     F, J, R, guess = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     along = (0.5 - GAUSS if g % 2 == 0 else 0.5 + GAUSS) * 2.0 / len(omega)
     R[:, :] = before
@@ -204,7 +222,7 @@ def _add_spin(at: _Gauss, g: int, momenta: Array, duration: float, buffers: Buff
             guess[i] = along * (omega[g, i] + duration * at.spin[i])
         if attempt == 0:
             _exponential(guess, F, J)
-            multiply(before, F, R)
+            _multiply(before, F, R)
     for i in range(3):
         omega[g, i] += duration * at.spin[i]
     for i in range(3):  # the derivative of R^T h by a rotation is [R^T h]x
@@ -216,68 +234,12 @@ def _add_spin(at: _Gauss, g: int, momenta: Array, duration: float, buffers: Buff
 
 
 @inner
-def _write_twists(arm: Arm, at: _Gauss, omega: Array, rates: Array) -> None:
-    """Write the joints' screws and the bodies' twists about the centre of mass."""
-    frames, screws, twists, lever = at.frames, at.screws, at.twists, at.moved[0]
-    for i in range(3):
-        twists[0, 0, i], twists[0, 1, i] = omega[i], 0.0
-    for k in range(len(rates)):
-        axis, revolute = frames.axes[k], arm.prismatic[k] == 0.0
-        for i in range(3):
-            lever[i] = frames.centre[i] - frames.origins[k + 1, i]
-        for i in range(3):
-            j, m = (i + 1) % 3, (i + 2) % 3
-            screws[k, 0, i] = axis[i] if revolute else 0.0
-            screws[k, 1, i] = axis[j] * lever[m] - axis[m] * lever[j] if revolute else axis[i]
-            twists[0, 1, i] -= frames.centre_rates[i, k] * rates[k]  # no linear momentum
-    for k in range(len(rates)):
-        for part in range(2):
-            for i in range(3):
-                twists[k + 1, part, i] = twists[k, part, i] + screws[k, part, i] * rates[k]
-
-
-@inner
-def _write_by_joint(arm: Arm, at: _Gauss) -> None:
-    """Write the derivatives of the spacecraft's angular velocity by the joints.
-
-    A small motion of a joint turns the momentum of the bodies beyond it with their screw, but not
-    their twist; the spacecraft takes up the difference.
-    """
-    frames, inverse, moments = at.frames, at.work[3], at.frames.moments
-    angular, linear, change, moment = at.momentum
-    angular[:], linear[:] = 0.0, 0.0
-    turned, shifted = at.moved
-    for b in range(len(at.screws), 0, -1):
-        (w, v), (axis, shift), mass = at.twists[b], at.screws[b - 1], arm.masses[b]
-        last = b == len(at.screws)
-        for i in range(3):
-            moment[i] = moments[b, i] - (0.0 if last else moments[b + 1, i])
-        for i in range(3):
-            j, m = (i + 1) % 3, (i + 2) % 3
-            linear[i] += mass * v[i] + w[j] * moment[m] - w[m] * moment[j]
-            angular[i] += moment[j] * v[m] - moment[m] * v[j]
-            for k in range(3):
-                inertia = frames.inertias[b, i, k]
-                angular[i] += (inertia - (0.0 if last else frames.inertias[b + 1, i, k])) * w[k]
-            turned[i] = axis[j] * w[m] - axis[m] * w[j]
-            shifted[i] = axis[j] * v[m] - axis[m] * v[j] + shift[j] * w[m] - shift[m] * w[j]
-        for i in range(3):
-            j, m = (i + 1) % 3, (i + 2) % 3
-            change[i] = axis[j] * angular[m] - axis[m] * angular[j]
-            change[i] += shift[j] * linear[m] - shift[m] * linear[j]
-            change[i] -= moments[b, j] * shifted[m] - moments[b, m] * shifted[j]
-            for k in range(3):
-                change[i] -= frames.inertias[b, i, k] * turned[k]
-        for i in range(3):
-            value = inverse[i, 0] * change[0] + inverse[i, 1] * change[1]
-            at.by_joint[i, b - 1] = -value - inverse[i, 2] * change[2]
-
-
-@inner
-def _write_slopes(at: _Gauss, g: int, samples: JointSamples, buffers: Buffers) -> None:
+def _write_slopes(
+    at: _Gauss, g: int, loaded: bool, samples: JointSamples, buffers: Buffers
+) -> None:
     """Write the derivatives of the angular velocity at Gauss point g by the unknowns."""
-    _, rates, by_duration, basis = samples
-    n, K, A = rates.shape[1], basis.shape[2], at.frames.A
+    by_duration, basis, A = samples.by_duration, samples.basis, samples.turns[g]
+    n, K = A.shape[1], basis.shape[2]
     slopes, turns = buffers.slopes, buffers.turns
     for i in range(3):
         for k in range(K):
@@ -288,7 +250,7 @@ def _write_slopes(at: _Gauss, g: int, samples: JointSamples, buffers: Buffers) -
         for j in range(n):
             last += A[i, j] * by_duration[1, g, j] + at.by_joint[i, j] * by_duration[0, g, j]
         slopes[g, i, K * n] = last
-    if at.loaded:
+    if loaded:
         for i in range(3):
             for m in range(3):
                 for x in range(K * n + 1):

@@ -176,7 +176,7 @@ class Clearances:
         by_joints, by_turn = np.zeros((len(table), n)), np.zeros((len(table), 3))
         by_duration = np.zeros(len(table))
         _, origins, axes, centres, centre_rates = places.bodies.taken(rows)
-        prismatic = self._arm.prismatic != 0.0
+        prismatic = self._arm.prismatic
         for side, sign in ((0, -1.0), (1, 1.0)):  # distances grow where the second point moves
             point, body = table[:, 6 + 3 * side : 9 + 3 * side], self._bodies[pair, side]
             still = self._scene.free[np.maximum(body - n - 1, 0)] & (body > n)

@@ -222,7 +222,8 @@ class JointPaths:
         attitudes[0] = attitude
         turns, slopes = np.zeros((N + 1, 3, width)), np.empty((2 * N, 3, width))
         buffers = Buffers(attitudes, turns, np.empty((2 * N, 3)), slopes)
-        samples = JointSamples(q, rates, self.gauss @ self.fixed[1], self.basis)
-        march(arm, samples, momenta, float(unknowns[-1]), buffers, order)
+        by_duration = self.gauss @ self.fixed[1]
+        samples = JointSamples.of(arm, q, rates, by_duration, self.basis, order)
+        march(samples, momenta, float(unknowns[-1]), buffers, order)
         joints = self.edges @ points
         return Course(unknowns, joints, rates, attitudes, turns, buffers.omega, slopes)

@@ -1,0 +1,1 @@
+"""Compiled forward kinematics and momentum equation of robots in lock step."""

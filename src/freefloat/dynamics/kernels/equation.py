@@ -1,0 +1,108 @@
+"""Equation (4) for motions in lock step: joint and spacecraft rates for a twist and a momentum.
+
+A of (5) is not formed: (1), solved for the spacecraft's rate, and (2) give (8b),
+
+    S* q' = C^T v_E - J11* inverse(D) R0^T h,    S* = J12* - J11* inverse(D) Dq.
+
+J11* acts on an angular velocity w of the spacecraft as (w x r, w), where r is the end-effector's
+position from the centre of mass. Columns of Dq and J12* do not appear by themselves: zero momentum
+requires that the whole system moves as one rigid body beside the motion of :mod:`.kinematics`, its
+centre of mass with the velocity P / M, and with the angular velocity y = inverse(D) L. The
+end-effector then has the twist (P / M + y x r, y), column j of S*, and the spacecraft turns with
+y - a (prismatic: y), which is -inverse(D) Dq. The end-effectors of other arms move with it.
+"""
+
+from __future__ import annotations
+
+from freefloat.dynamics.kernels.inertia import Inertia, inverse, times
+from freefloat.dynamics.kernels.kinematics import (
+    ANGULAR,
+    AXIS,
+    TIP,
+    TURN,
+    in_task,
+    place_arms,
+    write_columns,
+)
+from freefloat.dynamics.kernels.robot import (
+    PRISMATIC,
+    Robot,
+    Solver,
+    joints_of,
+)
+from freefloat.lockstep.compilation import inlined, inner
+from freefloat.lockstep.lanes import Float
+from freefloat.lockstep.reflections import factorize, solve_least_norm
+from freefloat.lockstep.tables import Table, get_vector, set_vector
+from freefloat.lockstep.vectors import Vector, components, cross
+
+
+@inner
+def form_jacobian(robot: Robot, q: Table, work: Solver) -> tuple[Float, Inertia, Float]:
+    """Write the columns of S* of (7) into the rows of ``work.S``, momenta into ``work.momenta``.
+
+    Returns:
+        One over the mass, inverse and determinant of D; for planar tasks the latter is its zz
+        element.
+    """
+    M, _, D = place_arms(robot, q, work)
+    share, w = 1.0 / M, work.momenta
+    inverse_D, det_D = inverse(D)
+    if robot.planar:
+        det_D = components(D.diagonal)[2]
+    for e in range(robot.arms):
+        for j in joints_of(robot, e):
+            turn = times(inverse_D, get_vector(w, j, ANGULAR))
+            if robot.joints[j, PRISMATIC] == 0.0:
+                turn = turn - get_vector(w, j, AXIS)
+            set_vector(w, j, TURN, turn)
+            write_columns(robot, e, j, share, turn, work)
+    return share, inverse_D, det_D
+
+
+@inner
+def determinants(robot: Robot, q: Table, work: Solver) -> tuple[Float, Float]:
+    """Det S* (6), or sqrt(det(S* S*^T)), and det D at joint values."""
+    _, _, det_D = form_jacobian(robot, q, work)
+    return factorize(robot.m, robot.n, work.S, work.scales), det_D
+
+
+@inner
+def solve_rates(robot: Robot, q: Table, h: Vector, work: Solver) -> tuple[Vector, Float, Float]:
+    """Solve (4) at joint values ``q``; of redundant arms, for the rates of least Euclidean norm.
+
+    Args:
+        robot: Data of the robot.
+        q: As for :func:`.place_arms`.
+        h: Angular momentum about the centre of mass.
+        work: Solver with the end-effectors' twists; receives the joint rates.
+
+    Returns:
+        The spacecraft's angular velocity for resting joints, det S* and det D as
+        :func:`determinants`.
+    """
+    share, inverse_D, det_D = form_jacobian(robot, q, work)
+    b, c, P = work.b, get_vector(work.centre, 0, 0), h * 0.0
+    if robot.further.number > 0:  # which have momentum
+        P = get_vector(work.carried, 0, 0)
+        h = h - (get_vector(work.carried, 1, 0) - cross(c, P))
+    drift = times(inverse_D, h)
+    for e in range(robot.arms):
+        r = get_vector(work.ends, e, TIP) - c
+        v = get_vector(work.twists, e, 0) + P * share - cross(drift, r)
+        turn = in_task(robot, e, get_vector(work.twists, e, 3) - drift, work)
+        b[6 * e], b[6 * e + 1], b[6 * e + 2] = components(v)
+        b[6 * e + 3], b[6 * e + 4], b[6 * e + 5] = components(turn)
+    for i in range(robot.m):
+        b[i] = b[int(robot.rows[i])]
+    determinant = factorize(robot.m, robot.n, work.S, work.scales)
+    solve_least_norm(robot.m, robot.n, work.S, work.scales, b, work.rates)
+    return drift, determinant, det_D
+
+
+@inlined
+def spacecraft_rate(robot: Robot, drift: Vector, work: Solver) -> Vector:
+    """The spacecraft's angular velocity for the joint rates in ``work``."""
+    for j in range(robot.n):
+        drift = drift + get_vector(work.momenta, j, TURN) * work.rates[j]
+    return drift
