@@ -32,7 +32,14 @@ class ManyMotions:
         lower: Smallest joint values at the integrator's steps, or along the whole motion where
             limits were given, shape (K, n).
         upper: Largest ones in the same way, shape (K, n).
-        ratios: Of the limits that were given, see :class:`.KnownLimits`, shape (K, L).
+        final_attitudes: Attitudes at the ends of the motions, shape (K, 4).
+        rates: Largest magnitudes of the joint rates in the same way [rad/s or m/s], shape (K, n).
+        base_rates: Largest magnitudes of the spacecraft's angular velocity [rad/s], shape (K,).
+        turns: Largest angles of the spacecraft from its attitude at the start [rad], shape (K,);
+            NaN where no limits were given.
+        ratios: Of the limits that were given, see :class:`.LimitValues`, shape (K, L).
+        limit_times: Times at which these are nearest to their bounds [s], shape (K, L).
+        limit_places: Which of their quantities are, shape (K, L).
     """
 
     attitudes: Array
@@ -46,7 +53,13 @@ class ManyMotions:
     deciders: npt.NDArray[np.int8]
     lower: Array
     upper: Array
+    final_attitudes: Array
+    rates: Array
+    base_rates: Array
+    turns: Array
     ratios: Array
+    limit_times: Array
+    limit_places: IntArray
 
     def __post_init__(self) -> None:
         for array in vars(self).values():

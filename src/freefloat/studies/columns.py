@@ -22,7 +22,8 @@ _FIRST = {
     "attitude.x": REAL, "attitude.y": REAL, "attitude.z": REAL, "attitude.w": REAL,
     "heading_deg": REAL, "robust_radius_deg": REAL, "deviation_deg": REAL,
     "feasible_fraction": REAL, "motion_fraction": REAL, "duration": REAL,
-    "limits_kept": BOOLEAN,
+    "limits_kept": BOOLEAN, "limiting": TEXT, "limiting_time": REAL, "base_rate": REAL,
+    "base_turn_deg": REAL,
 }  # fmt: skip
 _LAST = {"decided_by": TEXT, "seconds": REAL, "began": TEXT, "file": TEXT, "bytes": INTEGER,
          "error": TEXT}  # fmt: skip
@@ -30,7 +31,10 @@ RESULTS = _FIRST | _LAST
 """Types of the results that every study has, empty where its command does not compute them."""
 BOOLEANS = {name for name, kind in RESULTS.items() if kind == BOOLEAN}
 """Names of the results that are true or false, which the database stores as integers."""
-FAMILIES = {"joints": REAL, "residuals": REAL, "limits": REAL, "attitude_ranges_deg": TEXT}
+FAMILIES = {
+    "joints": REAL, "final_attitude": REAL, "joint_rates": REAL, "range_ratios": REAL,
+    "residuals": REAL, "limits": REAL, "attitude_ranges_deg": TEXT,
+}  # fmt: skip
 """Types of results that a study has by joint, quantity, limit and arm branch, such as joints.0."""
 
 Column = Sequence[Any] | npt.NDArray[Any]

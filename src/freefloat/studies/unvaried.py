@@ -71,10 +71,9 @@ def limits_of_runs(
         scenario: The scenario.
         mounts: Whether mounts vary, so that axes of the arm's first link do.
     """
-    limits, problem, known = scenario.limits(), scenario.problem(), list(KNOWN)
-    if mounts:
-        known.remove("pointing")
-    others = [name for name in _given(limits) if name not in known]
+    limits, problem = scenario.limits(), scenario.problem()
+    unknown = ("pointing",) if mounts else ()
+    others = [name for name in _given(limits) if name not in KNOWN or name in unknown]
     if problem.scene.corridor is not None:
         others.append("corridor")
     attitude = AttitudeLimits(

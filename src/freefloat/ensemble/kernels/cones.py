@@ -7,8 +7,6 @@ through these is smallest.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from freefloat.ensemble.kernels.equation import (
     ALONG_X,
     ALONG_Z,
@@ -38,51 +36,50 @@ from freefloat.lockstep.lanes import (
     Mask,
     any_of,
     magnitude,
-    minimum,
     select,
     sine_cosine,
     sqrt,
 )
-from freefloat.lockstep.tables import Table, below, get_lane, get_vector
+from freefloat.lockstep.tables import Table, below, get_vector
 from freefloat.lockstep.vectors import Vector, components, dot, vector
 from freefloat.motion.pointing import TOO_NEAR
-
-if TYPE_CHECKING:
-    from freefloat.ensemble.result import EnsembleResult
 
 BODY, OF_POINT, SIDE, BOUND, AXIS, ORIGIN, TARGET = 0, 1, 2, 3, 4, 7, 10
 """Columns of ``Cones.table``: number of the body, -1 for the turn of the spacecraft; 1 for a target
 that is a point; 1 for inside, -1 for outside; cosine of the bound; axis and origin of the line of
 sight in the body's link frame; direction of the target, or its place in the path's frame."""
-BEFORE, LOWEST = 0, 1
-"""Rows of a limit in ``Workspace.slacks``: slack at the last step, and the smallest."""
+BEFORE, LOWEST, LOWEST_AT = 0, 1, 2
+"""Rows of a limit in ``Workspace.slacks``: slack at the last step, the smallest, and its time."""
 
 
 @inner
 def note_slacks(problem: Problem, dt: Float, fresh: Mask, accepted: Mask, work: Workspace) -> None:
     """Update the smallest slacks by those along a step; write the first ones of fresh motions."""
-    robot, cones, slacks = problem.robot, problem.cones, work.slacks
+    robot, cones, T = problem.robot, problem.cones, 4 + problem.robot.n
     for i in range(cones.number):
+        slacks = below(work.slacks, 3 * i, 1)
         after = slack(robot, cones, i, work.at, work)
-        before = select(fresh, after, slacks[2 * i + BEFORE])
+        before = select(fresh, after, slacks[BEFORE])
+        slacks[LOWEST] = select(fresh, after, slacks[LOWEST])
+        lower(slacks, after, work.at[T], accepted)
         inside(problem, dt, 0.0 * dt + 0.5, 0, work)
         middle = slack(robot, cones, i, work.inside, work)
-        lowest = select(fresh, after, minimum(slacks[2 * i + LOWEST], minimum(middle, after)))
+        lower(slacks, middle, work.inside[T], accepted)
         curvature = 2.0 * (before + after - 2.0 * middle)
         place = 0.5 * (3.0 * before + after - 4.0 * middle) / curvature
         dips = accepted & (curvature > 0.0) & (place > 0.0) & (place < 1.0)
         if any_of(dips):
             inside(problem, dt, select(dips, place, 0.5), 0, work)
-            lowest = minimum(lowest, slack(robot, cones, i, work.inside, work))
-        slacks[2 * i + LOWEST] = select(accepted, lowest, slacks[2 * i + LOWEST])
-        slacks[2 * i + BEFORE] = select(accepted, after, slacks[2 * i + BEFORE])
+            lower(slacks, slack(robot, cones, i, work.inside, work), work.inside[T], dips)
+        slacks[BEFORE] = select(accepted, after, slacks[BEFORE])
 
 
-@inner
-def store_slacks(cones: Cones, k: int, lane: int, work: Workspace, out: EnsembleResult) -> None:
-    """Write the smallest slacks of the motion in a lane."""
-    for i in range(cones.number):
-        out.slacks[k, i] = get_lane(work.slacks, 2 * i + LOWEST, lane)
+@inlined
+def lower(slacks: Table, value: Float, t: Float, chosen: Mask) -> None:
+    """Lower the smallest slack of a limit to a value at a time where it is larger."""
+    smaller = chosen & (value < slacks[LOWEST])
+    slacks[LOWEST] = select(smaller, value, slacks[LOWEST])
+    slacks[LOWEST_AT] = select(smaller, t, slacks[LOWEST_AT])
 
 
 @inner

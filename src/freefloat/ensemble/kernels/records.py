@@ -143,6 +143,7 @@ class Motions(NamedTuple):
     stop_below: float
     stricter: bool  # whether all begin with the tolerance of those with small minima
     extremes: bool  # whether extreme values are those between the ends of steps, too
+    moments: Array  # their times, see ``EnsembleIntegrator.integrate``; empty where not asked for
 
 
 class Workspace(NamedTuple):
@@ -155,7 +156,9 @@ class Workspace(NamedTuple):
     inside: Table  # attitude, joints and time inside a step
     status: Table
     h: Table  # angular momentum, that of wheels in the spacecraft frame, and the drift
-    extent: Table  # of each joint, the largest rate, smallest and largest value; rate of attitude
+    extent: Table  # of each joint, the largest rate, minus the smallest and the largest value;
+    # largest rate of attitude
+    moments: Table  # their times in units of the duration
     peaks: Table  # where the rates of joints and attitude are largest, (1 + n, 7 + n)
     momenta: Table  # see freefloat.ensemble.kernels.equation
     centre: Table  # of mass; then the second end-effector from there
@@ -190,9 +193,9 @@ def make_workspace(n: int, m: int, cones: int = 0, properties: int = 0, arms: in
     r = n - m
     shapes = (
         (5 + n,), (5 + n,), (5 + n, 7), (7,), (5 + n,), (STATUS_ROWS,), (9,), (1 + 3 * n,),
-        ((1 + n) * (STATE + 5 + n),),
+        (1 + 3 * n,), ((1 + n) * (STATE + 5 + n),),
         (n, JOINT_COLUMNS), (arms, 3), (n, 6 * arms), (6 * arms,), (6 * arms,), (n,), (n * n,),
-        (n * r,), (r * r,), (2 * r,), (n,), (n,), (4,), (2 * cones,),
+        (n * r,), (r * r,), (2 * r,), (n,), (n,), (4,), (3 * cones,),
         (2 * arms, 3), (properties,), (2, 3), (2, 3),
     )  # fmt: skip
     return Workspace(*(np.zeros((*shape, WIDTH)) for shape in shapes))
@@ -204,7 +207,8 @@ def workspace_in_tables(work: Workspace, second: SecondArm | None) -> Workspace:
     return Workspace(
         lanes(work.y, 1), lanes(work.at, 1), lanes(work.K, 7), lanes(work.weights, 1),
         lanes(work.inside, 1), lanes(work.status, 1), lanes(work.h, 1), lanes(work.extent, 1),
-        lanes(work.peaks, 1), lanes(work.momenta, JOINT_COLUMNS), lanes(work.centre, 3),
+        lanes(work.moments, 1), lanes(work.peaks, 1), lanes(work.momenta, JOINT_COLUMNS),
+        lanes(work.centre, 3),
         first_if_none(second, lanes(work.S, 6), lanes(work.S, 12)),
         lanes(work.scales, 1), lanes(work.b, 1), lanes(work.rates, 1), lanes(work.metric, 1),
         lanes(work.basis, 1), lanes(work.normal, 1), lanes(work.right, 1), lanes(work.column, 1),
