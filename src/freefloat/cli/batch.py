@@ -123,6 +123,7 @@ def batch(
         console.json(result.to_dict())
     console.tables(_result_lines(result))
     if not (as_json or quiet):
+        console.tables(_percentile_tables(result))
         console.tables(_sensitivity_tables(result))
         console.tables(_combination_tables(result.combinations))
     if result.errors:
@@ -211,6 +212,8 @@ def _result_lines(result: StudyResult) -> Iterator[str]:
         yield f"feasible: {result.feasible_percentage} of the runs without error"
     for reason, count in result.reasons.items():
         yield f"  {count:,} infeasible: {reason}"
+    for quantity, count in result.limiting.items():
+        yield f"  {count:,} limited by: {quantity}"
     if result.margins is not None:
         words = zip(("smallest", "median", "largest"), result.margins.values(), strict=True)
         yield "minimum margin: " + ", ".join(f"{word} {value:.6g}" for word, value in words)
@@ -225,6 +228,17 @@ def _result_lines(result: StudyResult) -> Iterator[str]:
     yield f"written: {', '.join(str(name) for name in names if name)}"
     if result.files.get("parquet") is None:
         yield f"not written: cases.parquet; {MissingExtraError.of('parquet')}"
+
+
+def _percentile_tables(result: StudyResult) -> Iterator[RenderableType]:
+    """Percentiles of the results, by column."""
+    from freefloat.studies.results import PERCENTILES
+
+    rows = table("percentiles of", *(f"{percentage} %" for percentage in PERCENTILES))
+    for name, values in result.percentiles.items():
+        rows.add_row(name, *(f"{value:.4g}" for value in values.values()))
+    if result.percentiles:
+        yield rows
 
 
 def _sensitivity_tables(result: StudyResult) -> Iterator[RenderableType]:
