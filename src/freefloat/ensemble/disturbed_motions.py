@@ -97,8 +97,8 @@ def integrate_disturbed(
     preferred = keeps_threshold(motions.minimum, required)
     values, turns = LimitValues.empty(len(owners), 0), np.full(len(owners), np.nan)
     if limits is not None:
-        values = limits.values(motions, moments, disturbed.stretches[owners])
-        values.ratios[replaced] = np.nan
+        values = limits.values(motions, moments, disturbed[owners], deciders)
+        values.ratios[replaced], values.certain[replaced] = np.nan, False
         preferred &= (values.ratios <= 1.0).all(axis=1)
         turns = limits.turns(motions)
     chosen = _best(owners, motions, preferred, len(attitudes))
@@ -124,7 +124,7 @@ def integrate_disturbed(
         table.minimum_at * disturbed.stretches, np.array(thresholds), by,
         table.lower + shifts, table.upper + shifts, table.attitudes,
         table.rates / disturbed.stretches[:, None], table.base_rate / disturbed.stretches, turned,
-        *of_limits,
+        of_limits,
     )  # fmt: skip
 
 
@@ -167,8 +167,9 @@ def _decided(
         kept = found.minimum >= required[chosen]
         if limits is None:
             return kept & False
-        ratios = limits.values(found, moments[chosen], disturbed.stretches[chosen]).ratios
-        return np.asarray(kept & ~limits.are_certain(ratios, np.full(len(kept), decider, np.int8)))
+        by = np.full(len(kept), decider, np.int8)
+        values = limits.values(found, moments[chosen], disturbed[chosen], by)
+        return np.asarray(kept & ~values.certain.all(axis=1))
 
     step: Progress | None = step_of(progress, 0.0, _FIRST_PASS)
     first = integrated(slice(None), STEP_TOLERANCE, stricter=stricter, progress=step)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.ensemble.equivalence import Equivalents
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.motion.pointing import AttitudeLimits, Keep
 from freefloat.robot.joint_ranges import range_ratios, shifts_into_ranges
@@ -32,17 +33,24 @@ class LimitValues(NamedTuple):
         ratios: 1 where a limit is just kept, see :class:`.LimitResult`, shape (K, L).
         times: The instants [s], shape (K, L).
         places: Indices into :attr:`KnownLimits.places` of the limit, shape (K, L).
+        certain: Whether errors change no verdict on a limit, shape (K, L).
     """
 
     ratios: Array
     times: Array
     places: IntArray
+    certain: BoolArray
 
     @classmethod
     def empty(cls, count: int, limits: int) -> LimitValues:
         """Those that are unknown."""
-        shape = count, limits
-        return cls(np.full(shape, np.nan), np.full(shape, np.nan), np.zeros(shape, np.int64))
+        ratios, times = np.full((2, count, limits), np.nan)
+        places = np.zeros((count, limits), np.int64)
+        return cls(ratios, times, places, np.zeros((count, limits), dtype=bool))
+
+    def and_others(self, others: LimitValues) -> LimitValues:
+        """These limits and others along the same motions."""
+        return LimitValues._make(map(np.hstack, zip(self, others, strict=True)))
 
 
 class _Entry(NamedTuple):
@@ -119,37 +127,42 @@ class KnownLimits:
         """Of each limit the joints, or other names, of its quantities."""
         return tuple(entry.places for entry in self._entries.values())
 
-    def values(self, motions: EnsembleResult, moments: Array, stretches: Array) -> LimitValues:
+    def values(
+        self,
+        motions: EnsembleResult,
+        moments: Array,
+        disturbed: Equivalents,
+        deciders: npt.NDArray[np.int8],
+    ) -> LimitValues:
         """The limits along motions.
 
         Args:
             motions: Motions of an ensemble with the limits :attr:`compared`.
             moments: Times of their extreme values, see :meth:`.EnsembleIntegrator.integrate`.
-            stretches: Times of the motions that they stand for over theirs, shape (K,).
+            disturbed: What they stand for.
+            deciders: Codes of what decided them, shape (K,).
         """
-        values = LimitValues.empty(len(stretches), len(self._entries))
-        rows = np.arange(len(stretches))
+        values = LimitValues.empty(len(disturbed), len(self._entries))
+        rows, stretches, first = np.arange(len(disturbed)), disturbed.stretches, 0
         for number, (name, entry) in enumerate(self._entries.items()):
-            ratios = entry.ratios(motions, stretches)
-            nearness = self._nearness(ratios) if name == "pointing" else ratios
+            scales = disturbed.scales[:, first : first + len(entry.places)]
+            first += 0 if disturbed.scales.shape[1] == 1 else len(entry.places)
+            ratios = entry.ratios(motions, stretches) * scales
+            nearness = self._nearness(ratios, scales) if name == "pointing" else ratios
             place = nearness.argmax(axis=1)
-            values.ratios[:, number] = ratios[rows, place]
+            ratio, scale = (np.broadcast_to(array, ratios.shape)[rows, place]
+                            for array in (ratios, scales))  # fmt: skip
+            values.ratios[:, number] = ratio
             values.times[:, number] = moments[rows, entry.columns[place]] * stretches
             values.places[:, number] = place
+            error = _ERRORS[deciders] / entry.angle * scale
+            values.certain[:, number] = np.abs(ratio - 1.0) > error
         return values
 
     def turns(self, motions: EnsembleResult) -> Array:
         """Largest angles of the spacecraft from its attitude at the start [rad], shape (K,)."""
         limits = self.compared
         return np.asarray(limits.ratios(motions.slacks)[:, -1] * float(limits.base_turn or 0.0))
-
-    def are_certain(self, ratios: Array, deciders: npt.NDArray[np.int8]) -> BoolArray:
-        """Whether errors change no verdict on a limit, for what decided the motions, (K,)."""
-        certain = np.ones(len(ratios), dtype=bool)
-        for column, entry in zip(ratios.T, self._entries.values(), strict=True):
-            error = _ERRORS[deciders] / entry.angle
-            certain &= np.abs(column - 1.0) > error
-        return certain
 
     def _range_ratios(self, motions: EnsembleResult, _: Array) -> Array:
         lower, upper = motions.lower, motions.upper
@@ -169,9 +182,10 @@ class KnownLimits:
     def _pointing_ratios(self, motions: EnsembleResult, _: Array) -> Array:
         return self.compared.ratios(motions.slacks)[:, :-1]
 
-    def _nearness(self, ratios: Array) -> Array:
+    def _nearness(self, ratios: Array, scales: Array) -> Array:
         """How near axes are to the edges of their cones, or how far beyond: minus an angle."""
-        angles = np.array([limit.angle for limit in self.attitude.pointing])
         inside = np.array([limit.keep is Keep.INSIDE for limit in self.attitude.pointing])
+        angles = np.array([limit.angle for limit in self.attitude.pointing])
+        angles = angles * np.where(inside, 1.0 / scales, scales)
         with np.errstate(divide="ignore"):
             return np.asarray(-angles * np.where(inside, 1.0 - ratios, 1.0 / ratios - 1.0))

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.ensemble.endings import COMPLETED, FAILED, SINGULAR, UNREACHED
+from freefloat.ensemble.known_limits import LimitValues
 from freefloat.motion.margin import keeps_threshold
 from freefloat.so3 import Array, BoolArray, IntArray
 
@@ -37,9 +38,7 @@ class ManyMotions:
         base_rates: Largest magnitudes of the spacecraft's angular velocity [rad/s], shape (K,).
         turns: Largest angles of the spacecraft from its attitude at the start [rad], shape (K,);
             NaN where no limits were given.
-        ratios: Of the limits that were given, see :class:`.LimitValues`, shape (K, L).
-        limit_times: Times at which these are nearest to their bounds [s], shape (K, L).
-        limit_places: Which of their quantities are, shape (K, L).
+        limits: The limits that were given.
     """
 
     attitudes: Array
@@ -57,12 +56,11 @@ class ManyMotions:
     rates: Array
     base_rates: Array
     turns: Array
-    ratios: Array
-    limit_times: Array
-    limit_places: IntArray
+    limits: LimitValues
 
     def __post_init__(self) -> None:
-        for array in vars(self).values():
+        arrays = {key: value for key, value in vars(self).items() if key != "limits"}
+        for array in (*arrays.values(), *self.limits):
             array.setflags(write=False)
 
     def __repr__(self) -> str:

@@ -90,8 +90,8 @@ def _columns(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str,
     )
     feasible = group.are_feasible(motions)[decided]
     reasons = np.where(completed, MARGIN_REASON, Ending.SINGULAR.value)
-    ratios = np.where(completed[:, None], motions.ratios[decided], np.nan)
-    reasons = np.where(margin_kept, _limit_reasons(group.limits.names, ratios), reasons)
+    ratios = np.where(completed[:, None], motions.limits.ratios[decided], np.nan)
+    reasons = np.where(margin_kept, _limit_reasons(group.limit_names, ratios), reasons)
     attitudes, joints = motions.attitudes[decided], motions.joints[decided]
     columns: dict[str, Column] = {
         "verdict": np.where(feasible, FEASIBLE, INFEASIBLE),
@@ -111,8 +111,8 @@ def _columns(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str,
     if group.problem.task.planar:
         plane = group.problem.plane
         columns["heading_deg"] = np.degrees([plane.heading(attitude) for attitude in attitudes])
-    if group.limits.names:
-        names = [f"limits.{name}" for name in group.limits.names]
+    if group.limit_names:
+        names = [f"limits.{name}" for name in group.limit_names]
         kept, known = (values[decided].tolist() for values in group.keep_limits(motions))
         columns["limits_kept"] = [
             one if certain else None for one, certain in zip(kept, known, strict=True)
@@ -148,14 +148,15 @@ def _limiting(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str
     """What is nearest to its bound along each motion, or farthest beyond it, and when."""
     with np.errstate(divide="ignore"):
         margin = (motions.thresholds / motions.minimum_margins)[decided, None]
-    ratios = np.hstack([margin, motions.ratios[decided]])
-    times = np.hstack([motions.minimum_times[decided, None], motions.limit_times[decided]])
-    places = np.hstack([np.zeros((len(decided), 1), int), motions.limit_places[decided]])
+    limits = motions.limits
+    ratios = np.hstack([margin, limits.ratios[decided]])
+    times = np.hstack([motions.minimum_times[decided, None], limits.times[decided]])
+    places = np.hstack([np.zeros((len(decided), 1), int), limits.places[decided]])
     largest = np.where(np.isnan(ratios), -np.inf, ratios).argmax(axis=1)
     rows = np.arange(len(decided))
     names = [[MARGIN_LIMITS]] + [
         [LIMITING.format(name, place) for place in of_limit]
-        for name, of_limit in zip(group.limits.names, group.limits.places, strict=True)
+        for name, of_limit in zip(group.limit_names, group.limit_places, strict=True)
     ]
     limiting = [
         names[limit][place] for limit, place

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -17,6 +18,11 @@ VECTORS = {"momentum": "momenta", "wheels.momentum": "wheels", "drift": "drifts"
 """Scenario keys of vectors, and what they are in ensembles; entries vary, too, as momentum.2."""
 NUMBERS = {"timing.duration": "durations", "margin.value": "thresholds"}
 """Scenario keys of numbers, and what they are in ensembles."""
+FRACTION = "margin.fraction"
+_BOUND = re.compile(
+    r"limits\.(base_rate|base_turn_deg|joint_(rate|torque)(\..+)?|pointing\.\d+\.angle_deg)"
+)
+"""Scenario keys of bounds of limits that may differ in an ensemble."""
 _HARMLESS = {
     "momenta": np.zeros(3),
     "wheels": np.zeros(3),
@@ -36,8 +42,20 @@ _LEVEL = 1e-9
 """Components x, y of the quaternions of planar attitudes."""
 
 
-def fits_ensembles(key: str) -> bool:
-    """Whether runs that differ in a key are motions of one ensemble."""
+def is_bound(key: str) -> bool:
+    """Whether a key is that of a bound, of a limit or of the margin, that may differ."""
+    return key == FRACTION or _BOUND.fullmatch(key) is not None
+
+
+def fits_ensembles(key: str, listed: Mapping[str, Sequence[Any]]) -> bool:
+    """Whether runs that differ in a key are motions of one ensemble.
+
+    Args:
+        key: The key.
+        listed: Listed values by key; bounds of limits are numbers, not words or maps.
+    """
+    if is_bound(key):
+        return bool(np.isfinite(as_numbers(listed.get(key, []), ())).all())
     vector, _, entry = key.rpartition(".")
     component = vector in VECTORS and entry in ("0", "1", "2")
     named = (*VECTORS, *NUMBERS, *START_KEYS, SCALE_MASS)
@@ -50,7 +68,7 @@ def why_alone(study: Study) -> list[str]:
         return [f"the command is {study.content.command}"]
     random = [key for key in study.content.vary if key not in study.variation.listed]
     reasons = [
-        f"{key} varies at random, not from a list" for key in random if not fits_ensembles(key)
+        f"{key} varies at random, not from a list" for key in random if not fits_ensembles(key, {})
     ]
     return reasons + ["the files of all runs are kept"] * (study.kept_files >= study.count)
 
@@ -67,7 +85,7 @@ def group_numbers(study: Study) -> IntArray:
     listed, places = study.variation.listed, study.variation.places(0, study.count)
     groups = np.zeros(study.count, dtype=np.int64)
     for key in study.content.vary:
-        if not fits_ensembles(key):
+        if not fits_ensembles(key, listed):
             groups = groups * len(listed[key]) + places[key]
     _, groups, sizes = np.unique(groups, return_inverse=True, return_counts=True)
     return np.asarray(np.where(sizes[groups] >= FEWEST, groups, alone))
@@ -114,6 +132,27 @@ def arrays_of(
     for name, array in arrays.items():
         arrays[name] = np.where(fits if array.ndim == 1 else fits[:, None], array, _HARMLESS[name])
     return arrays, fits
+
+
+def bound_ratios(
+    values: Mapping[str, Array | Sequence[Any]], nominal: Mapping[str, float], count: int
+) -> tuple[dict[str, Array], BoolArray]:
+    """Nominal bounds over those of runs by key, and whether all of a run are accepted.
+
+    Args:
+        values: Values by key.
+        nominal: Nominal values of the keys of bounds that vary.
+        count: Number of runs.
+    """
+    ratios, fits = dict[str, Array](), np.ones(count, dtype=bool)
+    for key, value in nominal.items():
+        bounds = as_numbers(values[key], ())
+        most = 180.0 if key.endswith("_deg") else 1.0 if key == FRACTION else _LARGEST
+        with np.errstate(invalid="ignore"):
+            accepted = (bounds > 0.0) & (bounds < most)
+        fits &= accepted
+        ratios[key] = value / np.where(accepted, bounds, value)
+    return ratios, fits
 
 
 def _attitudes(key: str, column: Array | Sequence[Any], problem: Problem) -> Array:

@@ -10,7 +10,10 @@ from freefloat.ensemble.disturbed_motions import integrate_disturbed
 from freefloat.ensemble.equivalence import equivalents
 from freefloat.ensemble.known_limits import KNOWN, KnownLimits
 from freefloat.io.scenario.scenario import Scenario
+from freefloat.limits.kinds.clearance import ClearanceLimit
 from freefloat.limits.limits import GIVEN, Limits
+from freefloat.limits.recorded_limits import RecordedLimits
+from freefloat.limits.values import OFF
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array
@@ -58,7 +61,7 @@ class Unvaried:
         )  # fmt: skip
         if self.limits is None:
             return motions.joints
-        certain = self.limits.are_certain(motions.ratios, motions.deciders)
+        certain = motions.limits.certain.all(axis=1)
         return np.where((certain | ~motions.feasible)[:, None], motions.joints, np.nan)
 
 
@@ -80,6 +83,17 @@ def limits_of_runs(
         pointing=() if mounts else limits.pointing, base_turn=limits.base_turn
     )
     return KnownLimits(problem.model, limits.joint_rate, limits.base_rate, attitude), tuple(others)
+
+
+def recorded_limits(
+    scenario: Scenario, others: tuple[str, ...]
+) -> tuple[RecordedLimits, tuple[str, ...]]:
+    """The limits of a scenario that recorded motions show, and the names of the others left."""
+    limits = scenario.limits()
+    stated = limits.clearance if ClearanceLimit.name in others else None
+    clearance = None if stated == OFF else stated
+    recorded = RecordedLimits(scenario.problem(), limits.joint_torque, clearance)
+    return recorded, tuple(name for name in others if name not in recorded.names)
 
 
 def _given(limits: Limits) -> list[str]:
