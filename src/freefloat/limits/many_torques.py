@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -74,15 +75,17 @@ def _torques(recorded: RecordedMotions, threads: int) -> Array:
     accelerations = np.concatenate([still, recorded.rates(omega), recorded.rates(rates)], axis=-1)
     disturbed = recorded.disturbed
     model, robots = disturbed.problem.model, disturbed.systems.robots
+    threads = threads if robots is None else 1  # those that wait for others would take time
     pool = pin.ModelPool(model.pin_model, threads)
     torques = np.empty(joints.shape)
     every = [slice(None)] if robots is None else [slice(k, k + 1) for k in range(len(joints))]
-    inertias, masses = None, np.full(len(joints), sum(body.mass for body in model.bodies))
+    masses = np.full(len(joints), sum(body.mass for body in model.bodies))
+    inertias: Iterator[list[pin.Inertia]] = iter(())
     if robots is not None:
         inertias, masses = _inertias(robots), robots.total_masses
     for some in every:
-        if inertias is not None:
-            _set_inertias(pool, inertias[some.start])
+        for number, inertia in enumerate(next(inertias, []), 1):
+            pool.getModel(0).inertias[number] = inertia
         q, v, a = (np.asfortranarray(values[some].reshape(-1, values.shape[-1]).T)
                    for values in (positions, velocities, accelerations))  # fmt: skip
         a[:3] = -pin.rneaInParallel(threads, pool, q, v, a)[:3] / masses[some][0]
@@ -91,21 +94,16 @@ def _torques(recorded: RecordedMotions, threads: int) -> Array:
     return torques * disturbed.factors[:, None, None, None]
 
 
-def _inertias(robots: Robots) -> Array:
-    """Mass, first moment and inertia of the bodies in Pinocchio's frames, (K, 1 + n, 10)."""
+def _inertias(robots: Robots) -> Iterator[list[pin.Inertia]]:
+    """Yield the inertias of the bodies of each robot in Pinocchio's frames."""
     frames, (_, points, rotations) = frames_at_zero(robots.frames), joints_at_zero(robots.nominal)
     origins = np.vstack([np.zeros(3), points])[: len(frames)]
     turns = np.stack([np.eye(3), *rotations])[: len(frames)].swapaxes(1, 2)
     positions = (turns @ (frames[:, 3] - origins)[..., None])[..., 0]
-    return in_frame(robots.bodies, turns @ frames[:, :3].swapaxes(1, 2), positions)
-
-
-def _set_inertias(pool: pin.ModelPool, rows: Array) -> None:
-    """Give the models of a pool the inertias of a robot, shape (1 + n, 10)."""
-    for number, (mass, *moment, xx, yy, zz, yz, zx, xy) in enumerate(rows.tolist(), 1):
-        centre = np.array(moment) / (mass or 1.0)
-        about = np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]])
-        about -= mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-        inertia = pin.Inertia(mass, centre, about)
-        for model in range(pool.size()):
-            pool.getModel(model).inertias[number] = inertia
+    rows = in_frame(robots.bodies, turns @ frames[:, :3].swapaxes(1, 2), positions)
+    masses = rows[..., 0]
+    centres = rows[..., 1:4] / np.where(masses > 0.0, masses, 1.0)[..., None]
+    about = in_frame(rows, np.eye(3), -centres)[..., [4, 9, 8, 9, 5, 7, 8, 7, 6]]
+    about = about.reshape(*masses.shape, 3, 3)
+    for robot in zip(masses.tolist(), centres, about, strict=True):
+        yield [pin.Inertia(*body) for body in zip(*robot, strict=True)]

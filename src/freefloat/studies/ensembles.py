@@ -28,7 +28,7 @@ from freefloat.studies.values import (
     SINGULARITY_LIMITS,
 )
 
-_CHUNK = 4096
+CHUNK = 4096
 """Runs that are integrated and stored together."""
 NO_ROWS: Columns = {NUMBER: ()}
 """Results of no run."""
@@ -47,7 +47,7 @@ class Chunk:
     numbers: IntArray
 
 
-def chunks(groups: IntArray, missing: IntArray, size: int = _CHUNK) -> Iterator[Chunk]:
+def chunks(groups: IntArray, missing: IntArray, size: int = CHUNK) -> Iterator[Chunk]:
     """Yield the missing runs of groups, some at a time.
 
     Args:
