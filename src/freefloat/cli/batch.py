@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 _MAX_ROWS = 20
 """Runs listed by a dry run; --json lists all."""
+_MANY = 200
+"""Runs of which some are timed before they are executed one by one."""
 
 _Study = Annotated[
     str,
@@ -105,7 +107,14 @@ def batch(
         return
     make_folder("output", output)
     if not (quiet or as_json) and (reason := why_run_by_run(loaded)) is not None:
-        say(f"{loaded.source}: run by run, because {reason}")
+        seconds = None
+        if loaded.count >= _MANY:
+            with console.progress("timing runs"):
+                seconds = estimate_study(
+                    loaded, output, workers=workers, scheduler=scheduler, report=report
+                ).seconds
+        duration = "" if seconds is None else f"; about {time_text(seconds)}"
+        say(f"{loaded.source}: run by run, because {reason}{duration}")
     if not (quiet or as_json) and loaded.content.command != "plan" and loaded.base.get("phases"):
         say(f"{loaded.source}: the first path alone, without the phases after it")
     logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # of a scheduler that Ctrl-C leaves

@@ -43,6 +43,11 @@ class RecordedLimits:
     clearance: float | None
 
     @property
+    def without(self) -> RecordedLimits:
+        """No limits of the same problem."""
+        return RecordedLimits(self.problem, None, None)
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Their names in results."""
         bounds = self.joint_torque, self.clearance

@@ -278,9 +278,11 @@ def _group(study: Study, number: int, reasons: list[str]) -> Group | None:
     mounts = _mounts_vary(parameters)
     limits, others = limits_of_runs(scenario, mounts=mounts)
     still = not scenario.scene().bodies or not ("timing.duration" in parameters or robots_vary)
-    recorded = RecordedLimits(problem, None, None)
+    recorded, found = recorded_limits(scenario, others)
     if still and not mounts:
-        recorded, others = recorded_limits(scenario, others)
+        others = found
+    else:
+        recorded = recorded.without
     if others:
         shown = f"limits that only precise motions show ({', '.join(others)})"
         reasons.append(f"{shown} are checked along these where all else is kept")

@@ -199,7 +199,9 @@ class StudyResult:
         quantities = {entry.quantity for entry in self.sensitivities}
         if quantities != {MARGIN}:
             return ""
-        return "no Sobol indices for feasibility: limits need precise motions, or it does not vary"
+        return (
+            "no Sobol indices for feasibility: it does not vary, or torques or bodies are compared"
+        )
 
     @property
     def run_seconds(self) -> float:
