@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -91,10 +92,11 @@ def batch(
     console = Console(as_json, quiet)
     loaded = load_study(study)
     if dry_run:
+        loading = time.process_time()
         with console.progress("timing runs"):
             estimate = estimate_study(
                 loaded, output, workers=workers, scheduler=scheduler, report=report
-            )
+            ).after(loading)
         if as_json:  # a million runs take gigabytes
             console.json(estimate.to_dict())
         console.tables(_estimate_tables(estimate))

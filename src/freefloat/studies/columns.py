@@ -14,6 +14,8 @@ VERDICTS = (FEASIBLE, INFEASIBLE, ERROR)
 """Verdicts."""
 INTEGER, REAL, TEXT, BOOLEAN = "INTEGER", "REAL", "TEXT", "BOOLEAN"
 """Types of columns, by their names in the database."""
+UNCHECKED = "not considered"
+"""Of contact between bodies, in the rows of studies whose runs do not consider it."""
 NUMBER = "number"
 """The first column; parameters follow, then results."""
 _FIRST = {
@@ -23,7 +25,7 @@ _FIRST = {
     "heading_deg": REAL, "robust_radius_deg": REAL, "deviation_deg": REAL,
     "feasible_fraction": REAL, "motion_fraction": REAL, "duration": REAL,
     "limits_kept": BOOLEAN, "limiting": TEXT, "limiting_time": REAL, "base_rate": REAL,
-    "base_turn_deg": REAL,
+    "base_turn_deg": REAL, "contact": TEXT,
 }  # fmt: skip
 _LAST = {"decided_by": TEXT, "seconds": REAL, "began": TEXT, "file": TEXT, "bytes": INTEGER,
          "error": TEXT}  # fmt: skip

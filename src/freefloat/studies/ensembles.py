@@ -17,7 +17,7 @@ from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.motion.motion import Ending
 from freefloat.robot.joint_ranges import range_ratios
 from freefloat.so3 import Array, IntArray
-from freefloat.studies.columns import FEASIBLE, INFEASIBLE, NUMBER, Column, Columns
+from freefloat.studies.columns import FEASIBLE, INFEASIBLE, NUMBER, UNCHECKED, Column, Columns
 from freefloat.studies.groups import Group, group_of
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.values import (
@@ -111,6 +111,8 @@ def _columns(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str,
     if group.problem.task.planar:
         plane = group.problem.plane
         columns["heading_deg"] = np.degrees([plane.heading(attitude) for attitude in attitudes])
+    if group.study.contact_unchecked is not None:
+        columns["contact"] = [UNCHECKED] * len(decided)
     if group.limit_names:
         names = [f"limits.{name}" for name in group.limit_names]
         kept, known = (values[decided].tolist() for values in group.keep_limits(motions))

@@ -71,6 +71,13 @@ class StudyEstimate:
         """Number of runs that are not finished."""
         return self.study.count - len(self.finished)
 
+    def after(self, seconds: float) -> StudyEstimate:
+        """The same with the time that the process takes to load [s]."""
+        if self.seconds is None:
+            return self
+        start = self.start_seconds + seconds
+        return replace(self, start_seconds=start, seconds=self.seconds + seconds)
+
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``batch --dry-run``."""
         return {

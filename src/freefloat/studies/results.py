@@ -200,7 +200,8 @@ class StudyResult:
         if quantities != {MARGIN}:
             return ""
         return (
-            "no Sobol indices for feasibility: it does not vary, or torques or bodies are compared"
+            "no Sobol indices for feasibility: it is constant, or limits need precise or recorded "
+            "motions"
         )
 
     @property
