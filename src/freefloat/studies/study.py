@@ -36,7 +36,7 @@ UNDISTURBED = -1
 
 _CONTACT_UNCHECKED = (
     "contact between bodies is not considered; limits: {clearance: 0} in the base scenario "
-    "considers it, run by run"
+    "considers it"
 )
 
 
