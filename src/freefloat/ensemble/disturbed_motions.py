@@ -193,7 +193,10 @@ def _decided(
     deciders[chosen], compiled = MOTION, motions.endings.copy()
     for k in chosen.tolist():
         _decide_precisely(disturbed.problem_of(k), attitudes[k], joints[k], motions, k)
-    return motions, moments, deciders, motions.endings != compiled
+    replaced = motions.endings != compiled
+    for unknown in (motions.rates, motions.base_rate, motions.slacks, motions.attitudes):
+        unknown[replaced] = np.nan
+    return motions, moments, deciders, replaced
 
 
 def _may_pass(problem: Problem, motions: EnsembleResult) -> BoolArray:

@@ -148,7 +148,7 @@ def _extremes(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str
 
 def _limiting(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str, Column]:
     """What is nearest to its bound along each motion, or farthest beyond it, and when."""
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         margin = (motions.thresholds / motions.minimum_margins)[decided, None]
     limits = motions.limits
     ratios = np.hstack([margin, limits.ratios[decided]])

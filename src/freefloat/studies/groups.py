@@ -34,7 +34,7 @@ from freefloat.studies.robot_values import (
 )
 from freefloat.studies.run_values import FRACTION, arrays_of, bound_ratios, fits_ensembles, is_bound
 from freefloat.studies.study import START_KEYS, Study
-from freefloat.studies.unvaried import Unvaried, limits_of_runs, recorded_limits
+from freefloat.studies.unvaried import Unvaried, limits_of_runs
 
 _RECORDED = 512
 """Motions that are recorded at once."""
@@ -273,16 +273,11 @@ def _group(study: Study, number: int, reasons: list[str]) -> Group | None:
         return None
     reasons += _unfit_values(study, scenario, problem, parameters)
     start = _start_of(study, problem, parameters, reasons)
-    robots_vary = vary_robots(study.content.vary, study.variation.listed)
     apart = bool(reasons)
-    mounts = _mounts_vary(parameters)
-    limits, others = limits_of_runs(scenario, mounts=mounts)
-    still = not scenario.scene().bodies or not ("timing.duration" in parameters or robots_vary)
-    recorded, found = recorded_limits(scenario, others)
-    if still and not mounts:
-        others = found
-    else:
-        recorded = recorded.without
+    moved = vary_robots(study.content.vary, listed) or "timing.duration" in parameters
+    limits, recorded, others = limits_of_runs(
+        scenario, mounts=_mounts_vary(parameters), moved=moved
+    )
     if others:
         shown = f"limits that only precise motions show ({', '.join(others)})"
         reasons.append(f"{shown} are checked along these where all else is kept")

@@ -149,9 +149,9 @@ def bound_ratios(
         bounds = as_numbers(values[key], ())
         most = 180.0 if key.endswith("_deg") else 1.0 if key == FRACTION else _LARGEST
         with np.errstate(invalid="ignore"):
-            accepted = (bounds > 0.0) & (bounds < most)
+            accepted = (bounds > 0.0) & (bounds < most) & (value > 0.0)
         fits &= accepted
-        ratios[key] = value / np.where(accepted, bounds, value)
+        ratios[key] = np.where(accepted, value, 1.0) / np.where(accepted, bounds, 1.0)
     return ratios, fits
 
 

@@ -10,10 +10,8 @@ from freefloat.ensemble.disturbed_motions import integrate_disturbed
 from freefloat.ensemble.equivalence import equivalents
 from freefloat.ensemble.known_limits import KNOWN, KnownLimits
 from freefloat.io.scenario.scenario import Scenario
-from freefloat.limits.kinds.clearance import ClearanceLimit
-from freefloat.limits.limits import GIVEN, Limits
-from freefloat.limits.recorded_limits import RecordedLimits
-from freefloat.limits.values import OFF
+from freefloat.limits.limits import GIVEN
+from freefloat.limits.recorded_limits import RECORDED, RecordedLimits
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array
@@ -40,8 +38,9 @@ class Unvaried:
         problem = scenario.search().applied_to(scenario.problem())
         if problem.start_joints is not None:
             return cls(problem, None)
-        limits, others = limits_of_runs(scenario)
-        return None if others or not problem.model.has_one_arm else cls(problem, limits)
+        limits, recorded, others = limits_of_runs(scenario)
+        apart = others or recorded.names or not problem.model.has_one_arm
+        return None if apart else cls(problem, limits)
 
     def joints_at(self, attitudes: Array, threads: int) -> Array:
         """Initial joint values of its motions from attitudes (K, 4).
@@ -66,40 +65,28 @@ class Unvaried:
 
 
 def limits_of_runs(
-    scenario: Scenario, *, mounts: bool = False
-) -> tuple[KnownLimits, tuple[str, ...]]:
-    """The limits of a scenario that ensembles know, and the names of the others.
+    scenario: Scenario, *, mounts: bool = False, moved: bool = False
+) -> tuple[KnownLimits, RecordedLimits, tuple[str, ...]]:
+    """The limits that ensembles know, those that recorded motions show, and names of the others.
 
     Args:
         scenario: The scenario.
-        mounts: Whether mounts vary, so that axes of the arm's first link do.
+        mounts: Whether mounts vary, so that axes and bodies of the arm's first link do.
+        moved: Whether durations or robots vary, so that the bodies of a scene are elsewhere.
     """
     limits, problem = scenario.limits(), scenario.problem()
-    unknown = ("pointing",) if mounts else ()
-    others = [name for name in _given(limits) if name not in KNOWN or name in unknown]
-    if problem.scene.corridor is not None:
-        others.append("corridor")
+    bounds = {kind.name: getattr(limits, kind.name) for kind in GIVEN}
+    given = {
+        name: bound for name, bound in bounds.items()
+        if bound is not None and np.size(bound) > 0 and not isinstance(bound, str)
+    }  # fmt: skip
+    shown = {} if mounts or (moved and problem.scene.bodies) else given
+    recorded = RecordedLimits(problem, *(shown.get(name) for name in RECORDED))
+    _ = recorded.places  # or the error of shapes that cannot be used
     attitude = AttitudeLimits(
         pointing=() if mounts else limits.pointing, base_turn=limits.base_turn
     )
-    return KnownLimits(problem.model, limits.joint_rate, limits.base_rate, attitude), tuple(others)
-
-
-def recorded_limits(
-    scenario: Scenario, others: tuple[str, ...]
-) -> tuple[RecordedLimits, tuple[str, ...]]:
-    """The limits of a scenario that recorded motions show, and the names of the others left."""
-    limits = scenario.limits()
-    stated = limits.clearance if ClearanceLimit.name in others else None
-    clearance = None if stated == OFF else stated
-    recorded = RecordedLimits(scenario.problem(), limits.joint_torque, clearance)
-    return recorded, tuple(name for name in others if name not in recorded.names)
-
-
-def _given(limits: Limits) -> list[str]:
-    """The names of limits that have a bound."""
-    bounds = {kind.name: getattr(limits, kind.name) for kind in GIVEN}
-    return [
-        name for name, bound in bounds.items()
-        if bound is not None and np.size(bound) > 0 and not isinstance(bound, str)
-    ]  # fmt: skip
+    known = KnownLimits(problem.model, limits.joint_rate, limits.base_rate, attitude)
+    seen = {*KNOWN, *recorded.names} - ({"pointing"} if mounts else set())
+    corridor = () if problem.scene.corridor is None else ("corridor",)
+    return known, recorded, (*sorted(given.keys() - seen), *corridor)
