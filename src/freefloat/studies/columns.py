@@ -79,5 +79,20 @@ def by_entry(key: str, values: Sequence[Any]) -> dict[str, npt.NDArray[Any]]:
     return {key: np.array(texts, dtype=object)}
 
 
+def as_numbers(column: Column, shape: tuple[int, ...]) -> npt.NDArray[np.float64]:
+    """Values as an array, NaN where one is not a number or list of numbers of the shape."""
+    if isinstance(column, np.ndarray):
+        return column if column.shape[1:] == shape else np.full((len(column), *shape), np.nan)
+    return np.array([_row(value, shape) for value in column]).reshape(-1, *shape)
+
+
+def _row(value: Any, shape: tuple[int, ...]) -> Any:
+    entries = value if shape else [value]
+    numbers = isinstance(entries, list) and len(entries) == int(np.prod(shape))
+    if numbers and all(map(_is_number, entries)):
+        return value
+    return np.full(shape, np.nan)
+
+
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)

@@ -20,10 +20,10 @@ from freefloat.errors import FreeFloatError
 from freefloat.io.scenario.path_schema import PathFrame
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.recorded_limits import RecordedLimits
-from freefloat.motion.pointing import Keep
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import UPRIGHT, Array, BoolArray, IntArray
+from freefloat.studies.bounds import FRACTION, bound_ratios, is_bound, limit_scales
 from freefloat.studies.document import scenario_from, with_values
 from freefloat.studies.records import branch_choice
 from freefloat.studies.robot_values import (
@@ -32,7 +32,7 @@ from freefloat.studies.robot_values import (
     nominal_values,
     vary_robots,
 )
-from freefloat.studies.run_values import FRACTION, arrays_of, bound_ratios, fits_ensembles, is_bound
+from freefloat.studies.run_values import arrays_of, fits_ensembles
 from freefloat.studies.study import START_KEYS, Study
 from freefloat.studies.unvaried import Unvaried, limits_of_runs
 
@@ -106,9 +106,10 @@ class Group:
         fits &= accepted
         if robots is not None:
             fits &= robots.suit(self.problem)
-        disturbed = equivalents(
-            self.problem, count, **arrays, robots=robots, scales=self._scales(ratios, count)
-        )
+        limits = dict(zip(self.limit_names, self.limit_places, strict=True))
+        limits.pop("clearance", None)  # whose bound chooses the pairs of bodies
+        scales = limit_scales(ratios, limits, self.limits.attitude.pointing)
+        disturbed = equivalents(self.problem, count, **arrays, robots=robots, scales=scales)
         places = numbers - first
         places = places[(fits & ~disturbed.turns_too_often)[places]]
         if attitudes is None:
@@ -149,28 +150,6 @@ class Group:
     def limit_places(self) -> tuple[tuple[str, ...], ...]:
         """Of each of these limits the joints, or other names, of its quantities."""
         return self.limits.places + self.recorded.places
-
-    def _scales(self, ratios: Mapping[str, Array], count: int) -> Array | None:
-        """Factors on the ratios of the limits' quantities, (K, Q), from those of bounds by key."""
-        if not ratios:
-            return None
-        quantities = [
-            (name, number, place)
-            for name, places in zip(self.limit_names, self.limit_places, strict=True)
-            if name != "clearance"
-            for number, place in enumerate(places)
-        ]
-        scales = np.ones((count, len(quantities)))
-        pointing = self.limits.attitude.pointing
-        for key, ratio in ratios.items():
-            _, name, *others = key.split(".", 2)
-            entry = "".join(others).removesuffix(".angle_deg")
-            for column, (limit, number, place) in zip(scales.T, quantities, strict=True):
-                chosen = not entry or entry in (place, str(number))
-                if limit == name.removesuffix("_deg") and chosen:
-                    outside = limit == "pointing" and pointing[number].keep is Keep.OUTSIDE
-                    column *= 1.0 / ratio if outside else ratio
-        return scales
 
     def _with_recorded(
         self, disturbed: Equivalents, motions: ManyMotions, threads: int

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,19 +9,15 @@ import numpy as np
 
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, BoolArray, IntArray
+from freefloat.studies.bounds import is_bound
+from freefloat.studies.columns import as_numbers
 from freefloat.studies.robot_values import MASS_FACTORS, SCALE_MASS, is_robot_key, uniform_factors
 from freefloat.studies.study import START_KEYS, Command, Study
-from freefloat.studies.value_columns import as_numbers
 
 VECTORS = {"momentum": "momenta", "wheels.momentum": "wheels", "drift": "drifts"}
 """Scenario keys of vectors, and what they are in ensembles; entries vary, too, as momentum.2."""
 NUMBERS = {"timing.duration": "durations", "margin.value": "thresholds"}
 """Scenario keys of numbers, and what they are in ensembles."""
-FRACTION = "margin.fraction"
-_BOUND = re.compile(
-    r"limits\.(base_rate|base_turn_deg|joint_(rate|torque)(\..+)?|pointing\.\d+\.angle_deg)"
-)
-"""Scenario keys of bounds of limits that may differ in an ensemble."""
 _HARMLESS = {
     "momenta": np.zeros(3),
     "wheels": np.zeros(3),
@@ -40,11 +35,6 @@ _UNIT = 1e-2
 """Deviation of a quaternion's norm from one that scenarios accept."""
 _LEVEL = 1e-9
 """Components x, y of the quaternions of planar attitudes."""
-
-
-def is_bound(key: str) -> bool:
-    """Whether a key is that of a bound, of a limit or of the margin, that may differ."""
-    return key == FRACTION or _BOUND.fullmatch(key) is not None
 
 
 def fits_ensembles(key: str, listed: Mapping[str, Sequence[Any]]) -> bool:
@@ -132,27 +122,6 @@ def arrays_of(
     for name, array in arrays.items():
         arrays[name] = np.where(fits if array.ndim == 1 else fits[:, None], array, _HARMLESS[name])
     return arrays, fits
-
-
-def bound_ratios(
-    values: Mapping[str, Array | Sequence[Any]], nominal: Mapping[str, float], count: int
-) -> tuple[dict[str, Array], BoolArray]:
-    """Nominal bounds over those of runs by key, and whether all of a run are accepted.
-
-    Args:
-        values: Values by key.
-        nominal: Nominal values of the keys of bounds that vary.
-        count: Number of runs.
-    """
-    ratios, fits = dict[str, Array](), np.ones(count, dtype=bool)
-    for key, value in nominal.items():
-        bounds = as_numbers(values[key], ())
-        most = 180.0 if key.endswith("_deg") else 1.0 if key == FRACTION else _LARGEST
-        with np.errstate(invalid="ignore"):
-            accepted = (bounds > 0.0) & (bounds < most) & (value > 0.0)
-        fits &= accepted
-        ratios[key] = np.where(accepted, value, 1.0) / np.where(accepted, bounds, 1.0)
-    return ratios, fits
 
 
 def _attitudes(key: str, column: Array | Sequence[Any], problem: Problem) -> Array:

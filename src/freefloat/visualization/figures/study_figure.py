@@ -99,7 +99,7 @@ def study_figure(
             axes.axhline(*required, color=GREY, linestyle="--", linewidth=0.8, label=label)
         axes.set_ylim(bottom=lowest - 0.05 * (highest - lowest or highest))
         if place % across == 0:
-            axes.set_ylabel(axis_label(quantity, unit))
+            axes.set_ylabel(axis_label(quantity, unit), fontsize=7.0)  # not taller than the panel
         else:
             axes.tick_params(labelleft=False)
     entries = {
