@@ -15,7 +15,7 @@ from freefloat.ensemble.robots import Robots
 from freefloat.motion.panels import DEGREE, TO_COEFFICIENTS
 from freefloat.so3 import Array
 
-_POINTS = np.linspace(-1.0, 1.0, 33)
+_POINTS = np.linspace(-1.0, 1.0, 65)
 _TO_POINTS = chebyshev.chebvander(_POINTS, DEGREE) @ TO_COEFFICIENTS
 """Maps values at the nodes of a panel to values at evenly spaced parameters."""
 _LAST = 3
@@ -43,7 +43,7 @@ def largest_torques(recorded: RecordedMotions, threads: int) -> LargestTorques:
     The acceleration of the base is the one without an external force.
     """
     torques = _torques(recorded, threads)
-    shown = np.abs(_TO_POINTS @ torques)  # (K, P, 33, n)
+    shown = np.abs(_TO_POINTS @ torques)  # (K, P, 65, n)
     count, _, points, n = shown.shape
     rows = np.arange(count)[:, None]
     best = shown.reshape(count, -1, n).argmax(axis=1)

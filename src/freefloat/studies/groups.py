@@ -157,9 +157,9 @@ class Group:
         """Motions with the limits that recorded ones show, of those that keep all else."""
         known = motions.limits
         values = LimitValues.empty(len(motions), len(self.recorded.names))
-        kept = (known.ratios <= 1.0).all(axis=1) & known.certain.all(axis=1)
-        chosen_ones = np.flatnonzero(motions.feasible & kept)
-        for chosen in np.split(chosen_ones, range(_RECORDED, len(chosen_ones), _RECORDED)):
+        keeping = ((known.ratios <= 1.0) & known.certain).all(axis=1)
+        kept = np.flatnonzero(motions.feasible & keeping)
+        for chosen in np.split(kept, range(_RECORDED, len(kept), _RECORDED)):
             found = self.recorded.values(
                 disturbed[chosen], motions.attitudes[chosen], motions.joints[chosen], threads
             )
@@ -177,12 +177,12 @@ class Group:
         Shape (K,) each.
         """
         limits = motions.limits
-        kept = (limits.ratios <= 1.0).all(axis=1)
-        violated = (limits.certain & (limits.ratios > 1.0)).any(axis=1)
-        known = limits.certain[:, : len(self.limits.names)].all(axis=1)
-        if self.start.is_best:  # another arm branch may keep what recorded motions show
-            violated &= (limits.ratios[:, : len(self.limits.names)] > 1.0).any(axis=1)
-        certain = (violated & known) | (limits.certain.all(axis=1) & kept & (not self.others))
+        kept, known = (limits.ratios <= 1.0).all(axis=1), slice(len(self.limits.names))
+        # another arm branch may keep what recorded motions show
+        decisive = known if self.start.is_best else slice(None)
+        violated = (limits.certain & (limits.ratios > 1.0))[:, decisive].any(axis=1)
+        certain = violated & limits.certain[:, known].all(axis=1)
+        certain |= limits.certain.all(axis=1) & kept & (not self.others)
         return np.asarray(kept), np.asarray(motions.completed & certain)
 
     def are_decided(self, motions: ManyMotions) -> BoolArray:
