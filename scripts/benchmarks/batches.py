@@ -22,6 +22,7 @@ from benchmarks.result import Result, race
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.robots import Robots
 from freefloat.ensemble.systems import Systems
+from freefloat.limits.pairs import CollisionPairs
 from freefloat.robot.bundled import find_scenario, find_study
 from freefloat.studies.folder import DATABASE
 from freefloat.studies.rows import StudyRows
@@ -55,6 +56,13 @@ WHOLE: dict[str, Any] = {
     },
 }  # fmt: skip
 """A base scenario with a fraction, a path in the spacecraft's frame and limits."""
+
+
+def limited(**limits: float) -> dict[str, Any]:
+    """The same with further limits."""
+    return WHOLE | {"limits": WHOLE["limits"] | limits}
+
+
 SLOWER = 1.0 / 1.08
 """Ratio of a motion with the problem's robot and one with a robot of its own."""
 
@@ -85,6 +93,8 @@ def cases() -> list[Case]:
     arm = ("upper_arm_link", "forearm_link", "wrist_1_link", "wrist_2_link", "wrist_3_link")
     panda_links = tuple(f"panda_link{k}" for k in range(1, 8))
     factors = " and a mass factor for each link"
+    scenario = ("a UR5 with a fraction, a path from the spacecraft and limits of joint rates, base "
+                "rate, turn and pointing")  # fmt: skip
     whole = ur5 | {"vary": {"robot.spacecraft.mass": {"uniform": [150, 250]},
                             "timing.duration": {"uniform": [15, 30]}, **momentum}}  # fmt: skip
     return [
@@ -96,8 +106,9 @@ def cases() -> list[Case]:
         Case(STUDY + factors, by_link, links, {}, 1_000_000, 150.0, 200.0),
         Case("a study of a UR5" + factors, ur5, arm, margin, 100_000, None, 100.0),
         Case("a study of seven joints" + factors, panda, panda_links, margin, 100_000, None, 100.0),
-        Case("a UR5 with a fraction, a path from the spacecraft and limits of joint rates, base "
-             "rate, turn and pointing", whole, (), WHOLE, 5_000, None, 100.0),
+        Case(scenario, whole, (), WHOLE, 5_000, None, 100.0),
+        Case(f"{scenario}, and torques", whole, (), limited(joint_torque=0.012), 5_000, None, 15.0),
+        Case(f"{scenario}, and a clearance", whole, (), limited(clearance=0.013), 5_000, None, 3.0),
     ]  # fmt: skip
 
 
@@ -145,11 +156,18 @@ def study(case: Case, quick: bool) -> list[Result]:
         loaded = ff.load_study(file)
         rows = StudyRows(out / DATABASE, list(loaded.variation.columns(0, 1)))
         starts = [(vector(rows[k], "attitude"), vector(rows[k], "joints")) for k in range(picks)]
-        motions = [PlainMotion(loaded.scenario(k).problem()) for k in range(picks)]
+        problems = [loaded.scenario(k).problem() for k in range(picks)]
+        motions, limits = (
+            [PlainMotion(problem) for problem in problems],
+            case.base.get("limits", {}),
+        )
+        checked: dict[str, Any] = {"torques": "joint_torque" in limits}
+        if "clearance" in limits:
+            checked["pairs"] = CollisionPairs(problems[0].model, limits["clearance"])
 
         def loop() -> None:
             for motion, start in zip(motions, starts, strict=True):
-                motion.worst(*start, 6) if case.base.get("limits") else motion.minimum(*start)
+                motion.worst(*start, 6, **checked) if limits else motion.minimum(*start)
 
         best = np.full(3, np.inf)
         for _ in range(1 if quick else 1 + (runs <= _MANY) + (runs <= _FEW)):

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.integrate import solve_ivp
 
+from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 
@@ -88,11 +89,20 @@ class PlainMotion:
         )  # fmt: skip
         return min(abs(singular(0.0, y)) for y in solution.y.T)
 
-    def worst(self, attitude: np.ndarray, joints: np.ndarray, body: int) -> np.ndarray:
+    def worst(
+        self,
+        attitude: np.ndarray,
+        joints: np.ndarray,
+        body: int,
+        *,
+        torques: bool = False,
+        pairs: CollisionPairs | None = None,
+    ) -> np.ndarray:
         """What limits need: smallest determinant, largest rates of joints and base, turn, pointing.
 
         At 200 instants of one motion, as ``solve_ivp`` interpolates it; a body's angle from its
-        start stands for pointing.
+        start stands for pointing. Then, if asked for, the largest torques and the smallest distance
+        of pairs of meshes at these instants.
         """
         times = np.linspace(0.0, self.path.duration, 200)
         solution = solve_ivp(
@@ -106,4 +116,26 @@ class PlainMotion:
             turn = abs(y[:4] @ attitude) / np.linalg.norm(y[:4])
             base = 2.0 * np.linalg.norm(rates[:4])
             rows.append([-abs(determinant), *np.abs(rates[4:]), base, -turn, -axis[2]])
-        return np.max(rows, axis=0)
+        results = [np.max(rows, axis=0)]
+        if torques:
+            results.append(np.max(np.abs(self.torques(solution.t, solution.y.T)), axis=0))
+        if pairs is not None:
+            every = np.arange(len(pairs.pairs))
+            near = [pairs.distances(y[4:], every).min() for y in solution.y.T]
+            results.append(np.min(near, keepdims=True))
+        return np.concatenate(results)
+
+    def torques(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """Joint torques at instants, by inverse dynamics of differentiated velocities."""
+        configurations = [np.concatenate([np.zeros(3), y]) for y in states]
+        slopes = np.gradient(states, times, axis=0)
+        velocities = []
+        for q, slope in zip(configurations, slopes, strict=True):
+            A = pin.computeCentroidalMap(self.model, self.data, q)
+            x, w, dx, dw = q[3:6], q[6], slope[:3], slope[3]
+            turn = 2.0 * (w * dx - dw * x - np.cross(x, dx))
+            angular = np.append(turn, slope[4:])
+            velocities.append(np.append(-np.linalg.solve(A[:3, :3], A[:3, 3:] @ angular), angular))
+        accelerations = np.gradient(velocities, times, axis=0)
+        motion = zip(configurations, velocities, accelerations, strict=True)
+        return np.array([pin.rnea(self.model, self.data, *state)[6:] for state in motion])

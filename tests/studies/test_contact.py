@@ -47,6 +47,9 @@ def test_a_study_that_states_no_clearance_keeps_ensembles_and_says_so(tmp_path: 
     answer = document(*words, "-o", folder)
     assert answer["contact_unchecked"] == loaded.contact_unchecked
     assert answer["verdicts"]["feasible"] == 20
+    assert {row["contact"] for row in ff.run_study(loaded, folder, report=False).rows} == {
+        "not considered"
+    }
     assert document(*words, "--dry-run")["contact_unchecked"] == loaded.contact_unchecked
     files = sorted((folder / "cases").glob("*.h5"))
     assert len(files) == 2  # the worst one, and the undisturbed one
@@ -59,12 +62,14 @@ def test_a_study_that_states_no_clearance_keeps_ensembles_and_says_so(tmp_path: 
 
 
 @pytest.mark.slow
-def test_a_study_that_asks_for_it_considers_contact_run_by_run(tmp_path: Path) -> None:
+def test_a_study_that_asks_for_it_considers_contact_on_recorded_motions(tmp_path: Path) -> None:
     loaded = study(tmp_path, clearance=0)
     assert loaded.contact_unchecked is None
-    assert "precise motions" in why_run_by_run(loaded)
+    assert why_run_by_run(loaded) is None
     result = ff.run_study(loaded, tmp_path / "out", report=False)
     assert result.verdicts["infeasible"] == 20
+    assert {row["decided_by"] for row in result.rows} == {"ensemble"}
+    assert {row["contact"] for row in result.rows} == {None}
     assert list(result.reasons) == ["Limits are not kept: clearance."]
     (file, *_) = (tmp_path / "out" / "cases").glob("0*.h5")
     assert ff.check(ff.load(file)).passed  # a true statement that it is violated

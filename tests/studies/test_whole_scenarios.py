@@ -15,6 +15,7 @@ import freefloat as ff
 from freefloat.studies.estimate import why_run_by_run
 from freefloat.studies.runner import run_study
 from freefloat.studies.study import Study
+from freefloat.studies.values import record_values
 from tests.commands import document, run
 from tests.example_studies import BASE as PLANAR
 from tests.example_studies import a_study
@@ -81,6 +82,11 @@ def rows_and_simulations(
     return rows, pairs
 
 
+def of_limit(row: dict[str, Any], name: str) -> float | None:
+    """The ratio of a limit, whose column has another name where its bound varies."""
+    return row.get(f"found.limits.{name}", row.get(f"limits.{name}"))
+
+
 def assert_same(row: dict[str, Any], simulation: ff.Simulation) -> None:
     """Verdicts are equal, values within 1e-4."""
     chosen = simulation.chosen
@@ -93,14 +99,31 @@ def assert_same(row: dict[str, Any], simulation: ff.Simulation) -> None:
     assert joints == pytest.approx(initial, abs=1e-9)
     if not chosen.motion.completed:
         return
+    assert_same_extremes(row, simulation)
     for result in simulation.limit_results:
-        if (ratio := row.get(f"limits.{result.limit}")) is not None:
+        if (ratio := of_limit(row, result.limit)) is not None:
             error = 1e-5 if result.ratio < 2.0 else 1e-4  # the largest are next to singularities
             assert ratio == pytest.approx(result.ratio, rel=error)
     if chosen.feasible:
         names = ", ".join(result.limit for result in simulation.limit_results if not result.kept)
         assert row["reason"] == (f"Limits are not kept: {names}." if names else "")
         assert row["limits_kept"] is (not names)
+
+
+def assert_same_extremes(row: dict[str, Any], simulation: ff.Simulation) -> None:
+    """Final attitude, rates, turn and range ratios; what limits the motion, unless two are near."""
+    for key, value in record_values(simulation).items():
+        if key.startswith(("final_attitude.", "base_", "joint_rates.", "range_ratios.")):
+            assert row[key] == pytest.approx(value, rel=2e-5, abs=1e-5), key
+    ratios = [simulation.problem.margin.threshold / simulation.chosen.minimum_margin]
+    ratios += [result.ratio for result in simulation.limit_results]
+    *_, second, first = sorted([0.0, *ratios])
+    if second < 0.999 * first and None not in [of_limit(row, r.limit)
+                                               for r in simulation.limit_results]:  # fmt: skip
+        values = record_values(simulation)
+        assert row["limiting"] == values["limiting"]
+        duration = simulation.problem.path.duration
+        assert row["limiting_time"] == pytest.approx(values["limiting_time"], abs=0.01 * duration)
 
 
 @pytest.mark.parametrize(
@@ -159,15 +182,51 @@ def test_rates_turn_and_pointing_are_limited_without_precise_motions(
         assert_same(row, simulation)
 
 
+@pytest.mark.parametrize("limits", [{"joint_torque": 0.012}, {"clearance": 0.0137}])
+def test_torques_and_clearances_are_limited_on_recorded_motions(
+    limits: dict[str, float], tmp_path: Path
+) -> None:
+    """Of motions that keep all other limits; the robots differ in masses."""
+    base, name = BASE | {"limits": LIMITS | limits}, next(iter(limits))
+    study = a_spatial_study(tmp_path, VARY | LINKS, base=base, cases=32)
+    assert why_run_by_run(study) is None
+    rows, pairs = rows_and_simulations(study, tmp_path / "out", 6)
+    kept = [row for row in rows if row[f"limits.{name}"] is not None]
+    assert {row["verdict"] for row in kept} == {"feasible", "infeasible"}
+    assert len(kept) < len(rows)
+    for row, simulation in pairs:
+        assert row["verdict"] == ("feasible" if simulation.feasible else "infeasible")
+        if row in kept:
+            assert_same(row, simulation)
+
+
+def test_bounds_of_limits_and_of_the_margin_vary_at_random(tmp_path: Path) -> None:
+    """A fraction, and bounds of a limit, of a joint's rate and of the angle of a cone."""
+    limits = LIMITS | {"joint_rate": {"elbow_joint": 0.1, "wrist_2_joint": 0.1}}
+    vary = VARY | {
+        "margin.fraction": {"uniform": [0.2, 0.3]}, "limits.base_rate": {"uniform": [5e-3, 2e-2]},
+        "limits.joint_rate.wrist_2_joint": {"uniform": [0.05, 0.2]},
+        "limits.pointing.0.angle_deg": {"uniform": [10.0, 50.0]},
+        "limits.base_turn_deg": {"normal": {"mean": 8.0, "sd": 1.0}},
+    }  # fmt: skip
+    study = a_spatial_study(tmp_path, vary, base=BASE | {"limits": limits}, cases=64)
+    assert why_run_by_run(study) is None
+    rows, pairs = rows_and_simulations(study, tmp_path / "out", 9)
+    assert len({row["reason"] for row in rows}) > 4
+    for row, simulation in pairs:
+        assert_same(row, simulation)
+
+
 def test_limits_of_planar_arms_and_those_that_only_precise_motions_show(tmp_path: Path) -> None:
     """Runs that violate what ensembles know need no precise motion, others do."""
-    limits = {"joint_rate": 0.07, "base_turn_deg": 40.0, "joint_torque": 0.5}
+    limits = {"joint_rate": 0.07, "base_turn_deg": 40.0}
+    corridor = {"point": [0.0, 0.0, 0.0], "axis": [1.0, 0.0, 0.0], "radius": 100.0}
     vary = {"momentum.2": {"uniform": [-1.0, 1.5]}, "timing.duration": {"uniform": [50, 200]},
             "heading_deg": {"uniform": [130.0, 230.0]}}  # fmt: skip
-    study = a_study(tmp_path, vary, base=PLANAR | {"limits": limits}, cases=60, files="none",
-                    branch=1)  # fmt: skip
+    base = PLANAR | {"limits": limits, "scene": {"corridor": corridor}}
+    study = a_study(tmp_path, vary, base=base, cases=60, files="none", branch=1)
     reason = str(why_run_by_run(study))
-    assert "joint_torque" in reason
+    assert "corridor" in reason
     assert "joint_rate" not in reason
     rows, pairs = rows_and_simulations(study, tmp_path / "out", 2)
     assert {row["decided_by"] for row in rows} > {"motion"}
@@ -220,5 +279,5 @@ def test_all_reasons_are_said_together(tmp_path: Path) -> None:
     random = a_spatial_study(tmp_path, VARY | {"path.line.to.0": {"uniform": [0.3, 0.35]}},
                              base=base, files="all")  # fmt: skip
     reason = str(why_run_by_run(random))
-    words = ("path.line.to.0", "files", "fraction_of", "clearance")
+    words = ("path.line.to.0", "files", "fraction_of")
     assert [word for word in words if word not in reason] == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
 _MAX_ROWS = 20
 """Runs listed by a dry run; --json lists all."""
+_MANY = 200
+"""Runs of which some are timed before they are executed one by one."""
 
 _Study = Annotated[
     str,
@@ -89,10 +92,11 @@ def batch(
     console = Console(as_json, quiet)
     loaded = load_study(study)
     if dry_run:
+        loading = time.process_time()
         with console.progress("timing runs"):
             estimate = estimate_study(
                 loaded, output, workers=workers, scheduler=scheduler, report=report
-            )
+            ).after(loading)
         if as_json:  # a million runs take gigabytes
             console.json(estimate.to_dict())
         console.tables(_estimate_tables(estimate))
@@ -105,7 +109,14 @@ def batch(
         return
     make_folder("output", output)
     if not (quiet or as_json) and (reason := why_run_by_run(loaded)) is not None:
-        say(f"{loaded.source}: run by run, because {reason}")
+        seconds = None
+        if loaded.count >= _MANY:
+            with console.progress("timing runs"):
+                seconds = estimate_study(
+                    loaded, output, workers=workers, scheduler=scheduler, report=report
+                ).seconds
+        duration = "" if seconds is None else f"; about {time_text(seconds)}"
+        say(f"{loaded.source}: run by run, because {reason}{duration}")
     if not (quiet or as_json) and loaded.content.command != "plan" and loaded.base.get("phases"):
         say(f"{loaded.source}: the first path alone, without the phases after it")
     logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # of a scheduler that Ctrl-C leaves
@@ -123,6 +134,7 @@ def batch(
         console.json(result.to_dict())
     console.tables(_result_lines(result))
     if not (as_json or quiet):
+        console.tables(_percentile_tables(result))
         console.tables(_sensitivity_tables(result))
         console.tables(_combination_tables(result.combinations))
     if result.errors:
@@ -211,6 +223,8 @@ def _result_lines(result: StudyResult) -> Iterator[str]:
         yield f"feasible: {result.feasible_percentage} of the runs without error"
     for reason, count in result.reasons.items():
         yield f"  {count:,} infeasible: {reason}"
+    for quantity, count in result.limiting.items():
+        yield f"  {count:,} limited by: {quantity}"
     if result.margins is not None:
         words = zip(("smallest", "median", "largest"), result.margins.values(), strict=True)
         yield "minimum margin: " + ", ".join(f"{word} {value:.6g}" for word, value in words)
@@ -225,6 +239,17 @@ def _result_lines(result: StudyResult) -> Iterator[str]:
     yield f"written: {', '.join(str(name) for name in names if name)}"
     if result.files.get("parquet") is None:
         yield f"not written: cases.parquet; {MissingExtraError.of('parquet')}"
+
+
+def _percentile_tables(result: StudyResult) -> Iterator[RenderableType]:
+    """Percentiles of the results, by column."""
+    from freefloat.studies.results import PERCENTILES
+
+    rows = table("percentiles of", *(f"{percentage} %" for percentage in PERCENTILES))
+    for name, values in result.percentiles.items():
+        rows.add_row(name, *(f"{value:.4g}" for value in values.values()))
+    if result.percentiles:
+        yield rows
 
 
 def _sensitivity_tables(result: StudyResult) -> Iterator[RenderableType]:

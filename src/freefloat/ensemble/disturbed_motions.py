@@ -28,7 +28,7 @@ from freefloat.ensemble.endings import (
 )
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.equivalence import Equivalents
-from freefloat.ensemble.known_limits import KnownLimits
+from freefloat.ensemble.known_limits import KnownLimits, LimitValues
 from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.starts import starts_at
@@ -89,17 +89,18 @@ def integrate_disturbed(
     starts = starts_at(problem, attitudes, branch, joints, disturbed.systems.robots)
     owners, columns = np.nonzero(starts.exist)
     begun = starts.joints[owners, columns]
-    motions, deciders, replaced = _decided(
+    motions, moments, deciders, replaced = _decided(
         disturbed[owners], attitudes[owners], begun, thresholds[owners], threads, progress,
         limits=limits, stricter=stricter,
     )  # fmt: skip
     required = thresholds[owners] / disturbed.magnifications[owners]
     preferred = keeps_threshold(motions.minimum, required)
-    ratios = np.empty((len(motions.endings), 0))
+    values, turns = LimitValues.empty(len(owners), 0), np.full(len(owners), np.nan)
     if limits is not None:
-        ratios = limits.ratios(motions, disturbed.stretches[owners])
-        ratios[replaced] = np.nan
-        preferred &= (ratios <= 1.0).all(axis=1)
+        values = limits.values(motions, moments, disturbed[owners], deciders)
+        values.ratios[replaced], values.certain[replaced] = np.nan, False
+        preferred &= (values.ratios <= 1.0).all(axis=1)
+        turns = limits.turns(motions)
     chosen = _best(owners, motions, preferred, len(attitudes))
     found = chosen >= 0
     table = EnsembleResult.empty((len(attitudes),), problem.model.arm_dof, motions.slacks.shape[1])
@@ -111,14 +112,19 @@ def integrate_disturbed(
     by[found] = deciders[chosen[found]]
     initial = np.full((len(attitudes), problem.model.arm_dof), np.nan)
     initial[found] = begun[chosen[found]]
-    of_limits = np.full((len(attitudes), ratios.shape[1]), np.nan)
-    of_limits[found] = ratios[chosen[found]]
+    turned = np.full(len(attitudes), np.nan)
+    turned[found] = turns[chosen[found]]
+    of_limits = LimitValues.empty(len(attitudes), values.ratios.shape[1])
+    for array, of_all in zip(of_limits, values, strict=True):
+        array[found] = of_all[chosen[found]]
     shifts = shifts_into_ranges(problem.chain(), table.lower, table.upper)
     return ManyMotions(
         np.array(attitudes), initial + shifts, branches, table.endings,
         table.ended_at * disturbed.stretches, table.minimum * disturbed.magnifications,
         table.minimum_at * disturbed.stretches, np.array(thresholds), by,
-        table.lower + shifts, table.upper + shifts, of_limits,
+        table.lower + shifts, table.upper + shifts, table.attitudes,
+        table.rates / disturbed.stretches[:, None], table.base_rate / disturbed.stretches, turned,
+        of_limits,
     )  # fmt: skip
 
 
@@ -132,22 +138,27 @@ def _decided(
     *,
     limits: KnownLimits | None,
     stricter: bool,
-) -> tuple[EnsembleResult, npt.NDArray[np.int8], BoolArray]:
-    """Results of the nominal problem's motions, what decided them, and whose endings were wrong.
+) -> tuple[EnsembleResult, Array, npt.NDArray[np.int8], BoolArray]:
+    """Results of the nominal problem's motions with the times of extreme values, what decided them.
 
-    Of these, extreme values and slacks are unknown.
+    Last comes whose endings were wrong: their extreme values and slacks are unknown.
     """
     required = thresholds / disturbed.magnifications
-    attitude = None if limits is None else limits.attitude
+    attitude = None if limits is None else limits.compared
+    columns = 3 * joints.shape[1] + 1 + (0 if attitude is None else attitude.number)
+    moments = np.full((len(joints), columns), np.nan)
 
     def integrated(chosen: IntArray | slice, tolerance: float, **options: Any) -> EnsembleResult:
         some = disturbed[chosen]
         integrator = EnsembleIntegrator(
             disturbed.problem, threads, tolerance=tolerance, limits=attitude
         )
+        found_at = np.full((len(some), columns), np.nan)
         found = integrator.integrate(
-            attitudes[chosen], joints[chosen], some.systems, extremes=limits is not None, **options
-        )
+            attitudes[chosen], joints[chosen], some.systems, extremes=limits is not None,
+            moments=found_at, **options,
+        )  # fmt: skip
+        moments[chosen] = found_at
         endings = np.where(found.endings == LIMITED, COMPLETED, found.endings).astype(np.int8)
         return found._replace(endings=endings)
 
@@ -156,8 +167,9 @@ def _decided(
         kept = found.minimum >= required[chosen]
         if limits is None:
             return kept & False
-        ratios = limits.ratios(found, disturbed.stretches[chosen])
-        return np.asarray(kept & ~limits.are_certain(ratios, np.full(len(kept), decider, np.int8)))
+        by = np.full(len(kept), decider, np.int8)
+        values = limits.values(found, moments[chosen], disturbed[chosen], by)
+        return np.asarray(kept & ~values.certain.all(axis=1))
 
     step: Progress | None = step_of(progress, 0.0, _FIRST_PASS)
     first = integrated(slice(None), STEP_TOLERANCE, stricter=stricter, progress=step)
@@ -181,7 +193,10 @@ def _decided(
     deciders[chosen], compiled = MOTION, motions.endings.copy()
     for k in chosen.tolist():
         _decide_precisely(disturbed.problem_of(k), attitudes[k], joints[k], motions, k)
-    return motions, deciders, motions.endings != compiled
+    replaced = motions.endings != compiled
+    for unknown in (motions.rates, motions.base_rate, motions.slacks, motions.attitudes):
+        unknown[replaced] = np.nan
+    return motions, moments, deciders, replaced
 
 
 def _may_pass(problem: Problem, motions: EnsembleResult) -> BoolArray:

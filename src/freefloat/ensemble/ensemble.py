@@ -73,6 +73,7 @@ class EnsembleIntegrator:
         stop_below: float = 0.0,
         stricter: bool = False,
         extremes: bool = False,
+        moments: Array | None = None,
         progress: Progress | None = None,
     ) -> EnsembleResult:
         """Integrate the motions along the path from many states.
@@ -90,6 +91,9 @@ class EnsembleIntegrator:
                 measure is small relative to its maximum are otherwise integrated again.
             extremes: Look for the largest rates and the extreme joint values between the
                 integrator's steps, too, which takes a tenth longer.
+            moments: With ``extremes``, where the times of the extreme values [s] are written, shape
+                (K, 3 n + 1 + L): of the rate, the smallest and the largest value of each joint,
+                of the spacecraft's rate, then of the slacks.
             progress: Called with the fraction done, in [0, 1].
 
         Raises:
@@ -103,6 +107,9 @@ class EnsembleIntegrator:
             self.problem.model.require_one_arm("robots that differ")
             robots = systems.robots.properties(self.problem)
         duration = self.problem.path.duration
+        columns = 3 * n + 1 + len(self._spares)
+        if moments is None:
+            moments = np.empty((K if extremes else 0, columns))
         motions = Motions(
             self._axes.attitudes(_checked("attitudes", attitudes, (K, 4))),
             _checked("joints", joints[:, :n] if self.problem.arms else joints, (K, n)),
@@ -113,6 +120,7 @@ class EnsembleIntegrator:
             stop_below * (1.0 - ROUNDING),
             stricter,
             extremes,
+            moments,
         )
         properties = 0 if robots is None else robots.shape[1]
         result = EnsembleResult.empty((K,), n, len(self._spares))

@@ -34,13 +34,16 @@ class Equivalents:
         problem: The nominal problem.
         systems: Their momenta, drifts and robots, one for each motion.
         stretches: Times of the disturbed motions over those of these, shape (K,).
-        magnifications: Values of the measure along them over those of these, shape (K,).
+        factors: Factors on all masses and inertias, which the systems do not have, shape (K,).
+        scales: Factors on the ratios of the quantities of limits, see
+            :attr:`.KnownLimits.quantities`, shape (K, Q).
     """
 
     problem: Problem
     systems: Systems = field(repr=False)
     stretches: Array = field(repr=False)
-    magnifications: Array = field(repr=False)
+    factors: Array = field(repr=False)
+    scales: Array = field(repr=False)
 
     def __len__(self) -> int:
         return len(self.stretches)
@@ -48,8 +51,14 @@ class Equivalents:
     def __getitem__(self, chosen: BoolArray | IntArray | slice) -> Equivalents:
         """Some of the motions."""
         return Equivalents(
-            self.problem, self.systems[chosen], self.stretches[chosen], self.magnifications[chosen]
-        )
+            self.problem, self.systems[chosen], self.stretches[chosen], self.factors[chosen],
+            self.scales[chosen],
+        )  # fmt: skip
+
+    @property
+    def magnifications(self) -> Array:
+        """Values of the measure along the disturbed motions over those of these, shape (K,)."""
+        return np.asarray(self.factors**self.problem.margin.measure.mass_power)
 
     def problem_of(self, k: int) -> Problem:
         """The problem of motion k."""
@@ -71,6 +80,7 @@ def equivalents(
     durations: npt.ArrayLike | None = None,
     scale_mass: npt.ArrayLike = 1.0,
     robots: Robots | None = None,
+    scales: Array | None = None,
 ) -> Equivalents:
     """The motions of a problem that stand for disturbed ones.
 
@@ -83,6 +93,7 @@ def equivalents(
         durations: Durations of the path [s], shape () or (K,).
         scale_mass: Factors on all masses and inertias, shape () or (K,).
         robots: K robots, without these factors; the problem's when left out.
+        scales: Factors on the ratios of limits, shape (K, Q); 1 when left out.
 
     Raises:
         InputError: If a value is not accepted, or a duration is given for a path in the frame of a
@@ -107,9 +118,9 @@ def equivalents(
             require_along_normal(key, problem.plane, values)
         require_in_plane("drifts", problem.plane, v)
     ratio = (stretches / factors)[:, None]
-    magnifications = factors**problem.margin.measure.mass_power
     systems = Systems(h * ratio, w * ratio, v * stretches[:, None], robots)
-    return Equivalents(problem, systems, stretches, magnifications)
+    scales = np.ones((count, 1)) if scales is None else scales
+    return Equivalents(problem, systems, stretches, factors, scales)
 
 
 def broadcast(

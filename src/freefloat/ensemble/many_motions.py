@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.ensemble.endings import COMPLETED, FAILED, SINGULAR, UNREACHED
+from freefloat.ensemble.known_limits import LimitValues
 from freefloat.motion.margin import keeps_threshold
 from freefloat.so3 import Array, BoolArray, IntArray
 
@@ -32,7 +33,12 @@ class ManyMotions:
         lower: Smallest joint values at the integrator's steps, or along the whole motion where
             limits were given, shape (K, n).
         upper: Largest ones in the same way, shape (K, n).
-        ratios: Of the limits that were given, see :class:`.KnownLimits`, shape (K, L).
+        final_attitudes: Attitudes at the ends of the motions, shape (K, 4).
+        rates: Largest magnitudes of the joint rates in the same way [rad/s or m/s], shape (K, n).
+        base_rates: Largest magnitudes of the spacecraft's angular velocity [rad/s], shape (K,).
+        turns: Largest angles of the spacecraft from its attitude at the start [rad], shape (K,);
+            NaN where no limits were given.
+        limits: The limits that were given.
     """
 
     attitudes: Array
@@ -46,10 +52,15 @@ class ManyMotions:
     deciders: npt.NDArray[np.int8]
     lower: Array
     upper: Array
-    ratios: Array
+    final_attitudes: Array
+    rates: Array
+    base_rates: Array
+    turns: Array
+    limits: LimitValues
 
     def __post_init__(self) -> None:
-        for array in vars(self).values():
+        arrays = {key: value for key, value in vars(self).items() if key != "limits"}
+        for array in (*arrays.values(), *self.limits):
             array.setflags(write=False)
 
     def __repr__(self) -> str:

@@ -12,6 +12,9 @@ from freefloat.studies.portable import PortableStudy
 from freefloat.studies.study import Command, Study
 from freefloat.studies.track_runs import track_chunks, tracked
 
+_SLOW_CHUNK = 64
+"""Runs of a chunk where bodies are compared, which takes far longer than all else."""
+
 
 def chunks(study: Study, groups: IntArray, missing: IntArray) -> Iterator[Chunk]:
     """Yield the missing runs that are computed side by side, some at a time.
@@ -23,7 +26,8 @@ def chunks(study: Study, groups: IntArray, missing: IntArray) -> Iterator[Chunk]
     """
     if study.content.command is Command.TRACK:
         return track_chunks(study, missing)
-    return ensembles.chunks(groups, missing)
+    size = _SLOW_CHUNK if study.compares_bodies else ensembles.CHUNK
+    return ensembles.chunks(groups, missing, size)
 
 
 def computed(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> Columns:

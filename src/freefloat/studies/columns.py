@@ -14,6 +14,8 @@ VERDICTS = (FEASIBLE, INFEASIBLE, ERROR)
 """Verdicts."""
 INTEGER, REAL, TEXT, BOOLEAN = "INTEGER", "REAL", "TEXT", "BOOLEAN"
 """Types of columns, by their names in the database."""
+UNCHECKED = "not considered"
+"""Of contact between bodies, in the rows of studies whose runs do not consider it."""
 NUMBER = "number"
 """The first column; parameters follow, then results."""
 _FIRST = {
@@ -22,7 +24,8 @@ _FIRST = {
     "attitude.x": REAL, "attitude.y": REAL, "attitude.z": REAL, "attitude.w": REAL,
     "heading_deg": REAL, "robust_radius_deg": REAL, "deviation_deg": REAL,
     "feasible_fraction": REAL, "motion_fraction": REAL, "duration": REAL,
-    "limits_kept": BOOLEAN,
+    "limits_kept": BOOLEAN, "limiting": TEXT, "limiting_time": REAL, "base_rate": REAL,
+    "base_turn_deg": REAL, "contact": TEXT,
 }  # fmt: skip
 _LAST = {"decided_by": TEXT, "seconds": REAL, "began": TEXT, "file": TEXT, "bytes": INTEGER,
          "error": TEXT}  # fmt: skip
@@ -30,7 +33,10 @@ RESULTS = _FIRST | _LAST
 """Types of the results that every study has, empty where its command does not compute them."""
 BOOLEANS = {name for name, kind in RESULTS.items() if kind == BOOLEAN}
 """Names of the results that are true or false, which the database stores as integers."""
-FAMILIES = {"joints": REAL, "residuals": REAL, "limits": REAL, "attitude_ranges_deg": TEXT}
+FAMILIES = {
+    "joints": REAL, "final_attitude": REAL, "joint_rates": REAL, "range_ratios": REAL,
+    "residuals": REAL, "limits": REAL, "attitude_ranges_deg": TEXT,
+}  # fmt: skip
 """Types of results that a study has by joint, quantity, limit and arm branch, such as joints.0."""
 
 Column = Sequence[Any] | npt.NDArray[Any]
@@ -71,6 +77,21 @@ def by_entry(key: str, values: Sequence[Any]) -> dict[str, npt.NDArray[Any]]:
         return {f"{key}.{index}": column for index, column in enumerate(columns)}
     texts = [value if isinstance(value, str) else json.dumps(value) for value in values]
     return {key: np.array(texts, dtype=object)}
+
+
+def as_numbers(column: Column, shape: tuple[int, ...]) -> npt.NDArray[np.float64]:
+    """Values as an array, NaN where one is not a number or list of numbers of the shape."""
+    if isinstance(column, np.ndarray):
+        return column if column.shape[1:] == shape else np.full((len(column), *shape), np.nan)
+    return np.array([_row(value, shape) for value in column]).reshape(-1, *shape)
+
+
+def _row(value: Any, shape: tuple[int, ...]) -> Any:
+    entries = value if shape else [value]
+    numbers = isinstance(entries, list) and len(entries) == int(np.prod(shape))
+    if numbers and all(map(_is_number, entries)):
+        return value
+    return np.full(shape, np.nan)
 
 
 def _is_number(value: Any) -> bool:

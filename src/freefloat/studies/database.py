@@ -46,7 +46,7 @@ from freefloat.studies.rows import StudyRows, database_errors, quoted
 from freefloat.studies.study import Study
 
 _SOFTWARE = ("freefloat", "pin", "numpy", "scipy", "numba")
-_FORMAT = 3
+_FORMAT = 4
 """Number of the format of the database."""
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import compress
+from typing import Any
 
 import numpy as np
 
@@ -14,13 +15,20 @@ from freefloat.concurrency import available_cores
 from freefloat.ensemble.endings import DECIDERS
 from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.motion.motion import Ending
+from freefloat.robot.joint_ranges import range_ratios
 from freefloat.so3 import Array, IntArray
-from freefloat.studies.columns import FEASIBLE, INFEASIBLE, NUMBER, Column, Columns
+from freefloat.studies.columns import FEASIBLE, INFEASIBLE, NUMBER, UNCHECKED, Column, Columns
 from freefloat.studies.groups import Group, group_of
 from freefloat.studies.portable import PortableStudy
-from freefloat.studies.values import LIMITS_REASON, MARGIN_REASON
+from freefloat.studies.values import (
+    LIMITING,
+    LIMITS_REASON,
+    MARGIN_LIMITS,
+    MARGIN_REASON,
+    SINGULARITY_LIMITS,
+)
 
-_CHUNK = 4096
+CHUNK = 4096
 """Runs that are integrated and stored together."""
 NO_ROWS: Columns = {NUMBER: ()}
 """Results of no run."""
@@ -39,7 +47,7 @@ class Chunk:
     numbers: IntArray
 
 
-def chunks(groups: IntArray, missing: IntArray, size: int = _CHUNK) -> Iterator[Chunk]:
+def chunks(groups: IntArray, missing: IntArray, size: int = CHUNK) -> Iterator[Chunk]:
     """Yield the missing runs of groups, some at a time.
 
     Args:
@@ -82,8 +90,8 @@ def _columns(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str,
     )
     feasible = group.are_feasible(motions)[decided]
     reasons = np.where(completed, MARGIN_REASON, Ending.SINGULAR.value)
-    ratios = np.where(completed[:, None], motions.ratios[decided], np.nan)
-    reasons = np.where(margin_kept, _limit_reasons(group.limits.names, ratios), reasons)
+    ratios = np.where(completed[:, None], motions.limits.ratios[decided], np.nan)
+    reasons = np.where(margin_kept, _limit_reasons(group.limit_names, ratios), reasons)
     attitudes, joints = motions.attitudes[decided], motions.joints[decided]
     columns: dict[str, Column] = {
         "verdict": np.where(feasible, FEASIBLE, INFEASIBLE),
@@ -99,17 +107,68 @@ def _columns(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str,
         **{f"joints.{index}": column for index, column in enumerate(joints.T)},
         "decided_by": np.array(DECIDERS)[motions.deciders[decided]],
     }
+    columns |= _extremes(group, motions, decided) | _limiting(group, motions, decided)
     if group.problem.task.planar:
         plane = group.problem.plane
         columns["heading_deg"] = np.degrees([plane.heading(attitude) for attitude in attitudes])
-    if group.limits.names:
-        names = [f"limits.{name}" for name in group.limits.names]
+    if group.study.contact_unchecked is not None:
+        columns["contact"] = [UNCHECKED] * len(decided)
+    if group.limit_names:
+        names = [f"limits.{name}" for name in group.limit_names]
         kept, known = (values[decided].tolist() for values in group.keep_limits(motions))
         columns["limits_kept"] = [
             one if certain else None for one, certain in zip(kept, known, strict=True)
         ]
         columns |= dict(zip(names, ratios.T, strict=True))
     return columns
+
+
+def _extremes(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str, Column]:
+    """Final attitudes, and largest rates, turns and range ratios of motions that complete."""
+    completed = motions.completed[decided]
+
+    def of_completed(values: Array) -> Array:
+        return np.where(completed, values[decided].T, np.nan)
+
+    ranges = group.problem.model.joint_ranges
+    bounded = np.flatnonzero(np.isfinite(ranges).any(axis=0))
+    used = np.maximum(*range_ratios(ranges, motions.lower, motions.upper))
+    families: dict[str, Iterable[tuple[Any, Array]]] = {
+        "final_attitude": zip("xyzw", motions.final_attitudes[decided].T, strict=True),
+        "joint_rates": enumerate(of_completed(motions.rates)),
+        "range_ratios": zip(bounded, of_completed(used)[bounded], strict=True),
+    }
+    return {
+        "base_rate": of_completed(motions.base_rates),
+        "base_turn_deg": np.degrees(of_completed(motions.turns)),
+        **{f"{name}.{key}": column for name, columns in families.items()
+           for key, column in columns},
+    }  # fmt: skip
+
+
+def _limiting(group: Group, motions: ManyMotions, decided: IntArray) -> dict[str, Column]:
+    """What is nearest to its bound along each motion, or farthest beyond it, and when."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        margin = (motions.thresholds / motions.minimum_margins)[decided, None]
+    limits = motions.limits
+    ratios = np.hstack([margin, limits.ratios[decided]])
+    times = np.hstack([motions.minimum_times[decided, None], limits.times[decided]])
+    places = np.hstack([np.zeros((len(decided), 1), int), limits.places[decided]])
+    largest = np.where(np.isnan(ratios), -np.inf, ratios).argmax(axis=1)
+    rows = np.arange(len(decided))
+    names = [[MARGIN_LIMITS]] + [
+        [LIMITING.format(name, place) for place in of_limit]
+        for name, of_limit in zip(group.limit_names, group.limit_places, strict=True)
+    ]
+    limiting = [
+        names[limit][place] for limit, place
+        in zip(largest.tolist(), places[rows, largest].tolist(), strict=True)
+    ]  # fmt: skip
+    singular = motions.singular[decided]
+    return {
+        "limiting": np.where(singular, SINGULARITY_LIMITS, limiting).tolist(),
+        "limiting_time": np.where(singular, motions.ended_at[decided], times[rows, largest]),
+    }
 
 
 def _limit_reasons(names: tuple[str, ...], ratios: Array) -> list[str]:

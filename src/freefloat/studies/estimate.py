@@ -71,6 +71,13 @@ class StudyEstimate:
         """Number of runs that are not finished."""
         return self.study.count - len(self.finished)
 
+    def after(self, seconds: float) -> StudyEstimate:
+        """The same with the time that the process takes to load [s]."""
+        if self.seconds is None:
+            return self
+        start = self.start_seconds + seconds
+        return replace(self, start_seconds=start, seconds=self.seconds + seconds)
+
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``batch --dry-run``."""
         return {
@@ -197,6 +204,8 @@ class _Trial:
             return _Step()
         from freefloat.studies.chunks import chunks, computed  # compiled kernels
 
+        pooled = self.study.compares_bodies and self.workers > 1
+        threads = 1 if pooled else self.workers
         todo, timed = chunks(self.study, groups, missing), list[tuple[float, int, Column]]()
         first = next(todo, None)
         if first is None:
@@ -204,18 +213,19 @@ class _Trial:
         for chunk in (first, next(todo, first)):
             some = replace(chunk, numbers=chunk.numbers[:_TRACKED]) if track else chunk
             begin = time.perf_counter()
-            rows = dict(computed(self._sent, some, self.workers))
+            rows = dict(computed(self._sent, some, threads))
             numbers = rows.pop(NUMBER)
             if len(numbers) and len(timed):
                 database.add(numbers, rows)
             timed.append((time.perf_counter() - begin, len(some.numbers), numbers))
         (cold, size, _), (warm, length, numbers) = timed
-        wall = warm / length * count
+        seconds, start = warm / length * count * threads, max(0.0, cold - warm * size / length)
+        wall = seconds / self.workers + (self._start + start if pooled else 0.0)
         return _Step(
             count * len(numbers) // length,
-            wall * self.workers,
+            seconds,
             wall,
-            max(0.0, cold - warm * size / length),
+            start,
             f"{len(numbers)} runs {'side by side' if track else 'of an ensemble'}",
         )
 

@@ -12,11 +12,11 @@ from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.io.scenario.yaml import validated
 from freefloat.robot.parts import inertia_matrix
 from freefloat.so3 import Array, IntArray, unit_quaternion
+from freefloat.studies.columns import as_numbers
 from freefloat.studies.document import error_of_study
 from freefloat.studies.robot_values import INERTIA, are_inertias
 from freefloat.studies.study import START_KEYS, Study
 from freefloat.studies.track_section import TRACK, require_track_values
-from freefloat.studies.value_columns import as_numbers
 
 _BLOCK = 65_536
 """Runs whose values are drawn at a time."""

@@ -11,17 +11,19 @@ import numpy as np
 
 from freefloat.ensemble.disturbed_motions import integrate_disturbed
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.equivalence import equivalents
-from freefloat.ensemble.known_limits import KnownLimits
+from freefloat.ensemble.equivalence import Equivalents, equivalents
+from freefloat.ensemble.known_limits import KnownLimits, LimitValues
 from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.ensemble.starts import starts_at
 from freefloat.ensemble.systems import Systems
 from freefloat.errors import FreeFloatError
 from freefloat.io.scenario.path_schema import PathFrame
 from freefloat.io.scenario.scenario import Scenario
+from freefloat.limits.recorded_limits import RecordedLimits
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import UPRIGHT, Array, BoolArray, IntArray
+from freefloat.studies.bounds import FRACTION, bound_ratios, is_bound, limit_scales
 from freefloat.studies.document import scenario_from, with_values
 from freefloat.studies.records import branch_choice
 from freefloat.studies.robot_values import (
@@ -33,6 +35,9 @@ from freefloat.studies.robot_values import (
 from freefloat.studies.run_values import arrays_of, fits_ensembles
 from freefloat.studies.study import START_KEYS, Study
 from freefloat.studies.unvaried import Unvaried, limits_of_runs
+
+_RECORDED = 512
+"""Motions that are recorded at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +56,11 @@ class Start:
     joints: Array | None = None
     unvaried: Unvaried | None = None
 
+    @property
+    def is_best(self) -> bool:
+        """Whether the arm branch is the best of each run."""
+        return self.branch is None and self.joints is None and self.unvaried is None
+
 
 @dataclass(frozen=True, eq=False)
 class Group:
@@ -62,7 +72,9 @@ class Group:
         relative: Whether the margin is a fraction of the largest value of each run's measure.
         start: How the runs begin.
         limits: The limits that ensembles know.
+        recorded: The limits that recorded motions show.
         others: Names of the limits that only precise motions show.
+        nominal: Values of the varied keys of limits and margin that the problem has.
         robot: The robot of which those of the runs are variations.
         stricter: Whether ensembles begin with a stricter tolerance, as the undisturbed motion is
             cheaper then.
@@ -73,7 +85,9 @@ class Group:
     relative: bool
     start: Start
     limits: KnownLimits
+    recorded: RecordedLimits
     others: tuple[str, ...]
+    nominal: Mapping[str, float]
     robot: VariedRobot
     stricter: bool = False
 
@@ -85,11 +99,17 @@ class Group:
         arrays, fits = arrays_of(values, self.problem, count)
         attitudes = arrays.pop("attitudes", None)
         thresholds = arrays.pop("thresholds", None)
+        ratios, accepted = bound_ratios(values, self.nominal, count)
+        fits &= accepted
+        fractions = 1.0 / ratios.pop(FRACTION, np.ones(count))
         robots, accepted = self.robot.robots(values, np.arange(first, first + count))
         fits &= accepted
         if robots is not None:
             fits &= robots.suit(self.problem)
-        disturbed = equivalents(self.problem, count, **arrays, robots=robots)
+        limits = dict(zip(self.limit_names, self.limit_places, strict=True))
+        limits.pop("clearance", None)  # whose bound chooses the pairs of bodies
+        scales = limit_scales(ratios, limits, self.limits.attitude.pointing)
+        disturbed = equivalents(self.problem, count, **arrays, robots=robots, scales=scales)
         places = numbers - first
         places = places[(fits & ~disturbed.turns_too_often)[places]]
         if attitudes is None:
@@ -103,7 +123,7 @@ class Group:
             places, attitudes, joints = places[known], attitudes[known], joints[known]
         disturbed = disturbed[places]
         if thresholds is None:
-            required = np.full(len(places), self.problem.margin.threshold)
+            required = self.problem.margin.threshold * fractions[places]
             thresholds = required * disturbed.magnifications if self.relative else required
         else:
             thresholds = thresholds[places]
@@ -117,7 +137,35 @@ class Group:
             limits=self.limits,
             stricter=self.stricter,
         )
+        if self.recorded.names:
+            motions = self._with_recorded(disturbed, motions, threads)
         return places + first, motions
+
+    @property
+    def limit_names(self) -> tuple[str, ...]:
+        """Names of the limits of which motions of the group have ratios."""
+        return self.limits.names + self.recorded.names
+
+    @property
+    def limit_places(self) -> tuple[tuple[str, ...], ...]:
+        """Of each of these limits the joints, or other names, of its quantities."""
+        return self.limits.places + self.recorded.places
+
+    def _with_recorded(
+        self, disturbed: Equivalents, motions: ManyMotions, threads: int
+    ) -> ManyMotions:
+        """Motions with the limits that recorded ones show, of those that keep all else."""
+        known = motions.limits
+        values = LimitValues.empty(len(motions), len(self.recorded.names))
+        keeping = ((known.ratios <= 1.0) & known.certain).all(axis=1)
+        kept = np.flatnonzero(motions.feasible & keeping)
+        for chosen in np.split(kept, range(_RECORDED, len(kept), _RECORDED)):
+            found = self.recorded.values(
+                disturbed[chosen], motions.attitudes[chosen], motions.joints[chosen], threads
+            )
+            for array, part in zip(values, found, strict=True):
+                array[chosen] = part
+        return replace(motions, limits=known.and_others(values))
 
     def are_feasible(self, motions: ManyMotions) -> BoolArray:
         """Whether motions keep the margin and the limits that ensembles know, shape (K,)."""
@@ -128,9 +176,14 @@ class Group:
 
         Shape (K,) each.
         """
-        kept = np.asarray((motions.ratios <= 1.0).all(axis=1))
-        certain = motions.completed & self.limits.are_certain(motions.ratios, motions.deciders)
-        return kept, np.asarray(certain & ~kept if self.others else certain)
+        limits = motions.limits
+        kept, known = (limits.ratios <= 1.0).all(axis=1), slice(len(self.limits.names))
+        # another arm branch may keep what recorded motions show
+        decisive = known if self.start.is_best else slice(None)
+        violated = (limits.certain & (limits.ratios > 1.0))[:, decisive].any(axis=1)
+        certain = violated & limits.certain[:, known].all(axis=1)
+        certain |= limits.certain.all(axis=1) & kept & (not self.others)
+        return np.asarray(kept), np.asarray(motions.completed & certain)
 
     def are_decided(self, motions: ManyMotions) -> BoolArray:
         """Whether motions have a verdict; those of others need a precise motion, shape (K,)."""
@@ -185,7 +238,11 @@ def _grouped(study: Study, number: int) -> tuple[Group | None, list[str]]:
 def _group(study: Study, number: int, reasons: list[str]) -> Group | None:
     """The group whose first run has a number, if any; adds to the reasons why runs are apart."""
     parameters = study.parameters(number)
-    own = {key: value for key, value in parameters.items() if not fits_ensembles(key)}
+    listed = study.variation.listed
+    own = {key: value for key, value in parameters.items() if not fits_ensembles(key, listed)}
+    nominal = {key: value for key, value in parameters.items() if is_bound(key)}
+    nominal = {key: value for key, value in nominal.items() if key not in own}
+    own |= nominal
     own |= nominal_values(parameters, study.base)
     document = study.posed(with_values(study.base, own))
     scenario = scenario_from(document, study.base_source.absolute())
@@ -196,15 +253,18 @@ def _group(study: Study, number: int, reasons: list[str]) -> Group | None:
     reasons += _unfit_values(study, scenario, problem, parameters)
     start = _start_of(study, problem, parameters, reasons)
     apart = bool(reasons)
-    limits, others = limits_of_runs(scenario, mounts=_mounts_vary(parameters))
+    moved = vary_robots(study.content.vary, listed) or "timing.duration" in parameters
+    limits, recorded, others = limits_of_runs(
+        scenario, mounts=_mounts_vary(parameters), moved=moved
+    )
     if others:
         shown = f"limits that only precise motions show ({', '.join(others)})"
         reasons.append(f"{shown} are checked along these where all else is kept")
     if apart:
         return None
     group = Group(
-        study, problem, scenario.content.margin.fraction is not None, start, limits, others,
-        _varied_robot(study, document, scenario),
+        study, problem, scenario.content.margin.fraction is not None, start, limits, recorded,
+        others, nominal, _varied_robot(study, document, scenario),
     )  # fmt: skip
     return replace(group, stricter=_begins_stricter(group, number))
 

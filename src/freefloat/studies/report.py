@@ -6,7 +6,8 @@ import base64
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -15,22 +16,21 @@ from typing import Any
 from jinja2 import Environment, PackageLoader
 
 from freefloat.concurrency import Progress
+from freefloat.errors import FreeFloatError
 from freefloat.io.files import written_beside
 from freefloat.studies.columns import NUMBER
 from freefloat.studies.folder import FIGURE, REPORT
-from freefloat.studies.names import heading, readable_name
-from freefloat.studies.results import StudyResult
+from freefloat.studies.names import heading, readable_name, result_name
+from freefloat.studies.results import PERCENTILES, StudyResult
+from freefloat.studies.rows import quoted
 
-_HEADINGS = {
-    "verdict": "verdict", "margin": "minimum margin", "singular_time": "singular at [s]",
-    "branch": "arm branch", "heading_deg": "heading [deg]",
-    "robust_radius_deg": "attitude tolerance [deg]", "feasible_fraction": "feasible fraction",
-    "limits_kept": "limits kept", "seconds": "computed in [s]", "reason": "reason",
-    "error": "error",
-}  # fmt: skip
-"""Columns of the report after the parameters, unless they are empty, and their headings."""
-_FIRST_LISTED = ("verdict", "reason", "error", "margin")
+_FIRST_LISTED = ("verdict", "reason", "error", "margin", "limiting")
 """Columns of the report before the parameters."""
+_LAST_LISTED = ("singular_time", "heading_deg", "robust_radius_deg", "feasible_fraction",
+                "base_rate", "base_turn_deg", "branch")  # fmt: skip
+"""Columns after the parameters."""
+_MAX_COLUMNS = 11
+"""Columns for which a page has room."""
 _SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _MAX_LISTED = 1000
 """Runs listed in the report; the tables have all of them."""
@@ -74,12 +74,26 @@ def _margin_unit(result: StudyResult) -> str:
     return ""
 
 
+def _joints(result: StudyResult) -> Sequence[str]:
+    """Names of the joints of the base scenario's robot; none where it cannot be read."""
+    try:
+        return result.study.base_robot.joint_names
+    except FreeFloatError:
+        return ()
+
+
 def _page(
     result: StudyResult, parameters: Mapping[str, str], unit: str, picture: bytes, linked: list[str]
 ) -> str:
     """The report, one HTML page that needs no other file."""
     unit = re.sub(r"\^(-?[0-9]+)", lambda power: power[1].translate(_SUPERSCRIPTS), unit)
-    headings, rows = _listed(result, parameters, f" [{unit}]" if unit else "")
+    joints, in_unit = _joints(result), f" [{unit}]" if unit else ""
+
+    def name_of(column: str) -> str:
+        return result_name(column, joints) + in_unit * (column in ("margin", "margin_required"))
+
+    first, last = ({name: name_of(name) for name in names}
+                   for names in (_FIRST_LISTED, _LAST_LISTED))  # fmt: skip
     content = result.study.content.model_dump(mode="json", by_alias=True, exclude_unset=True)
     environment = Environment(loader=PackageLoader("freefloat.studies", "."), autoescape=True)
     environment.filters["cell"] = _cell
@@ -92,8 +106,9 @@ def _page(
         time=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         figure=base64.b64encode(picture).decode(),
         margin_unit=unit,
-        headings=headings,
-        rows=rows,
+        table=_listed(result, first | dict(parameters) | last),
+        name_of=name_of,
+        percentages=PERCENTILES,
         sensitivities=result.sensitivities,
         readable_name=readable_name,
         linked=linked,
@@ -103,38 +118,54 @@ def _page(
     )
 
 
-def _listed(
-    result: StudyResult, parameters: Mapping[str, str], unit: str
-) -> tuple[list[str], list[tuple[str | None, list[Any]]]]:
-    """Headings and runs, each with its file: errors, infeasible ones, the smallest margins.
+@dataclass(frozen=True)
+class _Table:
+    """The listed runs: errors, infeasible ones, the smallest margins first.
 
-    Columns that are empty in all of them are left out.
+    Attributes:
+        headings: Headings of the columns by name, the number of the run first.
+        rows: File, verdict and cells of each run.
+        left_out: What is not listed.
     """
-    first = {key: _HEADINGS[key] for key in _FIRST_LISTED}
-    headings = {"file": "", NUMBER: "run", **first, **parameters, **_HEADINGS}
-    headings["margin"] += unit
-    columns = list(headings)
+
+    headings: dict[str, str]
+    rows: list[tuple[Any, ...]]
+    left_out: str
+
+
+def _listed(result: StudyResult, names: Mapping[str, str]) -> _Table:
+    """The runs in columns that are neither empty nor the same in all, as many as fit on a page.
+
+    Args:
+        result: Results of the study.
+        names: Headings of its columns, in the order in which they are listed.
+    """
+    spreads = ", ".join(f"count({name}), min({name}), max({name})" for name in map(quoted, names))
+    (numbers,) = result.rows.query(f"SELECT {spreads} FROM runs")
+    headings, equal = {NUMBER: "run"}, list[str]()
+    for place, (name, words) in enumerate(names.items()):
+        count, least, most = numbers[3 * place : 3 * place + 3]
+        if count == len(result.rows) > 1 and least == most:
+            equal.append(f"{words}: {_cell(least)}")
+        elif count and (least, most) != ("", ""):
+            headings[name] = words
+    if "limiting" in headings:
+        headings.pop("reason", None)
+    crowded = [name for name in reversed(headings) if name not in (NUMBER, *_FIRST_LISTED)]
+    crowded = crowded[: max(0, len(headings) - _MAX_COLUMNS)]
     order = "verdict = 'feasible', verdict = 'infeasible', margin, number"
+    said = [f"the same in all runs ({', '.join(equal)})"] if equal else []
+    if crowded:
+        said.append(f"for lack of room ({', '.join(headings.pop(name) for name in crowded)})")
+    columns = ["file", "verdict", *headings]
     query = f"{result.rows.selection(columns)} ORDER BY {order} LIMIT {_MAX_LISTED}"
-    rows = list(result.rows.query(query))
-    filled = [place for place, values in enumerate(zip(*rows, strict=True))
-              if place and any(value not in (None, "") for value in values)]  # fmt: skip
-    truth = columns.index("limits_kept")
-    return [headings[columns[place]] for place in filled], [
-        (row[0], [_truth(row[place]) if place == truth else row[place] for place in filled])
-        for row in rows
-    ]
-
-
-def _truth(value: int | None) -> bool | None:
-    return None if value is None else bool(value)
+    left_out = "Columns are left out where they are empty"
+    return _Table(headings, list(result.rows.query(query)), ", or ".join([left_out, *said]))
 
 
 def _cell(value: Any) -> str:
     if value is None:
         return ""
-    if isinstance(value, bool):
-        return "yes" if value else "no"
     if isinstance(value, float):
-        return f"{0.0 if abs(value) < 1e-12 else value:.6g}"
+        return f"{0.0 if abs(value) < 1e-12 else value:.5g}"
     return str(value)

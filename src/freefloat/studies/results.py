@@ -12,14 +12,20 @@ from typing import Any
 import numpy as np
 
 from freefloat.statistics import confidence_interval, percentage
-from freefloat.studies.columns import ERROR, FEASIBLE, INFEASIBLE, NUMBER, VERDICTS
-from freefloat.studies.rows import StudyRows
+from freefloat.studies.columns import ERROR, FEASIBLE, INFEASIBLE, NUMBER, REAL, VERDICTS
+from freefloat.studies.rows import StudyRows, quoted
 from freefloat.studies.sensitivity import MARGIN, Sensitivity, sensitivities
 from freefloat.studies.study import Study
 from freefloat.studies.track_section import TRACK_SEED
 
 _MAX_LISTED = 20
-"""Largest number of errors and of reasons in the document."""
+"""Largest number of errors, of reasons and of limiting quantities in the document."""
+PERCENTILES = 5, 25, 50, 75, 95
+"""Percentages of runs at most at the percentiles."""
+_NOT_SUMMED = "attitude.", "final_attitude.", "seconds"
+"""Beginnings of the names of columns without percentiles."""
+_ROUNDING = 1e-9
+"""Relative differences of numbers that are the same."""
 
 
 @dataclass(frozen=True)
@@ -120,6 +126,26 @@ class StudyResult:
         return {"least": float(margins.min()), "median": median, "largest": float(margins.max())}
 
     @cached_property
+    def percentiles(self) -> dict[str, dict[str, float]]:
+        """Percentiles of the results that are numbers, unless all runs have the same, by column."""
+        percentiles = {}
+        for name, kind in self.rows.types.items():
+            if kind != REAL or name in self.rows.parameters or name.startswith(_NOT_SUMMED):
+                continue
+            values = self.rows.column(name, f"WHERE {quoted(name)} IS NOT NULL")
+            if len(values) and np.ptp(values) > _ROUNDING * np.abs(values).max():
+                found = np.percentile(values, PERCENTILES).tolist()
+                percentiles[name] = dict(zip(map(str, PERCENTILES), found, strict=True))
+        return percentiles
+
+    @cached_property
+    def limiting(self) -> dict[str, int]:
+        """Number of runs by the quantity that limits them, the most frequent first."""
+        query = "SELECT limiting, count(*) AS runs FROM runs WHERE limiting IS NOT NULL"
+        order = f"GROUP BY limiting ORDER BY runs DESC, limiting LIMIT {_MAX_LISTED}"
+        return dict(self.rows.query(f"{query} {order}"))
+
+    @cached_property
     def combinations(self) -> list[Combination]:
         """Results by combination of listed values, the seed of the command track aside.
 
@@ -173,7 +199,10 @@ class StudyResult:
         quantities = {entry.quantity for entry in self.sensitivities}
         if quantities != {MARGIN}:
             return ""
-        return "no Sobol indices for feasibility: limits need precise motions, or it does not vary"
+        return (
+            "no Sobol indices for feasibility: it is constant, or limits need precise or recorded "
+            "motions"
+        )
 
     @property
     def run_seconds(self) -> float:
@@ -196,6 +225,8 @@ class StudyResult:
             "feasible_fraction_error": self.feasible_fraction_error,
             "feasible_fraction_interval": self.feasible_interval and list(self.feasible_interval),
             "margin": self.margins,
+            "percentiles": self.percentiles,
+            "limiting": self.limiting,
             "combinations": [entry.to_dict() for entry in self.combinations],
             "reasons": self.reasons,
             "sensitivities": [entry.to_dict() for entry in self.sensitivities],

@@ -14,7 +14,7 @@ from freefloat.io.scenario.robot_section import RobotSection
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array, BoolArray, IntArray, Pose
-from freefloat.studies.value_columns import as_numbers
+from freefloat.studies.columns import as_numbers
 
 SCALE_MASS = "robot.scale_mass"
 MASS_FACTORS = 1e-2, 1e2

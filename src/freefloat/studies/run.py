@@ -15,7 +15,7 @@ from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.files import written_beside
 from freefloat.io.records.results import save
 from freefloat.io.scenario.scenario import Scenario
-from freefloat.studies.columns import ERROR
+from freefloat.studies.columns import ERROR, UNCHECKED
 from freefloat.studies.document import error_of_study
 from freefloat.studies.folder import FILES, folder_errors
 from freefloat.studies.portable import PortableStudy
@@ -104,7 +104,8 @@ def _computed(study: Study, number: int) -> tuple[dict[str, Any], Any]:
         (values,) = tracking_values(followed, [study.tracking(number)])
         return finite(values), None
     record = computed_record(study.content.command, source, **inputs)
-    return finite(record_values(record)), record
+    contact = {} if study.contact_unchecked is None else {"contact": UNCHECKED}
+    return finite(record_values(record)) | contact, record
 
 
 def finite(value: Any) -> Any:

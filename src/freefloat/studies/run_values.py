@@ -9,9 +9,10 @@ import numpy as np
 
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, BoolArray, IntArray
+from freefloat.studies.bounds import is_bound
+from freefloat.studies.columns import as_numbers
 from freefloat.studies.robot_values import MASS_FACTORS, SCALE_MASS, is_robot_key, uniform_factors
 from freefloat.studies.study import START_KEYS, Command, Study
-from freefloat.studies.value_columns import as_numbers
 
 VECTORS = {"momentum": "momenta", "wheels.momentum": "wheels", "drift": "drifts"}
 """Scenario keys of vectors, and what they are in ensembles; entries vary, too, as momentum.2."""
@@ -36,8 +37,15 @@ _LEVEL = 1e-9
 """Components x, y of the quaternions of planar attitudes."""
 
 
-def fits_ensembles(key: str) -> bool:
-    """Whether runs that differ in a key are motions of one ensemble."""
+def fits_ensembles(key: str, listed: Mapping[str, Sequence[Any]]) -> bool:
+    """Whether runs that differ in a key are motions of one ensemble.
+
+    Args:
+        key: The key.
+        listed: Listed values by key; bounds of limits are numbers, not words or maps.
+    """
+    if is_bound(key):
+        return bool(np.isfinite(as_numbers(listed.get(key, []), ())).all())
     vector, _, entry = key.rpartition(".")
     component = vector in VECTORS and entry in ("0", "1", "2")
     named = (*VECTORS, *NUMBERS, *START_KEYS, SCALE_MASS)
@@ -50,7 +58,7 @@ def why_alone(study: Study) -> list[str]:
         return [f"the command is {study.content.command}"]
     random = [key for key in study.content.vary if key not in study.variation.listed]
     reasons = [
-        f"{key} varies at random, not from a list" for key in random if not fits_ensembles(key)
+        f"{key} varies at random, not from a list" for key in random if not fits_ensembles(key, {})
     ]
     return reasons + ["the files of all runs are kept"] * (study.kept_files >= study.count)
 
@@ -67,7 +75,7 @@ def group_numbers(study: Study) -> IntArray:
     listed, places = study.variation.listed, study.variation.places(0, study.count)
     groups = np.zeros(study.count, dtype=np.int64)
     for key in study.content.vary:
-        if not fits_ensembles(key):
+        if not fits_ensembles(key, listed):
             groups = groups * len(listed[key]) + places[key]
     _, groups, sizes = np.unique(groups, return_inverse=True, return_counts=True)
     return np.asarray(np.where(sizes[groups] >= FEWEST, groups, alone))

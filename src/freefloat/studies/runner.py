@@ -164,13 +164,19 @@ class _Execution:
         from freefloat.studies.chunks import chunks, computed  # compiled kernels import slowly
 
         todo = chunks(study, groups, missing)
+        if self.scheduler is None and study.compares_bodies and self.workers > 1:
+            work = partial(computed, threads=1)
+            with closing(completed_in_pool(work, self.sent, [*todo], self.workers)) as tasks:
+                self._store(columns for _, columns in tasks if columns is not None)
+            return
         if self.scheduler is None:
             self._store(computed(self.sent, chunk, self.workers) for chunk in todo)
             return
         from freefloat.studies.scheduler import completed_by_scheduler, computed_by_worker
 
-        tasks = completed_by_scheduler(computed_by_worker, self.sent, todo, self.scheduler)
-        with closing(tasks):
+        with closing(
+            completed_by_scheduler(computed_by_worker, self.sent, todo, self.scheduler)
+        ) as tasks:
             self._store(columns for _, columns in tasks if columns is not None)
 
     def _store(self, rows: Iterable[Columns]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -97,7 +97,7 @@ def sensitivities(study: Study) -> list[Sensitivity]:
     They are those of 2,048 pairs of draws and their mixtures, integrated beside the runs of the
     study. Those so near to margin or limits that a precise motion would decide count as they
     are. Empty for studies that ensembles do not decide, or that list values; without those of
-    feasibility where limits need precise motions, and of what does not vary.
+    feasibility where limits need precise or recorded motions, and of what does not vary.
     """
     if study.variation.listed or group_numbers(study)[0] < 0:
         return []
@@ -107,13 +107,15 @@ def sensitivities(study: Study) -> list[Sensitivity]:
     group, keys = group_of(mixed, 0), list(study.content.vary)
     if group is None:
         return []
+    decides = not (group.others or group.recorded.names)
+    group = replace(group, recorded=group.recorded.without)
     count = (len(keys) + 2) * _PAIRS
     numbers, motions = group.integrate(np.arange(count), available_cores())
     known = np.zeros(count, dtype=bool)
     known[numbers] = motions.reached & ~motions.failed
     used = known.reshape(-1, _PAIRS).all(axis=0)
     quantities = {MARGIN: motions.minimum_margins}
-    if not group.others:
+    if decides:
         quantities[FEASIBILITY] = group.are_feasible(motions).astype(float)
     results = []
     for quantity, found in quantities.items():

@@ -29,13 +29,14 @@ from freefloat.studies.variation import Variation
 
 START_KEYS = ("attitude", "heading_deg")
 """Keys that may vary but belong to the commands simulate and track, not to the scenario."""
+CLEARANCE = "limits.clearance"
 UNDISTURBED = -1
 """In place of the number of a run: the simulation of the base scenario as it is."""
 
 
 _CONTACT_UNCHECKED = (
     "contact between bodies is not considered; limits: {clearance: 0} in the base scenario "
-    "considers it, run by run"
+    "considers it"
 )
 
 
@@ -144,7 +145,7 @@ class Study:
     def contact_unchecked(self) -> str | None:
         """Why runs do not consider contact, where it is to be said, and what makes them."""
         varied = self.variation.listed.get("limits", [self.base.get("limits")])
-        stated = "limits.clearance" in self.content.vary or all(map(_states_clearance, varied))
+        stated = CLEARANCE in self.content.vary or all(map(_states_clearance, varied))
         if stated or self.content.command is not Command.SIMULATE:
             return None
         try:
@@ -153,6 +154,14 @@ class Study:
         except FreeFloatError:  # which is the result of each run
             return None
         return _CONTACT_UNCHECKED if touching else None
+
+    @property
+    def compares_bodies(self) -> bool:
+        """Whether simulations may have a clearance, which takes far longer than other limits."""
+        varied = [*self.variation.listed.get("limits", [self.base.get("limits")])]
+        varied += [{"clearance": value} for value in self.variation.listed.get(CLEARANCE, [])]
+        stated = (limits["clearance"] for limits in varied if _states_clearance(limits))
+        return any(clearance is not False and clearance != OFF for clearance in stated)
 
     @cached_property
     def base_robot(self) -> FreeFloatingModel:

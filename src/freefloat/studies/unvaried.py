@@ -10,7 +10,8 @@ from freefloat.ensemble.disturbed_motions import integrate_disturbed
 from freefloat.ensemble.equivalence import equivalents
 from freefloat.ensemble.known_limits import KNOWN, KnownLimits
 from freefloat.io.scenario.scenario import Scenario
-from freefloat.limits.limits import GIVEN, Limits
+from freefloat.limits.limits import GIVEN
+from freefloat.limits.recorded_limits import RECORDED, RecordedLimits
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array
@@ -37,8 +38,9 @@ class Unvaried:
         problem = scenario.search().applied_to(scenario.problem())
         if problem.start_joints is not None:
             return cls(problem, None)
-        limits, others = limits_of_runs(scenario)
-        return None if others or not problem.model.has_one_arm else cls(problem, limits)
+        limits, recorded, others = limits_of_runs(scenario)
+        apart = others or recorded.names or not problem.model.has_one_arm
+        return None if apart else cls(problem, limits)
 
     def joints_at(self, attitudes: Array, threads: int) -> Array:
         """Initial joint values of its motions from attitudes (K, 4).
@@ -58,35 +60,33 @@ class Unvaried:
         )  # fmt: skip
         if self.limits is None:
             return motions.joints
-        certain = self.limits.are_certain(motions.ratios, motions.deciders)
+        certain = motions.limits.certain.all(axis=1)
         return np.where((certain | ~motions.feasible)[:, None], motions.joints, np.nan)
 
 
 def limits_of_runs(
-    scenario: Scenario, *, mounts: bool = False
-) -> tuple[KnownLimits, tuple[str, ...]]:
-    """The limits of a scenario that ensembles know, and the names of the others.
+    scenario: Scenario, *, mounts: bool = False, moved: bool = False
+) -> tuple[KnownLimits, RecordedLimits, tuple[str, ...]]:
+    """The limits that ensembles know, those that recorded motions show, and names of the others.
 
     Args:
         scenario: The scenario.
-        mounts: Whether mounts vary, so that axes of the arm's first link do.
+        mounts: Whether mounts vary, so that axes and bodies of the arm's first link do.
+        moved: Whether durations or robots vary, so that the bodies of a scene are elsewhere.
     """
-    limits, problem, known = scenario.limits(), scenario.problem(), list(KNOWN)
-    if mounts:
-        known.remove("pointing")
-    others = [name for name in _given(limits) if name not in known]
-    if problem.scene.corridor is not None:
-        others.append("corridor")
+    limits, problem = scenario.limits(), scenario.problem()
+    bounds = {kind.name: getattr(limits, kind.name) for kind in GIVEN}
+    given = {
+        name: bound for name, bound in bounds.items()
+        if bound is not None and np.size(bound) > 0 and not isinstance(bound, str)
+    }  # fmt: skip
+    shown = {} if mounts or (moved and problem.scene.bodies) else given
+    recorded = RecordedLimits(problem, *(shown.get(name) for name in RECORDED))
+    _ = recorded.places  # or the error of shapes that cannot be used
     attitude = AttitudeLimits(
         pointing=() if mounts else limits.pointing, base_turn=limits.base_turn
     )
-    return KnownLimits(problem.model, limits.joint_rate, limits.base_rate, attitude), tuple(others)
-
-
-def _given(limits: Limits) -> list[str]:
-    """The names of limits that have a bound."""
-    bounds = {kind.name: getattr(limits, kind.name) for kind in GIVEN}
-    return [
-        name for name, bound in bounds.items()
-        if bound is not None and np.size(bound) > 0 and not isinstance(bound, str)
-    ]  # fmt: skip
+    known = KnownLimits(problem.model, limits.joint_rate, limits.base_rate, attitude)
+    seen = {*KNOWN, *recorded.names} - ({"pointing"} if mounts else set())
+    corridor = () if problem.scene.corridor is None else ("corridor",)
+    return known, recorded, (*sorted(given.keys() - seen), *corridor)

@@ -7,8 +7,13 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from freefloat.ensemble.endings import DECIDERS, MOTION
+from freefloat.limits.kinds.base_rate import BaseRateLimit
+from freefloat.limits.kinds.base_turn import BaseTurnLimit
 from freefloat.limits.result import LimitResult, violated
+from freefloat.motion.extrema import joint_extents, maximum
 from freefloat.motion.motion import Ending
 from freefloat.planning.answer import Answer
 from freefloat.planning.goals.goal_motion import GoalMotion
@@ -18,12 +23,15 @@ from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.simulation import Simulation
 from freefloat.planning.space.attitude_map import AttitudeMap
+from freefloat.robot.joint_ranges import range_ratios
 from freefloat.so3 import degrees
 from freefloat.studies.columns import FEASIBLE, INFEASIBLE
 from freefloat.verification.tracking import Tracking, track_many
 
 MARGIN_REASON, LIMITS_REASON = "The margin is not kept.", "Limits are not kept: {}."
 """Why a motion that completes is infeasible."""
+LIMITING, MARGIN_LIMITS, SINGULARITY_LIMITS = "{} of {}", "margin", "singularity"
+"""What limits a motion: a limit and a joint, or another place; the margin; where it ends."""
 
 
 def record_values(record: Any) -> dict[str, Any]:
@@ -83,7 +91,8 @@ def _simulation_values(simulation: Simulation) -> dict[str, Any]:
         reason = LIMITS_REASON.format(names)
     verdict = INFEASIBLE if reason else FEASIBLE
     values = {"verdict": verdict, "reason": reason, "decided_by": DECIDERS[MOTION]}
-    return {**values, **_motion_values(chosen), **_limit_values(limits)}
+    others = _extreme_values(chosen), _limiting(chosen, limits)
+    return {**values, **_motion_values(chosen), **others[0], **others[1], **_limit_values(limits)}
 
 
 def _plan_values(plan: Plan) -> dict[str, Any]:
@@ -189,13 +198,47 @@ def _margin_values(chosen: SimulatedBranch, start: float = 0.0) -> dict[str, Any
     }
 
 
+def _extreme_values(chosen: SimulatedBranch) -> dict[str, Any]:
+    """Final attitude, and largest rates, turn and range ratios of a motion that completes."""
+    motion, (lower, upper) = chosen.motion, chosen.motion.problem.model.joint_ranges
+    values = _attitude(motion.final.attitude.tolist(), "final_attitude")
+    if not (motion.completed and motion.panels):
+        return values
+    rates, extents = np.abs(motion.node_rates[..., 3:]), joint_extents(motion)
+    used = np.maximum(*range_ratios((lower, upper), extents.low, extents.high)).tolist()
+    bounded = np.flatnonzero(np.isfinite([lower, upper]).any(axis=0)).tolist()
+    return values | {
+        "base_rate": BaseRateLimit(motion.problem, 1.0).worst(motion).worst,
+        "base_turn_deg": degrees(BaseTurnLimit(motion.problem, np.pi).worst(motion).worst),
+        **_family("joint_rates", {
+            joint: maximum(rates[..., joint : joint + 1]).value for joint in range(rates.shape[2])
+        }),
+        **_family("range_ratios", {joint: used[joint] for joint in bounded}),
+    }  # fmt: skip
+
+
+def _limiting(chosen: SimulatedBranch, limits: Sequence[LimitResult]) -> dict[str, Any]:
+    """What is nearest to its bound along a motion, or farthest beyond it, and when."""
+    motion, margin = chosen.motion, chosen.closest_approach
+    if motion.ending is Ending.SINGULAR:
+        return {"limiting": SINGULARITY_LIMITS, "limiting_time": motion.final.time}
+    required = motion.problem.margin.threshold
+    ratio = required / margin.value if margin.value else math.inf
+    candidates = [(ratio, MARGIN_LIMITS, margin.time)]
+    candidates += [
+        (limit.ratio, LIMITING.format(limit.limit, limit.where), limit.time) for limit in limits
+    ]
+    _, name, time = max(candidates, key=lambda candidate: candidate[0])
+    return {"limiting": name, "limiting_time": time}
+
+
 def _limit_values(limits: Sequence[LimitResult]) -> dict[str, Any]:
     ratios = {result.limit: result.ratio for result in limits}
     return {"limits_kept": not violated(limits) if limits else None, **_family("limits", ratios)}
 
 
-def _attitude(quaternion: Sequence[float]) -> dict[str, Any]:
-    return _family("attitude", dict(zip("xyzw", quaternion, strict=True)))
+def _attitude(quaternion: Sequence[float], name: str = "attitude") -> dict[str, Any]:
+    return _family(name, dict(zip("xyzw", quaternion, strict=True)))
 
 
 def _family(name: str, values: Mapping[Any, Any]) -> dict[str, Any]:

@@ -7,8 +7,6 @@ through these is smallest.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from freefloat.dynamics.kernels.kinematics import AXIS as Z_AXIS
 from freefloat.dynamics.kernels.kinematics import POINT, X_AXIS, place_arms
 from freefloat.dynamics.kernels.robot import Robot, Solver, base_of
@@ -21,24 +19,20 @@ from freefloat.lockstep.lanes import (
     Mask,
     any_of,
     magnitude,
-    minimum,
     select,
     sqrt,
 )
-from freefloat.lockstep.tables import Table, below, get_lane, get_vector
+from freefloat.lockstep.tables import Table, below, get_vector
 from freefloat.lockstep.vectors import Vector, components, cross, dot, vector
 from freefloat.motion.pointing import TOO_NEAR
-
-if TYPE_CHECKING:
-    from freefloat.ensemble.result import EnsembleResult
 
 BODY, OF_POINT, SIDE, BOUND, AXIS, ORIGIN, TARGET = 0, 1, 2, 3, 4, 7, 10
 """Columns of ``Cones.table``: number of the body, -1 for the turn of the spacecraft; 1 for a target
 that is a point; 1 for inside, -1 for outside; cosine of the bound; axis and origin of the line of
 sight in the body's link frame; direction of the target, or its place in the path's frame."""
-BEFORE, LOWEST, MIDDLE, AFTER = range(SLACK_ROWS)
-"""Rows of a limit in ``Workspace.slacks``: slack at the last step, the smallest, slacks in the
-middle and at the end of a step."""
+BEFORE, LOWEST, LOWEST_AT, MIDDLE, AFTER = range(SLACK_ROWS)
+"""Rows of a limit in ``Workspace.slacks``: slack at the last step, the smallest and its time, and
+slacks in the middle and at the end of a step."""
 
 
 @inner
@@ -49,19 +43,23 @@ def note_slacks(problem: Problem, dt: Float, fresh: Mask, accepted: Mask, work: 
     write_slacks(problem, work.at, AFTER, work)
     inside(problem, dt, 0.0 * dt + 0.5, 0, work)
     write_slacks(problem, work.inside, MIDDLE, work)
+    T = 4 + problem.robot.n
+    middle_time = work.inside[T]
     for i in range(problem.cones.number):
         slacks = below(work.slacks, SLACK_ROWS * i, 1)
         middle, after = slacks[MIDDLE], slacks[AFTER]
         before = select(fresh, after, slacks[BEFORE])
-        lowest = select(fresh, after, minimum(slacks[LOWEST], minimum(middle, after)))
+        slacks[LOWEST] = select(fresh, after, slacks[LOWEST])
+        lower(slacks, after, work.at[T], accepted)
+        lower(slacks, middle, middle_time, accepted)
         curvature = 2.0 * (before + after - 2.0 * middle)
         place = 0.5 * (3.0 * before + after - 4.0 * middle) / curvature
         dips = accepted & (curvature > 0.0) & (place > 0.0) & (place < 1.0)
         if any_of(dips):
             inside(problem, dt, select(dips, place, 0.5), 0, work)
             place_arms(problem.robot, below(work.inside, 4, 1), work.solver)
-            lowest = minimum(lowest, slack(problem.robot, problem.cones, i, work.inside, work))
-        slacks[LOWEST] = select(accepted, lowest, slacks[LOWEST])
+            dip = slack(problem.robot, problem.cones, i, work.inside, work)
+            lower(slacks, dip, work.inside[T], dips)
         slacks[BEFORE] = select(accepted, after, slacks[BEFORE])
 
 
@@ -74,11 +72,12 @@ def write_slacks(problem: Problem, y: Table, row: int, work: Workspace) -> None:
         work.slacks[SLACK_ROWS * i + row] = value
 
 
-@inner
-def store_slacks(cones: Cones, k: int, lane: int, work: Workspace, out: EnsembleResult) -> None:
-    """Write the smallest slacks of the motion in a lane."""
-    for i in range(cones.number):
-        out.slacks[k, i] = get_lane(work.slacks, SLACK_ROWS * i + LOWEST, lane)
+@inlined
+def lower(slacks: Table, value: Float, t: Float, chosen: Mask) -> None:
+    """Lower the smallest slack of a limit to a value at a time where it is larger."""
+    smaller = chosen & (value < slacks[LOWEST])
+    slacks[LOWEST] = select(smaller, value, slacks[LOWEST])
+    slacks[LOWEST_AT] = select(smaller, t, slacks[LOWEST_AT])
 
 
 @inner

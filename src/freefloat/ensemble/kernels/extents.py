@@ -67,19 +67,18 @@ def note_extents(
 
     With ``extremes`` also by those along it.
     """
-    n, K, extent = problem.robot.n, work.K, work.extent
+    n, K, t = problem.robot.n, work.K, work.at[4 + problem.robot.n]
     share = 1.0 / magnitude(K[4 + n, 6])
     speed = 0.0 * share
     for j in range(n):
         rate = magnitude(K[4 + j, 6]) * share
         speed = maximum(rate, speed)
-        extent[3 * j] = select(accepted, maximum(extent[3 * j], rate), extent[3 * j])
-        note_values(j, work.at[4 + j], accepted, extent)
+        raise_extent(3 * j, rate, t, accepted, work)
+        note_value(j, work.at[4 + j], t, accepted, work)
         if extremes:
             note_turning_point(problem, dt, j, accepted, work)
     work.status[SPEED] = speed
-    rate = attitude_rate(K, 6) * share
-    extent[3 * n] = select(accepted, maximum(extent[3 * n], rate), extent[3 * n])
+    raise_extent(3 * n, attitude_rate(K, 6) * share, t, accepted, work)
     if extremes:
         note_peaks(problem, dt, accepted, work)
 
@@ -92,11 +91,18 @@ def attitude_rate(K: Table, stage: int) -> Float:
 
 
 @inlined
-def note_values(j: int, q: Float, chosen: Mask, extent: Table) -> None:
-    """Extend the range of joint ``j`` to a value."""
-    lowest, highest = minimum(extent[3 * j + 1], q), maximum(extent[3 * j + 2], q)
-    extent[3 * j + 1] = select(chosen, lowest, extent[3 * j + 1])
-    extent[3 * j + 2] = select(chosen, highest, extent[3 * j + 2])
+def note_value(j: int, q: Float, t: Float, chosen: Mask, work: Workspace) -> None:
+    """Extend the range of joint ``j`` to a value at a time."""
+    raise_extent(3 * j + 1, 0.0 - q, t, chosen, work)
+    raise_extent(3 * j + 2, q, t, chosen, work)
+
+
+@inlined
+def raise_extent(i: int, value: Float, t: Float, chosen: Mask, work: Workspace) -> None:
+    """Raise an extent to a value at a time where it is smaller."""
+    higher = chosen & (value > work.extent[i])
+    work.extent[i] = select(higher, value, work.extent[i])
+    work.moments[i] = select(higher, t, work.moments[i])
 
 
 @inlined
@@ -104,13 +110,14 @@ def note_turning_point(
     problem: Problem, dt: Float, j: int, accepted: Mask, work: Workspace
 ) -> None:
     """Extend the range of joint ``j`` to where its rate changes sign inside the step."""
-    before, after = work.K[4 + j, 0], work.K[4 + j, 6]
+    n, before, after = problem.robot.n, work.K[4 + j, 0], work.K[4 + j, 6]
     turns = accepted & (before * after < 0.0)
     if any_of(turns):
         d, x = derivative(problem, 4 + j, work), before / (before - after)
         for _ in range(_NEWTON_STEPS):
             x = maximum(minimum(x - value(d, x) / slope(d, x), 1.0), 0.0)
-        note_values(j, work.y[4 + j] + dt * integral(d, x), turns, work.extent)
+        t = work.y[4 + n] + dt * integral(derivative(problem, 4 + n, work), x)
+        note_value(j, work.y[4 + j] + dt * integral(d, x), t, turns, work)
 
 
 @inlined
@@ -217,8 +224,10 @@ def evaluate_peaks(
             for lane in range(filled):
                 k, i = owners[lane], places[lane]
                 rate = get_lane(work.extent, i, lane) / duration
-                if i < n:
-                    out.rates[k, i] = max(out.rates[k, i], rate)
-                else:
-                    out.base_rate[k] = max(out.base_rate[k], rate)
+                if rate > (out.rates[k, i] if i < n else out.base_rate[k]):
+                    if i < n:
+                        out.rates[k, i] = rate
+                    else:
+                        out.base_rate[k] = rate
+                    motions.moments[k, 3 * i] = get_lane(work.at, 4 + n, lane) * duration
             filled = 0

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from freefloat.ensemble.endings import COMPLETED, FAILED, MARGIN, SINGULAR
-from freefloat.ensemble.kernels.cones import store_slacks
+from freefloat.ensemble.kernels.cones import LOWEST as LEAST_SLACK
+from freefloat.ensemble.kernels.cones import LOWEST_AT as SLACK_AT
 from freefloat.ensemble.kernels.extents import evaluate_peaks
 from freefloat.ensemble.kernels.flow import END, LAW, TIME_WEIGHT
 from freefloat.ensemble.kernels.records import (
@@ -23,6 +24,7 @@ from freefloat.ensemble.kernels.records import (
     LOWEST_AT,
     PEAK,
     SEGMENT,
+    SLACK_ROWS,
     SMALLEST,
     STATE,
     STEP,
@@ -101,7 +103,7 @@ def integrate_many(
                     ending = FAILED
                 if ending == _CONTINUES:
                     continue
-                store(problem, k, lane, ending, steps[lane], work, peaks[k - first], out)
+                store(problem, motions, k, lane, ending, steps[lane], work, peaks[k - first], out)
                 factor = stricter_factor(motions, k, lane, work, out) if repeats else 1.0
                 if factor < begun:
                     again[repeated], stricter[repeated] = k, factor
@@ -133,12 +135,16 @@ def load_motion(
         q = motions.joints[k, j]
         set_lane(work.y, 4 + j, lane, q)
         set_lane(work.extent, 3 * j, lane, 0.0)
-        set_lane(work.extent, 3 * j + 1, lane, q)
+        set_lane(work.extent, 3 * j + 1, lane, -q)
         set_lane(work.extent, 3 * j + 2, lane, q)
     set_lane(work.y, 4 + n, lane, start / course.duration)
     for j in range(5 + n):
         set_lane(work.K, j, lane, 0.0)
     set_lane(work.extent, 3 * n, lane, 0.0)
+    for i in range(1 + 3 * n):
+        set_lane(work.moments, i, lane, start / course.duration)
+    for i in range(problem.cones.number):
+        set_lane(work.slacks, SLACK_ROWS * i + SLACK_AT, lane, start / course.duration)
     for i in range(n + 1):
         set_lane(work.peaks, i * (STATE + 5 + n) + PEAK, lane, 0.0)
     load_system(motions, k, lane, work)
@@ -209,7 +215,7 @@ def stricter_factor(
 
 @inner
 def store(
-    problem: Problem, k: int, lane: int, ending: int, steps: int, work: Workspace,
+    problem: Problem, motions: Motions, k: int, lane: int, ending: int, steps: int, work: Workspace,
     peaks: Array, out: EnsembleResult,
 ) -> None:  # fmt: skip
     """Write the results of the motion in a lane, and where its rates are largest."""
@@ -228,9 +234,16 @@ def store(
     for j in range(n):
         out.joints[k, j] = get_lane(work.y, 4 + j, lane)
         out.rates[k, j] = get_lane(work.extent, 3 * j, lane) / duration
-        out.lower[k, j] = get_lane(work.extent, 3 * j + 1, lane)
+        out.lower[k, j] = -get_lane(work.extent, 3 * j + 1, lane)
         out.upper[k, j] = get_lane(work.extent, 3 * j + 2, lane)
     out.base_rate[k] = 2.0 * get_lane(work.extent, 3 * n, lane) / duration
     for i in range(len(peaks)):
         peaks[i] = get_lane(work.peaks, i, lane)
-    store_slacks(problem.cones, k, lane, work, out)
+    for i in range(problem.cones.number):
+        out.slacks[k, i] = get_lane(work.slacks, SLACK_ROWS * i + LEAST_SLACK, lane)
+    if motions.extremes:
+        for i in range(1 + 3 * n):
+            motions.moments[k, i] = get_lane(work.moments, i, lane) * duration
+        for i in range(problem.cones.number):
+            at = get_lane(work.slacks, SLACK_ROWS * i + SLACK_AT, lane) * duration
+            motions.moments[k, 1 + 3 * n + i] = at

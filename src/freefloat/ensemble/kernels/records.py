@@ -31,7 +31,7 @@ the last step; signs of det S* and of the measure at the beginning; measure at t
 minimum and the time of it, its maximum; smallest and largest magnitude of det S*; largest rate."""
 
 
-SLACK_ROWS = 4
+SLACK_ROWS = 5
 """Number of rows of a limit in ``Workspace.slacks``."""
 PEAK, PEAK_SEGMENT, STATE = 0, 1, 2
 """Places of a rate in ``Workspace.peaks``: its square by the interpolant, in units of the duration,
@@ -102,6 +102,7 @@ class Motions(NamedTuple):
     stop_below: float
     stricter: bool  # whether all begin with the tolerance of those with small minima
     extremes: bool  # whether extreme values are those between the ends of steps, too
+    moments: Array  # their times, see ``EnsembleIntegrator.integrate``; empty where not asked for
 
 
 class Workspace(NamedTuple):
@@ -115,7 +116,9 @@ class Workspace(NamedTuple):
     inside: Table  # attitude, joints and time inside a step
     status: Table
     h: Table  # angular momentum, that of wheels in the spacecraft frame, and the drift
-    extent: Table  # of each joint, the largest rate, smallest and largest value; rate of attitude
+    extent: Table  # of each joint, the largest rate, minus the smallest and the largest value;
+    # largest rate of attitude
+    moments: Table  # their times in units of the duration
     peaks: Table  # where the rates of joints and attitude are largest, (1 + n, 7 + n)
     metric: Table  # this and the following are for redundant arms
     basis: Table
@@ -140,8 +143,8 @@ def make_workspace(n: int, m: int, cones: int = 0, properties: int = 0, arms: in
     r = n - m
     shapes = (
         (5 + n,), (5 + n,), (5 + n, 7), (7,), (5 + n,), (STATUS_ROWS,), (9,), (1 + 3 * n,),
-        ((1 + n) * (STATE + 5 + n),), (n * n,), (n * r,), (r * r,), (2 * r,), (n,), (n,), (4,),
-        (SLACK_ROWS * cones,),
+        (1 + 3 * n,), ((1 + n) * (STATE + 5 + n),),
+        (n * n,), (n * r,), (r * r,), (2 * r,), (n,), (n,), (4,), (SLACK_ROWS * cones,),
     )  # fmt: skip
     tables = (np.zeros((*shape, WIDTH)) for shape in shapes)
     return Workspace(make_solver(n, arms, properties), *tables)
@@ -153,8 +156,9 @@ def workspace_in_tables(work: Workspace) -> Workspace:
     return Workspace(
         solver_in_tables(work.solver), lanes(work.y, 1), lanes(work.at, 1), lanes(work.K, 7),
         lanes(work.weights, 1), lanes(work.inside, 1), lanes(work.status, 1), lanes(work.h, 1),
-        lanes(work.extent, 1), lanes(work.peaks, 1), lanes(work.metric, 1), lanes(work.basis, 1),
-        lanes(work.normal, 1), lanes(work.right, 1), lanes(work.column, 1),
+        lanes(work.extent, 1), lanes(work.moments, 1), lanes(work.peaks, 1),
+        lanes(work.metric, 1), lanes(work.basis, 1), lanes(work.normal, 1),
+        lanes(work.right, 1), lanes(work.column, 1),
         lanes(work.gradient, 1), lanes(work.initial, 1), lanes(work.slacks, 1),
     )  # fmt: skip
 

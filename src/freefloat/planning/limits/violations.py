@@ -12,7 +12,9 @@ import numpy as np
 
 from freefloat.ensemble.endings import COMPLETED, LIMITED, UNREACHED
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.known_limits import KNOWN
 from freefloat.ensemble.result import EnsembleResult
+from freefloat.limits.kinds.base_rate import BaseRateLimit
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import LimitResult
 from freefloat.robot.joint_ranges import largest_range_ratio
@@ -20,8 +22,8 @@ from freefloat.so3 import Array
 
 UNFINISHED = 1e6
 """Violation of motions that just fail to follow the whole path."""
-COMPARED = ("joint_range", "joint_rate", "pointing", "base_turn")
-"""Limits whose ratios compiled motions have."""
+COMPARED = tuple(name for name in KNOWN if name != BaseRateLimit.name)
+"""Limits whose ratios violations have: those that ensembles know, but that of the base rate."""
 
 
 class Violations:

@@ -1,4 +1,4 @@
-"""Figure of a study: minimum margins over the varied parameters, and the feasible fraction."""
+"""Figure of a study: minimum margins, also over the varied parameters, and feasible fraction."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from freefloat.so3 import Array
 from freefloat.statistics import confidence_interval
 from freefloat.visualization.figure_style import (
     BLUE,
-    COLUMN,
     GREY,
     ORANGE,
     PAGE,
@@ -28,17 +27,21 @@ from freefloat.visualization.figure_style import (
     styled,
 )
 
-_MAX_PANELS = 11
+_MAX_PANELS = 12
 _COLUMNS = 3
 _HEIGHT = 2.1
 """Height of a panel [inch]."""
 _MARKS = {"feasible": ("o", BLUE), "infeasible": ("x", ORANGE), "error": ("|", VERMILION)}
-_MAX_POINTS = 5000
+_MAX_POINTS = 1000
 """Runs above which their density is drawn."""
+_BINS = 40
+"""Bars of the histogram."""
 _PARTS = 20
 """Parts into which runs are divided, by the value of a parameter, to see its effect."""
 _CELLS = 60, 40
 """Numbers of cells of a density, across and up."""
+_PALEST = 0.5
+"""Number of runs in a cell that would be white."""
 _ESTIMATES = 200
 """Points of the running estimate."""
 _LABEL_LENGTH = 28
@@ -51,11 +54,12 @@ Column = npt.NDArray[Any]
 def study_figure(
     table: Mapping[str, Column], parameters: Mapping[str, str], unit: str = ""
 ) -> Figure:
-    """The figure of margins over parameters; runs without a margin are drawn at zero.
+    """The figure of margins, over parameters too; runs without a margin are drawn there at zero.
 
-    Of more than eleven parameters those with the largest effect are drawn. Above 5,000 runs panels
-    show how many runs there are. The last panel is the running estimate of
-    the feasible fraction, by number of runs without error, with its 95 % confidence interval.
+    The first panels are the histogram of the margins and the running estimate of the feasible
+    fraction, by number of runs without error, with its 95 % confidence interval. Of more than
+    twelve parameters those with the largest effect are drawn. Above 1,000 runs their panels show
+    how many runs there are.
 
     Args:
         table: Columns of the runs: verdict, margin, margin_required, measure and the parameters.
@@ -66,36 +70,52 @@ def study_figure(
     every = [key for key in parameters if len(set(table[key].tolist())) > 1]
     strongest = sorted(every, key=lambda key: -_effect(table[key], margins))[:_MAX_PANELS]
     varied = [key for key in every if key in strongest]
-    across = 2 if len(varied) == 3 else min(_COLUMNS, len(varied) + 1)
-    down = math.ceil((len(varied) + 1) / across)
-    figure = new_figure(COLUMN if across == 1 else PAGE, 0.4 + _HEIGHT * down)
-    panels = list(figure.subplots(down, across, squeeze=False).flat)
+    across = 2 if len(varied) == 4 else max(1, min(_COLUMNS, len(varied)))
+    down, wide = math.ceil(len(varied) / across), 6 // across
+    figure = new_figure(PAGE, 0.4 + _HEIGHT * (1 + down))
+    grid = figure.add_gridspec(1 + down, 6)
+    histogram, estimate = (figure.add_subplot(grid[0, half]) for half in (slice(3), slice(3, 6)))
+    panels = [
+        figure.add_subplot(grid[1 + row, wide * column : wide * (column + 1)])
+        for row, column in (divmod(place, across) for place in range(len(varied)))
+    ]
     verdicts = table["verdict"]
     required = np.unique(table["margin_required"][~np.isnan(table["margin_required"])])
     measure = next(filter(None, table["measure"]), None)
     quantity = "minimum margin" if measure is None else f"minimum |{measure_title(measure)}|"
-    drawn = None
-    for place, (axes, key) in enumerate(zip(panels, varied, strict=False)):
-        drawn = _panel(axes, table[key], margins, verdicts)
+    label = f"margin {amount(required[0], unit)}" if len(required) == 1 else ""
+    _draw_histogram(histogram, table["margin"], verdicts)
+    histogram.set_xlabel(axis_label(quantity, unit))
+    lowest, highest = margins.min(initial=np.inf), margins.max(initial=1e-9)
+    if label:
+        histogram.axvline(*required, color=GREY, linestyle="--", linewidth=0.8)
+        lowest = min(lowest, required[0])
+    lowest = min(lowest, highest)
+    densities = []
+    for place, (axes, key) in enumerate(zip(panels, varied, strict=True)):
+        densities += _panel(axes, table[key], margins, verdicts)
         axes.set_xlabel(_short(parameters[key]))
-        if len(required) == 1:
-            label = f"margin {amount(required[0], unit)}"
+        if label:
             axes.axhline(*required, color=GREY, linestyle="--", linewidth=0.8, label=label)
-        axes.set_ylim(bottom=-0.02 * margins.max(initial=1e-9))
+        axes.set_ylim(bottom=lowest - 0.05 * (highest - lowest or highest))
         if place % across == 0:
-            axes.set_ylabel(axis_label(quantity, unit))
+            axes.set_ylabel(axis_label(quantity, unit), fontsize=7.0)  # not taller than the panel
         else:
             axes.tick_params(labelleft=False)
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=4)
-    if drawn is not None:
+    entries = {
+        label: handle for axes in (histogram, *panels[:1])
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }  # fmt: skip
+    figure.legend(entries.values(), entries.keys(), loc="outside upper left", ncols=4)
+    _draw_estimate(estimate, verdicts)
+    if densities:
+        most = max(density.get_array().max() for density in densities)
+        for density in densities:
+            density.set_clim(_PALEST, most)
         figure.colorbar(
-            drawn, ax=panels[: len(varied)], label="runs in a cell", location="top", shrink=0.4,
-            aspect=40,
+            densities[0], ax=panels, label="runs in a cell", location="bottom",
+            shrink=0.4, aspect=40,
         )  # fmt: skip
-    _draw_estimate(panels[len(varied)], verdicts)
-    for axes in panels[len(varied) + 1 :]:
-        axes.remove()
     if left_out := len(every) - len(varied):
         figure.supxlabel(
             f"not shown: the {left_out} parameters with the least effect", fontsize=8.0
@@ -110,26 +130,39 @@ def _effect(values: Column, margins: Array) -> float:
     return float(np.var([part.mean() for part in parts if len(part)]))
 
 
-def _panel(axes: Any, values: Column, margins: Array, verdicts: Column) -> Any:
-    """Draw margins over a parameter; return the density, None where runs are points."""
+def _draw_histogram(axes: Any, margins: Array, verdicts: Column) -> None:
+    """Draw how many runs have which margin, by verdict."""
+    known = ~np.isnan(margins)
+    parts = {verdict: margins[known & (verdicts == verdict)] for verdict in _MARKS}
+    parts = {verdict: part for verdict, part in parts.items() if len(part)}
+    axes.set_ylabel("runs")
+    axes.xaxis.set_major_locator(MaxNLocator(5))
+    axes.hist(
+        [*parts.values()], _BINS, stacked=True, color=[_MARKS[verdict][1] for verdict in parts],
+        label=[f"{verdict} ({len(part):,})" for verdict, part in parts.items()],
+    )  # fmt: skip
+
+
+def _panel(axes: Any, values: Column, margins: Array, verdicts: Column) -> list[Any]:
+    """Draw margins over a parameter; return the density, if runs are no points."""
     places, names = _places(values)
     if names is not None:
         axes.set_xticks(range(len(names)), names, rotation=30, ha="right")
     else:
         axes.xaxis.set_major_locator(MaxNLocator(5))
     if len(places) > _MAX_POINTS:
-        return axes.hist2d(
+        return [axes.hist2d(
             places, margins, _CELLS, cmin=1, norm=LogNorm(1), cmap="Blues", rasterized=True
-        )[3]
+        )[3]]  # fmt: skip
     for verdict, (mark, colour) in _MARKS.items():
         chosen = verdicts == verdict
         if not chosen.any():
             continue
         axes.plot(
             places[chosen], margins[chosen], mark, color=colour, linestyle="none", markersize=3.0,
-            label=f"{verdict} ({int(chosen.sum())})", alpha=0.7,
+            label=f"{verdict} ({int(chosen.sum()):,})", alpha=0.7,
         )  # fmt: skip
-    return None
+    return []
 
 
 def _draw_estimate(axes: Any, verdicts: Column) -> None:
@@ -137,8 +170,6 @@ def _draw_estimate(axes: Any, verdicts: Column) -> None:
     feasible = (verdicts == "feasible")[verdicts != "error"]
     axes.set_xlabel("runs")
     axes.set_ylabel("feasible fraction")
-    axes.yaxis.set_label_position("right")
-    axes.yaxis.tick_right()
     axes.set_ylim(-0.02, 1.02)
     if not len(feasible):
         return
