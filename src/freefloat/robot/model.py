@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -348,23 +348,27 @@ class FreeFloatingModel:
         """Pinocchio's configuration vector with the system's centre of mass at the origin.
 
         Args:
-            attitude: Unit quaternion x, y, z, w, shape (4,).
-            joints: Joint values, shape (n,).
+            attitude: Unit quaternion x, y, z, w, shape (4,) or (K, 4).
+            joints: Joint values, shape (n,) or (K, n).
 
         Returns:
-            ``[base position, base quaternion, joints]``, shape (7 + n,).
+            ``[base position, base quaternion, joints]``, shape (..., 7 + n).
 
         Raises:
             InputError: If the attitude is no unit quaternion, or the joints are not as many finite
                 numbers as move.
         """
+        if np.ndim(joints) == 2:
+            states = zip(np.asarray(attitude), np.asarray(joints), strict=True)
+            rows = [self.configuration(*state) for state in states]
+            return np.reshape(rows, (len(rows), 7 + self.dof))
         q = configuration_vector(attitude, joints, self.dof)
         q[:3] = -pin.centerOfMass(self.pin_model, self.scratch, q)
         return q
 
     def base_position(self, attitude: npt.ArrayLike, joints: npt.ArrayLike) -> Array:
-        """Origin of the spacecraft's root link in the inertial frame [m], shape (3,)."""
-        return self.configuration(attitude, joints)[:3]
+        """Origin of the spacecraft's root link in the inertial frame [m], shape (..., 3)."""
+        return self.configuration(attitude, joints)[..., :3]
 
     def end_effector_pose(self, attitude: npt.ArrayLike, joints: npt.ArrayLike) -> Pose:
         """Pose of the end-effector in the inertial frame, whose origin is the centre of mass."""
@@ -373,16 +377,22 @@ class FreeFloatingModel:
     def end_effector_poses(
         self, attitude: npt.ArrayLike, joints: npt.ArrayLike
     ) -> tuple[Pose, ...]:
-        """Poses of :attr:`end_effector_links` in the inertial frame."""
-        q = self.configuration(attitude, joints)
-        pin.framesForwardKinematics(self.pin_model, self.scratch, q)
-        return tuple(pose_of(self.scratch.oMf[frame]) for frame in self.frame_ids)
+        """Poses of :attr:`end_effector_links` in the inertial frame, K of each for K states."""
+
+        def places(q: Array) -> list[pin.SE3]:
+            pin.framesForwardKinematics(self.pin_model, self.scratch, q)
+            return [self.scratch.oMf[frame] for frame in self.frame_ids]
+
+        return _poses(places, self.configuration(attitude, joints))
 
     def body_poses(self, attitude: npt.ArrayLike, joints: npt.ArrayLike) -> tuple[Pose, ...]:
         """Poses of the bodies' joint frames in the inertial frame, the root link's first."""
-        q = self.configuration(attitude, joints)
-        pin.forwardKinematics(self.pin_model, self.scratch, q)
-        return tuple(map(pose_of, self.scratch.oMi.tolist()[1:]))
+
+        def places(q: Array) -> list[pin.SE3]:
+            pin.forwardKinematics(self.pin_model, self.scratch, q)
+            return [*self.scratch.oMi][1:]
+
+        return _poses(places, self.configuration(attitude, joints))
 
     def joint_vector(
         self, joints: Mapping[str, float] | npt.ArrayLike, key: str = "joints"
@@ -415,3 +425,11 @@ class FreeFloatingModel:
         difference = np.asarray(first)[..., arm] - np.asarray(second)[..., arm]
         modulo = np.where(self.prismatic[arm], difference, wrapped(difference))
         return np.asarray(np.abs(modulo).max(axis=-1))
+
+
+def _poses(places: Callable[[Array], list[pin.SE3]], q: Array) -> tuple[Pose, ...]:
+    """Poses of frames in a configuration, or K of each in configurations (K, 7 + n)."""
+    if q.ndim == 1:
+        return tuple(map(pose_of, places(q)))
+    poses = np.array([[place.homogeneous for place in places(row)] for row in q])
+    return tuple(Pose(each[:, :3, 3], each[:, :3, :3]) for each in poses.swapaxes(0, 1))

@@ -63,10 +63,9 @@ class PathOfPoint3:
 
     def at(self, t: Array) -> tuple[Array, Rotation]:
         """Point 3 [m], shape (K, 3), and rotations of the end-effector from zero joints."""
-        poses = [self._path.pose(time) for time in t.tolist()]
-        rotations = Rotation.from_matrix([pose.rotation for pose in poses]) * self._from_zero
-        positions = np.array([pose.position for pose in poses])
-        return positions - rotations.apply(self._wrist_to_tool), rotations
+        pose = self._path.pose(t)
+        rotations = Rotation.from_matrix(pose.rotation) * self._from_zero
+        return pose.position - rotations.apply(self._wrist_to_tool), rotations
 
 
 @lru_cache(maxsize=4)
