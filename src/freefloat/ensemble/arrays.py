@@ -242,7 +242,7 @@ def _tangents(path: EndEffectorPath, low: float, high: float) -> Array:
     for number in _CELLS:
         width = (high - low) / number
         nodes = low + width * (np.arange(number)[:, None] + _NODES)
-        values = np.array([tangent(s) for s in nodes.ravel().tolist()]).reshape(number, 5, 6)
+        values = tangent(nodes.ravel()).reshape(number, 5, 6)
         cubics = np.einsum("pk,nki->nip", _THROUGH_NODES, values[:, :4])[..., ::-1]
         error = values[:, 4] - cubics @ (0.5 ** np.arange(3, -1, -1))
         if np.abs(error).max() <= _TANGENT_ERROR * np.abs(values).max():

@@ -100,11 +100,11 @@ class EndEffectorPath:
         both = np.concatenate([self.curve.breaks, self.orientation.breaks])
         return frozen(np.unique(both))
 
-    def tangent_within(self, low: float, high: float) -> Callable[[float], Array]:
+    def tangent_within(self, low: float, high: float) -> Callable[[float | Array], Array]:
         """The tangent between two values of s; beyond them it continues as smoothly as there."""
         curve = self.curve.within(low, high)
         orientation = self.orientation.within(low, high)
-        return lambda s: np.concatenate([curve(s, 1), orientation.rate(s)])
+        return lambda s: np.concatenate([curve(s, 1), orientation.rate(s)], axis=-1)
 
     def second_derivative(self, s: float | Array) -> Array:
         """Derivative of the tangent by s [m; rad], shape (..., 6).
