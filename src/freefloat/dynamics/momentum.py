@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
+from scipy.linalg.blas import dgemm
 from scipy.linalg.lapack import dgesv
 
 from freefloat.dynamics.tasks import Task, applicable, prescribed_rows, required_plane
@@ -212,14 +213,14 @@ def generalized_jacobian(
                [ 0.2823, -0.0525]])
     """
     task = applicable(model, task)
-    if np.ndim(joints) == 2:
+    if getattr(joints, "ndim", 1) == 2:
         return _stacked(lambda q: (generalized_jacobian(model, q, task),), joints)[0]
     A_G, J = _maps(model, joints, task)
     A_G = np.asfortranarray(A_G)  # solved in place
     _, _, base, singular = dgesv(A_G[:, :6], A_G[:, 6:], 1, 1)
     if singular:
         raise np.linalg.LinAlgError("the inertia matrix of the spacecraft's rates is singular")
-    S: Array = J[:, 6:] - J[:, :6].dot(base)
+    S: Array = dgemm(-1.0, J[:, :6], base, 1.0, J[:, 6:])
     return S if task is Task.POSE else S[prescribed_rows(model, task)]
 
 
@@ -273,6 +274,8 @@ def _maps(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task) -> tuple[
     spacecraft's columns, are along the axes of the plane.
     """
     A_G, J = _spatial_maps(model, joints, task)
+    if not task.planar:
+        return A_G, J
     return _in_plane(model, task, A_G), _in_plane(model, task, J)
 
 
