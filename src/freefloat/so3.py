@@ -12,7 +12,6 @@ r"""Frame and sign conventions; attitudes, rotations and poses.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -90,9 +89,8 @@ class Pose:
 
     def seen_from_each(self, attitudes: Array) -> tuple[Array, Array]:
         """Positions (K, 3) and rotations (K, 3, 3) relative to frames with attitudes (K, 4)."""
-        R0 = Rotation.from_quat(attitudes).as_matrix()
-        position = np.einsum("kji,j->ki", R0, self.position)
-        return position, np.einsum("kji,jl->kil", R0, self.rotation)
+        back = rotation_matrix(attitudes).swapaxes(1, 2)
+        return back @ self.position, back @ self.rotation
 
 
 def unit_vector(key: str, values: npt.ArrayLike) -> Array:
@@ -275,18 +273,7 @@ def rotation_vector_rate(vector: Array, omega: Array) -> Array:
 def rotation_vector_between(start: npt.ArrayLike, end: npt.ArrayLike) -> Array:
     """The rotation vectors [rad] from rotations (3, 3) or (K, 3, 3) to others, (3,) or (K, 3)."""
     difference = np.asarray(end) @ np.asarray(start).swapaxes(-1, -2)
-    if difference.ndim == 2 and np.trace(difference) > 0.0:  # in a tenth of SciPy's time
-        return _small_rotation_vector(difference)
     return np.asarray(Rotation.from_matrix(difference).as_rotvec())
-
-
-def _small_rotation_vector(R: Array) -> Array:
-    """The rotation vector (3,) of a rotation (3, 3) by at most 120 degrees."""
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R.tolist()
-    vector = [zy - yz, xz - zx, yx - xy]
-    sine = math.hypot(*vector) / 2.0
-    ratio = math.atan2(sine, (xx + yy + zz - 1.0) / 2.0) / sine if sine else 1.0
-    return ratio / 2.0 * np.array(vector)
 
 
 def rotation_vector_to(start: npt.ArrayLike, end: npt.ArrayLike) -> Array:

@@ -42,16 +42,12 @@ def momentum_map(
     Raises:
         InputError: If the joints are not those of the robot, or the attitude is no unit quaternion.
     """
-    vectors = (joints,) if attitude is UPRIGHT else (joints, attitude)
-    (A_G,) = _stacked(lambda *state: (_centroidal_map(model, *state),), *vectors)
-    return A_G
 
+    def matrix(*state: Array) -> tuple[Array]:
+        q = _configuration(model, *state)
+        return (np.array(pin.computeCentroidalMap(model.pin_model, model.scratch, q)),)
 
-def _centroidal_map(
-    model: FreeFloatingModel, joints: Array, attitude: npt.ArrayLike = UPRIGHT
-) -> Array:
-    q = _configuration(model, joints, attitude)
-    return np.array(pin.computeCentroidalMap(model.pin_model, model.scratch, q))
+    return _stacked(matrix, *((joints,) if attitude is UPRIGHT else (joints, attitude)))[0]
 
 
 def mass_matrix(model: FreeFloatingModel, joints: npt.ArrayLike) -> Array:
@@ -253,7 +249,10 @@ def generalized_determinant(
         )
     A_G, J = _stacked(lambda q: _maps(model, q, task), joints)
     M = np.concatenate([A_G, J[..., rows, :]], axis=-2)
-    return np.linalg.det(M) / (model.total_mass**3 * np.linalg.det(A_G[..., 3:, 3:6]))
+    D = A_G[..., 3:, 3:6]
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = D.tolist() if D.ndim == 2 else np.moveaxis(D, 0, -1)
+    det_D = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
+    return np.linalg.det(M) / (model.total_mass**3 * det_D)
 
 
 def _configuration(

@@ -128,16 +128,13 @@ class ResolvedRateSolver:
         """
         if joints.ndim == 2:
             return self._many_rates(attitude, joints, twist, speed, arm_rates)
-        robot, data, q, M, b = self._robot, self._data, self._q, self._M, self._b
-        q[3:7], q[7:] = attitude, joints
-        M[:6] = pin.computeCentroidalMap(robot, data, q)
-        for arm, (frame, rows) in enumerate(self._parts):
-            J = pin.getFrameJacobian(robot, data, frame, self._frame)
+        M, b = self._M, self._b
+        axes = self._fill(M, attitude, joints)
+        for arm, (_, rows) in enumerate(self._parts):
             own = twist[6 * arm : 6 * arm + 6]
             if self._own_axes:
-                placement = pin.updateFramePlacement(robot, data, frame)
-                own = (own.reshape(2, 3) @ placement.rotation).ravel()
-            M[rows], b[rows] = self._prescribed(J), self._prescribed(own)
+                own = (own.reshape(2, 3) @ axes[arm]).ravel()
+            b[rows] = self._prescribed(own)
         if self._further:
             if arm_rates is None:
                 self._model.require_one_arm("these joint rates")
@@ -175,26 +172,30 @@ class ResolvedRateSolver:
         self, attitudes: Array, joints: Array, twists: Array, arm_rates: Array | None
     ) -> tuple[Array, Array]:
         """M and b of (4) at K configurations, shapes (K, r, 6 + n) and (K, r)."""
-        robot, data, q, K = self._robot, self._data, self._q, len(joints)
+        K = len(joints)
         M, b = np.tile(self._M, (K, 1, 1)), np.tile(self._b, (K, 1))
-        axes = np.empty((len(self._parts), K, 3, 3))
-        for k in range(K):
-            q[3:7], q[7:] = attitudes[k], joints[k]
-            M[k, :6] = pin.computeCentroidalMap(robot, data, q)
-            for arm, (frame, rows) in enumerate(self._parts):
-                M[k, rows] = self._prescribed(pin.getFrameJacobian(robot, data, frame, self._frame))
-                if self._own_axes:
-                    axes[arm, k] = pin.updateFramePlacement(robot, data, frame).rotation
+        axes = [self._fill(*state) for state in zip(M, attitudes, joints, strict=True)]
         for arm, (_, rows) in enumerate(self._parts):
             own = twists[:, 6 * arm : 6 * arm + 6]
             if self._own_axes:
-                own = (own.reshape(K, 2, 3) @ axes[arm]).reshape(K, 6)
+                own = (own.reshape(K, 2, 3) @ [of_arm[arm] for of_arm in axes]).reshape(K, 6)
             b[:, rows] = self._prescribed(own.T).T
         if self._further:
             b[:, self._task.stop :] = arm_rates
         if self._wheels:
             b[:, 3:6] = self._system.body_momentum(attitudes)
         return M, b
+
+    def _fill(self, M: Array, attitude: Array, joints: Array) -> list[Array]:
+        """Write the matrix of (4) at a configuration; axes of end-effectors in which rows are."""
+        robot, data, q, axes = self._robot, self._data, self._q, []
+        q[3:7], q[7:] = attitude, joints
+        M[:6] = pin.computeCentroidalMap(robot, data, q)
+        for frame, rows in self._parts:
+            M[rows] = self._prescribed(pin.getFrameJacobian(robot, data, frame, self._frame))
+            if self._own_axes:
+                axes.append(pin.updateFramePlacement(robot, data, frame).rotation.copy())
+        return axes
 
     def _prescribed(self, twists: Array) -> Array:
         """The task's rows of twists of an end-effector (6, ...)."""

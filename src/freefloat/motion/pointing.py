@@ -111,14 +111,8 @@ class PointingLimit:
     ) -> tuple[Array, Array]:
         """The axis and the direction of the target in a configuration, inertial unit vectors.
 
-        Args:
-            model: The robot.
-            attitude: Unit quaternion x, y, z, w, shape (4,) or (K, 4).
-            joints: Joint values, shape (n,) or (K, n).
-            origin: Origin of the path's frame from the centre of mass [m], shape (..., 3).
-
-        Returns:
-            Shape (..., 3) each.
+        The origin (..., 3) is that of the path's frame from the centre of mass [m]; for K attitudes
+        and joints there are K vectors, (K, 3).
         """
         number, placement = model.link_places[self.body]
         local = placement.rotation @ self.axis

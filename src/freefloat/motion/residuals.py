@@ -13,14 +13,7 @@ from freefloat.dynamics.momentum import momentum_map
 from freefloat.dynamics.tasks import Task
 from freefloat.motion.panels import TO_COEFFICIENTS, with_slopes
 from freefloat.motion.problem import Problem
-from freefloat.so3 import (
-    Array,
-    IntArray,
-    Pose,
-    rotation_matrix,
-    rotation_vector_between,
-    turned,
-)
+from freefloat.so3 import Array, IntArray, Pose, rotation_matrix, rotation_vector_between, turned
 
 _UNRESOLVED = 1e-7
 """Changes in a panel [rad, m, fraction of duration] below which derivatives are not resolved."""

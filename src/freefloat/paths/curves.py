@@ -46,14 +46,9 @@ class Curve(Segmented, ABC):
 
     @abstractmethod
     def __call__(self, s: float | Array, order: int = 0) -> Array:
-        """Position, or its derivative of order 1 or 2 by s, inertial frame.
+        """Position, or its derivative of order 1 or 2 by s, inertial frame, shape (3,).
 
-        Args:
-            s: A value, or K of them, shape (K,).
-            order: 0, 1 or 2.
-
-        Returns:
-            Shape (3,), or (K, 3).
+        For s of shape (K,) the shape is (K, 3).
         """
 
     def moved(self, pose: Pose) -> Curve:

@@ -17,14 +17,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from freefloat.paths.curves import Segmented, segments_within, significant_breaks
-from freefloat.so3 import (
-    Array,
-    attitude_axes,
-    cross,
-    frozen,
-    rotation_vector_between,
-    turned,
-)
+from freefloat.so3 import Array, attitude_axes, cross, frozen, rotation_vector_between, turned
 
 _NEGLIGIBLE = 1e-8
 """Rotation by jumps of derivatives [rad] that is ignored."""
@@ -40,10 +33,7 @@ class OrientationLaw(Segmented, ABC):
         """End-effector axes in the inertial frame, shape (3, 3); (K, 3, 3) for s of shape (K,)."""
 
     def rate(self, s: float | Array) -> Array:
-        """Angular velocity per unit of s [rad], inertial frame, shape (3,) or (K, 3).
-
-        By default it is zero.
-        """
+        """Angular velocity per unit of s [rad], inertial frame, (3,) or (K, 3); zero by default."""
         return np.zeros((*np.shape(s), 3))
 
     def rotated(self, rotation: Array) -> OrientationLaw:

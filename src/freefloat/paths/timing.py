@@ -129,31 +129,23 @@ class Timing:
 
     def segment_at(self, t: float | Array) -> Any:
         """Numbers of the segments of s(t) that hold at times [s], an int or shape (K,)."""
-        return self._inner.searchsorted(t, side="right")
+        return self._polynomials[0].searchsorted(t, side="right")
 
     @cached_property
-    def _inner(self) -> Array:
-        return frozen(self.ends[:-1])
-
-    @cached_property
-    def _polynomials(self) -> tuple[Array, Array, list[Array]]:
-        """Origins and spans of the segments (N,), and coefficients of every order (degree, N)."""
+    def _polynomials(self) -> tuple[Array, Array, Array, list[Array]]:
+        """Inner ends, origins and spans of the N segments, coefficients by order (degree, N)."""
         origins, spans = np.array([(part.origin, part.span) for part in self.segments]).T
         orders = zip(*(part.orders for part in self.segments), strict=True)
         rows = [zip_longest(*(row[::-1] for row in order), fillvalue=0.0) for order in orders]
-        return origins, spans, [np.array([*row][::-1]) for row in rows]
+        return np.array(self.ends[:-1]), origins, spans, [np.array([*row][::-1]) for row in rows]
 
     def s(self, t: float | Array, order: int = 0, segment: int | IntArray | None = None) -> Any:
-        """The path parameter s at time t, or its first or second time derivative.
+        """The path parameter s at time t, or its first or second time derivative; (K,) at (K,).
 
         Args:
-            t: Time [s], or times (K,); without ``segment``, at rest before 0 and after the end, but
-                for rounding.
+            t: Time [s]; without ``segment``, at rest before 0 and after the end, but for rounding.
             order: 0, 1 or 2.
             segment: Use this segment of the law, also a little beyond its ends.
-
-        Returns:
-            A number, or shape (K,).
 
         Raises:
             InputError: If there is no such order.
@@ -166,7 +158,7 @@ class Timing:
             if order:
                 moving = 1.0 * (np.abs(inside - t) <= _ROUNDING * self.duration)
             t, segment = inside, self.segment_at(inside)
-        origins, spans, orders = self._polynomials
+        _, origins, spans, orders = self._polynomials
         tau = (t - origins[segment]) / spans[segment]
         value = 0.0 * tau
         for coefficients in orders[order]:
@@ -286,10 +278,7 @@ class TimedPath:
         return np.multiply.outer(t, -self.drift)
 
     def pose(self, t: float | Array) -> Pose:
-        """End-effector pose at time t [s] relative to the centre of mass, inertial axes.
-
-        At times (K,) it is K poses, as all poses and twists.
-        """
+        """End-effector pose at time t [s] relative to the centre of mass; K poses at times (K,)."""
         pose = self.path.pose(self.timing.s(t))
         return Pose(pose.position + self.origin(t), pose.rotation)
 

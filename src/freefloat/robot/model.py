@@ -27,7 +27,6 @@ from freefloat.robot.rigid_bodies import (
     build_model,
     joints_of_arms,
     moving_joints,
-    pose_of,
     require_within_ranges,
 )
 from freefloat.robot.source import RobotSource
@@ -359,9 +358,8 @@ class FreeFloatingModel:
                 numbers as move.
         """
         if np.ndim(joints) == 2:
-            states = zip(np.asarray(attitude), np.asarray(joints), strict=True)
-            rows = [self.configuration(*state) for state in states]
-            return np.reshape(rows, (len(rows), 7 + self.dof))
+            states: Any = zip(attitude, joints, strict=True)  # type: ignore[arg-type]
+            return np.array([self.configuration(*state) for state in states])
         q = configuration_vector(attitude, joints, self.dof)
         q[:3] = -pin.centerOfMass(self.pin_model, self.scratch, q)
         return q
@@ -378,21 +376,22 @@ class FreeFloatingModel:
         self, attitude: npt.ArrayLike, joints: npt.ArrayLike
     ) -> tuple[Pose, ...]:
         """Poses of :attr:`end_effector_links` in the inertial frame, K of each for K states."""
-
-        def places(q: Array) -> list[pin.SE3]:
-            pin.framesForwardKinematics(self.pin_model, self.scratch, q)
-            return [self.scratch.oMf[frame] for frame in self.frame_ids]
-
-        return _poses(places, self.configuration(attitude, joints))
+        return self._poses(attitude, joints, lambda data: [data.oMf[k] for k in self.frame_ids])
 
     def body_poses(self, attitude: npt.ArrayLike, joints: npt.ArrayLike) -> tuple[Pose, ...]:
         """Poses of the bodies' joint frames in the inertial frame, the root link's first."""
+        return self._poses(attitude, joints, lambda data: data.oMi.tolist()[1:])
 
-        def places(q: Array) -> list[pin.SE3]:
-            pin.forwardKinematics(self.pin_model, self.scratch, q)
-            return [*self.scratch.oMi][1:]
-
-        return _poses(places, self.configuration(attitude, joints))
+    def _poses(
+        self, attitude: npt.ArrayLike, joints: npt.ArrayLike, places: Callable[[Any], list[Any]]
+    ) -> tuple[Pose, ...]:
+        """Poses of places in Pinocchio's data."""
+        q, found = self.configuration(attitude, joints), []
+        for row in np.atleast_2d(q):
+            pin.framesForwardKinematics(self.pin_model, self.scratch, row)
+            found.append([place.homogeneous for place in places(self.scratch)])
+        poses = np.swapaxes(found, 0, 1) if q.ndim == 2 else np.array(found[0])
+        return tuple(Pose(pose[..., :3, 3], pose[..., :3, :3]) for pose in poses)
 
     def joint_vector(
         self, joints: Mapping[str, float] | npt.ArrayLike, key: str = "joints"
@@ -425,11 +424,3 @@ class FreeFloatingModel:
         difference = np.asarray(first)[..., arm] - np.asarray(second)[..., arm]
         modulo = np.where(self.prismatic[arm], difference, wrapped(difference))
         return np.asarray(np.abs(modulo).max(axis=-1))
-
-
-def _poses(places: Callable[[Array], list[pin.SE3]], q: Array) -> tuple[Pose, ...]:
-    """Poses of frames in a configuration, or K of each in configurations (K, 7 + n)."""
-    if q.ndim == 1:
-        return tuple(map(pose_of, places(q)))
-    poses = np.array([[place.homogeneous for place in places(row)] for row in q])
-    return tuple(Pose(each[:, :3, 3], each[:, :3, :3]) for each in poses.swapaxes(0, 1))

@@ -119,7 +119,7 @@ class SceneBody:
         """Its frame at time t [s] relative to the centre of mass, inertial axes.
 
         Args:
-            t: Time [s], or times (K,), at which it has K poses.
+            t: Time [s], or times (K,) of one sign, at which it has K poses.
             path: Its frame, and the pose that it prescribes for the end-effector.
             hand: Poses of the end-effector in place of the path's.
         """

@@ -21,6 +21,8 @@ from freefloat.so3 import Array, frozen, rotation_matrix, zeros
 _TOLERANCE = 1e-13
 """Relative tolerance: the attitude is exact to 1e-11 over ten revolutions."""
 _ABSOLUTE = 1e-15
+_ROUNDING = 1e-12
+"""Rounding error of times, relative to the largest, that may have the other sign."""
 _DEGREE = 7
 """Degree of the polynomials by which DOP853 interpolates."""
 MOST_REVOLUTIONS = 1000.0
@@ -80,14 +82,14 @@ class Tumbling:
         """Rotation of the body from its attitude at time zero to that at time t [s].
 
         Args:
-            t: A time, or times (K,).
+            t: A time, or times (K,) of one sign.
 
         Returns:
             Rotates vectors of the body's frame at time t into that at time zero, shape (3, 3), or
             (K, 3, 3).
 
         Raises:
-            InputError: If that is more than 1,000 revolutions.
+            InputError: If that is more than 1,000 revolutions, or times have both signs.
         """
         axes = self._principal[1]
         if isinstance(t, np.ndarray):
@@ -101,9 +103,9 @@ class Tumbling:
         Raises:
             InputError: As :meth:`rotation`.
         """
-        axes = self._principal[1]
         state = self._state(t) if isinstance(t, np.ndarray) else _at(self, float(t))
-        return np.asarray((np.where(np.less(t, 0.0), -1.0, 1.0) * state[4:]).T @ axes.T)
+        back = -1.0 if np.sum(t) < 0.0 else 1.0
+        return np.asarray(back * state[4:].T @ self._principal[1].T)
 
     def acceleration(self, rate: Array) -> Array:
         """Angular acceleration at angular velocities, same axes [rad/s²], shape (..., 3)."""
@@ -114,13 +116,9 @@ class Tumbling:
 
         Shape (7,), or (7, K).
         """
-        if not np.isfinite(t).all():
-            raise InputError("t", f"{t} was given", "a finite time")
-        if isinstance(t, np.ndarray) and t.min() < 0.0 <= t.max():
-            states, early = np.empty((7, len(t))), t < 0.0
-            states[:, early], states[:, ~early] = self._state(t[early]), self._state(t[~early])
-            return states
         last = float(np.ravel(t)[np.abs(t).argmax()])
+        if not np.min(t * np.sign(last)) >= -_ROUNDING * abs(last):  # nan is no time
+            raise InputError("t", f"{t} was given", "a finite time, or times of one sign")
         turns = self.revolutions(last)
         if turns > MOST_REVOLUTIONS:
             accepted = f"at most {MOST_REVOLUTIONS:g} revolutions"

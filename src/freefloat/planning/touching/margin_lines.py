@@ -130,7 +130,9 @@ class StatesOnPath:
 
     def measures(self, joints: Array) -> Array:
         """S at joints (K, 6), shape (K,); NaN where the joints are."""
-        return np.array([self.measure(q) if np.isfinite(q).all() else np.nan for q in joints])
+        values, known = np.full(len(joints), np.nan), np.isfinite(joints).all(axis=1)
+        values[known] = self.measure(joints[known])
+        return values
 
     def _rates(self, t: float, attitude: Array, joints: Array) -> tuple[Array, Array]:
         """Base and joint rates (8), per second; without momentum and drift per unit of s."""
