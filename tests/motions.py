@@ -88,18 +88,21 @@ def gaps(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi).max(axis=-1)
 
 
+_Y = np.array([0.0, 1.0, 0.0])
+
+
 class PitchOrientation(OrientationLaw):
     """Pitch of the end-effector about the inertial y axis by the angle 4 a s (1 - s)."""
 
     def __init__(self, start: np.ndarray, amplitude: float) -> None:
         self.start, self.amplitude = start, amplitude
 
-    def rotation(self, s: float) -> np.ndarray:
-        pitch = Rotation.from_rotvec([0.0, 4.0 * self.amplitude * s * (1.0 - s), 0.0])
+    def rotation(self, s: float | np.ndarray) -> np.ndarray:
+        pitch = Rotation.from_rotvec(np.multiply.outer(4.0 * self.amplitude * s * (1.0 - s), _Y))
         return pitch.as_matrix() @ self.start
 
-    def rate(self, s: float) -> np.ndarray:
-        return np.array([0.0, 4.0 * self.amplitude * (1.0 - 2.0 * s), 0.0])
+    def rate(self, s: float | np.ndarray) -> np.ndarray:
+        return np.multiply.outer(4.0 * self.amplitude * (1.0 - 2.0 * s), _Y)
 
 
 def virtual_jacobian(virtual: VirtualManipulator, joints: np.ndarray) -> np.ndarray:

@@ -12,16 +12,18 @@ Array = npt.NDArray[np.float64]
 
 
 def rotation_matrix(quaternion: npt.ArrayLike) -> Array:
-    """The rotation (3, 3) of a quaternion ``x, y, z, w``, in a tenth of the time of arrays."""
-    x, y, z, w = np.asarray(quaternion, dtype=float).tolist()
+    """Rotations (..., 3, 3) of quaternions x, y, z, w of any length but zero, shape (..., 4)."""
+    q = np.asarray(quaternion, dtype=float)
+    x, y, z, w = q.tolist() if q.ndim == 1 else np.moveaxis(q, -1, 0)
     k = 2.0 / (x * x + y * y + z * z + w * w)
     xx, yy, zz, xy, yz, zx = k * x * x, k * y * y, k * z * z, k * x * y, k * y * z, k * z * x
     wx, wy, wz = k * w * x, k * w * y, k * w * z
-    return np.array([
+    rotations = np.array([
         [1.0 - yy - zz, xy - wz, zx + wy],
         [xy + wz, 1.0 - zz - xx, yz - wx],
         [zx - wy, yz + wx, 1.0 - xx - yy],
     ])  # fmt: skip
+    return rotations if q.ndim == 1 else np.moveaxis(rotations, (0, 1), (-2, -1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,16 +82,7 @@ class Rotation:
 
     def as_matrix(self) -> Array:
         """Orthogonal matrices, shape (..., 3, 3)."""
-        if self.quaternions.ndim == 1:
-            return rotation_matrix(self.quaternions)
-        x, y, z, w = np.moveaxis(self.quaternions, -1, 0).copy()
-        R = np.empty((3, 3, *x.shape))
-        for i, (a, b, c) in enumerate(((x, y, z), (y, z, x), (z, x, y))):
-            j = (i + 1) % 3
-            product, turn = 2.0 * a * b, 2.0 * c * w
-            R[i, i] = 1.0 - 2.0 * (b * b + c * c)
-            R[i, j], R[j, i] = product - turn, product + turn
-        return np.moveaxis(R, (0, 1), (-2, -1))
+        return rotation_matrix(self.quaternions)
 
     def as_rotvec(self) -> Array:
         """Shortest rotation vectors [rad], shape (..., 3)."""

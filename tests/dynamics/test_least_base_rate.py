@@ -86,6 +86,6 @@ def test_the_polynomials_inside_steps_have_the_rates_of_the_equation():
     panel, x = np.repeat(np.arange(motion.panels), len(NODES)), np.tile(NODES, motion.panels)
     moving, states, slopes = with_slopes(motion.coefficients, panel, x)
     states[:, 1:5] /= np.linalg.norm(states[:, 1:5], axis=1)[:, None]
-    where = states[:, 0], states[:, 1:5], states[:, 5:], map(motion.timing_segment, panel[moving])
-    exact = motion.law.many_rates(*where)[:, 3:]
+    where = states[:, 0], states[:, 1:5], states[:, 5:], motion.timing_segment(panel[moving])
+    exact = motion.law.rates(*where).joints
     assert np.abs(slopes[:, 5:] - exact).max() < 2e-6 * np.abs(exact).max()

@@ -294,9 +294,9 @@ def test_stops_laws_and_the_motion_of_a_redundant_arm_come_back(folder: Path) ->
 
 def test_a_curve_of_the_users_own_class_has_no_scenario(folder: Path) -> None:
     class Circle(Curve):
-        def __call__(self, s: float, order: int = 0) -> np.ndarray:
+        def __call__(self, s: float | np.ndarray, order: int = 0) -> np.ndarray:
             phase = s + order * np.pi / 2
-            return np.array([np.cos(phase), np.sin(phase), 0.0])
+            return np.array([np.cos(phase), np.sin(phase), 0.0 * phase]).T
 
     wanted = problem(folder, LINE, task="position")
     timed = replace(wanted.path, path=ff.EndEffectorPath(Circle()))

@@ -85,7 +85,9 @@ def test_every_measure_vanishes_at_a_singular_end(motions, key, name):
 
 def passing(joint, value, shape):
     """A measure of one joint alone, so that its minimum along a motion is known."""
-    return SingularityMeasure("made up", "for the test", "rad", lambda q: shape(q[joint] - value))
+    return SingularityMeasure(
+        "made up", "for the test", "rad", lambda q: shape(q[..., joint] - value)
+    )
 
 
 def times_inside(motion):

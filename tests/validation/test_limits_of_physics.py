@@ -128,6 +128,8 @@ class JointLoop(Curve):
         return self.mean * u + float((self.waves / (1j * k) * (np.exp(1j * k * u) - 1)).sum().real)
 
     def __call__(self, s, order=0):
+        if np.ndim(s):
+            return np.array([self(each, order) for each in s])
         u = 2.0 * np.pi * self.loops * s
         (q, rate), rotation = self.joints(u), np.exp(1j * self.heading(u))
         if order == 0:

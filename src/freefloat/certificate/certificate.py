@@ -9,7 +9,6 @@ along the arc length, in quaternions.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -20,14 +19,23 @@ from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES, with_slopes
-from freefloat.motion.problem import Prescribed
 from freefloat.motion.residuals import path_errors
-from freefloat.so3 import Array, IntArray, angle_between, rotated_in_body, rotation_vector_rate
+from freefloat.rotations import rotation_matrix
+from freefloat.so3 import (
+    Array,
+    IntArray,
+    rotated_in_body,
+    rotation_vector_between,
+    rotation_vector_rate,
+    turned,
+)
 
 _INTEGRATOR = "Munthe-Kaas Runge-Kutta of fourth order on SO(3), fixed steps in time"
 _BEFORE_SINGULAR, _MOMENT = 2, 1e-3
 """Number of panels before a singularity that are omitted, and part of the duration in which others
 are, too: the rates by time have no bound there."""
+_DIFFERENCE = 1e-6
+"""Difference of attitude or joints [rad, m] by which rates are differentiated."""
 
 
 @dataclass(frozen=True)
@@ -168,18 +176,14 @@ def _with_slopes(motion: Motion) -> tuple[IntArray, Array, Array]:
 def _rate_errors(motion: Motion) -> Worst:
     """The largest of :attr:`Certificate.rates`."""
     problem = motion.problem
-    solver = problem.resolved_rate_solver()
-    segments = [motion.timing_segment(panel) for panel in range(motion.panels)]
     panels, states, slopes = _with_slopes(motion)
     regular = panels < _regular_panels(motion)
     panels, states, slopes = panels[regular], states[regular], slopes[regular]
     fastest = float(np.abs(slopes[:, 5:]).max(initial=0.0))
     if not fastest:
         return Worst(0.0, float(motion.times[0]))
-    exact = []
-    for panel, state in zip(panels, states, strict=True):
-        prescribed = problem.prescribed(float(state[0]), segments[panel])
-        exact.append(solver.rates(state[1:5], state[5:], *prescribed)[1])
+    prescribed = problem.prescribed(states[:, 0], motion.timing_segment(panels))
+    _, exact = problem.resolved_rate_solver().rates(states[:, 1:5], states[:, 5:], *prescribed)
     return _worst(np.abs(slopes[:, 5:] - exact).max(axis=1) / fastest, states[:, 0])
 
 
@@ -196,20 +200,19 @@ def _momentum_scale(motion: Motion) -> float:
     """See :attr:`Certificate.momentum_scale`."""
     scale, n = motion.problem.system.momentum_bound, motion.problem.model.arm_dof
     _, states, slopes = _with_slopes(motion)
-    for joints, rates in zip(states[:, 5:], slopes[:, 5:], strict=True):
-        _, Dq = inertia_matrices(motion.problem.model, joints)
-        scale = max(scale, float(np.linalg.norm(Dq[:, :n] @ rates[:n])))
-    return scale
+    _, Dq = inertia_matrices(motion.problem.model, states[:, 5:])
+    carried = turned(Dq[..., :n], slopes[:, 5 : 5 + n])
+    return float(np.linalg.norm(carried, axis=1).max(initial=scale))
 
 
 def _certified_minima(motion: Motion) -> tuple[tuple[CertifiedMinimum, ...], int]:
     """Smallest magnitudes of the measures with their bounds, and the number of intervals."""
     problem = motion.problem
-    names = dict.fromkeys(("gjm", "sigma", problem.margin.measure.name))
-    approaches = [
-        closest_approach(motion, singularity_measure(problem.model, problem.task, name))
-        for name in names
-    ]
+    measures = {
+        name: singularity_measure(problem.model, problem.task, name) for name in ("gjm", "sigma")
+    }
+    measures[problem.margin.measure.name] = problem.margin.measure
+    approaches = [closest_approach(motion, measure) for measure in measures.values()]
     values = {approach.measure: approach.value for approach in approaches}
     bounds = Bounds(dict.fromkeys(values, 0.0), 0)
     if motion.ending is not Ending.SINGULAR and min(values.values()):
@@ -225,59 +228,88 @@ def _certified_minima(motion: Motion) -> tuple[tuple[CertifiedMinimum, ...], int
 def integrate_again(motion: Motion) -> Comparison:
     """Integrate a motion from its first state with steps from node to node, whole and halved.
 
+    The steps begin at the recorded nodes, all at once. Their errors are carried on to later nodes
+    by the linearized equations, which errors far below one follow.
+
     Args:
         motion: The motion; of one that ends singular, the last panels are omitted.
     """
     panels = _regular_panels(motion)
-    whole = _integrated(motion, panels, 1)
-    attitudes, joints = _integrated(motion, panels, 2)
-    nodes = slice(0, DEGREE * panels + 1)
-    times = motion.times[nodes]
-    angles = angle_between(attitudes, motion.attitudes[nodes])
-    differences = np.abs(joints - motion.joints[nodes])
+    carried = _transitions(motion, panels)
+    whole, halved = (_carried(carried, _step_errors(motion, panels, parts)) for parts in (1, 2))
+    times = motion.times[: DEGREE * panels + 1]
+    angles, differences = np.linalg.norm(halved[:, :3], axis=1), np.abs(halved[:, 3:])
     node, joint = np.unravel_index(int(differences.argmax()), differences.shape)
+    change = halved[-1] - whole[-1]
     return Comparison(
         attitude=float(angles.max()),
         attitude_time=float(times[angles.argmax()]),
         joints=float(differences.max()),
         joints_time=float(times[node]),
         joint=motion.problem.model.joint_names[joint],
-        halving_attitude=float(angle_between(attitudes[-1], whole[0][-1])),
-        halving_joints=float(np.abs(joints[-1] - whole[1][-1]).max()),
+        halving_attitude=float(np.linalg.norm(change[:3])),
+        halving_joints=float(np.abs(change[3:]).max()),
         steps=2 * DEGREE * panels,
         until=float(times[-1]),
     )
 
 
-def _integrated(motion: Motion, panels: int, parts: int) -> tuple[Array, Array]:
-    """Attitudes (N, 4) and joints (N, n) at the nodes, with ``parts`` steps between nodes."""
-    problem = motion.problem
+def _carried(transitions: Array, errors: Array) -> Array:
+    """Errors at the nodes (N, 3 + n) that errors of the steps between them add up to."""
+    total = [np.zeros(transitions.shape[2])]
+    for transition, error in zip(transitions, errors, strict=True):
+        total.append(transition @ total[-1] + error)
+    return np.array(total)
+
+
+def _step_errors(motion: Motion, panels: int, parts: int) -> Array:
+    """Errors of every node when ``parts`` steps lead to it from the node before, (N - 1, 3 + n).
+
+    They are rotation vectors of the spacecraft in its own axes and differences of joints.
+    """
+    problem, last = motion.problem, DEGREE * panels
     solver = problem.resolved_rate_solver()
+    segments = np.repeat(motion.timing_segment(np.arange(panels)), DEGREE)
+    h = np.diff(motion.times[: last + 1])[:, None] / parts
+    attitudes = motion.attitudes[:last]
+    z = np.hstack([np.zeros((last, 3)), motion.joints[:last]])
 
-    def rates(attitude: Array, z: Array, prescribed: Prescribed) -> Array:
+    def rates(part: float, z: Array) -> Array:
         """Rates of z: the rotation vector (the exponential's derivative inverted) and joints."""
-        omega, joint_rates = solver.rates(rotated_in_body(attitude, z[:3]), z[3:], *prescribed)
-        return np.concatenate([rotation_vector_rate(z[:3], omega), joint_rates])
+        prescribed = problem.prescribed(motion.times[:last] + part * h[:, 0], segments)
+        states = rotated_in_body(attitudes, z[:, :3])
+        omega, joint_rates = solver.rates(states, z[:, 3:], *prescribed)
+        return np.hstack([rotation_vector_rate(z[:, :3], omega), joint_rates])
 
-    attitudes, joints = [motion.attitudes[0]], [motion.joints[0]]
-    for panel in range(panels):
-        nodes = motion.times[DEGREE * panel : DEGREE * (panel + 1) + 1]
-        segment = motion.timing_segment(panel)
-        last = problem.prescribed(float(nodes[0]), segment)
-        for start, end in pairwise(nodes.tolist()):
-            h = (end - start) / parts
-            attitude = attitudes[-1]
-            z = np.append(np.zeros(3), joints[-1])
-            for part in range(parts):
-                t = start + part * h
-                before, middle = last, problem.prescribed(t + h / 2.0, segment)
-                last = problem.prescribed(t + h, segment)
-                k1 = np.concatenate(solver.rates(attitude, z[3:], *before))
-                k2 = rates(attitude, z + h / 2.0 * k1, middle)
-                k3 = rates(attitude, z + h / 2.0 * k2, middle)
-                k4 = rates(attitude, z + h * k3, last)
-                z = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-                attitude, z[:3] = rotated_in_body(attitude, z[:3]), 0.0
-            attitudes.append(attitude)
-            joints.append(z[3:])
-    return np.array(attitudes), np.array(joints)
+    for part in range(parts):
+        k1 = rates(part, z)
+        k2 = rates(part + 0.5, z + h / 2.0 * k1)
+        k3 = rates(part + 0.5, z + h / 2.0 * k2)
+        k4 = rates(part + 1.0, z + h * k3)
+        z = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        attitudes, z[:, :3] = rotated_in_body(attitudes, z[:, :3]), 0.0
+    recorded = slice(1, last + 1)
+    turns = rotation_vector_between(*map(rotation_matrix, (motion.attitudes[recorded], attitudes)))
+    turns = turned(rotation_matrix(attitudes).swapaxes(1, 2), turns)
+    return np.hstack([turns, z[:, 3:] - motion.joints[recorded]])
+
+
+def _transitions(motion: Motion, panels: int) -> Array:
+    """Derivatives of the errors at nodes by those at the nodes before, shape (N - 1, d, d).
+
+    They follow from the derivatives F of the rates by the errors: (1 - h F / 2)^-1 (1 + h F / 2).
+    """
+    problem, count = motion.problem, DEGREE * panels + 1
+    times, attitudes, joints = (x[:count] for x in (motion.times, motion.attitudes, motion.joints))
+    n, base = joints.shape[1], np.zeros((1, 3 + joints.shape[1]))
+    moved = np.concatenate([base, _DIFFERENCE * np.eye(3 + n)])
+    moved = np.repeat(moved, count, axis=0)
+    attitudes = rotated_in_body(np.tile(attitudes, (4 + n, 1)), moved[:, :3])
+    joints = np.tile(joints, (4 + n, 1)) + moved[:, 3:]
+    prescribed = problem.prescribed(np.tile(times, 4 + n))
+    solved = problem.resolved_rate_solver().rates(attitudes, joints, *prescribed)
+    rates = np.hstack(solved).reshape(4 + n, count, 3 + n)
+    F = np.moveaxis((rates[1:] - rates[0]) / _DIFFERENCE, 0, -1)
+    F[:, :3, :3] -= np.cross(np.eye(3), rates[0, :, None, :3])
+    half = np.diff(times)[:, None, None] / 4.0 * (F[1:] + F[:-1])
+    return np.asarray(np.linalg.solve(np.eye(3 + n) - half, np.eye(3 + n) + half))

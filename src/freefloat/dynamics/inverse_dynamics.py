@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -11,21 +13,22 @@ from freefloat.dynamics.momentum import momentum_map
 from freefloat.dynamics.system import System
 from freefloat.dynamics.tasks import Task, task_rows
 from freefloat.rotations import rotation_matrix
-from freefloat.so3 import Array, cross
+from freefloat.so3 import Array, cross, turned
 
 
 @dataclass(frozen=True, eq=False)
 class Effort:
-    """Rates, accelerations and forces at an instant.
+    """Rates, accelerations and forces at an instant, or at K instants.
 
     Base components are linear before angular, in the spacecraft frame at its root link's origin.
 
     Attributes:
-        rates: Base twist and joint rates, shape (6 + n,).
-        accelerations: Their time derivatives, shape (6 + n,).
-        base_wrench: Force [N] and moment [N m] on the spacecraft, shape (6,); zero but for
+        rates: Base twist and joint rates, shape (..., 6 + n); all values are NaN in states without
+            rates, where the arm is exactly singular.
+        accelerations: Their time derivatives, shape (..., 6 + n).
+        base_wrench: Force [N] and moment [N m] on the spacecraft, shape (..., 6); zero but for
             numerical errors.
-        joint_torques: Joint torques [N m or N], shape (n,).
+        joint_torques: Joint torques [N m or N], shape (..., n).
     """
 
     rates: Array
@@ -33,18 +36,13 @@ class Effort:
     base_wrench: Array
     joint_torques: Array
 
-    @classmethod
-    def unknown(cls, dof: int) -> Effort:
-        """That of a state without rates, where the arm is exactly singular: all are NaN."""
-        values = np.full(6 + dof, np.nan)
-        return cls(values, values, values[:6], values[6:])
-
 
 class InverseDynamics:
     """Forces at states of a robot whose angular momentum is conserved, without gravity.
 
     Every function takes the spacecraft's attitude, a unit quaternion x, y, z, w, joint values (n,),
-    and rates (3 + n,): the angular velocity of the spacecraft in its own frame, and of the joints.
+    and rates (3 + n,): the angular velocity of the spacecraft in its own frame, and of the joints;
+    or K of each.
     """
 
     def __init__(self, system: System) -> None:
@@ -57,10 +55,10 @@ class InverseDynamics:
     def of_joints(
         self, attitude: Array, joints: Array, rates: Array, accelerations: Array
     ) -> Effort:
-        """Forces for joint accelerations (n,)."""
+        """Forces for joint accelerations (..., n)."""
         A, q, v, drift = self._moving(attitude, joints, rates)
-        base = -np.linalg.solve(A[:, :6], drift + A[:, 6:] @ accelerations)
-        return self._effort(q, v, np.concatenate([base, accelerations]))
+        base = -_solved(A[..., :6], drift + turned(A[..., 6:], accelerations))
+        return self._effort(q, v, np.concatenate([base, accelerations], axis=-1))
 
     def of_end_effector(
         self,
@@ -74,37 +72,61 @@ class InverseDynamics:
         """Forces for the derivative of the end-effectors' twists, of which the task's rows count.
 
         The arms that follow paths have as many joints as there are rows; those of further arms that
-        move have prescribed accelerations, shape (dof - arm_dof,).
+        move have prescribed accelerations, shape (..., dof - arm_dof).
         """
         A, q, v, drift = self._moving(attitude, joints, rates)
-        robot, data = self._robot, self._scratch
+        robot, data, still = self._robot, self._scratch, np.zeros(v.shape[-1])
         frames, axes = self._model.frame_ids, pin.LOCAL_WORLD_ALIGNED
-        bias = np.concatenate([
-            pin.getFrameClassicalAcceleration(robot, data, frame, axes).vector for frame in frames
-        ])  # fmt: skip
-        J = np.vstack([pin.computeFrameJacobian(robot, data, q, frame, axes) for frame in frames])
-        J, demanded = (task_rows(self._model, task, M) for M in (J, twist_rate - bias))
-        own = np.eye(len(v))[6 + self._model.arm_dof :]
-        right = np.concatenate([-drift, demanded, further])
-        return self._effort(q, v, np.linalg.solve(np.vstack([A, J, own]), right))
+
+        def rows(q: Array, v: Array) -> Array:
+            """Jacobians of the end-effectors, and as a last column their bias accelerations."""
+            pin.forwardKinematics(robot, data, q, v, still)
+            parts = []
+            for frame in frames:
+                bias = pin.getFrameClassicalAcceleration(robot, data, frame, axes).vector
+                J = pin.computeFrameJacobian(robot, data, q, frame, axes)
+                parts.append(np.column_stack([J, bias]))
+            return task_rows(self._model, task, np.vstack(parts))
+
+        J = _each(rows, q, v)
+        demanded = np.moveaxis(task_rows(self._model, task, np.moveaxis(twist_rate, -1, 0)), 0, -1)
+        own = np.eye(len(still))[6 + self._model.arm_dof :]
+        own = np.broadcast_to(own, (*v.shape[:-1], *own.shape))
+        right = np.concatenate([-drift, demanded - J[..., -1], further], axis=-1)
+        matrix = np.concatenate([A, J[..., :-1], own], axis=-2)
+        return self._effort(q, v, _solved(matrix, right))
 
     def _moving(
         self, attitude: Array, joints: Array, rates: Array
     ) -> tuple[Array, Array, Array, Array]:
         """Momentum matrix, configuration, rates, and change of momentum without accelerations."""
+        robot, data = self._robot, self._scratch
+        known = np.isfinite(rates).all(axis=-1, keepdims=True)
+        rates, still = np.where(known, rates, np.nan), np.zeros(robot.nv)
         A = momentum_map(self._model, joints, attitude)
-        v = np.concatenate([-np.linalg.solve(A[:3, :3], A[:3, 3:] @ rates), rates])
-        q = np.concatenate([np.zeros(3), attitude, joints])
-        variation = pin.computeCentroidalMomentumTimeVariation(
-            self._robot, self._scratch, q, v, np.zeros(len(v))
-        )
-        drift = variation.vector
+        linear = -_solved(A[..., :3, :3], turned(A[..., :3, 3:], rates))
+        v = np.concatenate([linear, rates], axis=-1)
+        q = np.concatenate([np.zeros_like(linear), attitude, joints], axis=-1)
+        variation = pin.computeCentroidalMomentumTimeVariation
+        drift = _each(lambda q, v: variation(robot, data, q, v, still).vector, q, v)
         if self._turning:
-            drift[3:] += rotation_matrix(attitude) @ cross(rates[:3], self._wheels)
+            drift[..., 3:] += turned(rotation_matrix(attitude), cross(rates[..., :3], self._wheels))
         return A, q, v, drift
 
     def _effort(self, q: Array, v: Array, a: Array) -> Effort:
-        forces = np.array(pin.rnea(self._robot, self._scratch, q, v, a))
+        forces = _each(partial(pin.rnea, self._robot, self._scratch), q, v, a)
         if self._turning:
-            forces[3:6] += cross(v[3:6], self._wheels)
-        return Effort(v, a, forces[:6], forces[6:])
+            forces[..., 3:6] += cross(v[..., 3:6], self._wheels)
+        return Effort(v, a, forces[..., :6], forces[..., 6:])
+
+
+def _each(function: Callable[..., Array], *vectors: Array) -> Array:
+    """Values of a function of vectors (n,), at each of K where they have the shape (K, n)."""
+    if vectors[0].ndim == 1:
+        return np.array(function(*vectors))
+    return np.array([np.array(function(*row)) for row in zip(*vectors, strict=True)])
+
+
+def _solved(matrices: Array, right: Array) -> Array:
+    """Solutions (..., r) of linear equations (..., r, r)."""
+    return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0])

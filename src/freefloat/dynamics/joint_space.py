@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import scipy
@@ -17,8 +18,8 @@ from freefloat.so3 import UPRIGHT, Array, frozen
 
 _SAMPLES, _REFINED = 4096, 8
 """Samples of the joint space, and those from which each extremum is refined."""
-Function = Callable[[Array], float]
-"""Of joint values of shape (n,)."""
+Function = Callable[[Array], Any]
+"""Of joint values of shape (n,), or (K, n)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +55,7 @@ def joint_space_extremes(
 
     Args:
         model: Robot.
-        function: Of joint values (n,), such as a singularity measure.
+        function: Of joint values (n,) or (K, n), such as a singularity measure.
         samples: Number of points.
         smooth: Functions that approach it from below where it has kinks, see
             :class:`SingularityMeasure`.
@@ -86,19 +87,23 @@ def sampled_reach(model: FreeFloatingModel, task: Task) -> tuple[float, float]:
         InputError: If a prismatic joint has no finite range.
     """
 
-    def square(joints: Array) -> float:
-        return end_effector_distance(model, task, joints) ** 2
+    def square(joints: Array) -> Array:
+        return np.asarray(end_effector_distance(model, task, joints) ** 2)
 
     extremes = joint_space_extremes(model, square)
     return float(np.sqrt(max(extremes.smallest, 0.0))), float(np.sqrt(extremes.largest))
 
 
-def end_effector_distance(model: FreeFloatingModel, task: Task, joints: Array) -> float:
-    """Distance of the end-effector from the centre of mass, in the plane for planar tasks [m]."""
-    position = model.end_effector_pose(UPRIGHT, joints).position
+def end_effector_distance(model: FreeFloatingModel, task: Task, joints: Array) -> Any:
+    """Distance of the end-effector from the centre of mass, in the plane for planar tasks [m].
+
+    At joint values (n,) it is a number, at those of shape (K, n) the shape is (K,).
+    """
+    attitudes = np.broadcast_to(UPRIGHT, (*joints.shape[:-1], 4))
+    position = model.end_effector_pose(attitudes, joints).position
     if task.planar:
-        position = required_plane(model, task).seen(position)[:2]
-    return float(np.linalg.norm(position))
+        position = required_plane(model, task).seen(position)[..., :2]
+    return np.linalg.norm(position, axis=-1)
 
 
 def joint_box(
@@ -137,7 +142,7 @@ def _sorted_samples(
     """Points of the joint space (K, n) and the function there (K,), in ascending order."""
     lower, upper = joint_box(model)
     points = lower + (upper - lower) * low_discrepancy(samples, model.dof)
-    values = np.array([function(point) for point in points])
+    values = function(points)
     order = np.argsort(values)
     return points[order], values[order]
 
@@ -151,13 +156,14 @@ def _extremum(
     With the sign -1 the largest maximum. On a kink rounding decides where the optimizer ends, so
     that smooth functions lead there.
     """
-    scale, ends = sign * (max(abs(function(start)) for start in starts) or 1.0), list(starts)
+    scale, ends = sign * (float(np.abs(function(starts)).max()) or 1.0), starts
     for stage in smooth or (function,):
-        ends = [
+        ends = np.array([
             # SLSQP: L-BFGS-B uses threaded BLAS for its tiny matrices, which takes far longer
             scipy.optimize.minimize(lambda q, f=stage: f(q) / scale, end, method="SLSQP",
                      bounds=optimizer_bounds(model), options={"ftol": 1e-15}).x
             for end in ends
-        ]  # fmt: skip
-    best = min(ends, key=lambda end: sign * function(end))
-    return float(function(best)), best
+        ])  # fmt: skip
+    values = function(ends)
+    best = (sign * values).argmin()
+    return float(values[best]), ends[best]

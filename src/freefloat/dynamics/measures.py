@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.arm_factor import ArmPlane
 from freefloat.dynamics.link_frames import link_frames
 from freefloat.dynamics.momentum import (
-    determinant,
     generalized_determinant,
     generalized_jacobian,
     system_matrix,
@@ -46,7 +45,8 @@ class SingularityMeasure:
         name: Its key in files, see :func:`singularity_measure`.
         definition: Definition with the paper's equation number.
         unit: Unit, as printed in tables.
-        function: Measure of joint values of shape (n,); signed where it is a determinant.
+        function: Measure of joint values of shape (n,), or K of (K, n); signed where it is a
+            determinant.
         mass_power: Power of a factor on all masses with which it grows.
         smooth: Functions of the joints that approach it from below, each closer than the one
             before, where it has kinks: its maximum is found by theirs.
@@ -55,17 +55,17 @@ class SingularityMeasure:
     name: str
     definition: str
     unit: str
-    function: Callable[[Array], float] = field(repr=False)
+    function: Callable[[Array], Any] = field(repr=False)
     mass_power: int = 0
-    smooth: tuple[Callable[[Array], float], ...] = field(default=(), repr=False)
+    smooth: tuple[Callable[[Array], Any], ...] = field(default=(), repr=False)
 
     @property
     def title(self) -> str:
         """Its name for people."""
         return measure_title(self.name)
 
-    def __call__(self, joints: Array) -> float:
-        """Value at joint values of shape (n,)."""
+    def __call__(self, joints: Array) -> Any:
+        """Value at joint values of shape (n,), or values (K,) at joint values of shape (K, n)."""
         return self.function(joints)
 
 
@@ -136,19 +136,19 @@ def _unit(power: int) -> str:
     return {0: "1", 1: "m"}.get(power, f"m^{power}")
 
 
-def _gjm(model: FreeFloatingModel, task: Task, joints: Array) -> float:
+def _gjm(model: FreeFloatingModel, task: Task, joints: Array) -> Any:
     if len(prescribed_rows(model, task)) == model.arm_dof:
         return generalized_determinant(model, joints, task)
     S = generalized_jacobian(model, joints, task)
-    return float(np.prod(np.linalg.svd(S, compute_uv=False)))
+    return np.linalg.svd(S, compute_uv=False).prod(axis=-1)
 
 
-def _system(model: FreeFloatingModel, task: Task, joints: Array) -> float:
+def _system(model: FreeFloatingModel, task: Task, joints: Array) -> Any:
     A = system_matrix(model, joints, task)
-    if A.shape[0] == A.shape[1]:
-        return determinant(A)
+    if A.shape[-2] == A.shape[-1]:
+        return np.linalg.det(A)
     k = 1 if task.planar else 3
-    return float(np.linalg.det(A[:k, :k])) * _gjm(model, task, joints)
+    return np.linalg.det(A[..., :k, :k]) * _gjm(model, task, joints)
 
 
 def unit_factors(model: FreeFloatingModel, task: Task) -> tuple[Array, Array]:
@@ -166,13 +166,13 @@ def unit_of_length(model: FreeFloatingModel) -> float:
 def _sigma(
     model: FreeFloatingModel, task: Task, factors: tuple[Array, Array], joints: Array,
     power: float = np.inf,
-) -> float:  # fmt: skip
+) -> Any:  # fmt: skip
     """The smallest singular value; with a power one over the norm of their inverses, smooth."""
     rows, columns = factors
     S = rows[:, None] * generalized_jacobian(model, joints, task) * columns
     values = np.linalg.svd(S, compute_uv=False)
-    smallest = float(values[-1])
-    return smallest / float(np.linalg.norm(smallest / values, power)) if smallest else 0.0
+    positive = np.maximum(values, np.finfo(float).tiny)
+    return values[..., -1] / np.linalg.norm(positive[..., -1:] / positive, power, axis=-1)
 
 
 _IN_PLANE, _OUT_OF_PLANE = [0, 4, 5], [1, 2, 3]
@@ -233,13 +233,16 @@ def trigonometric_terms(model: FreeFloatingModel) -> Array:
     return np.column_stack([plane.multiples, plane.coefficients(frames.bodies)])
 
 
-def _arm(terms: Array, joints: Array) -> float:
-    return _sum_of_terms(terms, finite_after(np.zeros(0), "joints", joints, 6))
+def _arm(terms: Array, joints: Array) -> Any:
+    several = np.ndim(joints) == 2
+    return _sum_of_terms(
+        terms, joints if several else finite_after(np.zeros(0), "joints", joints, 6)
+    )
 
 
-def _sum_of_terms(terms: Array, joints: Array) -> float:
-    angles = terms[:, :2] @ joints[1:3]
-    return float(terms[:, 2] @ np.cos(angles) + terms[:, 3] @ np.sin(angles))
+def _sum_of_terms(terms: Array, joints: Array) -> Any:
+    angles = joints[..., 1:3] @ terms[:, :2].T
+    return np.cos(angles) @ terms[:, 2] + np.sin(angles) @ terms[:, 3]
 
 
 def _shoulder_system(model: FreeFloatingModel, joints: Array, axes: Array) -> Array:

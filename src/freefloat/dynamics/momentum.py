@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
-from scipy.linalg.lapack import dgesv, dgetrf
+from scipy.linalg.blas import dgemm
+from scipy.linalg.lapack import dgesv
 
 from freefloat.dynamics.tasks import Task, applicable, prescribed_rows, required_plane
 from freefloat.errors import InputError, require_type
@@ -29,19 +30,24 @@ def momentum_map(
 
     Args:
         model: Robot.
-        joints: Joint values, shape (n,).
-        attitude: Unit quaternion x, y, z, w; at the identity the rows are in the spacecraft frame.
+        joints: Joint values, shape (n,) or (K, n).
+        attitude: Unit quaternion x, y, z, w, or K of them; at the identity the rows are in the
+            spacecraft frame.
 
     Returns:
-        Shape (6, 6 + n). Its product with ``[base twist; joint rates]`` is the linear momentum
+        Shape (..., 6, 6 + n). Its product with ``[base twist; joint rates]`` is the linear momentum
         [N s] and the angular momentum about the centre of mass [N m s], inertial frame. The base
         twist, ``[linear; angular]`` at the root link's origin, is in the spacecraft frame.
 
     Raises:
         InputError: If the joints are not those of the robot, or the attitude is no unit quaternion.
     """
-    q = _configuration(model, joints, attitude)
-    return np.array(pin.computeCentroidalMap(model.pin_model, model.scratch, q))
+
+    def matrix(*state: Array) -> tuple[Array]:
+        q = _configuration(model, *state)
+        return (np.array(pin.computeCentroidalMap(model.pin_model, model.scratch, q)),)
+
+    return _stacked(matrix, *((joints,) if attitude is UPRIGHT else (joints, attitude)))[0]
 
 
 def mass_matrix(model: FreeFloatingModel, joints: npt.ArrayLike) -> Array:
@@ -84,10 +90,10 @@ def inertia_matrices(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[A
 
     Args:
         model: Robot.
-        joints: Joint values, shape (n,).
+        joints: Joint values, shape (n,) or (K, n).
 
     Returns:
-        ``D`` of shape (3, 3) and ``Dq`` of shape (3, n) [kg m²].
+        ``D`` of shape (..., 3, 3) and ``Dq`` of shape (..., 3, n) [kg m²].
 
     Raises:
         InputError: If the joints are not those of the robot.
@@ -99,7 +105,7 @@ def inertia_matrices(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[A
         (np.float64(19.715), array([9.1811, 2.3222]))
     """
     A_G = momentum_map(model, joints)
-    return A_G[3:, 3:6], A_G[3:, 6:]
+    return A_G[..., 3:, 3:6], A_G[..., 3:, 6:]
 
 
 def system_matrix(
@@ -166,7 +172,7 @@ def system_matrix_derivative(
     if np.shape(rates) != np.shape(joints):
         problem = f"shape {np.shape(rates)} was given"
         raise InputError("rates", problem, f"the shape of the joints, {np.shape(joints)}")
-    A_G, J, dA_G, dJ = _stacked(lambda q, v: _map_derivatives(model, q, v, task), joints, rates)
+    A_G, J, dA_G, dJ = _map_derivatives(model, joints, rates, task)
     mass = model.total_mass
     rows = prescribed_rows(model, task)
     J, dJ = J[..., rows, :], dJ[..., rows, :]
@@ -182,12 +188,12 @@ def generalized_jacobian(
 
     Args:
         model: Robot.
-        joints: Joint values, shape (n,).
+        joints: Joint values, shape (n,) or (K, n).
         task: Task or its value, such as ``"position"``.
 
     Returns:
-        The task's rows, shape (m, n), of the end-effector twist [m/s; rad/s], in the spacecraft
-        frame (``pointing``: in the end-effector's; planar tasks: along the axes of their
+        The task's rows, shape (..., m, n), of the end-effector twist [m/s; rad/s], in the frame of
+        the spacecraft (``pointing``: in the end-effector's; planar tasks: along the axes of their
         :class:`.Plane`), per joint rate of the arm that follows the path, while the momentum is
         zero. Where several arms follow paths, rows and columns are
         those of one arm after the other.
@@ -203,18 +209,20 @@ def generalized_jacobian(
                [ 0.2823, -0.0525]])
     """
     task = applicable(model, task)
+    if getattr(joints, "ndim", 1) == 2:
+        return _stacked(lambda q: (generalized_jacobian(model, q, task),), joints)[0]
     A_G, J = _maps(model, joints, task)
     A_G = np.asfortranarray(A_G)  # solved in place
     _, _, base, singular = dgesv(A_G[:, :6], A_G[:, 6:], 1, 1)
     if singular:
         raise np.linalg.LinAlgError("the inertia matrix of the spacecraft's rates is singular")
-    S: Array = J[:, 6:] - J[:, :6].dot(base)
+    S: Array = dgemm(-1.0, J[:, :6], base, 1.0, J[:, 6:])
     return S if task is Task.POSE else S[prescribed_rows(model, task)]
 
 
 def generalized_determinant(
     model: FreeFloatingModel, joints: npt.ArrayLike, task: Task | str = Task.POSE
-) -> float:
+) -> Any:
     """Det S* of (6) for arms with as many joints as task rows, without forming S*.
 
     It is the determinant of the momentum and end-effector rows over all rates, divided by that of
@@ -222,8 +230,11 @@ def generalized_determinant(
 
     Args:
         model: Robot.
-        joints: Joint values, shape (n,).
+        joints: Joint values, shape (n,) or (K, n).
         task: Task or its value, such as ``"position"``.
+
+    Returns:
+        A number, or shape (K,).
 
     Raises:
         InputError: As :func:`generalized_jacobian`; if the arm has more or fewer joints.
@@ -236,11 +247,12 @@ def generalized_determinant(
             f"{task} prescribes {len(rows)} rates, the arm has {model.arm_dof} joints",
             "as many joints as rates; for redundant arms singularity_measure(model, task, 'gjm')",
         )
-    A_G, J = _maps(model, joints, task)
-    M = np.vstack([A_G, J[rows]])
-    (xx, xy, xz), (_, yy, yz), (_, _, zz) = A_G[3:, 3:6].tolist()  # D
+    A_G, J = _stacked(lambda q: _maps(model, q, task), joints)
+    M = np.concatenate([A_G, J[..., rows, :]], axis=-2)
+    D = A_G[..., 3:, 3:6]
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = D.tolist() if D.ndim == 2 else np.moveaxis(D, 0, -1)
     det_D = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
-    return determinant(M) / float(model.total_mass**3 * det_D)
+    return np.linalg.det(M) / (model.total_mass**3 * det_D)
 
 
 def _configuration(
@@ -261,6 +273,8 @@ def _maps(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task) -> tuple[
     spacecraft's columns, are along the axes of the plane.
     """
     A_G, J = _spatial_maps(model, joints, task)
+    if not task.planar:
+        return A_G, J
     return _in_plane(model, task, A_G), _in_plane(model, task, J)
 
 
@@ -282,30 +296,31 @@ def _in_plane(model: FreeFloatingModel, task: Task, M: Array) -> Array:
     """A matrix of :func:`_spatial_maps` along the axes of a planar task's plane."""
     if not task.planar or (plane := required_plane(model, task)).is_level:
         return M
-    M = plane.rows(M)
-    M[:, :6] = plane.rows(M[:, :6].T).T
+    M = np.moveaxis(plane.rows(np.moveaxis(M, -2, 0)), 0, -2)
+    M[..., :6] = np.moveaxis(plane.rows(np.moveaxis(M[..., :6], -1, 0)), 0, -1)
     return M
 
 
 def _map_derivatives(
-    model: FreeFloatingModel, joints: Array, rates: Array, task: Task
-) -> tuple[Array, Array, Array, Array]:
-    """The matrices of :func:`_maps` and their time derivatives."""
-    robot, data = model.pin_model, model.scratch
-    q, v = _configuration(model, joints), finite_after(np.zeros(6), "rates", rates, model.dof)
-    columns = slice(6 + model.arm_dof)
-    dJ = np.vstack([
-        pin.frameJacobianTimeVariation(robot, data, q, v, frame, task.reference_frame)
-        for frame in model.frame_ids
-    ])  # fmt: skip
-    A_G, J = (np.array(matrix) for matrix in _spatial_maps(model, joints, task))
-    momentum = data.Ag[:3] @ v
-    dA_G = np.array(pin.computeCentroidalMapTimeVariation(robot, data, q, v))
+    model: FreeFloatingModel, joints: npt.ArrayLike, rates: npt.ArrayLike, task: Task
+) -> tuple[Array, ...]:
+    """The matrices of :func:`_maps` and their time derivatives, or stacks of them."""
+    robot, data, axes = model.pin_model, model.scratch, task.reference_frame
+
+    def matrices(joints: Array, rates: Array) -> tuple[Array, ...]:
+        q, v = _configuration(model, joints), finite_after(np.zeros(6), "rates", rates, model.dof)
+        dJ = [pin.frameJacobianTimeVariation(robot, data, q, v, k, axes) for k in model.frame_ids]
+        J = [pin.getFrameJacobian(robot, data, frame, axes) for frame in model.frame_ids]
+        dA_G = pin.computeCentroidalMapTimeVariation(robot, data, q, v)
+        return data.Ag, np.concatenate(J), dA_G, np.concatenate(dJ)
+
+    A_G, J, dA_G, dJ = _stacked(matrices, joints, rates)
+    velocity = A_G[..., :3, 6:] @ np.asarray(rates)[..., None] / model.total_mass
     # Pinocchio differentiates about a fixed point; the centre of mass moves in the spacecraft frame
-    dA_G[3:, columns] -= pin.skew(momentum / model.total_mass) @ A_G[:3]
-    matrices = A_G, J, dA_G[:, columns], dJ[:, columns]
-    first, second, third, fourth = (_in_plane(model, task, matrix) for matrix in matrices)
-    return first, second, third, fourth
+    drift = np.cross(velocity, A_G[..., :3, :], axis=-2)
+    dA_G = np.concatenate([dA_G[..., :3, :], dA_G[..., 3:, :] - drift], axis=-2)
+    columns = slice(6 + model.arm_dof)
+    return tuple(_in_plane(model, task, M[..., columns]) for M in (A_G, J, dA_G, dJ))
 
 
 def _stacked(
@@ -315,15 +330,9 @@ def _stacked(
     if np.ndim(vectors[0]) != 2:
         return function(*vectors)
     rows: list[Any] = [*zip(*vectors, strict=True)]
-    count = len(rows)
-    rows = rows or [[np.zeros(np.shape(vector)[1]) for vector in vectors]]  # gives the shapes
-    each = [[M.copy() for M in function(*row)] for row in rows]
-    return tuple(np.array(matrices)[:count] for matrices in zip(*each, strict=True))
-
-
-def determinant(M: Array) -> float:
-    """Determinant by LAPACK's LU factors, in a third of the time of ``np.linalg.det``."""
-    LU, pivots, _ = dgetrf(M)
-    swaps = sum(pivot != i for i, pivot in enumerate(pivots.tolist()))
-    product = float(LU.diagonal().prod())
-    return -product if swaps % 2 else product
+    any_row = rows[0] if rows else [np.eye(np.shape(vector)[1])[-1] for vector in vectors]
+    stacks = tuple(np.empty((len(rows), *M.shape)) for M in function(*any_row))
+    for k, row in enumerate(rows):
+        for stack, M in zip(stacks, function(*row), strict=True):
+            stack[k] = M
+    return stacks

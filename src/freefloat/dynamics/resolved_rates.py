@@ -53,7 +53,7 @@ from freefloat.dynamics.redundancy import (
 )
 from freefloat.dynamics.system import System
 from freefloat.dynamics.tasks import Task, prescribed_rows, require_task, required_plane
-from freefloat.so3 import Array
+from freefloat.so3 import Array, turned
 
 
 class ResolvedRateSolver:
@@ -85,7 +85,8 @@ class ResolvedRateSolver:
         self._plane = required_plane(model, task) if task.planar else None
         self._robot, self._data = model.pin_model, model.pin_model.createData()
         self._further = bool(model.arms)
-        self._selected = slice(None) if task is Task.POSE else task.rows
+        count = len(task.rows)
+        self._selected = slice(count) if task.rows == [*range(count)] else task.rows
         self._parts = [
             (frame, slice(6 + first, 6 + first + len(task.rows)))
             for frame, first in zip(model.frame_ids, range(0, m, len(task.rows)), strict=True)
@@ -108,33 +109,32 @@ class ResolvedRateSolver:
         attitude: Array,
         joints: Array,
         twist: Array,
-        speed: float = 0.0,
+        speed: float | Array = 0.0,
         arm_rates: Array | None = None,
     ) -> tuple[Array, Array]:
-        """Solve (4) at a configuration.
+        """Solve (4) at a configuration, or at K of them.
 
         Args:
-            attitude: Unit quaternion x, y, z, w.
-            joints: Joint values, shape (n,).
-            twist: End-effector twist, inertial frame, shape (6,); of several arms that follow
-                paths one after the other.
+            attitude: Unit quaternion x, y, z, w, shape (4,) or (K, 4).
+            joints: Joint values, shape (n,) or (K, n).
+            twist: End-effector twist, inertial frame, shape (6,) or (K, 6); of several arms that
+                follow paths one after the other.
             speed: Path speed ds/dt [1/s], which scales the attraction of a redundant arm.
-            arm_rates: Joint rates of further arms that move, shape (dof - arm_dof,).
+            arm_rates: Joint rates of further arms that move, shape (..., dof - arm_dof).
 
         Returns:
-            Spacecraft angular velocity in the spacecraft frame [rad/s], shape (3,), and joint
-            rates, shape (n,). Infinite where the matrix is exactly singular.
+            Spacecraft angular velocity in the spacecraft frame [rad/s], shape (..., 3), and joint
+            rates, shape (..., n). Infinite where the matrix is exactly singular.
         """
-        robot, data, q, M, b = self._robot, self._data, self._q, self._M, self._b
-        q[3:7], q[7:] = attitude, joints
-        M[:6] = pin.computeCentroidalMap(robot, data, q)
-        for arm, (frame, rows) in enumerate(self._parts):
-            J = pin.getFrameJacobian(robot, data, frame, self._frame)
+        if joints.ndim == 2:
+            return self._many_rates(attitude, joints, twist, speed, arm_rates)
+        M, b = self._M, self._b
+        axes = self._fill(M, attitude, joints)
+        for arm, (_, rows) in enumerate(self._parts):
             own = twist[6 * arm : 6 * arm + 6]
             if self._own_axes:
-                placement = pin.updateFramePlacement(robot, data, frame)
-                own = (own.reshape(2, 3) @ placement.rotation).ravel()
-            M[rows], b[rows] = self._prescribed(J), self._prescribed(own)
+                own = (own.reshape(2, 3) @ axes[arm]).ravel()
+            b[rows] = self._prescribed(own)
         if self._further:
             if arm_rates is None:
                 self._model.require_one_arm("these joint rates")
@@ -145,9 +145,57 @@ class ResolvedRateSolver:
             _, _, v, singular = dgesv(M, b)
             return (v[3:6], v[6:]) if not singular else self._infinite()
         try:
-            return self._redundant_rates(speed)
+            return self._redundant_rates(float(speed))
         except np.linalg.LinAlgError:
             return self._infinite()
+
+    def _many_rates(
+        self, attitudes: Array, joints: Array, twists: Array, speeds: float | Array,
+        arm_rates: Array | None,
+    ) -> tuple[Array, Array]:  # fmt: skip
+        """The rates at K configurations, all solved at once where they have a closed form."""
+        square, K = self._M.shape[0] == self._M.shape[1], len(joints)
+        if K and (square or self._redundancy.minimum_norm):
+            try:
+                equations = self._equations(attitudes, joints, twists, arm_rates)
+                return _solutions(*equations) if square else _shortest_solutions(*equations)
+            except np.linalg.LinAlgError:  # singular somewhere
+                pass
+        speeds = np.broadcast_to(speeds, K)
+        further = [None] * K if arm_rates is None else arm_rates
+        states = zip(attitudes, joints, twists, speeds.tolist(), further, strict=True)
+        solved = [np.concatenate(self.rates(*state)) for state in states]
+        rates = np.array(solved).reshape(K, 3 + joints.shape[1])
+        return rates[:, :3], rates[:, 3:]
+
+    def _equations(
+        self, attitudes: Array, joints: Array, twists: Array, arm_rates: Array | None
+    ) -> tuple[Array, Array]:
+        """M and b of (4) at K configurations, shapes (K, r, 6 + n) and (K, r)."""
+        K = len(joints)
+        M, b = np.tile(self._M, (K, 1, 1)), np.tile(self._b, (K, 1))
+        axes = [self._fill(*state) for state in zip(M, attitudes, joints, strict=True)]
+        for arm, (_, rows) in enumerate(self._parts):
+            own = twists[:, 6 * arm : 6 * arm + 6]
+            if self._own_axes:
+                own = (own.reshape(K, 2, 3) @ [of_arm[arm] for of_arm in axes]).reshape(K, 6)
+            b[:, rows] = self._prescribed(own.T).T
+        if self._further:
+            b[:, self._task.stop :] = arm_rates
+        if self._wheels:
+            b[:, 3:6] = self._system.body_momentum(attitudes)
+        return M, b
+
+    def _fill(self, M: Array, attitude: Array, joints: Array) -> list[Array]:
+        """Write the matrix of (4) at a configuration; axes of end-effectors in which rows are."""
+        robot, data, q, axes = self._robot, self._data, self._q, []
+        q[3:7], q[7:] = attitude, joints
+        M[:6] = pin.computeCentroidalMap(robot, data, q)
+        for frame, rows in self._parts:
+            M[rows] = self._prescribed(pin.getFrameJacobian(robot, data, frame, self._frame))
+            if self._own_axes:
+                axes.append(pin.updateFramePlacement(robot, data, frame).rotation.copy())
+        return axes
 
     def _prescribed(self, twists: Array) -> Array:
         """The task's rows of twists of an end-effector (6, ...)."""
@@ -254,6 +302,22 @@ class ResolvedRateSolver:
                 twist = self._plane.rows(twist)
             gradient += twist[row] - recoil[i] @ momentum[:, 6:]
         return gradient
+
+
+def _solutions(M: Array, b: Array) -> tuple[Array, Array]:
+    """Angular velocities and joint rates that solve square equations (K, r, r)."""
+    v = np.asarray(np.linalg.solve(M, b[..., None])[..., 0], dtype=float)
+    return v[:, 3:6], v[:, 6:]
+
+
+def _shortest_solutions(M: Array, b: Array) -> tuple[Array, Array]:
+    """Those of minimum norm of the joint rates that solve equations (K, r, 6 + n)."""
+    B = np.concatenate([M[:, :6, 6:], b[:, :6, None]], axis=2)
+    solution = np.linalg.solve(M[:, :6, :6], B)
+    reduced = np.concatenate([M[:, 6:, 6:], b[:, 6:, None]], axis=2) - M[:, 6:, :6] @ solution
+    Q, R = np.linalg.qr(reduced[..., :-1].swapaxes(1, 2))
+    u = turned(Q, np.linalg.solve(R.swapaxes(1, 2), reduced[..., -1:])[..., 0])
+    return np.asarray(solution[:, 3:, -1] - turned(solution[:, 3:, :-1], u)), u
 
 
 def damped_inverse(G: Array, size: float) -> Array:

@@ -70,7 +70,7 @@ class System:
         )  # fmt: skip
 
     def body_momentum(self, attitude: npt.ArrayLike) -> Array:
-        """Angular momentum of spacecraft and arm without wheels, inertial axes [N m s], (3,)."""
+        """Angular momentum of spacecraft and arm without wheels, inertial [N m s], (..., 3)."""
         return np.asarray(self.momentum - rotation_matrix(attitude) @ self.wheels)
 
     def base_rate(

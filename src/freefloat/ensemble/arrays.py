@@ -198,7 +198,7 @@ def _tangents(path: EndEffectorPath, low: float, high: float) -> Array:
     for number in _CELLS:
         width = (high - low) / number
         nodes = low + width * (np.arange(number)[:, None] + NODES)
-        values = np.array([tangent(s) for s in nodes.ravel().tolist()]).reshape(number, 5, 6)
+        values = tangent(nodes.ravel()).reshape(number, 5, 6)
         cubics, error = cubics_through(values)
         if error.max() <= _TANGENT_ERROR * np.abs(values).max():
             break

@@ -20,10 +20,10 @@ from freefloat.motion.margin import ROUNDING
 from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import AttitudeLimits, Keep, PointingLimit
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array
+from freefloat.so3 import Array, IntArray
 
-Slack: TypeAlias = Callable[[float, Array, Array], float]
-"""Of a limit, at a time with an attitude (4,) and joints (n,)."""
+Slack: TypeAlias = Callable[[Array, Array, Array], Array]
+"""Of a limit, at times (K,) with attitudes (K, 4) and joints (K, n)."""
 
 
 class PreciseIntegrator:
@@ -107,21 +107,21 @@ class PreciseIntegrator:
         slacks = [partial(_pointing_slack, motion, limit) for limit in self._limits.pointing]
         if turn is None:
             return [*slacks]
-        return [*slacks, lambda t, attitude, joints: abs(attitude @ first) - np.cos(turn / 2.0)]
+        return [*slacks, lambda t, attitudes, joints: abs(attitudes @ first) - np.cos(turn / 2.0)]
 
 
 def _pointing_slack(
-    motion: Motion, limit: PointingLimit, t: float, attitude: Array, joints: Array
-) -> float:
+    motion: Motion, limit: PointingLimit, t: Array, attitudes: Array, joints: Array
+) -> Array:
     problem = motion.problem
-    axis, target = limit.vectors(problem.model, attitude, joints, problem.path.origin(t))
-    slack = float(axis @ target - np.cos(limit.angle))
-    return slack if limit.keep is Keep.INSIDE else -slack
+    axis, target = limit.vectors(problem.model, attitudes, joints, problem.path.origin(t))
+    slack = (axis * target).sum(axis=1) - np.cos(limit.angle)
+    return np.asarray(slack if limit.keep is Keep.INSIDE else -slack)
 
 
 def _least(motion: Motion, slack: Slack) -> float:
-    def along(panel: int, x: float) -> Array:
-        return np.array([slack(*motion.at(panel, x))])
+    def along(panel: IntArray, x: Array) -> Array:
+        return slack(*motion.at(panel, x))[:, None]
 
     return minimum(at_nodes(motion, along), along).value if motion.panels else np.inf
 
@@ -129,6 +129,6 @@ def _least(motion: Motion, slack: Slack) -> float:
 def _determinant_ratio(motion: Motion) -> float:
     """Smallest over largest magnitude of det S* at the nodes; of its volume with more joints."""
     model, task = motion.problem.chain(), motion.problem.task
-    S = np.array([generalized_jacobian(model, q[: model.dof], task) for q in motion.joints])
+    S = generalized_jacobian(model, motion.joints[:, : model.dof], task)
     volumes = np.linalg.svd(S, compute_uv=False).prod(axis=1)
     return float(volumes.min() / volumes.max())

@@ -8,7 +8,6 @@ left, so that no contact between samples is missed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +19,6 @@ from freefloat.limits.pairs import CollisionPairs
 from freefloat.motion.motion import Motion
 from freefloat.motion.panels import TO_COEFFICIENTS
 from freefloat.motion.scene_poses import scene_poses
-from freefloat.rotations import Rotation
 from freefloat.scene.scene import Scene
 from freefloat.scene.tumbling import Tumbling
 from freefloat.so3 import Array, IntArray, Pose, without_jumps
@@ -114,9 +112,10 @@ def _distances(motion: Motion, pairs: CollisionPairs, places: Array, pair: IntAr
     unique, number = np.unique(places, return_inverse=True)
     order = np.argsort(number, kind="stable")
     groups = np.split(order, np.cumsum(np.bincount(number, minlength=len(unique)))[:-1])
-    states = zip(*motion.evaluate(unique), groups, strict=True)
-    for t, attitude, joints, group in states:
-        poses = scene_poses(motion, t, attitude, joints)
+    states = motion.evaluate(unique)
+    bodies = scene_poses(motion, *states)
+    for k, (attitude, joints, group) in enumerate(zip(*states[1:], groups, strict=True)):
+        poses = [body[k] for body in bodies]
         distances[group] = pairs.distances(joints, pair[group], attitude, poses)
     return distances
 
@@ -159,22 +158,19 @@ def _frame_path_lengths(motion: Motion, scene: Scene, edges: Array) -> Array:
         Path lengths [m] and, from column F on, angles [rad], shape (parts + 1, 2 F).
     """
 
-    def lengths(poses: Sequence[Pose]) -> Array:
-        positions = np.array([pose.position for pose in poses])
-        rotations = Rotation.from_matrix([pose.rotation for pose in poses])
-        values = np.hstack([positions, without_jumps(rotations.as_quat())])
+    def lengths(poses: Pose) -> Array:
+        values = np.hstack([poses.position, without_jumps(poses.quaternion)])
         c = TO_COEFFICIENTS @ values[motion.panel_nodes]
         return np.hstack([_path_lengths(c[:, :, :3], 3), 2.0 * _path_lengths(c[:, :, 3:], 4)])
 
     problem = motion.problem
-    nodes = list(zip(motion.times, motion.attitudes, motion.joints, strict=True))
-    robot = [problem.model.body_poses(attitude, joints) for _, attitude, joints in nodes]
-    frames = [lengths(poses) for poses in zip(*robot, strict=True)]
+    robot = problem.model.body_poses(motion.attitudes, motion.joints)
+    frames = [lengths(poses) for poses in robot]
     elapsed = np.abs(motion.evaluate(edges)[0] - motion.times[0])
-    placed = [scene_poses(motion, *node) for node in nodes if scene.follows]
+    placed = scene_poses(motion, motion.times, motion.attitudes, motion.joints)
     for number, body in enumerate(scene.bodies):
         if body.motion == "target":
-            frames.append(lengths([poses[number] for poses in placed]))
+            frames.append(lengths(placed[number]))
             continue
         speed, rate, com = float(np.linalg.norm(problem.path.drift)), 0.0, 0.0
         if isinstance(body.motion, Tumbling):

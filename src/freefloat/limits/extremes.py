@@ -9,7 +9,7 @@ import numpy as np
 from freefloat.motion.extrema import Extremum, Function, at_nodes, maximum
 from freefloat.motion.law import Rates
 from freefloat.motion.motion import Ending, Motion
-from freefloat.so3 import Array
+from freefloat.so3 import Array, IntArray
 
 _DIVERGENCE = 1e3
 """Ratio of a value at a singular end to those before it, from which rounding alone bounds it."""
@@ -47,17 +47,16 @@ def largest_magnitude(
     Arguments as of :func:`peak`.
     """
 
-    def squared(panel: int, x: float) -> Array:
+    def squared(panel: IntArray, x: Array) -> Array:
         """Smooth also where the vector passes through zero."""
-        vector = vectors(panel, x)
-        return np.array([vector @ vector])
+        return np.asarray((vectors(panel, x) ** 2).sum(axis=1, keepdims=True))
 
     squares = None if nodes is None else (nodes * nodes).sum(axis=2, keepdims=True)
     place = peak(motion, squared, squares)
     return float(np.sqrt(place.value)), motion.time_at(place.u)
 
 
-def rates_along(motion: Motion) -> Callable[[int, float], Rates]:
-    """The rates along a motion, by panel and its parameter."""
+def rates_along(motion: Motion) -> Callable[[IntArray, Array], Rates]:
+    """The rates along a motion, by panels and their parameters."""
     law = motion.law
     return lambda panel, x: law.rates(*motion.at(panel, x), motion.timing_segment(panel))

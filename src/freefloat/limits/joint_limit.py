@@ -11,7 +11,7 @@ from freefloat.limits.limit import Bound, Limit
 from freefloat.limits.result import LimitResult
 from freefloat.motion.extrema import Function
 from freefloat.motion.motion import Motion
-from freefloat.so3 import Array
+from freefloat.so3 import Array, IntArray
 
 
 class JointLimit(Limit[Bound]):
@@ -38,20 +38,22 @@ class MagnitudeLimit(JointLimit[Array]):
 
         Args:
             motion: The motion.
-            values: The limited values, shape (n,).
+            values: The limited values, shape (K, n).
             nodes: Those at the nodes of the motion, where they are known, (panels, nodes, n).
         """
         allowed = self.bound
 
-        def ratios(panel: int, x: float) -> Array:
+        def ratios(panel: IntArray, x: Array) -> Array:
             ratio = values(panel, x) / allowed
-            return np.concatenate([ratio, -ratio])
+            return np.concatenate([ratio, -ratio], axis=1)
 
         if nodes is not None:
             nodes = np.concatenate([nodes / allowed, -nodes / allowed], axis=2)
         place = peak(motion, ratios, nodes)
         joint = place.index % len(allowed)
-        worst = values(place.panel, place.x)[joint] if np.isfinite(place.value) else np.inf
+        worst = np.inf
+        if np.isfinite(place.value):
+            worst = values(np.array([place.panel]), np.array([place.x]))[0, joint]
         return self.of_joint(
             motion, joint, worst=worst, allowed=allowed[joint], ratio=place.value,
             time=motion.time_at(place.u),

@@ -6,7 +6,7 @@ The stationary points of that polynomial are candidates, which are refined on th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -19,18 +19,21 @@ from freefloat.errors import require_type
 from freefloat.motion.motion import Motion
 from freefloat.motion.panels import DEGREE, NODES, TO_COEFFICIENTS
 from freefloat.robot.joint_ranges import shifts_into_ranges
-from freefloat.so3 import Array
+from freefloat.so3 import Array, IntArray
 
 _GRID = chebyshev.chebvander(np.linspace(-1.0, 1.0, 33), DEGREE)
 _LAST = 3
 """Number of last Chebyshev coefficients from which the interpolation error is estimated."""
 _MOST_REFINED = 8
-_XATOL = 1e-9
-"""Tolerance of refined parameters; a minimum is flat: its value is exact up to rounding."""
+_FINE_GRID = np.linspace(-1.0, 1.0, 65)
+_FINE = chebyshev.chebvander(_FINE_GRID, DEGREE)
+_ROUNDS = 5
+"""Refinements, each by the factor of 32, of an interval in which a minimum lies: more than enough,
+as a minimum is flat."""
 
-Function = Callable[[int, float], Array]
-"""Values of c functions, shape (c,), in a panel at its parameter x in [-1, 1]. Functions are smooth
-inside panels and may jump from one to the next, as accelerations do."""
+Function = Callable[[IntArray, Array], Array]
+"""Values of c functions, shape (K, c), in panels at their parameters x in [-1, 1], both (K,).
+Functions are smooth inside panels and may jump from one to the next, as accelerations do."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,8 @@ class Extremum:
 
 def at_nodes(motion: Motion, f: Function) -> Array:
     """Values of functions at the nodes of every panel, shape (panels, 9, c)."""
-    return np.array([[f(k, float(x)) for x in NODES] for k in range(motion.panels)])
+    panels, x = np.repeat(np.arange(motion.panels), DEGREE + 1), np.tile(NODES, motion.panels)
+    return f(panels, x).reshape(motion.panels, DEGREE + 1, -1)
 
 
 def minimum(values: Array, f: Function | None = None) -> Extremum:
@@ -72,12 +76,10 @@ def minimum(values: Array, f: Function | None = None) -> Extremum:
         return Extremum(-np.inf, int(c), int(k), float(NODES[i]))
     k, i, c = np.unravel_index(int(values.argmin()), values.shape)
     best = Extremum(float(values[k, i, c]), int(c), int(k), float(NODES[i]))
-    candidates = sorted(_stationary(values, best.value), key=lambda entry: entry[0].value)
-    for candidate, error in candidates[:_MOST_REFINED]:
-        if candidate.value - error <= best.value:
-            refined = candidate if f is None else _refined(f, candidate)
-            best = min(best, refined, key=lambda extremum: extremum.value)
-    return best
+    minima = sorted(_stationary(values, best.value), key=lambda entry: entry[0].value)
+    candidates = [candidate for candidate, _ in minima[:_MOST_REFINED]]
+    refined = candidates if f is None else _refined(f, candidates)
+    return min([best, *refined], key=lambda extremum: extremum.value)
 
 
 def maximum(values: Array, f: Function | None = None) -> Extremum:
@@ -97,18 +99,16 @@ def _first_below(values: Array, f: Function, level: float) -> float | None:
     below = np.argwhere(values[:, :, 0] < level)
     if len(below):
         low = int(below[0, 0]), float(NODES[below[0, 1]])
-    for candidate, _ in sorted(_stationary(values, level), key=lambda entry: entry[0].u):
-        before_low = (candidate.panel, candidate.x) < low
-        if before_low and (refined := _refined(f, candidate)).value < level:
-            low = min(low, (refined.panel, refined.x))
-            break
-    panel, x = low
+    minima = [minimum for minimum, _ in _stationary(values, level)]
+    earlier = [candidate for candidate in minima if (candidate.panel, candidate.x) < low]
+    refined = [entry for entry in _refined(f, earlier) if entry.value < level]
+    panel, x = min([low, *((entry.panel, entry.x) for entry in refined)])
     if panel == len(values):
         return None
     before = float(NODES[(x > NODES) & (values[panel, :, 0] >= level)][-1])
 
     def excess(x: float) -> float:
-        return float(f(panel, x)[0]) - level
+        return float(f(np.array([panel]), np.array([x]))[0, 0]) - level
 
     if excess(x) < 0.0 <= excess(before):  # else the two differ by rounding alone
         x = float(scipy.optimize.brentq(excess, before, x, xtol=1e-13))
@@ -141,16 +141,33 @@ def _stationary(values: Array, level: float) -> list[tuple[Extremum, float]]:
     return minima
 
 
-def _refined(f: Function, candidate: Extremum) -> Extremum:
-    """The minimum of the function itself between the nodes around a candidate."""
-    panel, index = candidate.panel, candidate.index
-    nearest = int(np.abs(NODES - candidate.x).argmin())
-    bounds = NODES[max(nearest - 1, 0)], NODES[min(nearest + 1, DEGREE)]
-    search = scipy.optimize.minimize_scalar(
-        lambda x: float(f(panel, float(x))[index]),
-        bounds=bounds, method="bounded", options={"xatol": _XATOL},
-    )  # fmt: skip
-    return Extremum(float(search.fun), index, panel, float(search.x))
+def _refined(f: Function, candidates: Sequence[Extremum]) -> list[Extremum]:
+    """The minima of the functions themselves between the nodes around each of C candidates.
+
+    They are those of the polynomials through values at nodes in intervals, which become smaller.
+    """
+    if not candidates:
+        return []
+    rows = np.arange(len(candidates))
+    panel, index = np.array([(entry.panel, entry.index) for entry in candidates]).T
+    x = np.array([entry.x for entry in candidates])
+    nearest = np.abs(NODES - x[:, None]).argmin(axis=1)
+    low, high = NODES[np.maximum(nearest - 1, 0)], NODES[np.minimum(nearest + 1, DEGREE)]
+    value, (first, last) = np.full(len(rows), np.inf), (low, high)
+    for _ in range(_ROUNDS):
+        places = (low + high)[:, None] / 2.0 + (high - low)[:, None] / 2.0 * NODES
+        values = f(np.repeat(panel, len(NODES)), places.ravel()).reshape(*places.shape, -1)
+        own = values[rows, :, index]
+        least = own.argmin(axis=1)
+        lower = own[rows, least] < value
+        value = np.where(lower, own[rows, least], value)
+        x = np.where(lower, places[rows, least], x)
+        along = np.einsum("gi,ci->cg", _FINE @ TO_COEFFICIENTS, own).argmin(axis=1)
+        middle = (low + high) / 2.0 + (high - low) / 2.0 * _FINE_GRID[along]
+        width = (high - low) / len(_FINE_GRID)
+        low, high = np.maximum(middle - width, first), np.minimum(middle + width, last)
+    entries = zip(value.tolist(), index.tolist(), panel.tolist(), x.tolist(), strict=True)
+    return [Extremum(*entry) for entry in entries]
 
 
 @dataclass(frozen=True)
@@ -196,7 +213,7 @@ def closest_approach(motion: Motion, measure: SingularityMeasure) -> ClosestAppr
     require_type("measure", measure, SingularityMeasure, accepted)
     profile, values, sign = _profile(motion, measure)
     if not motion.panels:
-        u, value = 0.0, sign * measure(motion.joints[0])
+        u, value = 0.0, sign * float(measure(motion.joints[0]))
     elif (crossing := _first_below(values, profile, 0.0)) is not None:
         u, value = crossing, 0.0
     else:
@@ -205,30 +222,30 @@ def closest_approach(motion: Motion, measure: SingularityMeasure) -> ClosestAppr
     return ClosestApproach(measure.name, abs(value), sign, motion.time_at(u))  # not -0.0
 
 
-def first_crossing(motion: Motion, f: Callable[[Array], float], level: float) -> float | None:
+def first_crossing(motion: Motion, f: Callable[[Array], Array], level: float) -> float | None:
     """Panel coordinate at which a function of the joints first changes sign or falls below a level.
 
     Args:
         motion: The motion.
-        f: Function of joint values, shape (n,).
+        f: Function of joint values (K, n), shape (K,).
         level: Required magnitude.
 
     Returns:
         None where it keeps its sign and that magnitude.
     """
     if not motion.panels:
-        return 0.0 if abs(f(motion.joints[0])) < level else None
+        return 0.0 if abs(f(motion.joints)[0]) < level else None
     profile, values, _ = _profile(motion, f)
     return _first_below(values, profile, level)
 
 
-def _profile(motion: Motion, f: Callable[[Array], float]) -> tuple[Function, Array, int]:
+def _profile(motion: Motion, f: Callable[[Array], Array]) -> tuple[Function, Array, int]:
     """A function of the joints made positive at the start, its values at the nodes, its sign."""
-    values = np.array([f(joints) for joints in motion.joints])
+    values = f(motion.joints)
     sign = -1 if values[0] < 0.0 else 1
 
-    def profile(panel: int, x: float) -> Array:
-        return np.array([sign * f(motion.at(panel, x)[2])])
+    def profile(panel: IntArray, x: Array) -> Array:
+        return sign * f(motion.at(panel, x)[2])[:, None]
 
     return profile, sign * values[motion.panel_nodes][:, :, None], sign
 

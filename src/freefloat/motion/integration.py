@@ -133,7 +133,7 @@ def _require_on_curves(problem: Problem, errors: Array, t: float) -> None:
         raise InputError("joints", problem_text, "the joints of the arms that follow paths")
 
 
-def _cut(motion: Motion, f: Callable[[Array], float], level: float, ending: Ending) -> Motion:
+def _cut(motion: Motion, f: Callable[[Array], Array], level: float, ending: Ending) -> Motion:
     """The motion up to where a function of the joints changes sign or falls below a level."""
     u = first_crossing(motion, f, level)
     return motion if u is None else motion.cut(u, ending)

@@ -155,9 +155,7 @@ class Motion:
     @derived
     def base_positions(self) -> Annotated[Array, "m"]:
         """Root link relative to the centre of mass, at the nodes [m], shape (N, 3)."""
-        base_position = self.problem.model.base_position
-        nodes = zip(self.attitudes, self.joints, strict=True)
-        return frozen([base_position(attitude, joints) for attitude, joints in nodes])
+        return frozen(self.problem.model.base_position(self.attitudes, self.joints))
 
     @property
     def initial(self) -> State:
@@ -189,17 +187,19 @@ class Motion:
     def node_rates(self) -> Array:
         """Rates of spacecraft and joints at the nodes of every panel, shape (panels, 9, 3 + n)."""
         nodes = self.panel_nodes
-        segments = [self.timing_segment(panel) for panel, _ in np.ndindex(nodes.shape)]
-        rates = self.law.many_rates(
-            self.times[nodes].ravel(), self.attitudes[nodes].reshape(-1, 4),
-            self.joints[nodes].reshape(-1, self.joints.shape[1]), segments,
+        which, panels = nodes.ravel(), np.repeat(np.arange(self.panels), DEGREE + 1)
+        rates = self.law.rates(
+            self.times[which], self.attitudes[which], self.joints[which],
+            self.timing_segment(panels),
         )  # fmt: skip
-        return frozen(rates.reshape(*nodes.shape, -1))
+        return frozen(np.concatenate(rates, axis=1).reshape(*nodes.shape, -1))
 
-    def at(self, panel: int, x: float) -> tuple[float, Array, Array]:
-        """Time [s], attitude (4,) and joints (n,) in a panel, at its parameter from -1 to 1."""
-        row = chebyshev.chebval(x, self.coefficients[panel])
-        return float(row[0]), row[1:5] / np.linalg.norm(row[1:5]), row[5:]
+    def at(self, panel: IntArray, x: Array) -> tuple[Array, Array, Array]:
+        """Times (K,), attitudes (K, 4) and joints (K, n) in panels, at parameters from -1 to 1."""
+        basis = chebyshev.chebvander(x, DEGREE)
+        values = np.einsum("ij,ijc->ic", basis, self.coefficients[panel])
+        attitudes = values[:, 1:5] / np.linalg.norm(values[:, 1:5], axis=1, keepdims=True)
+        return values[:, 0], attitudes, values[:, 5:]
 
     def _located(self, u: npt.ArrayLike) -> tuple[IntArray, Array]:
         """Panels and their parameters, shape (K,) each, of panel coordinates (K,)."""
@@ -207,10 +207,10 @@ class Motion:
         panel = np.clip(u.astype(np.int64), 0, self.panels - 1)
         return panel, np.asarray(2.0 * (u - panel) - 1.0)
 
-    def timing_segment(self, panel: int) -> int:
-        """Number of the segment of the time law that holds in a panel."""
-        first, last = self.times[[DEGREE * panel, DEGREE * (panel + 1)]]
-        return self.problem.path.timing.segment_at(float(first + last) / 2.0)
+    def timing_segment(self, panel: IntArray) -> IntArray:
+        """Numbers of the segments of the time law that hold in panels."""
+        first, last = self.times[DEGREE * panel], self.times[DEGREE * (panel + 1)]
+        return np.asarray(self.problem.path.timing.segment_at((first + last) / 2.0))
 
     def evaluate(self, u: npt.ArrayLike) -> tuple[Array, Array, Array]:
         """Evaluate the motion by panel coordinate.
@@ -224,11 +224,7 @@ class Motion:
         if not self.panels:
             node = np.zeros(np.size(u), dtype=int)
             return self.times[node], self.attitudes[node], self.joints[node]
-        panel, x = self._located(u)
-        basis = chebyshev.chebvander(x, DEGREE)
-        values = np.einsum("ij,ijc->ic", basis, self.coefficients[panel])
-        attitudes = values[:, 1:5] / np.linalg.norm(values[:, 1:5], axis=1, keepdims=True)
-        return values[:, 0], attitudes, values[:, 5:]
+        return self.at(*self._located(u))
 
     def time_at(self, u: float) -> float:
         """The time at a panel coordinate, within the motion [s]; exact at the ends of panels."""
@@ -268,11 +264,9 @@ class Motion:
         """
         times = np.atleast_1d(np.asarray(times, dtype=float))
         _, attitudes, joints = self.evaluate(self.coordinates_at(times))
-        model = self.problem.model
-        return tuple(
-            State(float(t), frozen(a), frozen(q), frozen(model.base_position(a, q)))
-            for t, a, q in zip(times, attitudes, joints, strict=True)
-        )
+        positions = self.problem.model.base_position(attitudes, joints)
+        states = zip(times.tolist(), attitudes, joints, positions, strict=True)
+        return tuple(State(t, *map(frozen, vectors)) for t, *vectors in states)
 
     def cut(self, u: float, ending: Ending) -> Motion:
         """The motion up to a panel coordinate, ending there."""

@@ -112,20 +112,23 @@ class PointingLimit:
     ) -> tuple[Array, Array]:
         """The axis and the direction of the target in a configuration, inertial unit vectors.
 
-        The origin (3,) is that of the path's frame from the centre of mass [m].
+        The origin (..., 3) is that of the path's frame from the centre of mass [m]; for K attitudes
+        and joints there are K vectors, (K, 3).
         """
         number, placement = model.link_places[self.body]
+        local = placement.rotation @ self.axis
         if number == 0 and self.direction is not None:
-            return rotation_matrix(attitude) @ placement.rotation @ self.axis, self.direction
+            axis = rotation_matrix(attitude) @ local
+            return axis, np.broadcast_to(self.direction, axis.shape)
         pose = model.body_poses(attitude, joints)[number]
-        axis = pose.rotation @ placement.rotation @ self.axis
+        axis = pose.rotation @ local
         if self.point is None:
-            return axis, np.asarray(self.direction)
+            return axis, np.broadcast_to(np.asarray(self.direction), axis.shape)
         sight = self.point + origin - pose.position - pose.rotation @ placement.position
-        distance = float(np.linalg.norm(sight))
-        if distance < TOO_NEAR:
-            return axis, axis if self.keep is Keep.INSIDE else -axis
-        return axis, sight / distance
+        distance = np.linalg.norm(sight, axis=-1, keepdims=True)
+        there = axis if self.keep is Keep.INSIDE else -axis
+        near = distance < TOO_NEAR
+        return axis, np.where(near, there, sight / np.where(near, 1.0, distance))
 
     def to_dict(self) -> dict[str, Any]:
         """The keys of a scenario's limit, angles in degrees."""
@@ -145,9 +148,10 @@ class PointingLimit:
         }
 
 
-def angle_of(first: Array, second: Array) -> float:
-    """The angle between two unit vectors [rad], exact also for small angles."""
-    return float(2.0 * np.arctan2(np.linalg.norm(first - second), np.linalg.norm(first + second)))
+def angle_of(first: Array, second: Array) -> Any:
+    """The angles between unit vectors (..., 3) [rad], exact also where they are small."""
+    apart, along = (np.linalg.norm(x, axis=-1) for x in (first - second, first + second))
+    return 2.0 * np.arctan2(apart, along)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

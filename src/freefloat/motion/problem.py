@@ -40,7 +40,7 @@ from freefloat.so3 import (
     zeros,
 )
 
-Prescribed = tuple[Array, float, Array | None]
+Prescribed = tuple[Array, Any, Array | None]
 """Twist of the end-effector, path speed ds/dt, joint rates of further arms that move."""
 Leg = Callable[[float], tuple[Any, ...]]
 """By time: twist, path speed, and joint values and rates of further arms that move."""
@@ -239,8 +239,8 @@ class Problem:
         both = both[(both > apart) & (both < self.path.duration - apart)]
         return frozen(both[np.diff(both, prepend=0.0) > apart])
 
-    def prescribed(self, t: float, segment: int | None = None) -> Prescribed:
-        """What the rates at a time [s] have to be, with the segment of :meth:`.Timing.s`."""
+    def prescribed(self, t: float | Array, segment: int | IntArray | None = None) -> Prescribed:
+        """What the rates at times [s] have to be, with the segments of :meth:`.Timing.s`."""
         twist, speed = self.path.twist_and_speed(t, segment)
         return twist, speed, self.arms.at(t, 1) if self.arms else None
 

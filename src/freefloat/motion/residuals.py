@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,8 +13,8 @@ from freefloat.dynamics.momentum import momentum_map
 from freefloat.dynamics.tasks import Task
 from freefloat.motion.panels import TO_COEFFICIENTS, with_slopes
 from freefloat.motion.problem import Problem
-from freefloat.rotations import Rotation
-from freefloat.so3 import Array, IntArray, Pose, rotation_vector_between
+from freefloat.rotations import rotation_matrix
+from freefloat.so3 import Array, IntArray, Pose, rotation_vector_between, turned
 
 _UNRESOLVED = 1e-7
 """Changes in a panel [rad, m, fraction of duration] below which derivatives are not resolved."""
@@ -57,14 +57,9 @@ def path_errors(problem: Problem, times: Array, attitudes: Array, joints: Array)
         attitudes: Attitudes of the spacecraft, unit quaternions x, y, z, w, shape (K, 4).
         joints: Joint values, shape (K, n).
     """
-    states = zip(attitudes, joints, strict=True)
-    poses = [problem.model.end_effector_poses(attitude, q) for attitude, q in states]
-    paths = [problem.path.poses(float(t)) for t in times]
-    errors = [
-        _pose_errors(problem, *pair)
-        for pair in zip(zip(*poses, strict=True), zip(*paths, strict=True), strict=True)
-    ]
-    return np.asarray(np.max(errors, axis=0))
+    poses = problem.model.end_effector_poses(attitudes, joints)
+    pairs = zip(poses, problem.path.poses(times), strict=True)
+    return np.asarray(np.max([_pose_errors(problem, *pair) for pair in pairs], axis=0))
 
 
 def start_offset(
@@ -82,17 +77,16 @@ def start_offset(
     return float(distance), float(angle)
 
 
-def _pose_errors(problem: Problem, poses: Sequence[Pose], path: Sequence[Pose]) -> Array:
+def _pose_errors(problem: Problem, poses: Pose, path: Pose) -> Array:
     """Distances and angles (K, 2) between poses of an end-effector and those of its path."""
     task, rows = problem.task, problem.task.rows
-    offsets = np.array([a.position - b.position for a, b in zip(poses, path, strict=True)])
-    turned = [pose.rotation for pose in poses], [pose.rotation for pose in path]
+    offsets = poses.position - path.position
     if task is Task.POINTING:
-        axes, wanted = (np.array(rotations)[:, :, 2] for rotations in turned)
+        axes, wanted = (pose.rotation[:, :, 2] for pose in (poses, path))
         sines = np.linalg.norm(np.cross(axes, wanted), axis=1)
         angles = np.arctan2(sines, np.einsum("ki,ki->k", axes, wanted))
         return np.column_stack([np.linalg.norm(offsets, axis=1), angles])
-    errors = np.hstack([offsets, rotation_vector_between(*turned)])
+    errors = np.hstack([offsets, rotation_vector_between(poses.rotation, path.rotation)])
     if task.planar:
         errors = problem.plane.rows(errors.T).T
     linear, angular = [row for row in rows if row < 3], [row for row in rows if row > 2]
@@ -129,11 +123,7 @@ def _momentum_errors(problem: Problem, values: Array, rates: Array) -> Array:
     x, w = attitudes[:, :3], attitudes[:, 3:]
     # (8c) inverted
     omega = 2.0 * (w * changes[:, :3] - changes[:, 3:] * x - np.cross(x, changes[:, :3]))
-    rotations = Rotation.from_quat(attitudes).as_matrix()
-    base = np.einsum("kij,ki->kj", rotations, rates[:, -3:])
+    base = np.einsum("kij,ki->kj", rotation_matrix(attitudes), rates[:, -3:])
     v = np.column_stack([base, omega, rates[:, 5:-3]])
-    states = zip(values[:, 5:-3], attitudes, strict=True)
-    maps = [momentum_map(problem.model, joints, attitude)[3:] for joints, attitude in states]
-    momentum = np.einsum("kij,kj->ki", np.reshape(maps, (len(v), 3, v.shape[1])), v)
-    momentum += rotations @ problem.wheel_momentum
-    return np.asarray(np.linalg.norm(momentum - problem.momentum, axis=1))
+    momentum = turned(momentum_map(problem.model, values[:, 5:-3], attitudes)[:, 3:], v)
+    return np.asarray(np.linalg.norm(momentum - problem.system.body_momentum(attitudes), axis=1))

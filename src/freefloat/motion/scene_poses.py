@@ -7,26 +7,28 @@ from freefloat.scene.scene_body import Hand
 from freefloat.so3 import Array, Pose
 
 
-def scene_poses(motion: Motion, t: float, attitude: Array, joints: Array) -> tuple[Pose, ...]:
+def scene_poses(
+    motion: Motion, t: float | Array, attitude: Array, joints: Array
+) -> tuple[Pose, ...]:
     """Frames of the bodies of the scene in a state, from the centre of mass, inertial axes.
 
     Args:
         motion: The motion.
-        t: Time [s].
-        attitude: Of the spacecraft, unit quaternion x, y, z, w.
-        joints: Joint values, shape (n,).
+        t: Time [s], or times (K,), at which each body has K poses.
+        attitude: Of the spacecraft, unit quaternion x, y, z, w, shape (4,) or (K, 4).
+        joints: Joint values, shape (n,) or (K, n).
     """
     scene, path = motion.problem.scene, motion.problem.path
     return scene.poses(t, path, _hand(motion, t, attitude, joints) if scene.follows else None)
 
 
-def corridor_pose(motion: Motion, t: float, attitude: Array, joints: Array) -> Pose:
+def corridor_pose(motion: Motion, t: float | Array, attitude: Array, joints: Array) -> Pose:
     """The frame of the corridor; arguments are those of :func:`scene_poses`."""
     scene, path = motion.problem.scene, motion.problem.path
     hand = _hand(motion, t, attitude, joints) if scene.follows else None
     return scene.corridor_pose(t, path, hand)
 
 
-def _hand(motion: Motion, t: float, attitude: Array, joints: Array) -> Hand:
+def _hand(motion: Motion, t: float | Array, attitude: Array, joints: Array) -> Hand:
     actual = motion.problem.model.end_effector_pose(attitude, joints)
     return Hand(motion.law.target(t, attitude, joints), actual)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -84,7 +83,7 @@ class DirectedOrientation(OrientationLaw):
             accepted = "x, y, z, -x, -y or -z"
             raise InputError("axis", f"{axis!r} was given", accepted)
         point = finite_vector("target", target, 3)
-        sights = np.array([point - curve(float(s)) for s in _SAMPLES])
+        sights = point - curve(_SAMPLES)
         sights /= np.maximum(np.linalg.norm(sights, axis=1, keepdims=True), 1e-12)
         reference = np.eye(3)[np.argmin(np.abs(sights).max(axis=0))]
         second = "yzx"["xyz".index(axis[-1])]
@@ -96,33 +95,34 @@ class DirectedOrientation(OrientationLaw):
         )  # fmt: skip
         return law
 
-    def _direction(self, s: float) -> tuple[Array, Array]:
-        """The moving direction and its derivative by s, not normalized, shape (3,) each."""
+    def _direction(self, s: float | Array) -> tuple[Array, Array]:
+        """The moving direction and its derivative by s, not normalized, shape (..., 3) each."""
         if self.target is None:
             return self.curve(s, 1), self.curve(s, 2)
         return self.target - self.curve(s), -self.curve(s, 1)
 
-    def rotation(self, s: float) -> Array:
+    def rotation(self, s: float | Array) -> Array:
         """See :class:`~freefloat.paths.orientation.OrientationLaw`."""
         direction = self._direction(s)[0] * (-1.0 if self.axis.startswith("-") else 1.0)
-        first = direction / math.sqrt(direction @ direction)
-        second = self.reference - (self.reference @ first) * first
-        second /= math.sqrt(second @ second)
+        first = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+        second = self.reference - (first @ self.reference)[..., None] * first
+        second /= np.linalg.norm(second, axis=-1, keepdims=True)
         i, j = "xyz".index(self.axis[-1]), "xyz".index(self.second)
-        columns = np.empty((3, 3))
-        columns[:, i], columns[:, j] = first, second
-        columns[:, 3 - i - j] = cross(first, second) * (1.0 if (j - i) % 3 == 1 else -1.0)
+        columns = np.empty((*direction.shape, 3))
+        columns[..., i], columns[..., j] = first, second
+        columns[..., 3 - i - j] = cross(first, second) * (1.0 if (j - i) % 3 == 1 else -1.0)
         return columns
 
-    def rate(self, s: float) -> Array:
+    def rate(self, s: float | Array) -> Array:
         """The rate w that carries the direction d, and one about d.
 
         See :class:`~freefloat.paths.orientation.OrientationLaw`.
         """
         d, change = self._direction(s)
-        w = cross(d, change) / (d @ d)
+        w = cross(d, change) / np.vecdot(d, d)[..., None]
         c = cross(d, self.reference)
-        return w + (self.reference @ d) * (self.reference @ w) / (c @ c) * d
+        share = (d @ self.reference) * (w @ self.reference) / np.vecdot(c, c)
+        return np.asarray(w + share[..., None] * d)
 
     @cached_property
     def breaks(self) -> Array:
@@ -136,23 +136,23 @@ class DirectedOrientation(OrientationLaw):
     def _require_defined(self, undefined: str, parallel: str, accepted: str) -> None:
         """Raise an InputError where the direction vanishes or lies along the reference."""
 
-        def length(s: float) -> float:
-            return float(np.linalg.norm(self._direction(float(s))[0]))
+        def length(s: float | Array) -> Array:
+            return np.asarray(np.linalg.norm(self._direction(s)[0], axis=-1))
 
-        def sine(s: float) -> float:
-            direction = self._direction(float(s))[0]
-            return float(np.linalg.norm(cross(direction, self.reference)) / length(s))
+        def sine(s: float | Array) -> Array:
+            across = cross(self._direction(s)[0], self.reference)
+            return np.asarray(np.linalg.norm(across, axis=-1) / length(s))
 
-        gap = _GAP * max(map(length, _SAMPLES))
+        gap = _GAP * length(_SAMPLES).max()
         for function, threshold, problem in ((length, gap, undefined), (sine, _GAP, parallel)):
             value, s = _smallest(function)
             if value <= threshold:
                 raise InputError("curve", f"{problem} at s = {s:.4g}", accepted)
 
 
-def _smallest(function: Callable[[float], float]) -> tuple[float, float]:
+def _smallest(function: Callable[[float | Array], Array]) -> tuple[float, float]:
     """The smallest value of a function on [0, 1], and where: the lowest samples, refined."""
-    values = np.array([function(s) for s in _SAMPLES])
+    values = function(_SAMPLES)
     best = [(float(values.min()), float(_SAMPLES[np.argmin(values)]))]
     minima = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])) + 1
     for i in minima[np.argsort(values[minima])][:_REFINED]:

@@ -5,7 +5,6 @@ A law gives a rotation and the angular velocity per unit of s, which is its exac
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from copy import copy
 from dataclasses import dataclass
@@ -19,7 +18,7 @@ import scipy
 
 from freefloat.paths.curves import Segmented, segments_within, significant_breaks
 from freefloat.rotations import Rotation
-from freefloat.so3 import Array, attitude_axes, cross, frozen, rotation_vector_between
+from freefloat.so3 import Array, attitude_axes, cross, frozen, rotation_vector_between, turned
 
 _NEGLIGIBLE = 1e-8
 """Rotation by jumps of derivatives [rad] that is ignored."""
@@ -31,12 +30,12 @@ class OrientationLaw(Segmented, ABC):
     """An end-effector orientation as a function of s."""
 
     @abstractmethod
-    def rotation(self, s: float) -> Array:
-        """End-effector axes in the inertial frame, shape (3, 3)."""
+    def rotation(self, s: float | Array) -> Array:
+        """End-effector axes in the inertial frame, shape (3, 3); (K, 3, 3) for s of shape (K,)."""
 
-    def rate(self, s: float) -> Array:
-        """Angular velocity per unit of s [rad], inertial frame, shape (3,); zero by default."""
-        return np.zeros(3)
+    def rate(self, s: float | Array) -> Array:
+        """Angular velocity per unit of s [rad], inertial frame, (3,) or (K, 3); zero by default."""
+        return np.zeros((*np.shape(s), 3))
 
     def rotated(self, rotation: Array) -> OrientationLaw:
         """The orientation in other axes; ``rotation`` (3, 3) rotates present vectors into them."""
@@ -49,13 +48,13 @@ class RotatedOrientation(OrientationLaw):
     def __init__(self, law: OrientationLaw, rotation: Array) -> None:
         self._law, self._rotation, self.breaks = law, rotation, law.breaks
 
-    def rotation(self, s: float) -> Array:
+    def rotation(self, s: float | Array) -> Array:
         """See :class:`OrientationLaw`."""
         return np.asarray(self._rotation @ self._law.rotation(s))
 
-    def rate(self, s: float) -> Array:
+    def rate(self, s: float | Array) -> Array:
         """See :class:`OrientationLaw`."""
-        return np.asarray(self._rotation @ self._law.rate(s))
+        return np.asarray(self._law.rate(s) @ self._rotation.T)
 
     def within(self, low: float, high: float) -> Self:
         """See :class:`~freefloat.paths.curves.Segmented`."""
@@ -76,18 +75,18 @@ class FixedOrientation(OrientationLaw):
     def __post_init__(self) -> None:
         object.__setattr__(self, "axes", attitude_axes("axes", self.axes))
 
-    def rotation(self, s: float) -> Array:
+    def rotation(self, s: float | Array) -> Array:
         """See :class:`OrientationLaw`."""
-        return self.axes
+        return np.broadcast_to(self.axes, (*np.shape(s), 3, 3))
 
 
 @dataclass(frozen=True, eq=False)
 class FreeOrientation(OrientationLaw):
     """An orientation that is not prescribed, for position tasks; drawn as the inertial axes."""
 
-    def rotation(self, s: float) -> Array:
+    def rotation(self, s: float | Array) -> Array:
         """See :class:`OrientationLaw`."""
-        return np.eye(3)
+        return np.broadcast_to(np.eye(3), (*np.shape(s), 3, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,13 +110,14 @@ class SlerpOrientation(OrientationLaw):
     def _rotation_vector(self) -> Array:
         return frozen(rotation_vector_between(self.start, self.end))
 
-    def rotation(self, s: float) -> Array:
+    def rotation(self, s: float | Array) -> Array:
         """See :class:`OrientationLaw`."""
-        return np.asarray(Rotation.from_rotvec(s * self._rotation_vector).as_matrix() @ self.start)
+        vectors = np.multiply.outer(s, self._rotation_vector)
+        return np.asarray(Rotation.from_rotvec(vectors).as_matrix() @ self.start)
 
-    def rate(self, s: float) -> Array:
+    def rate(self, s: float | Array) -> Array:
         """See :class:`OrientationLaw`."""
-        return self._rotation_vector
+        return np.broadcast_to(self._rotation_vector, (*np.shape(s), 3))
 
 
 class OrientationSpline(OrientationLaw):
@@ -154,31 +154,30 @@ class OrientationSpline(OrientationLaw):
         part._vectors = segments_within(self._vectors, low, high)
         return part
 
-    def _start(self, s: float) -> Array:
-        """The rotation at the beginning of the segment that holds at s, shape (3, 3)."""
+    def _start(self, s: float | Array) -> Array:
+        """The rotation at the beginning of the segment that holds at s, shape (..., 3, 3)."""
         knots = self._vectors.x
-        inside = min(max(s, knots[0]), knots[-2])
+        inside = np.clip(s, knots[0], knots[-2])
         return np.asarray(self._starts[np.searchsorted(self._knots, inside, side="right") - 1])
 
-    def rotation(self, s: float) -> Array:
+    def rotation(self, s: float | Array) -> Array:
         """See :class:`OrientationLaw`."""
         return np.asarray(self._start(s) @ Rotation.from_rotvec(self._vectors(s)).as_matrix())
 
-    def rate(self, s: float) -> Array:
+    def rate(self, s: float | Array) -> Array:
         """See :class:`OrientationLaw`."""
         rate = exponential_rate(self._vectors(s), self._vectors(s, 1))
-        return np.asarray(self._start(s) @ rate)
+        return turned(self._start(s), rate)
 
 
 def exponential_rate(vector: Array, slope: Array) -> Array:
-    """Rate of the rotation exp([vector]x) for the derivative of the rotation vector (3,).
+    """Rate of the rotation exp([vector]x) for the derivative of the rotation vector (..., 3).
 
     The derivative times the left Jacobian of SO(3), in closed form; in the axes of the vector.
     """
-    angle = math.sqrt(vector @ vector)
-    half, third = 0.5, 1.0 / 6.0
-    if angle > _SMALL:
-        half = math.sin(angle / 2.0) / angle
-        third = (angle - math.sin(angle)) / angle**3
+    angle = np.linalg.norm(vector, axis=-1)[..., None]
+    large, angle = angle > _SMALL, np.maximum(angle, _SMALL)
+    half = np.where(large, np.sin(angle / 2.0) / angle, 0.5)
+    third = np.where(large, (angle - np.sin(angle)) / angle**3, 1.0 / 6.0)
     once = cross(vector, slope)
     return np.asarray(slope + 2.0 * half**2 * once + third * cross(vector, once))

@@ -78,21 +78,21 @@ class EndEffectorPath:
 
     @cached_property
     def _positions(self) -> Array:
-        return np.array([self.curve(float(s)) for s in _SAMPLES])
+        return self.curve(_SAMPLES)
 
     @property
     def moves(self) -> bool:
         """Whether the end-effector moves or rotates."""
-        rates = [self.orientation.rate(float(s)) for s in _SAMPLES[::10]]
-        return bool(np.ptp(self._positions, axis=0).any() or np.any(rates))
+        rates = self.orientation.rate(_SAMPLES[::10])
+        return bool(np.ptp(self._positions, axis=0).any() or rates.any())
 
-    def pose(self, s: float) -> Pose:
+    def pose(self, s: float | Array) -> Pose:
         """Pose in the frame of the path: see :class:`~freefloat.paths.timing.TimedPath`."""
         return Pose(self.curve(s), self.orientation.rotation(s))
 
-    def tangent(self, s: float) -> Array:
-        """Derivative of the pose by s: [linear; angular], inertial axes [m; rad], shape (6,)."""
-        return np.concatenate([self.curve(s, 1), self.orientation.rate(s)])
+    def tangent(self, s: float | Array) -> Array:
+        """Derivative of the pose by s: [linear; angular], inertial axes [m; rad], (..., 6)."""
+        return np.concatenate([self.curve(s, 1), self.orientation.rate(s)], axis=-1)
 
     @cached_property
     def breaks(self) -> Array:
@@ -100,22 +100,22 @@ class EndEffectorPath:
         both = np.concatenate([self.curve.breaks, self.orientation.breaks])
         return frozen(np.unique(both))
 
-    def tangent_within(self, low: float, high: float) -> Callable[[float], Array]:
+    def tangent_within(self, low: float, high: float) -> Callable[[float | Array], Array]:
         """The tangent between two values of s; beyond them it continues as smoothly as there."""
         curve = self.curve.within(low, high)
         orientation = self.orientation.within(low, high)
-        return lambda s: np.concatenate([curve(s, 1), orientation.rate(s)])
+        return lambda s: np.concatenate([curve(s, 1), orientation.rate(s)], axis=-1)
 
-    def second_derivative(self, s: float) -> Array:
-        """Derivative of the tangent by s [m; rad], shape (6,).
+    def second_derivative(self, s: float | Array) -> Array:
+        """Derivative of the tangent by s [m; rad], shape (..., 6).
 
         That of the orientation's rate is a difference of fourth order, taken a little further
         inside at the ends.
         """
-        middle = min(max(s, 2.0 * _STEP), 1.0 - 2.0 * _STEP)
+        middle = np.minimum(np.maximum(s, 2.0 * _STEP), 1.0 - 2.0 * _STEP)
         rate = self.orientation.rate
         before, after = (
             (8.0 * rate(middle + side) - rate(middle + 2.0 * side)) / 12.0
             for side in (-_STEP, _STEP)
         )
-        return np.concatenate([self.curve(s, 2), (after - before) / _STEP])
+        return np.concatenate([self.curve(s, 2), (after - before) / _STEP], axis=-1)

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from freefloat.errors import InputError, require_type
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import Leg, TimedPath, Timing
-from freefloat.so3 import Array, frozen
+from freefloat.so3 import Array, IntArray, frozen
 
 _APART = 1e-6
 """Smallest distance of breaks, as a fraction of the duration."""
@@ -111,13 +112,15 @@ class PathStack(TimedPath):
 
         return twists_and_speed
 
-    def twist_and_speed(self, t: float, segment: int | None = None) -> tuple[Array, float]:
+    def twist_and_speed(
+        self, t: float | Array, segment: int | IntArray | None = None
+    ) -> tuple[Array, Any]:
         """See :class:`~freefloat.paths.timing.TimedPath`."""
         twists, speeds = zip(
             *(path.twist_and_speed(t, segment) for path in self.every), strict=True
         )
-        return np.concatenate(twists), speeds[0]
+        return np.concatenate(twists, axis=-1), speeds[0]
 
-    def twist_rate(self, t: float, segment: int | None = None) -> Array:
+    def twist_rate(self, t: float | Array, segment: int | IntArray | None = None) -> Array:
         """See :class:`~freefloat.paths.timing.TimedPath`."""
-        return np.concatenate([path.twist_rate(t, segment) for path in self.every])
+        return np.concatenate([path.twist_rate(t, segment) for path in self.every], axis=-1)

@@ -16,7 +16,7 @@ from freefloat.paths.time_laws import TimeLaw
 from freefloat.paths.timing import TimedPath, Timing
 from freefloat.scene.scene_body import SceneBody
 from freefloat.scene.tumbling import Tumbling
-from freefloat.so3 import Array, cross, frozen
+from freefloat.so3 import Array, cross, frozen, turned
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,14 +138,15 @@ class RelativeCurve(Curve):
         segment, *ends = self.relative.segment(low, high)
         return type(self)(self.relative, self._curve.within(*ends), segment)
 
-    def __call__(self, s: float, order: int = 0) -> Array:
+    def __call__(self, s: float | Array, order: int = 0) -> Array:
         """See :class:`~freefloat.paths.curves.Curve`."""
         body, timing = self.relative.body, self.relative.timing
         t, tumbling = s * timing.duration, body.motion
         com = tumbling.com if isinstance(tumbling, Tumbling) else np.zeros(3)
-        place, speed, change = (timing.s(t, k, self._segment) for k in range(3))
+        place, speed, change = (timing.s(t, k, self._segment)[..., None] for k in range(3))
+        place = place[..., 0]
         r = self._curve(place) - com
-        v, a = np.zeros(3), np.zeros(3)
+        v, a = np.zeros_like(r), np.zeros_like(r)
         if order > 0:
             v = self._curve(place, 1) * speed
         if order > 1:
@@ -157,8 +158,8 @@ class RelativeCurve(Curve):
             a = a + cross(tumbling.acceleration(omega), r) + cross(omega, 2.0 * v + cross(omega, r))
             v = v + cross(omega, r)
         if order == 0:
-            return np.asarray(body.position + body.orientation @ com + R @ r)
-        return np.asarray(R @ (v if order == 1 else a)) * timing.duration**order
+            return np.asarray(body.position + body.orientation @ com + turned(R, r))
+        return turned(R, v if order == 1 else a) * timing.duration**order
 
 
 class RelativeOrientation(OrientationLaw):
@@ -180,24 +181,24 @@ class RelativeOrientation(OrientationLaw):
         segment, *ends = self.relative.segment(low, high)
         return type(self)(self.relative, self._law.within(*ends), segment)
 
-    def rotation(self, s: float) -> Array:
+    def rotation(self, s: float | Array) -> Array:
         """See :class:`~freefloat.paths.orientation.OrientationLaw`."""
         t = s * self.relative.timing.duration
         place = self.relative.timing.s(t, 0, self._segment)
         return np.asarray(self._axes(t) @ self._law.rotation(place))
 
-    def rate(self, s: float) -> Array:
+    def rate(self, s: float | Array) -> Array:
         """See :class:`~freefloat.paths.orientation.OrientationLaw`."""
         timing, tumbling = self.relative.timing, self.relative.body.motion
         t = s * timing.duration
         place, speed = (timing.s(t, k, self._segment) for k in range(2))
-        rate = self._law.rate(place) * speed
+        rate = self._law.rate(place) * speed[..., None]
         if isinstance(tumbling, Tumbling):
             rate = rate + tumbling.angular_velocity(t)
-        return np.asarray(self._axes(t) @ rate) * timing.duration
+        return turned(self._axes(t), rate) * timing.duration
 
-    def _axes(self, t: float) -> Array:
-        """Axes of the body at a time [s], shape (3, 3)."""
+    def _axes(self, t: float | Array) -> Array:
+        """Axes of the body at times [s], shape (3, 3) or (K, 3, 3)."""
         body = self.relative.body
         if isinstance(body.motion, Tumbling):
             return np.asarray(body.orientation @ body.motion.rotation(t))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import pairwise, zip_longest
+from typing import Any
 
 import numpy as np
 import scipy
@@ -21,7 +21,7 @@ from freefloat.paths.time_laws import (
     require_speeds,
     segments_of,
 )
-from freefloat.so3 import Array, Pose, frozen, zeros
+from freefloat.so3 import Array, IntArray, Pose, frozen, zeros
 
 _APART = 1e-6
 """Smallest distance of breaks, as a fraction of the duration."""
@@ -32,6 +32,8 @@ _ROUNDING = 1e-13
 """Rounding error of times at the ends of a motion, relative to its duration."""
 _ORDERS = 0, 1, 2
 """Orders of derivatives by time."""
+_BISECTIONS = 50
+"""Halvings of a segment until its parts are below rounding errors."""
 
 
 @dataclass(frozen=True)
@@ -125,12 +127,20 @@ class Timing:
         """Times at which the segments of s(t) end, the last one the duration [s]."""
         return tuple(segment.end for segment in self.segments)
 
-    def segment_at(self, t: float) -> int:
-        """Number of the segment of s(t) that holds at a time [s]."""
-        return min(bisect_right(self.ends, t), len(self.ends) - 1)
+    def segment_at(self, t: float | Array) -> Any:
+        """Numbers of the segments of s(t) that hold at times [s], an int or shape (K,)."""
+        return self._polynomials[0].searchsorted(t, side="right")
 
-    def s(self, t: float, order: int = 0, segment: int | None = None) -> float:
-        """The path parameter s at time t, or its first or second time derivative.
+    @cached_property
+    def _polynomials(self) -> tuple[Array, Array, Array, list[Array]]:
+        """Inner ends, origins and spans of the N segments, coefficients by order (degree, N)."""
+        origins, spans = np.array([(part.origin, part.span) for part in self.segments]).T
+        orders = zip(*(part.orders for part in self.segments), strict=True)
+        rows = [zip_longest(*(row[::-1] for row in order), fillvalue=0.0) for order in orders]
+        return np.array(self.ends[:-1]), origins, spans, [np.array([*row][::-1]) for row in rows]
+
+    def s(self, t: float | Array, order: int = 0, segment: int | IntArray | None = None) -> Any:
+        """The path parameter s at time t, or its first or second time derivative; (K,) at (K,).
 
         Args:
             t: Time [s]; without ``segment``, at rest before 0 and after the end, but for rounding.
@@ -142,22 +152,30 @@ class Timing:
         """
         if order not in _ORDERS:
             raise InputError("order", f"{order!r} was given", "0, 1 or 2")
+        moving: Any = 1.0
         if segment is None:
-            slack = _ROUNDING * self.duration
-            if order and not -slack <= t <= self.duration + slack:
-                return 0.0
-            t = min(max(t, 0.0), self.duration)
-            segment = self.segment_at(t)
-        return self.segments[segment](t, order)
+            inside = np.minimum(np.maximum(t, 0.0), self.duration)
+            if order:
+                moving = 1.0 * (np.abs(inside - t) <= _ROUNDING * self.duration)
+            t, segment = inside, self.segment_at(inside)
+        _, origins, spans, orders = self._polynomials
+        tau = (t - origins[segment]) / spans[segment]
+        value = 0.0 * tau
+        for coefficients in orders[order]:
+            value = value * tau + coefficients[segment]
+        return value * moving
 
-    def time_at(self, s: float) -> float:
-        """The time [s] at which the path parameter has a value in [0, 1]."""
-        if not 0.0 < s < self.s(self.duration):
-            return 0.0 if s <= 0.0 else self.duration
-        accuracy = 1e-14 * self.duration
-        return float(
-            scipy.optimize.brentq(lambda t: self.s(t) - s, 0.0, self.duration, xtol=accuracy)
-        )
+    def time_at(self, s: float | Array) -> Any:
+        """The times [s] at which the path parameter has values in [0, 1], of their shape."""
+        ends = np.array([0.0, *self.ends])
+        segment = self.s(ends[1:-1]).searchsorted(s)
+        low, high = ends[segment], ends[segment + 1]
+        for _ in range(_BISECTIONS):
+            middle = (low + high) / 2.0
+            early = self.s(middle, 0, segment) < s
+            low, high = np.where(early, middle, low), np.where(early, high, middle)
+        inside = np.where(np.greater_equal(s, self.s(self.duration)), self.duration, high)
+        return np.where(np.less_equal(s, 0.0), 0.0, inside)[()]
 
 
 Leg = Callable[[float], tuple[Array, float]]
@@ -255,20 +273,20 @@ class TimedPath:
         """Twist of the centre of mass in the path's frame, shape (6,)."""
         return frozen([*self.drift, 0.0, 0.0, 0.0])
 
-    def origin(self, t: float) -> Array:
-        """The origin of the path's frame at time t [s] from the centre of mass [m], shape (3,)."""
-        return -t * self.drift
+    def origin(self, t: float | Array) -> Array:
+        """The origin of the path's frame at times t [s] from the centre of mass [m], (..., 3)."""
+        return np.multiply.outer(t, -self.drift)
 
-    def pose(self, t: float) -> Pose:
-        """End-effector pose at time t [s] relative to the centre of mass, inertial axes."""
+    def pose(self, t: float | Array) -> Pose:
+        """End-effector pose at time t [s] relative to the centre of mass; K poses at times (K,)."""
         pose = self.path.pose(self.timing.s(t))
         return Pose(pose.position + self.origin(t), pose.rotation)
 
-    def poses(self, t: float) -> tuple[Pose, ...]:
+    def poses(self, t: float | Array) -> tuple[Pose, ...]:
         """Those of all end-effectors that follow a path."""
         return tuple(path.pose(t) for path in self.every)
 
-    def pose_at(self, s: float) -> Pose:
+    def pose_at(self, s: float | Array) -> Pose:
         """The pose at a value of s; :meth:`pose` is more accurate near rests."""
         pose = self.path.pose(s)
         if not self.drifts:
@@ -298,34 +316,37 @@ class TimedPath:
 
         They are also valid a little beyond.
         """
-        timing, drift = self.timing, self.drift_twist
-        segment = timing.segment_at((start + end) / 2.0)
-        low, high = sorted(timing.s(t, 0, segment) for t in (start, end))
+        drift, timing = self.drift_twist, self.timing
+        segment = timing.segments[timing.segment_at((start + end) / 2.0)]
+        low, high = sorted(segment(t, 0) for t in (start, end))
         tangent = self.path.tangent_within(low, high)
 
         def twist_and_speed(t: float) -> tuple[Array, float]:
-            speed = timing.s(t, 1, segment)
-            return tangent(timing.s(t, 0, segment)) * speed - drift, speed
+            speed = segment(t, 1)
+            return tangent(segment(t, 0)) * speed - drift, speed
 
         return twist_and_speed
 
-    def twist(self, t: float, segment: int | None = None) -> Array:
+    def twist(self, t: float | Array, segment: int | IntArray | None = None) -> Array:
         """End-effector twist relative to the centre of mass, inertial axes.
 
-        ``[linear; angular]`` [m/s; rad/s], shape (6,). Time [s] and segment are those of
+        ``[linear; angular]`` [m/s; rad/s], shape (6,) or (K, 6). Time [s] and segment are those of
         :meth:`Timing.s`.
         """
         return self.twist_and_speed(t, segment)[0]
 
-    def twist_and_speed(self, t: float, segment: int | None = None) -> tuple[Array, float]:
+    def twist_and_speed(
+        self, t: float | Array, segment: int | IntArray | None = None
+    ) -> tuple[Array, Any]:
         """The twist as in :meth:`twist`, and the speed ds/dt along the path [1/s]."""
         s, speed = self.timing.s(t, 0, segment), self.timing.s(t, 1, segment)
-        return self.path.tangent(s) * speed - self.drift_twist, speed
+        return self.path.tangent(s) * speed[..., None] - self.drift_twist, speed
 
-    def twist_rate(self, t: float, segment: int | None = None) -> Array:
-        """Derivative of the twist by time, axes fixed [m/s²; rad/s²], shape (6,).
+    def twist_rate(self, t: float | Array, segment: int | IntArray | None = None) -> Array:
+        """Derivative of the twist by time, axes fixed [m/s²; rad/s²], shape (6,) or (K, 6).
 
         Where two segments of the law meet it may jump.
         """
-        s, rate, acceleration = (self.timing.s(t, order, segment) for order in range(3))
-        return self.path.second_derivative(s) * rate**2 + self.path.tangent(s) * acceleration
+        s, rate, change = (self.timing.s(t, order, segment) for order in range(3))
+        bend, tangent = self.path.second_derivative(s), self.path.tangent(s)
+        return np.asarray(bend * (rate**2)[..., None] + tangent * change[..., None])

@@ -62,13 +62,13 @@ class PolynomialOrientation(OrientationLaw):
     def _vector(self) -> PolynomialCurve:
         return PolynomialCurve(self.coefficients)
 
-    def rotation(self, s: float) -> Array:
+    def rotation(self, s: float | Array) -> Array:
         """See :class:`~freefloat.paths.orientation.OrientationLaw`."""
         return np.asarray(self.start @ Rotation.from_rotvec(self._vector(s)).as_matrix())
 
-    def rate(self, s: float) -> Array:
+    def rate(self, s: float | Array) -> Array:
         """See :class:`~freefloat.paths.orientation.OrientationLaw`."""
-        return np.asarray(self.start @ exponential_rate(self._vector(s), self._vector(s, 1)))
+        return exponential_rate(self._vector(s), self._vector(s, 1)) @ self.start.T
 
 
 def transfer(

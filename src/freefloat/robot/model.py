@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -27,7 +27,6 @@ from freefloat.robot.rigid_bodies import (
     build_model,
     joints_of_arms,
     moving_joints,
-    pose_of,
     require_within_ranges,
 )
 from freefloat.robot.source import RobotSource
@@ -348,23 +347,26 @@ class FreeFloatingModel:
         """Pinocchio's configuration vector with the system's centre of mass at the origin.
 
         Args:
-            attitude: Unit quaternion x, y, z, w, shape (4,).
-            joints: Joint values, shape (n,).
+            attitude: Unit quaternion x, y, z, w, shape (4,) or (K, 4).
+            joints: Joint values, shape (n,) or (K, n).
 
         Returns:
-            ``[base position, base quaternion, joints]``, shape (7 + n,).
+            ``[base position, base quaternion, joints]``, shape (..., 7 + n).
 
         Raises:
             InputError: If the attitude is no unit quaternion, or the joints are not as many finite
                 numbers as move.
         """
+        if np.ndim(joints) == 2:
+            states: Any = zip(attitude, joints, strict=True)  # type: ignore[arg-type]
+            return np.array([self.configuration(*state) for state in states])
         q = configuration_vector(attitude, joints, self.dof)
         q[:3] = -pin.centerOfMass(self.pin_model, self.scratch, q)
         return q
 
     def base_position(self, attitude: npt.ArrayLike, joints: npt.ArrayLike) -> Array:
-        """Origin of the spacecraft's root link in the inertial frame [m], shape (3,)."""
-        return self.configuration(attitude, joints)[:3]
+        """Origin of the spacecraft's root link in the inertial frame [m], shape (..., 3)."""
+        return self.configuration(attitude, joints)[..., :3]
 
     def end_effector_pose(self, attitude: npt.ArrayLike, joints: npt.ArrayLike) -> Pose:
         """Pose of the end-effector in the inertial frame, whose origin is the centre of mass."""
@@ -373,16 +375,23 @@ class FreeFloatingModel:
     def end_effector_poses(
         self, attitude: npt.ArrayLike, joints: npt.ArrayLike
     ) -> tuple[Pose, ...]:
-        """Poses of :attr:`end_effector_links` in the inertial frame."""
-        q = self.configuration(attitude, joints)
-        pin.framesForwardKinematics(self.pin_model, self.scratch, q)
-        return tuple(pose_of(self.scratch.oMf[frame]) for frame in self.frame_ids)
+        """Poses of :attr:`end_effector_links` in the inertial frame, K of each for K states."""
+        return self._poses(attitude, joints, lambda data: [data.oMf[k] for k in self.frame_ids])
 
     def body_poses(self, attitude: npt.ArrayLike, joints: npt.ArrayLike) -> tuple[Pose, ...]:
         """Poses of the bodies' joint frames in the inertial frame, the root link's first."""
-        q = self.configuration(attitude, joints)
-        pin.forwardKinematics(self.pin_model, self.scratch, q)
-        return tuple(map(pose_of, self.scratch.oMi.tolist()[1:]))
+        return self._poses(attitude, joints, lambda data: data.oMi.tolist()[1:])
+
+    def _poses(
+        self, attitude: npt.ArrayLike, joints: npt.ArrayLike, places: Callable[[Any], list[Any]]
+    ) -> tuple[Pose, ...]:
+        """Poses of places in Pinocchio's data."""
+        q, found = self.configuration(attitude, joints), []
+        for row in np.atleast_2d(q):
+            pin.framesForwardKinematics(self.pin_model, self.scratch, row)
+            found.append([place.homogeneous for place in places(self.scratch)])
+        poses = np.swapaxes(found, 0, 1) if q.ndim == 2 else np.array(found[0])
+        return tuple(Pose(pose[..., :3, 3], pose[..., :3, :3]) for pose in poses)
 
     def joint_vector(
         self, joints: Mapping[str, float] | npt.ArrayLike, key: str = "joints"

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -73,18 +74,18 @@ class Corridor:
         """Largest deviation: the half angle [rad], or the radius [m]."""
         return float(self.radius if self.half_angle is None else self.half_angle)  # type: ignore[arg-type]
 
-    def deviation(self, position: Array) -> float:
-        """Deviation of a point (3,), in the corridor's frame, from the axis.
+    def deviation(self, position: Array) -> Any:
+        """Deviation of points (..., 3), in the corridor's frame, from the axis.
 
         Returns:
-            Of a cone the angle [rad], of a cylinder the distance [m].
+            Of a cone the angle [rad], of a cylinder the distance [m], shape (...).
         """
         offset = position - self.point
-        along = float(offset @ self.axis)
-        across = float(np.linalg.norm(offset - along * self.axis))
+        along = offset @ self.axis
+        across = np.linalg.norm(offset - along[..., None] * self.axis, axis=-1)
         if self.half_angle is None:
             return across
-        return 0.0 if math.hypot(along, across) < _APEX else math.atan2(across, along)
+        return np.where(np.hypot(along, across) < _APEX, 0.0, np.arctan2(across, along))
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,13 +180,15 @@ class Scene:
         """Whether the robot holds a body."""
         return any(body.payload is not None for body in self.bodies)
 
-    def poses(self, t: float, path: PathFrame, hand: Hand | None = None) -> tuple[Pose, ...]:
+    def poses(
+        self, t: float | Array, path: PathFrame, hand: Hand | None = None
+    ) -> tuple[Pose, ...]:
         """The frames of all bodies, see :meth:`freefloat.scene.scene_body.SceneBody.pose_at`."""
         return tuple(body.pose_at(t, path, hand) for body in self.bodies)
 
-    def corridor_pose(self, t: float, path: PathFrame, hand: Hand | None = None) -> Pose:
+    def corridor_pose(self, t: float | Array, path: PathFrame, hand: Hand | None = None) -> Pose:
         """The frame of the corridor; arguments are those of :meth:`poses`."""
         if self.corridor is None or self.corridor.body is None:
-            return Pose(path.origin(t), np.eye(3))
+            return Pose(path.origin(t), np.broadcast_to(np.eye(3), (*np.shape(t), 3, 3)))
         body = self.bodies[self.names.index(self.corridor.body)]
         return body.pose_at(t, path, hand)

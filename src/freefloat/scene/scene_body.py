@@ -30,11 +30,11 @@ def _unit() -> Array:
 class PathFrame(Protocol):
     """The frame in which a path and a scene are stated, and the pose that the path prescribes."""
 
-    def origin(self, t: float) -> Array:
-        """Origin of the frame at time t [s] relative to the centre of mass [m], shape (3,)."""
+    def origin(self, t: float | Array) -> Array:
+        """Origin of the frame at times t [s] relative to the centre of mass [m], shape (..., 3)."""
 
-    def pose(self, t: float) -> Pose:
-        """Pose of the end-effector at time t [s] relative to the centre of mass."""
+    def pose(self, t: float | Array) -> Pose:
+        """Poses of the end-effector at times t [s] relative to the centre of mass."""
 
 
 class Hand(NamedTuple):
@@ -115,11 +115,11 @@ class SceneBody:
         """Its frame at time zero, see ``position``."""
         return Pose(self.position, self.orientation)
 
-    def pose_at(self, t: float, path: PathFrame, hand: Hand | None = None) -> Pose:
+    def pose_at(self, t: float | Array, path: PathFrame, hand: Hand | None = None) -> Pose:
         """Its frame at time t [s] relative to the centre of mass, inertial axes.
 
         Args:
-            t: Time [s].
+            t: Time [s], or times (K,) of one sign, at which it has K poses.
             path: Its frame, and the pose that it prescribes for the end-effector.
             hand: Poses of the end-effector in place of the path's.
         """
@@ -129,24 +129,10 @@ class SceneBody:
         pose = self._turned(t)
         return Pose(pose.position + path.origin(t), pose.rotation)
 
-    def placements(self, times: Array, path: PathFrame) -> tuple[Array, Array]:
-        """The same at times (K,) of one sign, unless it moves with the target.
-
-        Returns:
-            Rotations of its frame, shape (K, 3, 3), and origins [m], shape (K, 3).
-        """
-        count, origins = len(times), np.array([path.origin(t) for t in times.tolist()])
+    def _turned(self, t: float | Array) -> Pose:
+        """Its frame at times t [s] in the path's frame, unless it moves with the target."""
         if isinstance(self.motion, str):
-            return np.tile(self.orientation, (count, 1, 1)), self.position + origins
-        com, turned = self.motion.com, self.motion.rotation(times)
-        return self.orientation @ turned, self.position + origins + (
-            (com - turned @ com) @ self.orientation.T
-        )
-
-    def _turned(self, t: float) -> Pose:
-        """Its frame at time t [s] in the path's frame, unless it moves with the target."""
-        if isinstance(self.motion, str):
-            return self.pose
+            return Pose(self.position, np.broadcast_to(self.orientation, (*np.shape(t), 3, 3)))
         com, turned = self.motion.com, self.motion.rotation(t)
         return self.pose @ Pose(com - turned @ com, turned)
 

@@ -98,7 +98,7 @@ def bound_checks(stated: Certificate | None, found: Certificate) -> Iterator[Che
 def _measured(motion: Motion, measure: SingularityMeasure, time: float) -> float:
     """Magnitude of a measure at a time; nan outside the motion."""
     try:
-        return abs(measure(motion.sample([time])[0].joints))
+        return float(abs(measure(motion.sample([time])[0].joints)))
     except InputError:
         return np.nan
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime
 
@@ -74,11 +73,9 @@ class Track:
     orientations: Array
 
     @classmethod
-    def of(cls, arm: str, poses: Sequence[Pose]) -> Track:
-        """That with some poses in the inertial frame."""
-        rotations = Rotation.from_matrix(np.array([pose.rotation for pose in poses]))
-        positions = frozen(np.array([pose.position for pose in poses]))
-        return cls(arm, positions, frozen(without_jumps(rotations.as_quat())))
+    def of(cls, arm: str, poses: Pose) -> Track:
+        """That with K poses in the inertial frame."""
+        return cls(arm, poses.position, frozen(without_jumps(poses.quaternion)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,25 +182,24 @@ class Trajectory:
         problem = motion.problem
         law = motion.law
         n = problem.model.dof
-        efforts = np.full((len(times), 6 + 3 * n), np.nan)
-        for row, t, a, q in zip(efforts, times.tolist(), attitudes, joints, strict=True):
-            if motion.ending is Ending.SINGULAR and t == motion.final.time:
-                continue
-            effort = law.effort(t, a, q)
-            row[:] = np.concatenate([effort.rates, effort.accelerations[6:], effort.joint_torques])
+        effort = law.effort(times, attitudes, joints)
+        efforts = np.concatenate(
+            [effort.rates, effort.accelerations[:, 6:], effort.joint_torques], axis=1
+        )
+        if motion.ending is Ending.SINGULAR:
+            efforts[times == motion.final.time] = np.nan
         base, angular, rates, accelerations, torques = np.split(
             efforts, [3, 6, 6 + n, 6 + 2 * n], axis=1
         )
         base_axes = Rotation.from_quat(attitudes)
-        states = list(zip(attitudes, joints, strict=True))
-        bodies = [problem.model.body_poses(*state) for state in states]
+        bodies = problem.model.body_poses(attitudes, joints)
         links = {"": problem.model.end_effector_link, **problem.model.further_arms}
         places = {arm: problem.model.link_places[link] for arm, link in links.items()}
         return cls(
             motion=motion,
             times=times,
             attitudes=without_jumps(attitudes),
-            base_positions=np.array([problem.model.base_position(*state) for state in states]),
+            base_positions=problem.model.base_position(attitudes, joints),
             base_velocities=base_axes.apply(base),
             angular_velocities=base_axes.apply(angular),
             joints=joints,
@@ -211,11 +207,10 @@ class Trajectory:
             joint_accelerations=accelerations,
             joint_torques=torques,
             end_effectors=tuple(
-                Track.of(arm, [poses[number] @ place for poses in bodies])
-                for arm, (number, place) in places.items()
+                Track.of(arm, bodies[number] @ place) for arm, (number, place) in places.items()
             ),
             centre_of_mass_positions=np.outer(times, problem.path.drift),
-            measure=np.array([problem.margin.measure(q) for q in joints]),
+            measure=problem.margin.measure(joints),
             header=header,
         )
 

@@ -9,7 +9,7 @@ from freefloat.limits.limit import Limit
 from freefloat.limits.result import LimitResult
 from freefloat.limits.values import Number
 from freefloat.motion.motion import Motion
-from freefloat.so3 import Array, angle_between
+from freefloat.so3 import Array, IntArray, angle_between
 
 
 class BaseTurnLimit(Limit[float]):
@@ -28,9 +28,9 @@ class BaseTurnLimit(Limit[float]):
         """The largest angle of the spacecraft from its attitude at the start."""
         initial = motion.initial.attitude
 
-        def nearness(panel: int, x: float) -> Array:
+        def nearness(panel: IntArray, x: Array) -> Array:
             """The negative square of the cosine of half the turn, smooth also where it is 0."""
-            return np.array([-((motion.at(panel, x)[1] @ initial) ** 2)])
+            return np.asarray(-((motion.at(panel, x)[1] @ initial[:, None]) ** 2))
 
         place = place_of_maximum(motion, nearness)
         turn = float(angle_between(motion.evaluate(place)[1][0], initial))

@@ -11,7 +11,7 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.motion.scene_poses import corridor_pose
 from freefloat.scene.scene import Corridor
-from freefloat.so3 import Array
+from freefloat.so3 import Array, IntArray
 
 
 class CorridorLimit(Limit[Corridor]):
@@ -29,18 +29,17 @@ class CorridorLimit(Limit[Corridor]):
         """The instant at which the end-effector deviates most from the corridor's axis."""
         problem, corridor = motion.problem, self.bound
 
-        def deviation(t: float, attitude: Array, joints: Array) -> float:
-            position = problem.model.end_effector_pose(attitude, joints).position
-            frame = corridor_pose(motion, t, attitude, joints)
-            return corridor.deviation(frame.rotation.T @ (position - frame.position))
+        def deviation(t: Array, attitudes: Array, joints: Array) -> Array:
+            pose = problem.model.end_effector_pose(attitudes, joints)
+            frame = corridor_pose(motion, t, attitudes, joints)
+            return np.asarray(corridor.deviation((frame.inverse() @ pose).position))
 
-        def squared(panel: int, x: float) -> Array:
+        def squared(panel: IntArray, x: Array) -> Array:
             """The square, smooth also where the deviation is zero."""
-            return np.array([deviation(*motion.at(panel, x)) ** 2])
+            return np.asarray(deviation(*motion.at(panel, x))[:, None] ** 2)
 
         place = place_of_maximum(motion, squared)
-        times, attitudes, joints = motion.evaluate(place)
-        worst, allowed = deviation(times[0], attitudes[0], joints[0]), corridor.allowed
+        worst, allowed = deviation(*motion.evaluate(place))[0], corridor.allowed
         return self.result(
             worst, allowed, worst / allowed, motion.time_at(place), problem.model.end_effector,
             unit=self.unit if corridor.half_angle is None else "rad",

@@ -12,7 +12,7 @@ from freefloat.limits.values import PerJoint
 from freefloat.motion.extrema import Function, at_nodes
 from freefloat.motion.motion import Motion
 from freefloat.motion.panels import NODES
-from freefloat.so3 import Array
+from freefloat.so3 import Array, IntArray
 
 
 class JointTorqueLimit(MagnitudeLimit):
@@ -31,20 +31,22 @@ class JointTorqueLimit(MagnitudeLimit):
     def worst(self, motion: Motion) -> LimitResult:
         """The joint whose torque or force is largest over its limit."""
         forces, count = _forces(motion), len(self.bound)
-        nodes = at_nodes(motion, forces).reshape(-1, len(NODES), count + 6)
+        nodes = np.empty((0, len(NODES), count + 6))
+        if motion.panels:
+            nodes = at_nodes(motion, forces)
         torques, wrenches = np.split(nodes, [count], axis=2)
-        result = self.largest(motion, lambda panel, x: forces(panel, x)[:-6], torques)
+        result = self.largest(motion, lambda panel, x: forces(panel, x)[:, :-6], torques)
         wrench = float(np.nanmax(np.abs(wrenches), initial=0.0))
         torque = float(np.nanmax(np.abs(torques), initial=0.0))
         return replace(result, base_wrench=wrench / torque if torque else None)
 
 
 def _forces(motion: Motion) -> Function:
-    """Joint torques, then the wrench on the base, along a motion, shape (n + 6,)."""
+    """Joint torques, then the wrench on the base, along a motion, shape (K, n + 6)."""
     law = motion.law
 
-    def forces(panel: int, x: float) -> Array:
+    def forces(panel: IntArray, x: Array) -> Array:
         effort = law.effort(*motion.at(panel, x), motion.timing_segment(panel))
-        return np.concatenate([effort.joint_torques, effort.base_wrench])
+        return np.concatenate([effort.joint_torques, effort.base_wrench], axis=1)
 
     return forces

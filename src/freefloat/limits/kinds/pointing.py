@@ -11,7 +11,7 @@ from freefloat.limits.values import Axes
 from freefloat.motion.motion import Motion
 from freefloat.motion.pointing import Keep, PointingLimit, angle_of
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array
+from freefloat.so3 import Array, IntArray
 
 
 class PointingLimits(Limit[tuple[PointingLimit, ...]]):
@@ -36,17 +36,17 @@ class PointingLimits(Limit[tuple[PointingLimit, ...]]):
     def _of_axis(self, limit: PointingLimit, number: int, motion: Motion) -> LimitResult:
         model, inside = motion.problem.model, limit.keep is Keep.INSIDE
 
-        def vectors(t: float, attitude: Array, joints: Array) -> tuple[Array, Array]:
-            return limit.vectors(model, attitude, joints, motion.problem.path.origin(t))
+        def vectors(t: Array, attitudes: Array, joints: Array) -> tuple[Array, Array]:
+            return limit.vectors(model, attitudes, joints, motion.problem.path.origin(t))
 
-        def cosine(panel: int, x: float) -> Array:
+        def cosine(panel: IntArray, x: Array) -> Array:
             """The cosine of the angle; negative where that should be small."""
             axis, target = vectors(*motion.at(panel, x))
-            return np.array([-axis @ target if inside else axis @ target])
+            cosines = (axis * target).sum(axis=1, keepdims=True)
+            return np.asarray(-cosines if inside else cosines)
 
         place = place_of_maximum(motion, cosine)
-        times, attitudes, joints = motion.evaluate(place)
-        angle = angle_of(*vectors(times[0], attitudes[0], joints[0]))
+        angle = float(angle_of(*vectors(*motion.evaluate(place)))[0])
         with np.errstate(divide="ignore"):
             ratio = float(angle / limit.angle if inside else np.divide(limit.angle, angle))
         time, where = motion.time_at(place), limit.title(number)

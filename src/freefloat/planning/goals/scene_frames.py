@@ -8,7 +8,7 @@ import numpy as np
 
 from freefloat.motion.problem import Problem
 from freefloat.planning.goals.placements import Placements
-from freefloat.so3 import UPRIGHT, Array, IntArray
+from freefloat.so3 import UPRIGHT, Array, IntArray, turned
 
 _LATER = 1e-3
 """Difference of times in velocities of the scene [s]."""
@@ -69,9 +69,9 @@ class SceneFrames:
         )
         for number, body in enumerate(self._bodies):
             if self.free[number]:
-                R, p = body.placements(places.times, self._path)
-                placed.rotations[:, number] = back @ R
-                placed.positions[:, number] = np.einsum("kij,kj->ki", back, p) + centres
+                pose = body.pose_at(places.times, self._path)
+                placed.rotations[:, number] = back @ pose.rotation
+                placed.positions[:, number] = turned(back, pose.position) + centres
             else:
                 held, last = self._grip @ body.pose, rotations[:, -1]
                 placed.rotations[:, number] = last @ held.rotation
@@ -83,9 +83,7 @@ class SceneFrames:
         body, attitudes = self._bodies[number], places.attitudes
         if body.motion == "fixed" and not self._path.drifts:
             return np.zeros_like(points)
-        (R, p), (later, q) = (
-            body.placements(places.times + step, self._path) for step in (0.0, _LATER)
-        )
+        now, later = (body.pose_at(places.times + step, self._path) for step in (0.0, _LATER))
         x = np.einsum("kij,kj->ki", attitudes, points - places.bodies.centres)
-        moved = q + np.einsum("kij,klj,kl->ki", later, R, x - p)
+        moved = turned((later @ now.inverse()).rotation, x - now.position) + later.position
         return np.asarray(np.einsum("kij,ki->kj", attitudes, moved - x) / _LATER)

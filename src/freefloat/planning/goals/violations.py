@@ -105,7 +105,7 @@ class StateLimits:
 
         def beyond_cone(number: int, t: float, attitude: Array, joints: Array) -> float:
             limit = self.limits.pointing[number]
-            angle = angle_of(*limit.vectors(model, attitude, joints, origin(t)))
+            angle = float(angle_of(*limit.vectors(model, attitude, joints, origin(t))))
             return (angle - limit.angle) * (1.0 if limit.keep is Keep.INSIDE else -1.0)
 
         def beyond_corridor(t: float, attitude: Array, joints: Array) -> float:

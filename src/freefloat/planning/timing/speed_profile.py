@@ -46,7 +46,6 @@ _GROWTH = 1.5
 rates alone: where a rate passes zero, they allow a peak so narrow that no motion is like it."""
 _NEARLY_STILL = 1e-6
 """Squared speed at a knot, over that at the next, where the linear program takes zero."""
-_NONE = np.empty(0)
 _SLOW = 1e-2
 """Fraction of the largest speed below which terms of the momentum are linearized at it."""
 
@@ -57,12 +56,12 @@ _CONSIDERED = (JointRateLimit.name, JointTorqueLimit.name, BaseRateLimit.name)
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Limits at a place of the path: a u + b x <= c, and x <= most; shape (rows,) but for most."""
+    """Limits at K places of the path: a u + b x <= c, shape (K, rows), and x <= most, (K,)."""
 
     a: Array
     b: Array
     c: Array
-    most: float
+    most: Array
 
 
 def require_considered(limits: Limits) -> None:
@@ -98,8 +97,7 @@ def fastest_speeds(
         x = _largest_squares(knots, rows, np.ones(len(knots)), _GROWTH)
     elif len(timing.speeds) == intervals + 1:  # the fastest timing of a similar motion
         times, speeds = np.array(timing.speeds).T
-        known = np.array([timing.s(t) for t in times.tolist()])
-        knots, x = _improved(known, speeds**2, rows, intervals)
+        knots, x = _improved(timing.s(times), speeds**2, rows, intervals)
     else:
         first, *others = (int(fraction * intervals) for fraction in _PASSES)
         knots = np.linspace(0.0, 1.0, first + 1)
@@ -117,7 +115,7 @@ def fastest_speeds(
 
 
 def _improved(
-    known: Array, x: Array, rows: Callable[[Array], list[_Rows]], intervals: int
+    known: Array, x: Array, rows: Callable[[Array], _Rows], intervals: int
 ) -> tuple[Array, Array]:
     """Knots that suit squared speeds at known ones, and the fastest squared speeds near these."""
     knots = _suited_knots(known, x, intervals)
@@ -139,7 +137,7 @@ def _suited_knots(knots: Array, x: Array, intervals: int) -> Array:
 
 def _largest_squares(
     knots: Array,
-    rows: Callable[[Array], list[_Rows]],
+    rows: Callable[[Array], _Rows],
     weights: Array,
     growth: float | None = None,
 ) -> Array:
@@ -147,24 +145,22 @@ def _largest_squares(
 
     The ratio of neighbouring ones but those at the ends may be limited to a ``growth``.
     """
-    before, after, right, columns = [], [], [], []
-    widths, count = np.diff(knots), len(_FRACTIONS)
-    places = knots[:-1, None] + np.array(_FRACTIONS) * widths[:, None]
-    for number, limits_here in enumerate(rows(np.minimum(places.ravel(), 1.0))):
-        interval, fraction = number // count, _FRACTIONS[number % count]
-        rise = limits_here.a / (2.0 * widths[interval])  # u = (x after - x before) / (2 width)
-        before += [*(limits_here.b * (1.0 - fraction) - rise), 1.0 - fraction]
-        after += [*(limits_here.b * fraction + rise), fraction]
-        right += [*limits_here.c, limits_here.most]
-        columns += [interval] * (len(limits_here.c) + 1)
+    widths = np.diff(knots)[:, None]
+    places = (knots[:-1, None] + np.array(_FRACTIONS) * widths).ravel()
+    fractions = np.tile(_FRACTIONS, len(widths))[:, None]
+    known = rows(np.minimum(places, 1.0))
+    rise = known.a / (2.0 * np.repeat(widths, len(_FRACTIONS), 0))  # u = (after - before) / (2 w)
+    before = np.hstack([known.b * (1.0 - fractions) - rise, 1.0 - fractions])
+    after = np.hstack([known.b * fractions + rise, fractions])
+    limits = np.hstack([known.c, known.most[:, None]]).ravel()
+    column = np.repeat(np.arange(len(widths)), before.size // len(widths))
+    before, after = before.ravel(), after.ravel()
     if growth is not None:
-        inner = range(1, len(knots) - 2)
-        before += [entry for _ in inner for entry in (1.0, -growth)]
-        after += [entry for _ in inner for entry in (-growth, 1.0)]
-        columns += [interval for interval in inner for _ in range(2)]
-        right += [0.0] * (2 * len(inner))
-    scale = min((limit for limit in right if limit > 0.0), default=1.0)  # the unit of x
-    limits, column = np.array(right), np.array(columns)
+        inner = np.repeat(np.arange(1, len(knots) - 2), 2)
+        before = np.append(before, np.where(np.arange(len(inner)) % 2, -growth, 1.0))
+        after = np.append(after, np.where(np.arange(len(inner)) % 2, 1.0, -growth))
+        column, limits = np.append(column, inner), np.append(limits, 0.0 * inner)
+    scale = limits[limits > 0.0].min() if (limits > 0.0).any() else 1.0  # the unit of x
     row = np.arange(len(limits))
     index = np.concatenate([row, row]), np.concatenate([column, column + 1])
     matrix = scipy.sparse.csr_array(
@@ -178,14 +174,14 @@ def _largest_squares(
     return np.asarray(np.maximum(result.x, 0.0) * scale)
 
 
-class _Place(NamedTuple):
-    """The state of a motion at a value of s, the path's derivatives by s, and a speed ds/dt > 0."""
+class _Places(NamedTuple):
+    """States of a motion at K values of s, the path's derivatives by s, and speeds ds/dt > 0."""
 
-    attitude: Array
+    attitudes: Array
     joints: Array
-    tangent: Array
-    curvature: Array
-    speed: float
+    tangents: Array
+    curvatures: Array
+    speeds: Array
 
 
 class _PathLimits:
@@ -199,96 +195,93 @@ class _PathLimits:
         self._solver = problem.resolved_rate_solver()
         self._law, self._dynamics = PathLaw(problem), InverseDynamics(problem.system)
         times = np.linspace(0.0, problem.path.duration, 201)
-        fastest = max(problem.path.timing.s(t, 1) for t in times.tolist())
-        self._slowest = _SLOW * fastest
-        self._known: dict[float, _Rows] = {}
+        self._slowest = _SLOW * problem.path.timing.s(times, 1).max()
 
-    def rows(self, values: Array) -> list[_Rows]:
+    def rows(self, values: Array) -> _Rows:
         """The limits at values of s, shape (K,)."""
-        new = [s for s in dict.fromkeys(values.tolist()) if s not in self._known]
-        for s, place in zip(new, self._places(new), strict=True):
-            a, b, c = _NONE, _NONE, _NONE
-            if self._limits.joint_torque is not None:
-                a, b, c = self._torque_rows(place)
-            self._known[s] = _Rows(a, b, c, self._largest_speed(place) ** 2)
-        return [self._known[s] for s in values.tolist()]
+        values, number = np.unique(values, return_inverse=True)
+        places = self._places(values)
+        rows = (np.empty((len(values), 0)),) * 3
+        if self._limits.joint_torque is not None:
+            rows = self._torque_rows(places)
+        return _Rows(*(row[number] for row in (*rows, self._largest_speeds(places) ** 2)))
 
     def kept_at_ends(self) -> bool:
         """Whether momentum and drift alone keep the limits of rates where the path rests."""
+        omega, q_rates = self._rates(self._places(np.array([0.0, 1.0])), np.zeros(2))
         kept = True
-        for place in self._places([0.0, 1.0]):
-            omega, q_rates = self._rates(place, 0.0)
-            if self._limits.base_rate is not None:
-                kept &= float(np.linalg.norm(omega)) <= self._limits.base_rate
-            if self._limits.joint_rate is not None:
-                kept &= bool((np.abs(q_rates) <= self._limits.joint_rate).all())
+        if self._limits.base_rate is not None:
+            kept &= bool((np.linalg.norm(omega, axis=1) <= self._limits.base_rate).all())
+        if self._limits.joint_rate is not None:
+            kept &= bool((np.abs(q_rates) <= self._limits.joint_rate).all())
         return kept
 
-    def _places(self, values: list[float]) -> list[_Place]:
-        times = [self._timing.time_at(s) for s in values]
-        states = self._motion.evaluate(self._motion.coordinates_at(times))
-        return [
-            _Place(
-                attitude, joints, self._path.tangent(s), self._path.second_derivative(s),
-                speed=max(self._timing.s(t, 1), self._slowest),
-            )
-            for s, t, attitude, joints in zip(values, times, *states[1:], strict=True)
-        ]  # fmt: skip
+    def _places(self, s: Array) -> _Places:
+        times = self._timing.time_at(s)
+        _, attitudes, joints = self._motion.evaluate(self._motion.coordinates_at(times))
+        return _Places(
+            attitudes, joints, self._path.tangent(s), self._path.second_derivative(s),
+            np.maximum(self._timing.s(times, 1), self._slowest),
+        )  # fmt: skip
 
-    def _rates(self, place: _Place, speed: float) -> tuple[Array, Array]:
-        twist = self._twist(place, speed)
-        return self._solver.rates(place.attitude, place.joints, twist, speed)
+    def _rates(self, places: _Places, speeds: Array) -> tuple[Array, Array]:
+        twists = self._twists(places, speeds)
+        return self._solver.rates(places.attitudes, places.joints, twists, speeds)
 
-    def _twist(self, place: _Place, speed: float) -> Array:
-        return np.asarray(place.tangent * speed - self._drift)
+    def _twists(self, places: _Places, speeds: Array) -> Array:
+        return np.asarray(places.tangents * speeds[:, None] - self._drift)
 
-    def _largest_speed(self, place: _Place) -> float:
-        """The largest ds/dt that rates allow [1/s]."""
-        omega, q_rates = self._rates(place, 1.0)
+    def _largest_speeds(self, places: _Places) -> Array:
+        """The largest ds/dt that rates allow [1/s], shape (K,)."""
+        still = np.zeros(len(places.speeds))
+        omega, q_rates = self._rates(places, still + 1.0)
         drift, q_drift = 0.0 * omega, 0.0 * q_rates
         if self._by_time:
-            drift, q_drift = self._rates(place, 0.0)
+            drift, q_drift = self._rates(places, still)
         omega, q_rates = omega - drift, q_rates - q_drift
-        speed = _FASTEST / self._motion.problem.path.duration
+        speeds = still + _FASTEST / self._motion.problem.path.duration
         if self._limits.joint_rate is not None:
             left = self._scale * self._limits.joint_rate - np.sign(q_rates) * q_drift
             with np.errstate(divide="ignore"):
-                speed = float((np.maximum(left, 0.0) / np.abs(q_rates)).min(initial=speed))
+                ratios = np.maximum(left, 0.0) / np.abs(q_rates)
+            speeds = np.minimum(speeds, ratios.min(axis=1))
         if self._limits.base_rate is not None:
-            size = float(omega @ omega)
-            if size > 0.0:  # |drift + omega v| = limit
-                half = float(omega @ drift)
-                limit = (self._scale * self._limits.base_rate) ** 2 - float(drift @ drift)
-                root = (np.sqrt(max(half**2 + size * limit, 0.0)) - half) / size
-                speed = min(speed, max(root, 0.0))
-        return speed
+            size, half = np.vecdot(omega, omega), np.vecdot(omega, drift)
+            limit = (self._scale * self._limits.base_rate) ** 2 - np.vecdot(drift, drift)
+            roots = np.sqrt(np.maximum(half**2 + size * limit, 0.0)) - half
+            turns = size > 0.0  # |drift + omega v| = limit
+            largest = np.maximum(roots, 0.0) / np.where(turns, size, 1.0)
+            speeds = np.where(turns, np.minimum(speeds, largest), speeds)
+        return speeds
 
-    def _torques(self, place: _Place, speed: float) -> Array:
-        """Joint torques at a constant ds/dt."""
-        prescribed = self._twist(place, speed), speed
-        change = place.curvature * speed**2, 0.0
-        effort = self._law.effort_of(place.attitude, place.joints, prescribed, change)
+    def _torques(self, places: _Places, speeds: Array) -> Array:
+        """Joint torques at constant ds/dt, shape (K, n)."""
+        prescribed = self._twists(places, speeds), speeds
+        change = places.curvatures * speeds[:, None] ** 2, 0.0 * speeds
+        effort = self._law.effort_of(places.attitudes, places.joints, prescribed, change)
         return effort.joint_torques
 
-    def _torque_rows(self, place: _Place) -> tuple[Array, Array, Array]:
-        """Rows a, b, c of a u + b x <= c, both signs of every joint, shape (2 n,) each."""
-        v = place.speed
-        rest = self._torques(place, 0.0) if self._by_time else 0.0 * place.joints
-        still = np.zeros(3 + len(place.joints))
-        change = self._rates(place, 1.0)[1] - self._rates(place, 0.0)[1]
-        effort = self._dynamics.of_joints(place.attitude, place.joints, still, change)
-        per_acceleration = effort.joint_torques
-        once = self._torques(place, v) - rest
+    def _torque_rows(self, places: _Places) -> tuple[Array, Array, Array]:
+        """Rows a, b, c of a u + b x <= c, both signs of every joint, shape (K, 2 n) each."""
+        attitudes, joints, *_, speeds = places
+        v, still = speeds[:, None], 0.0 * speeds
+        rest = self._torques(places, still) if self._by_time else 0.0 * joints
+        change = self._rates(places, still + 1.0)[1] - self._rates(places, still)[1]
+        resting = np.zeros((len(joints), 3 + joints.shape[1]))
+        per_acceleration = self._dynamics.of_joints(
+            attitudes, joints, resting, change
+        ).joint_torques
+        once = self._torques(places, speeds) - rest
         linear = 0.0 * once
         if self._by_time:
-            twice = self._torques(place, 2.0 * v) - rest
+            twice = self._torques(places, 2.0 * speeds) - rest
             linear = (4.0 * once - twice) / (2.0 * v)
         squared = (once - linear * v) / v**2
         squared = squared + linear / (2.0 * v)  # v is linearized in x = v²
         rest = rest + linear * v / 2.0
         limit = self._scale * np.asarray(self._limits.joint_torque)
         return (
-            np.concatenate([per_acceleration, -per_acceleration]),
-            np.concatenate([squared, -squared]),
-            np.concatenate([limit - rest, limit + rest]),
+            np.hstack([per_acceleration, -per_acceleration]),
+            np.hstack([squared, -squared]),
+            np.hstack([limit - rest, limit + rest]),
         )

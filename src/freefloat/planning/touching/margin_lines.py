@@ -63,10 +63,9 @@ class PathOfPoint3:
 
     def at(self, t: Array) -> tuple[Array, Rotation]:
         """Point 3 [m], shape (K, 3), and rotations of the end-effector from zero joints."""
-        poses = [self._path.pose(time) for time in t.tolist()]
-        rotations = Rotation.from_matrix([pose.rotation for pose in poses]) * self._from_zero
-        positions = np.array([pose.position for pose in poses])
-        return positions - rotations.apply(self._wrist_to_tool), rotations
+        pose = self._path.pose(t)
+        rotations = Rotation.from_matrix(pose.rotation) * self._from_zero
+        return pose.position - rotations.apply(self._wrist_to_tool), rotations
 
 
 @lru_cache(maxsize=4)
@@ -131,7 +130,9 @@ class StatesOnPath:
 
     def measures(self, joints: Array) -> Array:
         """S at joints (K, 6), shape (K,); NaN where the joints are."""
-        return np.array([self.measure(q) if np.isfinite(q).all() else np.nan for q in joints])
+        values, known = np.full(len(joints), np.nan), np.isfinite(joints).all(axis=1)
+        values[known] = self.measure(joints[known])
+        return values
 
     def _rates(self, t: float, attitude: Array, joints: Array) -> tuple[Array, Array]:
         """Base and joint rates (8), per second; without momentum and drift per unit of s."""

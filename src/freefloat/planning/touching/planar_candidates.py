@@ -74,18 +74,14 @@ class PlanarCandidates:
         at rest would hide it: then rates are per unit of s.
         """
         times, timed = np.clip(t, 0.0, self.duration), self._problem.path
-        path, instants = timed.path, times.ravel().tolist()
-        s = [self.timing.s(time) for time in instants]
-        if self._by_time:
-            tangents = np.array([timed.twist(time) for time in instants])
-        else:
-            tangents = np.array([path.tangent(value) for value in s])
-        moved = np.outer(times.ravel(), timed.drift)
-        position = self._flat(np.array([path.curve(value) for value in s]) - moved)
+        path, instants = timed.path, times.ravel()
+        s = self.timing.s(instants)
+        tangents = timed.twist(instants) if self._by_time else path.tangent(s)
+        position = self._flat(path.curve(s) + timed.origin(instants))
         velocity = self._flat(tangents[:, :3])
         angle, rate = np.zeros((2, len(s)))
         if self._problem.task.prescribes_orientation:
-            rotations = np.array([path.orientation.rotation(value) for value in s])
+            rotations = path.orientation.rotation(s)
             link = self._flat(rotations @ self._virtual.last_link)
             turned = self._flat(rotations @ self._zero.T @ self.plane.axes[:, 0])
             angle, rate = np.angle(turned), tangents[:, 3:] @ self.plane.normal
