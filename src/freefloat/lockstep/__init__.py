@@ -11,6 +11,6 @@ except Exception as error:  # whatever its libraries and its configuration file 
     raise MissingNumbaError(
         "numba",
         f"it cannot be imported ({str(error).rstrip('.')}), but spatial plans and maps, studies, "
-        "goals and several arms on paths need kernels that it compiles",
+        "goals, other arms than elbow arms and several arms on paths need kernels that it compiles",
         "pip install --upgrade numba",
     ) from error
