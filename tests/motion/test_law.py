@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.motion.joint_integration import integrate_spline
 from freefloat.motion.joint_spline import JointSpline
+from freefloat.motion.law import PathLaw
 from freefloat.motion.motion import Motion
 
 START = np.array([0.3, -0.5, 1.1, 0.4, 0.9, -0.2])
@@ -30,6 +31,34 @@ def moved(kind: str) -> Motion:
     return integrate_spline(timed, spline, ATTITUDE)
 
 
+SCENARIOS = "spatial_6dof/line", "planar_3dof/parabola", "ur5_servicer/inspect", "ets_vii/inspect"
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_many_states_have_the_path_rates_and_forces_of_each(name: str) -> None:
+    problem = ff.load_scenario(name).problem()
+    path, rng = problem.path, np.random.default_rng(3)
+    times = np.linspace(0.0, path.duration, 7)
+    attitudes = np.tile(ATTITUDE, (7, 1))
+    if problem.task.planar:
+        attitudes = problem.plane.attitudes(rng.uniform(0.0, 6.0, 7))
+    states = times, attitudes, rng.uniform(-1.0, 1.0, (7, problem.model.dof))
+    law = PathLaw(problem)
+    values = (
+        lambda t, attitude, joints: path.pose(t).position,
+        lambda t, attitude, joints: path.pose(t).rotation,
+        lambda t, attitude, joints: path.twist(t),
+        lambda t, attitude, joints: path.timing.time_at(path.timing.s(t)),
+        lambda *state: np.concatenate(law.rates(*state), axis=-1),
+        lambda *state: law.effort(*state).joint_torques,
+        lambda t, attitude, joints: problem.margin.measure(joints),
+        lambda t, *state: problem.model.body_poses(*state)[-1].rotation,
+    )  # fmt: skip
+    for value in values:
+        each = [value(float(t), *state) for t, *state in zip(*states, strict=True)]
+        np.testing.assert_allclose(value(*states), each, rtol=1e-9, atol=1e-11)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["path", "joints"])
 def test_rates_and_accelerations_are_derivatives_of_the_motion(kind: str) -> None:
@@ -41,7 +70,7 @@ def test_rates_and_accelerations_are_derivatives_of_the_motion(kind: str) -> Non
     weights = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / (12.0 * h)
     nodes = motion.times, motion.attitudes, motion.joints
     single = [np.concatenate(law.rates(*node)) for node in zip(*nodes, strict=True)]
-    np.testing.assert_allclose(law.many_rates(*nodes, [None] * len(single)), single, atol=1e-12)
+    np.testing.assert_allclose(np.concatenate(law.rates(*nodes), axis=1), single, atol=1e-12)
     for t in np.array([0.13, 0.37, 0.83]) * T:
         states = motion.sample(t + h * np.arange(-2, 3))
         now = states[2]

@@ -101,7 +101,7 @@ def singularity_measure(
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
         >>> measure = ff.singularity_measure(model, "planar-position", "gjm")
-        >>> round(measure(np.array([0.5, 1.0])), 4)
+        >>> round(float(measure(np.array([0.5, 1.0]))), 4)
         0.2759
     """
     task, name = require_task(model, task), measure_key(name)

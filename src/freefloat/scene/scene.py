@@ -43,7 +43,7 @@ class Corridor:
 
     Example:
         >>> corridor = ff.Corridor([2.0, 0.0, 0.0], [-1.0, 0.0, 0.0], half_angle=0.2)
-        >>> round(corridor.deviation(np.array([1.0, 0.1, 0.0])), 4)
+        >>> round(float(corridor.deviation(np.array([1.0, 0.1, 0.0]))), 4)
         0.0997
     """
 
@@ -85,7 +85,7 @@ class Corridor:
         across = np.linalg.norm(offset - along[..., None] * self.axis, axis=-1)
         if self.half_angle is None:
             return across
-        return np.where(np.hypot(along, across) < _APEX, 0.0, np.arctan2(across, along))
+        return np.where(np.hypot(along, across) < _APEX, 0.0, np.arctan2(across, along))[()]
 
 
 @dataclass(frozen=True, eq=False)
