@@ -32,6 +32,7 @@ FEASIBLE: dict[str, Any] = {
     "heading_deg": 73.7, "joints.0": 0.1, "joints.1": 0.2, "residuals.momentum": 1e-9,
     "attitude_ranges_deg.1": "[[0.0, 9.5]]", "limits_kept": True, "limits.base_rate": 0.25,
     "seconds": 0.5, "began": "2026-01-01T00:00:00.000+00:00", "file": "cases/00000.h5",
+    "limiting": "margin",
 }  # fmt: skip
 INFEASIBLE = FEASIBLE | {"number": 1, "verdict": "infeasible", "margin": 2.5, "file": None,
                          "reason": "The margin, $_1$."}  # fmt: skip
@@ -175,6 +176,9 @@ def test_the_summary_counts_verdicts_and_margins(study: Study, tmp_path: Path) -
     assert document["feasible_fraction_error"] == pytest.approx(math.sqrt(4 / 5) / 4)
     assert document["feasible_fraction_interval"] == pytest.approx([0.0945, 0.9055], abs=1e-4)
     assert document["margin"] == {"least": 2.5, "median": 5.0, "largest": 7.5}
+    percentiles = {"5": 2.75, "25": 3.75, "50": 5.0, "75": 6.25, "95": 7.25}
+    assert document["percentiles"] == {"margin": pytest.approx(percentiles)}  # the others are equal
+    assert document["limiting"] == {"margin": 2}
     assert document["reasons"] == {INFEASIBLE["reason"]: 1}
     assert document["errors"] == [{"case": 2, "error": ERROR["error"]}]
     assert document["case_seconds"] == pytest.approx(1.1)
@@ -190,6 +194,9 @@ def test_the_report_has_the_numbers_and_escapes_names(tmp_path: Path) -> None:
     texts = ("3 of 6", "50.00% (95% confidence: 9.45% to 90.55%)", "7.5", "duration [s]")
     for text in (*texts, ERROR["error"]):
         assert text in page.xpath("//text()")
+    headings = page.xpath("//*[@id='cases']//th//text()")
+    assert headings[:5] == ["run", "verdict", "reason", "error", "minimum margin [m⁴ kg]"]
+    assert "heading [deg]" not in headings  # they are equal
 
 
 @pytest.mark.slow

@@ -85,7 +85,7 @@ def batch(
 
     Example: freefloat batch spatial_6dof/montecarlo --run 17 -o run.h5
     """
-    from freefloat.studies.estimate import estimate_study, why_run_by_run
+    from freefloat.studies.estimate import estimate_study, seconds_one_by_one, why_run_by_run
     from freefloat.studies.loading import load_study
     from freefloat.studies.runner import run_in_stages
 
@@ -108,19 +108,15 @@ def batch(
         _write_run(loaded, run, output, console)
         return
     make_folder("output", output)
-    if not (quiet or as_json) and (reason := why_run_by_run(loaded)) is not None:
-        seconds = None
-        if loaded.count >= _MANY:
-            with console.progress("timing runs"):
-                seconds = estimate_study(
-                    loaded, output, workers=workers, scheduler=scheduler, report=report
-                ).seconds
-        duration = "" if seconds is None else f"; about {time_text(seconds)}"
-        say(f"{loaded.source}: run by run, because {reason}{duration}")
     if not (quiet or as_json) and loaded.content.command != "plan" and loaded.base.get("phases"):
         say(f"{loaded.source}: the first path alone, without the phases after it")
     logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # of a scheduler that Ctrl-C leaves
     try:
+        if not (quiet or as_json) and (reason := why_run_by_run(loaded)) is not None:
+            with console.progress("timing runs"):
+                seconds = seconds_one_by_one(loaded, workers) if loaded.count >= _MANY else None
+            duration = "" if seconds is None else f"; up to about {time_text(seconds)}"
+            say(f"{loaded.source}: run by run, because {reason}{duration}")
         result = run_in_stages(
             loaded, output, workers, scheduler, _fraction(until), report, console.progress
         )

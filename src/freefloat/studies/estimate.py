@@ -153,6 +153,17 @@ def estimate_study(
         return _Trial(study, Path(place), parallel).timed(estimate, missing, files, report)
 
 
+def seconds_one_by_one(study: Study, workers: int | None) -> float | None:
+    """Expected time of all runs one by one, on so many workers [s]; None if none can be timed."""
+    side_by_side = min(workers or available_cores(), available_cores())
+    with TemporaryDirectory(prefix="freefloat-") as place:
+        try:
+            _, each, _ = _Trial(study, Path(place), side_by_side).executed(np.arange(study.count))
+        except _NoneTimed:
+            return None
+    return each * study.count / side_by_side
+
+
 @dataclass(frozen=True, eq=False)
 class _Trial:
     """Some runs of a study in a folder of their own, each step of them timed.
@@ -235,7 +246,7 @@ class _Trial:
         if not count or not len(numbers):
             return _Step()
         save = self.study.kept_files >= self.study.count
-        cold, each, runs = self._executed(numbers, save)
+        cold, each, runs = self.executed(numbers, save)
         for run in runs:
             database.add([run.number], {name: [value] for name, value in run.values.items()})
         wall = self._wall(count, count * each, cold)
@@ -246,10 +257,12 @@ class _Trial:
         """Result files that are written after the runs."""
         if not count:
             return _Step()
-        cold, each, _ = self._executed(missing, save=True)
+        cold, each, _ = self.executed(missing, save=True)
         return _Step(count, count * each, self._wall(count, count * each, cold), cold)
 
-    def _executed(self, numbers: IntArray, save: bool) -> tuple[float, float, list[RunResult]]:
+    def executed(
+        self, numbers: IntArray, save: bool = False
+    ) -> tuple[float, float, list[RunResult]]:
         """Time to load what runs need, mean time of a run after it [s], and the runs."""
         places = np.linspace(0, len(numbers) - 1, min(_SAMPLES, len(numbers))).astype(int)
         runs, times = list[RunResult](), list[float]()

@@ -18,7 +18,7 @@ from jinja2 import Environment, PackageLoader
 from freefloat.concurrency import Progress
 from freefloat.errors import FreeFloatError
 from freefloat.io.files import written_beside
-from freefloat.studies.columns import NUMBER
+from freefloat.studies.columns import ERROR, NUMBER
 from freefloat.studies.folder import FIGURE, REPORT
 from freefloat.studies.names import heading, readable_name, result_name
 from freefloat.studies.results import PERCENTILES, StudyResult
@@ -143,9 +143,10 @@ def _listed(result: StudyResult, names: Mapping[str, str]) -> _Table:
     spreads = ", ".join(f"count({name}), min({name}), max({name})" for name in map(quoted, names))
     (numbers,) = result.rows.query(f"SELECT {spreads} FROM runs")
     headings, equal = {NUMBER: "run"}, list[str]()
+    without_error = result.done - result.verdicts[ERROR]
     for place, (name, words) in enumerate(names.items()):
         count, least, most = numbers[3 * place : 3 * place + 3]
-        if count == len(result.rows) > 1 and least == most:
+        if count >= max(2, without_error) and least == most:
             equal.append(f"{words}: {_cell(least)}")
         elif count and (least, most) != ("", ""):
             headings[name] = words

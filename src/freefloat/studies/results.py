@@ -200,8 +200,8 @@ class StudyResult:
         if quantities != {MARGIN}:
             return ""
         return (
-            "no Sobol indices for feasibility: it is constant, or limits need precise or recorded "
-            "motions"
+            "no Sobol indices for feasibility: limits need precise or recorded motions, or it is "
+            "constant"
         )
 
     @property
