@@ -22,7 +22,6 @@ NEED_KERNELS = (
     "plan spatial_6dof/line",
     "map spatial_6dof/line --samples 64",
     "batch spatial_6dof/montecarlo --output study",
-    "reorient servicing/inspect_client --to 0 0 0 1",
     "simulate servicing/two_arms_both --attitude 0 0 0 1",
 )
 
