@@ -91,7 +91,9 @@ class Pose:
     def seen_from_each(self, attitudes: Array) -> tuple[Array, Array]:
         """Positions (K, 3) and rotations (K, 3, 3) relative to frames with attitudes (K, 4)."""
         back = rotation_matrix(attitudes).swapaxes(1, 2)
-        return back @ self.position, back @ self.rotation
+        # bit for bit the same for any number of frames, as no product of one large matrix is
+        position = np.einsum("kij,j->ki", back, self.position)
+        return position, np.einsum("kij,jl->kil", back, self.rotation)
 
 
 def unit_vector(key: str, values: npt.ArrayLike) -> Array:

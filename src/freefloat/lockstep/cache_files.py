@@ -11,7 +11,6 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from numba import config
 from numba.core.caching import Cache, IndexDataCacheFile
 from numba.core.serialize import dumps
 
@@ -28,9 +27,7 @@ class CheckedCacheFile(IndexDataCacheFile):
     @classmethod
     def of(cls, cache: Cache, folder: Path, module: str) -> CheckedCacheFile:
         """The files of a kernel of a module in the folder of its sources, wherever these lie."""
-        level = vars(config)["OPT"]  # of optimization
-        name = f"{module}.{cache._impl.filename_base}.{level}.checked"
-        return cls(str(folder), name, folder.name)
+        return cls(str(folder), f"{module}.{cache._impl.filename_base}.checked", folder.name)
 
     def save(self, key: Any, data: Any) -> None:
         """Write an entry where the folder permits it."""

@@ -66,8 +66,9 @@ def inlined(function: _Function) -> _Function:
 def _part(function: Callable[..., Any], **options: Any) -> Any:
     """The compiled function; Numba compiles others again for each constant argument."""
     part = njit(**options, pipeline_class=_InnerCompiler)(function)
-    compile_for = part.compile
-    part.compile = lambda kinds: compile_for(tuple(map(types.unliteral, kinds)))
+    if part is not function:  # the compiler is not switched off, see compiled
+        compile_for = part.compile
+        part.compile = lambda kinds: compile_for(tuple(map(types.unliteral, kinds)))
     return part
 
 
