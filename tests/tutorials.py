@@ -26,7 +26,7 @@ ENDS = {
     "06_plan_with_limits": ("duration: {} s instead of 30 s", 225.327, 0.5),
     "07_playback": ("apart: {} deg", 88.4002, 1e-3),
     "08_study": ("feasible: {} %", 50.0, 1e-9),
-    "09_inspect_a_client": ("moved by the cones: {} deg", 11.3, 3.0),
+    "09_inspect_a_client": ("moved by the cones: {} deg", 15.1, 3.0),
     "10_capture_a_client": ("with locked joints: {} deg/s", 0.367, 0.01),
     "11_two_arms": ("moving: the spacecraft turns by up to {} deg", 1.52, 0.01),
 }
