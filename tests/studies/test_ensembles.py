@@ -11,7 +11,7 @@ import pytest
 import freefloat as ff
 from freefloat.studies.ensembles import chunks, integrated
 from freefloat.studies.estimate import why_run_by_run
-from freefloat.studies.groups import group_of
+from freefloat.studies.grouping import group_of
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.run import execute
 from freefloat.studies.run_values import group_numbers

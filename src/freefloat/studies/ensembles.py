@@ -18,7 +18,8 @@ from freefloat.motion.motion import Ending
 from freefloat.robot.joint_ranges import range_ratios
 from freefloat.so3 import Array, IntArray
 from freefloat.studies.columns import FEASIBLE, INFEASIBLE, NUMBER, UNCHECKED, Column, Columns
-from freefloat.studies.groups import Group, group_of
+from freefloat.studies.grouping import group_of
+from freefloat.studies.groups import Group
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.values import (
     LIMITING,

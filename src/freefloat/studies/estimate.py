@@ -113,7 +113,7 @@ def why_run_by_run(study: Study) -> str | None:
     if not reasons and not len(together):
         reasons = [f"fewer than {FEWEST} runs differ in nothing but values that ensembles vary"]
     if study.content.command is Command.SIMULATE and study.count >= FEWEST:
-        from freefloat.studies.groups import why_apart  # compiled kernels
+        from freefloat.studies.grouping import why_apart  # compiled kernels
 
         reasons += why_apart(study, int(together[0]) if len(together) else 0)
     return "; ".join(reasons) or None
