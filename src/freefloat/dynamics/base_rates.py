@@ -49,7 +49,6 @@ def inertia_and_momentum(
         In spacecraft axes [kg m², N m s], shapes (..., 3, 3) and (..., 3).
     """
     shape, n = joints.shape[:-1], joints.shape[-1]
-    pairs = [inertia_matrices(model, q) for q in joints.reshape(-1, n)]
-    D, Dq = (np.array(matrices) for matrices in zip(*pairs, strict=True))
+    D, Dq = inertia_matrices(model, joints.reshape(-1, n))
     carried = np.einsum("kij,kj->ki", Dq, rates.reshape(-1, n))
     return D.reshape(*shape, 3, 3), carried.reshape(*shape, 3)

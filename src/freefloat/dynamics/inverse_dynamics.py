@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import pinocchio as pin
 
-from freefloat.dynamics.momentum import momentum_map
+from freefloat.dynamics.momentum import momentum_map, stacked
 from freefloat.dynamics.system import System
 from freefloat.dynamics.tasks import Task, task_rows
 from freefloat.rotations import rotation_matrix
@@ -122,9 +122,7 @@ class InverseDynamics:
 
 def _each(function: Callable[..., Array], *vectors: Array) -> Array:
     """Values of a function of vectors (n,), at each of K where they have the shape (K, n)."""
-    if vectors[0].ndim == 1:
-        return np.array(function(*vectors))
-    return np.array([np.array(function(*row)) for row in zip(*vectors, strict=True)])
+    return stacked(lambda *row: (np.array(function(*row)),), *vectors)[0]
 
 
 def _solved(matrices: Array, right: Array) -> Array:

@@ -47,7 +47,7 @@ def momentum_map(
         q = _configuration(model, *state)
         return (np.array(pin.computeCentroidalMap(model.pin_model, model.scratch, q)),)
 
-    return _stacked(matrix, *((joints,) if attitude is UPRIGHT else (joints, attitude)))[0]
+    return stacked(matrix, *((joints,) if attitude is UPRIGHT else (joints, attitude)))[0]
 
 
 def mass_matrix(model: FreeFloatingModel, joints: npt.ArrayLike) -> Array:
@@ -141,7 +141,7 @@ def system_matrix(
                [ 1.8023,  1.3768,  0.5231]])
     """
     task = applicable(model, task)
-    A_G, J = _stacked(lambda q: _maps(model, q, task), joints)
+    A_G, J = stacked(lambda q: _maps(model, q, task), joints)
     J = J[..., prescribed_rows(model, task), :]
     J = J[..., 3:] - J[..., :3] @ (A_G[..., :3, 3:] / model.total_mass)
     A = np.concatenate([A_G[..., 3:, 3:], J], axis=-2)
@@ -210,7 +210,7 @@ def generalized_jacobian(
     """
     task = applicable(model, task)
     if getattr(joints, "ndim", 1) == 2:
-        return _stacked(lambda q: (generalized_jacobian(model, q, task),), joints)[0]
+        return stacked(lambda q: (generalized_jacobian(model, q, task),), joints)[0]
     A_G, J = _maps(model, joints, task)
     A_G = np.asfortranarray(A_G)  # solved in place
     _, _, base, singular = dgesv(A_G[:, :6], A_G[:, 6:], 1, 1)
@@ -247,7 +247,7 @@ def generalized_determinant(
             f"{task} prescribes {len(rows)} rates, the arm has {model.arm_dof} joints",
             "as many joints as rates; for redundant arms singularity_measure(model, task, 'gjm')",
         )
-    A_G, J = _stacked(lambda q: _maps(model, q, task), joints)
+    A_G, J = stacked(lambda q: _maps(model, q, task), joints)
     M = np.concatenate([A_G, J[..., rows, :]], axis=-2)
     D = A_G[..., 3:, 3:6]
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = D.tolist() if D.ndim == 2 else np.moveaxis(D, 0, -1)
@@ -314,7 +314,7 @@ def _map_derivatives(
         dA_G = pin.computeCentroidalMapTimeVariation(robot, data, q, v)
         return data.Ag, np.concatenate(J), dA_G, np.concatenate(dJ)
 
-    A_G, J, dA_G, dJ = _stacked(matrices, joints, rates)
+    A_G, J, dA_G, dJ = stacked(matrices, joints, rates)
     velocity = A_G[..., :3, 6:] @ np.asarray(rates)[..., None] / model.total_mass
     # Pinocchio differentiates about a fixed point; the centre of mass moves in the spacecraft frame
     drift = np.cross(velocity, A_G[..., :3, :], axis=-2)
@@ -323,7 +323,7 @@ def _map_derivatives(
     return tuple(_in_plane(model, task, M[..., columns]) for M in (A_G, J, dA_G, dJ))
 
 
-def _stacked(
+def stacked(
     function: Callable[..., tuple[Array, ...]], *vectors: npt.ArrayLike
 ) -> tuple[Array, ...]:
     """Matrices that are functions of vectors (n,), or stacks of them for vectors (K, n)."""

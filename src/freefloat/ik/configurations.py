@@ -24,7 +24,8 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, BoolArray, IntArray
 
 _STEPS, _PATIENCE = 30, 3
-"""Largest number of Newton's steps from one of many starts, and of those that are in vain."""
+"""Largest number of Newton's steps from one of many starts, and of consecutive steps that hardly
+reduce the residual."""
 _PASSES = ((48, 20), (160, 48))
 """Numbers of closest configurations, and of well-spread starts among them, for redundant arms."""
 _ROUNDS = 16

@@ -16,7 +16,7 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen
 
 _STEPS, _PATIENCE = 60, 6
-"""Largest number of Newton's steps, and of those one after the other that are in vain."""
+"""Largest number of Newton's steps, and of consecutive steps that hardly reduce the residual."""
 
 
 def newton_configuration(

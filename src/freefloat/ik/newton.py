@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 CONVERGED = 1e-9
 """Largest residual of a solution [m, rad]."""
 _PATIENCE = 4
-"""Steps one after the other that may be in vain, unless told otherwise."""
+"""Largest number of consecutive steps that hardly reduce the residual."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,16 +53,16 @@ class Newton:
         self, positions: Array, rotations: Array, pose: IntArray, q: Array, steps: int,
         *, patience: int = _PATIENCE, robots: Array | None = None,
     ) -> tuple[Array, Array]:  # fmt: skip
-        """The joints (N, n) after the last step from others, and their residuals [m, rad], (N,).
+        """Joint values (N, n) after the last step, and their residuals [m, rad], shape (N,).
 
         Args:
-            positions: Of the end-effector at K poses, or of E end-effectors, from the centre of
-                mass, spacecraft frame [m], shape (K, 3) or (E, K, 3).
-            rotations: Likewise, shape (K, 3, 3) or (E, K, 3, 3).
+            positions: Positions of the end-effector at K poses, or of E end-effectors, from the
+                centre of mass, spacecraft frame [m], shape (K, 3) or (E, K, 3).
+            rotations: Their rotations, shape (K, 3, 3) or (E, K, 3, 3).
             pose: Numbers of the poses, shape (N,).
-            q: Joint values from which it starts, shape (N, n).
+            q: Joint values at the start, shape (N, n).
             steps: Largest number of steps.
-            patience: Largest number of steps one after the other that are in vain.
+            patience: Largest number of consecutive steps that hardly reduce the residual.
             robots: Properties of the robots of the poses, see :class:`.Robot`, shape (K, C).
         """
         from freefloat.ik.newton_kernel import make_workspace, solve_all
@@ -88,10 +88,10 @@ class Newton:
 
         Args:
             positions: As for :meth:`solved`.
-            rotations: Likewise.
+            rotations: As for :meth:`solved`.
             q: Starts, NaN for missing ones, shape (n, B, K).
             steps: Largest number of steps.
-            patience: Largest number of steps one after the other that are in vain.
+            patience: Largest number of consecutive steps that hardly reduce the residual.
         """
         found, starts = np.full(q.shape, np.nan), np.isfinite(q).all(axis=0)
         joints, residuals = self.solved(

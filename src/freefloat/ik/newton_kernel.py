@@ -41,7 +41,7 @@ _SMALLEST = 1e-12
 _EXACT = 1e-13
 """Residual at which the iteration stops [m, rad]."""
 _GAIN = 0.9
-"""A step that reduces the smallest residual by less than this factor is in vain."""
+"""A step hardly reduces the residual if it keeps more than this part of the smallest one."""
 
 
 class Workspace(NamedTuple):
@@ -77,7 +77,7 @@ def solve_all(
         q: Joint values, shape (N, n).
         residual: Receives the residuals [m, rad], shape (N,).
         steps: Largest number of steps.
-        patience: Largest number of steps one after the other that are in vain.
+        patience: Largest number of consecutive steps that hardly reduce the residual.
         workspace: Workspace.
     """
     work = _in_tables(workspace)

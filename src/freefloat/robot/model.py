@@ -358,7 +358,7 @@ class FreeFloatingModel:
                 numbers as move.
         """
         if np.ndim(joints) == 2:
-            states: Any = zip(attitude, joints, strict=True)  # type: ignore[arg-type]
+            states = zip(np.asarray(attitude), np.asarray(joints), strict=True)
             return np.array([self.configuration(*state) for state in states])
         q = configuration_vector(attitude, joints, self.dof)
         q[:3] = -pin.centerOfMass(self.pin_model, self.scratch, q)
