@@ -11,7 +11,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.dynamics.base_rates import base_rates
 from freefloat.limits.pairs import CollisionPairs
 from freefloat.so3 import Array
 
@@ -159,7 +158,7 @@ def drifted(query: Query, joints: Array) -> Array:
     """
     steps, middles = np.diff(joints, axis=0), (joints[1:] + joints[:-1]) / 2.0
     still = ff.System(query.system.model)
-    turns = base_rates(still, np.tile(IDENTITY, (len(steps), 1)), middles, steps)
+    turns = still.base_rate(np.tile(IDENTITY, (len(steps), 1)), middles, steps)
     attitudes, now = [IDENTITY], Rotation.identity()
     for turn in turns:
         now = now * Rotation.from_rotvec(turn)

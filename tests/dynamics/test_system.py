@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.dynamics.momentum import momentum_map
+from freefloat.dynamics.momentum import inertia_matrices, momentum_map
 from freefloat.rotations import rotation_matrix
 from tests.errors import error_key
 from tests.motions import bundled
+from tests.prismatic import prismatic_robot
 
 
 def test_base_twist_has_the_momentum_and_the_velocity_of_the_centre_of_mass() -> None:
@@ -47,3 +49,18 @@ def test_problems_state_and_take_a_system() -> None:
         assert error_key(problem.with_system, ff.System(problem.model, *vectors)) == key
     assert error_key(ff.System, problem.model, wheels=[0.0, np.nan, 0.0]) == "wheels.momentum"
     assert error_key(ff.System, "planar_2dof") == "model"
+
+
+@pytest.mark.parametrize("robot", ["planar_2dof", "ets_vii", prismatic_robot()], ids=len)
+def test_rates_of_many_states_are_those_of_each(robot: str) -> None:
+    model = ff.FreeFloatingModel.from_urdf(robot)
+    rng = np.random.default_rng(3)
+    joints, rates = rng.normal(size=(2, 6, model.dof))
+    attitudes = Rotation.random(6, rng=rng)
+    system = ff.System(model, rng.normal(size=3), rng.normal(size=3))
+    omega = system.base_rate(attitudes.as_quat(), joints, rates)
+    carried = attitudes.apply(system.momentum.copy(), inverse=True) - system.wheels
+    for place in range(6):
+        D, Dq = inertia_matrices(model, joints[place])
+        expected = np.linalg.solve(D, carried[place] - Dq @ rates[place])
+        np.testing.assert_allclose(omega[place], expected, atol=1e-12)

@@ -11,7 +11,6 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.dynamics.base_rates import base_rates
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.tasks import Task
 from freefloat.motion.joint_spline import JointSpline
@@ -62,7 +61,7 @@ def test_attitudes_along_a_path_and_their_derivatives(model: ff.FreeFloatingMode
     still = paths.course(arm, unknowns, np.eye(3), 0.0 * momenta)
     joints = paths.gauss[0] @ paths.control_points(unknowns)
     attitudes = np.tile([0.0, 0.0, 0.0, 1.0], (len(joints), 1))
-    omega = base_rates(ff.System(model), attitudes, joints, still.rates)
+    omega = ff.System(model).base_rate(attitudes, joints, still.rates)
     assert still.omega == pytest.approx(omega, abs=1e-12)
     cases = 3 * [(0.0, 1e-7), (1.0, 0.02)]
     for column, (loaded, tolerance) in zip(rng.choice(paths.size, 6), cases, strict=True):

@@ -12,7 +12,7 @@ from freefloat.errors import finite_vector, require_type
 from freefloat.robot.joint_values import finite_after
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import rotation_matrix
-from freefloat.so3 import Array, frozen, unit_quaternion, zeros
+from freefloat.so3 import Array, frozen, turned, unit_quaternion, zeros
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,28 +76,28 @@ class System:
     def base_rate(
         self, attitude: npt.ArrayLike, joints: npt.ArrayLike, rates: npt.ArrayLike
     ) -> Array:
-        """Angular velocity of the spacecraft, in its axes, for prescribed joint rates, (3).
+        """Angular velocity of the spacecraft for prescribed joint rates.
 
         It is D^-1 (R0^T h - h_w - Dq q').
 
         Args:
-            attitude: Unit quaternion x, y, z, w.
-            joints: Joint values, shape (n,).
-            rates: Joint rates, shape (n,).
+            attitude: Unit quaternion x, y, z, w, shape (4,) or (K, 4).
+            joints: Joint values, shape (n,) or (K, n).
+            rates: Joint rates, of the shape of the joints.
 
         Returns:
-            In the spacecraft frame [rad/s], shape (3,).
+            In the spacecraft frame [rad/s], shape (..., 3).
 
         Raises:
             InputError: If joints or rates are not those of the robot, or the attitude is no unit
                 quaternion.
         """
         D, Dq = inertia_matrices(self.model, joints)
-        R0, rates = rotation_matrix(unit_quaternion("attitude", attitude)), self._rates(rates)
-        demanded = -self.wheels - Dq @ rates
-        if self.momentum.any():
-            demanded = demanded + R0.T @ self.momentum
-        return np.asarray(np.linalg.solve(D, demanded))
+        if D.ndim == 2:
+            attitude, rates = unit_quaternion("attitude", attitude), self._rates(rates)
+        h = turned(rotation_matrix(attitude).swapaxes(-1, -2), self.momentum)
+        demanded = h - self.wheels - turned(Dq, np.asarray(rates))
+        return np.asarray(np.linalg.solve(D, demanded[..., None])[..., 0])
 
     def base_twist(
         self, attitude: npt.ArrayLike, joints: npt.ArrayLike, rates: npt.ArrayLike

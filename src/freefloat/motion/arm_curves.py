@@ -89,11 +89,11 @@ class ArmCurve:
         k = int(
             np.clip(np.searchsorted(self.times, (start + end) / 2.0) - 1, 0, len(self.times) - 2)
         )
-        part = slice(k, k + 1), self.times[k : k + 2]
-        values, rates, _ = self._derivatives
-        return scipy.interpolate.PPoly(values.c[:, part[0]], part[1]), scipy.interpolate.PPoly(
-            rates.c[:, part[0]], part[1]
+        values, rates = (
+            scipy.interpolate.PPoly(spline.c[:, k : k + 1], self.times[k : k + 2])
+            for spline in self._derivatives[:2]
         )
+        return values, rates
 
     def stretched(self, factor: float) -> ArmCurve:
         """The same curve at another speed, its duration multiplied by a factor."""

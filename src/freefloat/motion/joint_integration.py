@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from freefloat.dynamics.base_rates import inertia_and_momentum
+from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.errors import IntegrationError
 from freefloat.motion.joint_spline import JointSpline
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES
 from freefloat.motion.problem import Problem
 from freefloat.rotations import Rotation
-from freefloat.so3 import Array, frozen
+from freefloat.so3 import Array, frozen, turned
 
 _PANELS = 4
 """Panels of a motion in a span: their polynomials are exact to 1e-10."""
@@ -52,12 +52,12 @@ def integrate_spline(problem: Problem, spline: JointSpline, attitude: Array) -> 
     half = problem.path.duration / panels / 2.0
     times = (half * (2.0 * np.arange(panels)[:, None] + _POINTS + 1.0)).ravel()
     times[-1] = problem.path.duration  # without rounding
-    s, speed = np.array([(timing.s(t), timing.s(t, 1)) for t in times.tolist()]).T
+    s, speed = timing.s(times), timing.s(times, 1)
     joints = spline.at(s)
     rates, momentum = spline.at(s, 1) * speed[:, None], np.array(system.momentum, dtype=float)
-    D, carried = inertia_and_momentum(problem.model, joints, rates)
+    D, Dq = inertia_matrices(problem.model, joints)
     inverse_D = np.asarray(np.linalg.inv(D), dtype=float)
-    own = -np.einsum("kij,kj->ki", inverse_D, carried + system.wheels)
+    own = -turned(inverse_D, turned(Dq, rates) + system.wheels)
     quaternions, last = [], attitude
     for panel in np.split(np.arange(len(s)), panels):
         found = _attitudes(last, half, inverse_D[panel], own[panel], momentum)

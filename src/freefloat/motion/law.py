@@ -11,7 +11,6 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
-from freefloat.dynamics.base_rates import base_rates
 from freefloat.dynamics.inverse_dynamics import Effort, InverseDynamics
 from freefloat.dynamics.tasks import Task
 from freefloat.motion.joint_spline import JointSpline
@@ -23,7 +22,6 @@ _WEIGHTS = np.array([8.0, -1.0, -8.0, 1.0]) / 12.0
 """Weights of central differences of fourth order."""
 _EXCURSION = 4e-4
 """Displacement of attitude and joints in a step of the differences [rad, m]."""
-
 
 Times: TypeAlias = float | Array
 Segments: TypeAlias = int | IntArray | None
@@ -189,7 +187,7 @@ class JointLaw:
         """See :class:`Law`."""
         s, speed = (self._timing.s(t, order, segment) for order in range(2))
         rates = self._curve.at(s, 1) * speed[..., None]
-        return Rates(base_rates(self._problem.system, attitude, self._curve.at(s), rates), rates)
+        return Rates(self._problem.system.base_rate(attitude, self._curve.at(s), rates), rates)
 
     def effort(self, t: Times, attitude: Array, joints: Array, segment: Segments = None) -> Effort:
         """See :class:`Law`."""
