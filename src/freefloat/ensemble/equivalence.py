@@ -36,7 +36,7 @@ class Equivalents:
         stretches: Times of the disturbed motions over those of these, shape (K,).
         factors: Factors on all masses and inertias, which the systems do not have, shape (K,).
         scales: Factors on the ratios of the quantities of limits, see
-            :attr:`.KnownLimits.quantities`, shape (K, Q).
+            :attr:`.KnownLimits.places`, shape (K, Q).
     """
 
     problem: Problem
