@@ -371,3 +371,16 @@ def test_an_altered_file_is_exit_code_1(file, tmp_path, resealed):
 def test_maps_and_unknown_engines_are_input_errors(simulated):
     assert error_key(ff.check, simulated.chosen.motion.problem) == "result"
     assert error_key(ff.check, simulated, "bullet") == "engine"
+
+
+@pytest.mark.slow
+def test_a_start_of_a_redundant_arm_that_joint_values_choose_is_verified(tmp_path):
+    """Also where they are the values of an arm branch, which has another number in the file."""
+    problem = ff.load_scenario("panda_servicer/line").problem()
+    attitude = problem.attitude([0.0, 0.0, 0.0, 1.0])
+    joints = problem.branches(attitude)[3].joints
+    simulation = ff.simulate(problem.replace(start_joints=joints), attitude)
+    assert simulation.chosen.branch.joints == pytest.approx(joints, abs=1e-9)
+    ff.save(simulation, tmp_path / "motion.h5")
+    report = ff.check(ff.load(tmp_path / "motion.h5"))
+    assert report.passed, report.discrepancies

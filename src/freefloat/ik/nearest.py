@@ -17,6 +17,8 @@ from freefloat.so3 import Array, frozen
 
 _STEPS, _PATIENCE = 60, 6
 """Largest number of Newton's steps, and of consecutive steps that hardly reduce the residual."""
+GIVEN, CLOSEST = "given", "closest"
+"""Labels of configurations of redundant arms that joint values choose."""
 
 
 def newton_configuration(
@@ -27,7 +29,7 @@ def newton_configuration(
     For redundant arms, whose configurations at a pose form a continuum.
     """
     q = newton_solutions(model, positions, rotations, task, joints)[0]
-    return ArmBranch(MAX_BRANCHES, "given", frozen(q)) if np.isfinite(q).all() else None
+    return ArmBranch(MAX_BRANCHES, GIVEN, frozen(q)) if np.isfinite(q).all() else None
 
 
 def closest_branches(
@@ -66,7 +68,7 @@ def closest_branches(
     distance[inside.any(axis=1, keepdims=True) & ~inside] = np.inf
     nearby[others] = shifted[np.arange(len(others)), np.argmin(distance, axis=1)]
     names = np.where(np.isfinite(nearby).all(axis=1), 0, -1)
-    return BranchSets(nearby[:, None], names[:, None], ("closest",))
+    return BranchSets(nearby[:, None], names[:, None], (CLOSEST,))
 
 
 def _closest_of(model: FreeFloatingModel, sets: BranchSets, joints: Array) -> BranchSets:

@@ -13,6 +13,7 @@ from freefloat.certificate.certificate import Certificate
 from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
 from freefloat.errors import InputError
 from freefloat.ik.branches import ArmBranch
+from freefloat.ik.nearest import CLOSEST, GIVEN
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.joint_limit import JointLimit
 from freefloat.limits.kinds.base_turn import BaseTurnLimit
@@ -59,7 +60,8 @@ def _known_start(simulated: SimulatedBranch) -> Known | ArmBranch:
     joints = start.joints[: problem.model.arm_dof]
     if not problem.redundant:
         return branch_at(problem, start.attitude, joints)
-    for branch in problem.branches(start.attitude):
+    chosen_by_joints = simulated.branch.label in (GIVEN, CLOSEST)
+    for branch in () if chosen_by_joints else problem.branches(start.attitude):
         if problem.model.joint_distance(branch.joints, joints) < _NEAR:
             return replace(branch, joints=joints)
     return Known(ArmBranch, {"joints": joints})
