@@ -49,6 +49,8 @@ _ANY = _Rule(free=True)
 _ERROR = _Rule(absolute=0.0, factor=10.0, slack=1e-7)
 _SEARCHED = _Rule(factor=1.5)
 _STATE = _Rule(1e-4, 1e-6, slack=1e-3)
+_END = _STATE._replace(slack=1e-2)
+"""Where a motion ends singular, its state changes with the root of the time that is left."""
 _STEPS = _Rule(1e-3, 1e-6, factor=2.0, slack=1e-3)
 _RULES = {
     # errors are rounding: their order of magnitude is compared
@@ -97,10 +99,10 @@ _RULES = {
     "motions.ended_at": _STATE,
     "motions.minimum": _STATE._replace(scaled=True),
     "motions.minimum_at": _ANY,  # where two minima are alike, rounding decides; values are compared
-    "motions.attitudes": _STATE,
-    "motions.joints": _STATE,
-    "motions.lower": _STATE,
-    "motions.upper": _STATE,
+    "motions.attitudes": _END,
+    "motions.joints": _END,
+    "motions.lower": _END,
+    "motions.upper": _END,
     "motions.slacks": _STATE,
     "motions.rates": _STEPS._replace(unbounded=True),
     "motions.base_rate": _STEPS._replace(unbounded=True),
