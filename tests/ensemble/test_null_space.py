@@ -3,35 +3,22 @@
 import numpy as np
 import pytest
 
-import freefloat as ff
 from freefloat.ensemble.endings import COMPLETED
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.kernels import flow as flow_kernels
 from freefloat.ensemble.kernels.records import BY_TIME, FORWARD, SEGMENT
 from freefloat.lockstep.lanes import WIDTH
 from freefloat.so3 import angle_between
-from tests.ensembles import both
 from tests.lock_step import Kernels, plain_kernels
 from tests.redundant import ARMS, choices, redundant
 
 EVERYTHING = [(*arm, k) for arm in ARMS for k in range(9)]
-LEAST_BASE_RATE = [
-    *((*arm, ff.Redundancy("base")) for arm in [*ARMS, ("RRRRRRR", ff.Task.POSITION)]),
-    *((*arm, ff.Redundancy("base", toward, 0.8, 2.0))
-      for arm in [("RRRRRRR", ff.Task.POSITION), ("5", ff.Task.PLANAR_POSITION)]
-      for toward in ("sigma", "middle")),
-]  # fmt: skip
 
 
 @pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING)
 def test_rates_agree_with_pinocchio(structure, task, number):
     """At random states, to rounding or, toward sigma, to the error of differences."""
     assert_same_rates(structure, task, choices(structure, task, 7)[number], number)
-
-
-@pytest.mark.parametrize(("structure", "task", "redundancy"), LEAST_BASE_RATE)
-def test_rates_of_least_base_rate_agree_with_pinocchio(structure, task, redundancy):
-    assert_same_rates(structure, task, redundancy, 0)
 
 
 def assert_same_rates(structure, task, redundancy, seed):
@@ -64,15 +51,6 @@ def assert_same_rates(structure, task, redundancy, seed):
         turning = 2.0 * (w * change[:3] - change[3] * a - np.cross(a, change[:3]))
         np.testing.assert_allclose(turning, omega, rtol=0, atol=exact * max(scale, 1.0))
         assert determinant[k] == pytest.approx(problem.margin.measure(joints[k]), rel=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("structure", "task", "redundancy"), LEAST_BASE_RATE[::3])
-def test_motions_of_least_base_rate_agree_with_precise_ones(structure, task, redundancy):
-    """Endings, minima of the measure and last states, compiled."""
-    start = redundant(structure, task, redundancy, 1)
-    (case,) = both(start.problem, start.attitude[None], start.joints[None])
-    case.assert_same()
 
 
 @pytest.mark.parametrize("number", [1, 5, 8])

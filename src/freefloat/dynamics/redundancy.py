@@ -23,11 +23,6 @@ reaction wheel of tiny effect where it would otherwise become singular."""
 _LARGEST_WEIGHT = 1e6
 LARGEST_GAIN = 1e6
 """Largest gain and bound of the null-space motion."""
-DAMPED_BELOW = 0.02
-"""Angular velocity of the spacecraft per null-space rate, relative to that per joint rate, below
-which the metric ``base`` is damped."""
-NEARLY_DEPENDENT = 1e-10
-"""Sum of the principal minors of a matrix relative to its squared trace that is rounding error."""
 
 
 def singular_speed(task: Task) -> float:
@@ -39,13 +34,11 @@ class Metric(StrEnum):
     """What the joint rates minimize.
 
     ``JOINTS``: their Euclidean norm [rad/s, m/s]. ``ENERGY``: the kinetic energy of the
-    free-floating system, apart from the momentum's constant contribution. ``BASE``: the magnitude
-    of the spacecraft's angular velocity; among the rates that minimize it, the Euclidean norm.
+    free-floating system, apart from the momentum's constant contribution.
     """
 
     JOINTS = "joints"
     ENERGY = "energy"
-    BASE = "base"
 
 
 class Toward(StrEnum):
@@ -126,21 +119,11 @@ class Redundancy:
                 )
         if model.arms and self.metric is Metric.ENERGY:
             problem = "energy, but another arm moves along a joint curve"
-            raise InputError("redundancy.metric", problem, "joints, base or weights of joints")
-        of_masses = self.metric in (Metric.ENERGY, Metric.BASE)
-        if of_masses and not any(body.mass for body in model.bodies[1 : 1 + len(arm)]):
+            raise InputError("redundancy.metric", problem, "joints or weights of joints")
+        massless = not any(body.mass for body in model.bodies[1 : 1 + len(arm)])
+        if self.metric is Metric.ENERGY and massless:
             accepted = "joints, or an arm with mass"
-            raise InputError(
-                "redundancy.metric", f"{self.metric}, but the arm has no mass", accepted
-            )
-        needed = len(rows) + (1 if task.planar else 3)
-        if self.metric is Metric.BASE and self.toward is not Toward.NONE and len(arm) <= needed:
-            raise InputError(
-                "redundancy.toward",
-                f"{self.toward}, but the metric base leaves no freedom: task and attitude take "
-                f"{needed} rates and the arm has {len(arm)} joints",
-                "none, or another metric",
-            )
+            raise InputError("redundancy.metric", "energy, but the arm has no mass", accepted)
         if self.toward is Toward.MIDDLE and not np.isfinite(range_centres(model)[: len(arm)]).any():
             raise InputError(
                 "redundancy.toward", "middle, but no joint of this arm has a range", "none or sigma"
@@ -150,7 +133,7 @@ class Redundancy:
 def _checked_metric(metric: Any) -> Metric | Mapping[str, float]:
     if isinstance(metric, str) and metric in tuple(Metric):
         return Metric(metric)
-    accepted = "joints, energy, base, or a map from joint to weight"
+    accepted = "joints, energy, or a map from joint to weight"
     require_type("redundancy.metric", metric, Mapping, accepted)
     weights, accepted = {}, "from 1e-06 to 1e+06"
     for joint, value in metric.items():

@@ -17,10 +17,6 @@ the null-space motion per unit of s that c = gain would give, the unsaturated at
 objective these are the rates of minimum norm. With one, a null-space motion along which the
 objective does not decrease is added, projected in the same metric.
 
-The metric ``base`` has priority instead: among the rates that minimize the magnitude of the
-spacecraft's angular velocity, those of minimum norm are taken. Only a null-space motion that does
-not turn the spacecraft, of an arm that has one, moves toward the objective.
-
 The attraction is proportional to the path speed ds/dt, so it vanishes where the path stops, and
 without momentum joints and attitude depend on the path parameter alone: a longer duration gives the
 same motion. The gain is therefore dimensionless: one over the fraction of the path in which an
@@ -35,16 +31,12 @@ from the joints to the centres of their ranges; joints without a range do not co
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 import pinocchio as pin
 from scipy.linalg.lapack import dgeqrf, dgesv, dorgqr, dtrtrs
 
 from freefloat.dynamics.momentum import mass_matrix
 from freefloat.dynamics.redundancy import (
-    DAMPED_BELOW,
-    NEARLY_DEPENDENT,
     Metric,
     Redundancy,
     Toward,
@@ -224,36 +216,13 @@ class ResolvedRateSolver:
         u = Q[:, :m] @ coordinates
         if not self._redundancy.minimum_norm:
             N = Q[:, m:]
-            if self._redundancy.metric is Metric.BASE:
-                z, P = self._least_base_rate(base, (momentum_twist - base @ u)[3:], N)
-            else:
-                W = self._metric(base)
-                P = np.linalg.solve(N.T @ W @ N, N.T)
-                z = -P @ (W @ u)
+            W = self._metric(base)
+            P = np.linalg.solve(N.T @ W @ N, N.T)
+            z = -P @ (W @ u)
             if self._redundancy.toward is not Toward.NONE and speed != 0.0:
                 z += speed * self._attraction(base, S, P)
             u = u + N @ z
         return (momentum_twist - base @ u)[3:], u
-
-    def _least_base_rate(self, base: Array, omega: Array, N: Array) -> tuple[Array, Array]:
-        """Components of the null-space rates that offset the spacecraft's angular velocity.
-
-        Args:
-            base: Minus the base twist per joint rate, shape (6, n).
-            omega: Angular velocity of the spacecraft at the minimum-norm rates.
-            N: Basis of the null space of S*.
-
-        Returns:
-            The components, and the matrix that maps joint rates to components of the null-space
-            motion that is left.
-        """
-        rows = base[3:]
-        if self._plane is not None:
-            rows, omega = (self._plane.normal[None] @ values for values in (rows, omega))
-        G = rows @ N
-        size = float(np.linalg.norm(rows[:, : self._model.arm_dof]))
-        inverse = damped_inverse(G, size)
-        return inverse @ omega, N.T - inverse @ (G @ N.T)
 
     def _attraction(self, base: Array, S: Array, P: Array) -> Array:
         """Components of the saturated attraction per unit of s; P maps g to components."""
@@ -318,29 +287,3 @@ def _shortest_solutions(M: Array, b: Array) -> tuple[Array, Array]:
     Q, R = np.linalg.qr(reduced[..., :-1].swapaxes(1, 2))
     u = turned(Q, np.linalg.solve(R.swapaxes(1, 2), reduced[..., -1:])[..., 0])
     return np.asarray(solution[:, 3:, -1] - turned(solution[:, 3:, :-1], u)), u
-
-
-def damped_inverse(G: Array, size: float) -> Array:
-    """The pseudoinverse of a matrix of at most three rows, damped where it nearly loses rank.
-
-    G^T (G G^T + damping^2 1)^-1, after Nakamura and Hanafusa (1986). With the singular values sigma
-    of G, and s^2 = 1 / sum(1 / sigma^2), a smooth lower bound of the smallest one squared,
-
-        damping = limit (1 - s^2 / limit^2)  where s < limit = DAMPED_BELOW * size,  otherwise 0.
-
-    No singular value of the result exceeds 1.07 / limit, and G times it never amplifies.
-
-    Args:
-        G: Shape (k, r), k up to 3.
-        size: Size with which the singular values compare.
-
-    Returns:
-        Shape (r, k).
-    """
-    U, sigma, V = np.linalg.svd(G, full_matrices=False)
-    limit, squares = DAMPED_BELOW * size, sigma**2
-    total = squares.sum()
-    minors = [1.0, total, (total**2 - squares @ squares) / 2.0 + NEARLY_DEPENDENT * total**2]
-    smallest = squares.prod() / max(minors[len(sigma) - 1], sys.float_info.min)
-    damping = limit * max(0.0, 1.0 - smallest / limit**2)
-    return np.asarray((V.T * (sigma / (squares + damping**2))) @ U.T)

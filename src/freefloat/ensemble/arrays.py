@@ -12,7 +12,6 @@ from freefloat.dynamics.kernels.robot import REACH, Robot
 from freefloat.dynamics.link_frames import LinkFrames, frames_at_zero, link_frames
 from freefloat.dynamics.measures import KEYS, unit_of_length
 from freefloat.dynamics.redundancy import (
-    DAMPED_BELOW,
     Metric,
     Toward,
     joint_weights,
@@ -24,7 +23,6 @@ from freefloat.ensemble.arm_moments import NODES, cubics_through, kernel_arms
 from freefloat.ensemble.kernels.cones import AXIS, ORIGIN, TARGET
 from freefloat.ensemble.kernels.dormand_prince import TABLEAU
 from freefloat.ensemble.kernels.null_space import (
-    BASE_RATE,
     ENERGY,
     MIDDLE_OF_RANGE,
     SIGMA,
@@ -151,14 +149,13 @@ def _null_space(problem: Problem) -> NullSpace | None:
     if redundancy is None or redundancy.minimum_norm:
         return None
     centres = range_centres(problem.chain())
-    codes = ((Metric.ENERGY, ENERGY), (Metric.BASE, BASE_RATE))
-    metric = next((code for kind, code in codes if redundancy.metric is kind), WEIGHTED)
+    metric = ENERGY if redundancy.metric is Metric.ENERGY else WEIGHTED
     toward = {Toward.NONE: 0, Toward.MANIPULABILITY: SIGMA, Toward.MIDDLE: MIDDLE_OF_RANGE}
     return NullSpace(
         metric, toward[redundancy.toward],
         float(redundancy.gain), float(redundancy.bound),
         np.array(joint_weights(problem.chain(), redundancy), dtype=float),
-        np.nan_to_num(centres), np.isfinite(centres).astype(float), DAMPED_BELOW,
+        np.nan_to_num(centres), np.isfinite(centres).astype(float),
     )  # fmt: skip
 
 

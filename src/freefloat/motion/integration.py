@@ -16,7 +16,7 @@ import numpy.typing as npt
 import scipy
 
 from freefloat.dynamics.momentum import generalized_determinant, generalized_jacobian
-from freefloat.dynamics.redundancy import SINGULAR_SPEED, SPINNING_SPEED, Metric
+from freefloat.dynamics.redundancy import SINGULAR_SPEED, SPINNING_SPEED
 from freefloat.dynamics.tasks import Task
 from freefloat.errors import InputError, IntegrationError, finite_number
 from freefloat.motion.extrema import first_crossing
@@ -35,9 +35,6 @@ _STALLED = 0.1 * _TIME_UNITS / SINGULAR_SPEED
 steps near one allow ten times the speed at which the coarse steps of an ensemble end."""
 _LONGEST_STEP = 1.0
 _MAX_STEPS = 20_000
-_AT_KINKS = 1e-3
-"""Factor of the tolerance for the metric ``base``: where its damping sets in, the rates have kinks,
-and the polynomial inside a step is less precise than its end."""
 _FINEST, _ROUGHEST = 1e-13, 1e-2
 """Accepted tolerances: finer ones are below rounding errors, rougher ones useless."""
 _RANK_LOST = 1e-9
@@ -88,8 +85,6 @@ def integrate_motion(
     tolerance = finite_number("tolerance", tolerance, accepted, _FINEST, _ROUGHEST)
     end = problem.path.duration if end is None else end
     first = _first_node(problem, attitude, joints, start, end)
-    if problem.redundancy is not None and problem.redundancy.metric is Metric.BASE:
-        tolerance = max(_AT_KINKS * tolerance, _FINEST)
     rows, ending = _integrate(problem, ArcFlow(problem), first, end, tolerance)
     rows[:, 5 + problem.model.arm_dof :] = problem.arms.at(rows[:, 0])
     motion = Motion(problem, ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])

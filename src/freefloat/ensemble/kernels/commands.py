@@ -75,9 +75,9 @@ def solve(robot: Robot, null_space: NullSpace | None, speed: float, work: Worksp
     momentum = to_spacecraft(x, e, vector(h[0], h[1], h[2])) - vector(h[3], h[4], h[5])
     if null_space is not None and null_space.toward != 0:
         gradient(robot, null_space, q, work)
-    drift, _, _ = solve_rates(robot, q, momentum, work.solver)
+    solve_rates(robot, q, momentum, work.solver)
     if null_space is not None:
-        add_null_space_motion(robot, null_space, drift, speed + 0.0 * e, work)
+        add_null_space_motion(robot, null_space, speed + 0.0 * e, work)
 
 
 @compiled

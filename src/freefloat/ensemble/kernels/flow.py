@@ -116,7 +116,7 @@ def flow(
         gradient(robot, null_space, q, work)
     drift, determinant, det_D = solve_rates(robot, q, h, work.solver)
     if null_space is not None:
-        add_null_space_motion(robot, null_space, drift, speed, work)
+        add_null_space_motion(robot, null_space, speed, work)
     half = spacecraft_rate(robot, drift, work.solver) * (0.5 * course.duration)
     square = dot(half, half)  # of the quaternion's rate
     for j in range(n):

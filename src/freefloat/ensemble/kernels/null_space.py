@@ -5,34 +5,27 @@ With a basis N of the null space of S*, the null-space rates are z = N c with
     (N^T W N) c = -N^T W u   and   (N^T W N) c = N^T g,
 
 where u are the rates of least Euclidean norm, W is the metric and g the gradient of the objective.
-So z neither moves the end-effector nor changes the momentum, and W may be singular. With the metric
-``base``, G the spacecraft's angular velocity per component of c, and omega that due to u,
-
-    c = -G^+ omega   and   c = (1 - G^+ G) N^T g,
-
-where the pseudoinverse is that of :func:`freefloat.dynamics.resolved_rates.damped_inverse`.
+So z neither moves the end-effector nor changes the momentum, and W may be singular.
 """
 
 from __future__ import annotations
 
-from freefloat.dynamics.kernels.equation import determinants, spacecraft_rate
+from freefloat.dynamics.kernels.equation import determinants
 from freefloat.dynamics.kernels.kinematics import ANGULAR, AXIS, LINEAR, POINT, TURN
 from freefloat.dynamics.kernels.robot import PRISMATIC, TOTAL_MASS, Robot
-from freefloat.dynamics.redundancy import NEARLY_DEPENDENT
 from freefloat.ensemble.kernels.records import NullSpace, Workspace
 from freefloat.lockstep.compilation import inlined, inner
-from freefloat.lockstep.lanes import Float, maximum, select, sqrt
+from freefloat.lockstep.lanes import Float, select, sqrt
 from freefloat.lockstep.reflections import reflect
 from freefloat.lockstep.tables import Table, below, get_vector
-from freefloat.lockstep.vectors import Vector, components, cross, dot
+from freefloat.lockstep.vectors import cross, dot
 
-WEIGHTED, ENERGY, BASE_RATE = 1, 2, 3
+WEIGHTED, ENERGY = 1, 2
 """Codes of the metrics."""
 SIGMA, MIDDLE_OF_RANGE = 1, 2
 """Codes of the objectives; 0 for none."""
 _STEP = 1e-4
 """Step of the joint values for differences of the manipulability [rad, m]."""
-_TINY = 1e-300
 
 
 @inner
@@ -55,20 +48,19 @@ def gradient(robot: Robot, null_space: NullSpace, q: Table, work: Workspace) -> 
 
 @inner
 def add_null_space_motion(
-    robot: Robot, null_space: NullSpace, drift: Vector, speed: Float, work: Workspace
+    robot: Robot, null_space: NullSpace, speed: Float, work: Workspace
 ) -> None:
     """Add the null-space motion to the rates of least norm in ``work.solver.rates``.
 
     Args:
         robot: Data of the robot.
         null_space: Settings.
-        drift: The spacecraft's angular velocity for resting joints.
         speed: Path speed ds/dt.
         work: Workspace, with the factors of S* and, if there is an objective, its gradient.
     """
     n, r = robot.n, robot.n - robot.m
     _basis(robot, work)
-    _components(robot, null_space, drift, work)
+    _components(robot, null_space, work)
     square = 0.0 * speed
     for i in range(n):
         toward = 0.0 * speed
@@ -83,17 +75,8 @@ def add_null_space_motion(
 
 
 @inner
-def _components(robot: Robot, null_space: NullSpace, drift: Vector, work: Workspace) -> None:
+def _components(robot: Robot, null_space: NullSpace, work: Workspace) -> None:
     """Write both components c, in pairs, into ``work.right``."""
-    if null_space.metric == BASE_RATE:
-        _least_base_rate(robot, null_space, drift, work)
-    else:
-        _least_norm(robot, null_space, work)
-
-
-@inner
-def _least_norm(robot: Robot, null_space: NullSpace, work: Workspace) -> None:
-    """The components for a metric W."""
     n, r, W = robot.n, robot.n - robot.m, work.metric
     if null_space.metric == ENERGY:
         _kinetic_energy(robot, work)
@@ -115,83 +98,6 @@ def _least_norm(robot: Robot, null_space: NullSpace, work: Workspace) -> None:
         if null_space.toward != 0:
             work.right[2 * c + 1] = _product(n, N, work.gradient) * null_space.gain
     _solve(r, work.normal, work.right)
-
-
-@inner
-def _least_base_rate(robot: Robot, null_space: NullSpace, drift: Vector, work: Workspace) -> None:
-    """The components for the metric ``base``."""
-    n, r, right = robot.n, robot.n - robot.m, work.right
-    first = 2 if robot.planar else 0  # of the components of angular velocities that count
-    k, G, A = 3 - first, work.metric, work.normal
-    omega = components(spacecraft_rate(robot, drift, work.solver))
-    square = _base_rates(robot, first, work) * null_space.damped_below**2
-    if r <= k:
-        for c in range(r):
-            right[2 * c], right[2 * c + 1] = 0.0, 0.0
-            for i in range(k):
-                right[2 * c] = right[2 * c] - G[i * r + c] * omega[first + i]
-            for d in range(r):
-                A[c * r + d] = 0.0
-                for i in range(k):
-                    A[c * r + d] = A[c * r + d] + G[i * r + c] * G[i * r + d]
-        _damp(r, A, square)
-        _solve(r, A, right)
-        return
-    for c in range(r):
-        work.column[c] = 0.0
-        if null_space.toward != 0:
-            N = below(work.basis, c * n, 1)
-            work.column[c] = _product(n, N, work.gradient) * null_space.gain
-    b = below(work.metric, k * r, 1)
-    for i in range(k):
-        row = below(G, i * r, 1)
-        b[2 * i], b[2 * i + 1] = -omega[first + i], -_product(r, row, work.column)
-        for j in range(k):
-            A[i * k + j] = _product(r, row, below(G, j * r, 1))
-    _damp(k, A, square)
-    _solve(k, A, b)
-    for c in range(r):
-        right[2 * c], right[2 * c + 1] = 0.0, work.column[c]
-        for i in range(k):
-            right[2 * c] = right[2 * c] + G[i * r + c] * b[2 * i]
-            right[2 * c + 1] = right[2 * c + 1] + G[i * r + c] * b[2 * i + 1]
-
-
-@inner
-def _base_rates(robot: Robot, first: int, work: Workspace) -> Float:
-    """Write the spacecraft's angular velocity per component of c, from row ``first`` on.
-
-    Returns:
-        The sum of squares of that per joint rate.
-    """
-    n, r, w = robot.n, robot.n - robot.m, work.solver.momenta
-    square = 0.0 * work.solver.rates[0]
-    for i in range(3 - first):
-        for j in range(n):
-            square += w[j, TURN + first + i] * w[j, TURN + first + i]
-        for c in range(r):
-            total = 0.0 * square
-            for j in range(n):
-                total += w[j, TURN + first + i] * work.basis[c * n + j]
-            work.metric[i * r + c] = total
-    return square
-
-
-@inlined
-def _damp(k: int, A: Table, limit: Float) -> None:
-    """Add the damping's square to the diagonal of G G^T or G^T G, given that of the limit."""
-    product, minors = A[0], 0.0 * limit + 1.0
-    if k == 2:
-        product, minors = A[0] * A[3] - A[1] * A[2], A[0] + A[3]
-    elif k == 3:
-        x, y = A[4] * A[8] - A[5] * A[7], A[5] * A[6] - A[3] * A[8]
-        z, total = A[3] * A[7] - A[4] * A[6], A[0] + A[4] + A[8]
-        product = A[0] * x + A[1] * y + A[2] * z
-        minors = x + A[0] * A[8] - A[2] * A[6] + A[0] * A[4] - A[1] * A[3]
-        minors += total * total * NEARLY_DEPENDENT
-    weight = maximum(0.0, 1.0 - product / (maximum(minors, _TINY) * limit))
-    for i in range(k):
-        A[i * k + i] = A[i * k + i] + weight * weight * limit
 
 
 @inlined

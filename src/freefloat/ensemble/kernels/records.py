@@ -68,7 +68,6 @@ class NullSpace(NamedTuple):
     weights: Table  # of the joints, (n,)
     middles: Table  # of the joint ranges, (n,)
     ranges: Table  # 1 where a joint has a range, otherwise 0, (n,)
-    damped_below: float  # of the metric ``base``
 
 
 class Cones(NamedTuple):
@@ -205,5 +204,4 @@ def _settings_in_tables(null_space: Any) -> Any:
     return NullSpace(
         null_space.metric, null_space.toward, null_space.gain, null_space.bound,
         floats(null_space.weights, 1), floats(null_space.middles, 1), floats(null_space.ranges, 1),
-        null_space.damped_below,
     )  # fmt: skip

@@ -67,9 +67,8 @@ class RedundancySection(Section):
     """Null-space motion of a redundant arm."""
 
     metric: Metric | dict[str, Factor] = Metric.JOINTS
-    """Minimized by the joint rates: ``joints``, their norm; ``energy``, the kinetic energy;
-    ``base``, the spacecraft's angular velocity; or a map from joint to weight, the weighted norm,
-    with weight 1 for joints not named."""
+    """Minimized by the joint rates: ``joints``, their norm; ``energy``, the kinetic energy; or a
+    map from joint to weight, the weighted norm, with weight 1 for joints not named."""
     toward: Toward = Toward.NONE
     """Null-space motion toward a larger manipulability, or toward the middle of joint ranges."""
     gain: Annotated[float, Field(strict=True, ge=0.0, le=LARGEST_GAIN)] | None = None
