@@ -52,9 +52,9 @@ def test_a_negative_number_begins_a_list() -> None:
 @pytest.mark.slow
 def test_parts_have_both_forms() -> None:
     spaces = ("--mass", "150", "--inertia", "16", "16", "20", "--size", "1", "1", "0.8",
-              "--com", "-0.1", "0", "0.1", "--mount", "0", "0", "0.4", "0", "0", "-1")  # fmt: skip
+              "--mount", "0", "0", "0.4", "0", "0", "-1")  # fmt: skip
     commas = ("--mass", "150", "--inertia=16,16,20", "--size", "1,1,0.8",
-              "--com=-0.1,0,0.1", "--mount", "0,0,0.4,0,0,-1")  # fmt: skip
+              "--mount", "0,0,0.4,0,0,-1")  # fmt: skip
     texts = []
     for words in (spaces, commas):
         document("assemble", *UR5, *words)
@@ -81,7 +81,7 @@ def test_parts_have_both_forms() -> None:
     ("assemble", (*UR5, "--mass", "1", "--inertia", "1", "1", "1", "--size", "1", "1"), "size"),
     ("assemble", (*UR5, "--mass", "1", "--inertia", "1", "x", "1"), "inertia"),
     ("assemble", (*UR5, "--mass", "1", "--inertia", "1,1"), "spacecraft.inertia"),
-    ("assemble", (*UR5, "--tool", "ur5", "--tool-mount", "0,0,0"), "tool_mount"),
+    ("assemble", (*UR5, "--mass", "1", "--inertia", "1,1,1", "--mount", "0,0,0"), "mount"),
 ])  # fmt: skip
 def test_errors_name_the_option(command: str, words: tuple[str, ...], key: str) -> None:
     refusal = error(command, *words)

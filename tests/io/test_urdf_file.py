@@ -22,23 +22,27 @@ from tests import commands
 from tests.robots import inertial_text, joint_text, link_text
 
 UR5 = f"{EXAMPLE}ur5"
-CRAFT = (
-    *("--mass", "200", "--inertia", "35,1,-2,30,0.5,28", "--com", "0.02", "-0.03", "0.05"),
-    *("--size", "1", "1", "1", "--mount", "0.1", "0.2", "0.5", "0.4", "-0.7", "1.1"),
-)
-LOAD = ("--payload-mass", "50", "--payload-inertia", "3,0.1,0,0.1,3,0,0,0,2",
-        "--payload-com", "0.1", "0", "0.4")  # fmt: skip
-
-
+CRAFT: dict[str, Any] = {
+    "mass": 200, "inertia": [[35, 1, -2], [1, 30, 0.5], [-2, 0.5, 28]], "com": [0.02, -0.03, 0.05],
+    "size": [1, 1, 1], "mount": {"xyz": [0.1, 0.2, 0.5], "rpy": [0.4, -0.7, 1.1]},
+}  # fmt: skip
+LOAD = {"mass": 50, "inertia": [[3, 0.1, 0], [0.1, 3, 0], [0, 0, 2]], "com": [0.1, 0, 0.4]}
 MOUNT = Mount([0.1, 0.2, 0.5], [0.4, -0.7, 1.1])
 SPACECRAFT = Spacecraft(200.0, [[35, 1, -2], [1, 30, 0.5], [-2, 0.5, 28]], MOUNT,
                         com=[0.02, -0.03, 0.05])  # fmt: skip
 PAYLOAD = Payload(50.0, [[3, 0.1, 0], [0.1, 3, 0], [0, 0, 2]], [0.1, 0, 0.4])
-"""What the options of CRAFT and LOAD say."""
+"""What CRAFT and LOAD say."""
 
 
 def assembled(*words: object) -> dict[str, Any]:
     return commands.document("assemble", *words)
+
+
+def assembled_parts(folder: Path, *words: object, **robot: Any) -> dict[str, Any]:
+    """What is written to ``out.urdf`` of a robot section: a UR5 on CRAFT, unless it says more."""
+    section = {"urdf": UR5, "end_effector": "tool0", "spacecraft": CRAFT} | robot
+    (folder / "robot.yaml").write_text(yaml.safe_dump({"robot": section}))
+    return assembled(folder / "robot.yaml", "-o", folder / "out.urdf", *words)
 
 
 def assert_same(document: dict[str, Any], wanted: FreeFloatingModel) -> None:
@@ -54,8 +58,8 @@ def assert_same(document: dict[str, Any], wanted: FreeFloatingModel) -> None:
 
 def test_the_file_weighs_what_its_parts_weigh(tmp_path: Path) -> None:
     """By yourdfpy's masses and Pinocchio's; the inertia is that of the robot made in Python."""
-    file, arm = tmp_path / "servicer.urdf", find_robot(UR5, Path())
-    document = assembled(UR5, "-o", str(file), "--end-effector", "tool0", *CRAFT, *LOAD)
+    file, arm = tmp_path / "out.urdf", find_robot(UR5, Path())
+    document = assembled_parts(tmp_path, payload=LOAD)
     wanted = FreeFloatingModel.from_urdf(arm, "tool0", spacecraft=SPACECRAFT, payload=PAYLOAD)
     for robot in (wanted, FreeFloatingModel.from_urdf(file, "tool0")):
         assert_same(document, robot)
@@ -111,10 +115,9 @@ def test_meshes_are_found_wherever_the_file_is(copied: bool, tmp_path: Path) -> 
     folder = tmp_path / "here"
     folder.mkdir()
     options = ["--copy-meshes"] if copied else []
-    document = assembled(UR5, "-o", str(folder / "servicer.urdf"), "--end-effector", "tool0",
-                   *CRAFT, *options)  # fmt: skip
+    document = assembled_parts(folder, *options)
     moved = folder.rename(tmp_path / "there")
-    names = {str(mesh.get("filename")) for mesh in ET.parse(moved / "servicer.urdf").iter("mesh")}
+    names = {str(mesh.get("filename")) for mesh in ET.parse(moved / "out.urdf").iter("mesh")}
     assert names == set(document["meshes"])
     assert len(names) == 14
     assert all((moved / name).is_file() and Path(name).is_absolute() != copied for name in names)
@@ -122,9 +125,9 @@ def test_meshes_are_found_wherever_the_file_is(copied: bool, tmp_path: Path) -> 
 
 def test_a_second_arm_is_attached(tmp_path: Path) -> None:
     """Its names have a prefix, its joints are fixed, its mass counts."""
-    file = tmp_path / "two.urdf"
-    second = ("--second-arm", UR5, "--second-mount", "0.5", "0", "0", "0", "1.5", "0")
-    document = assembled(UR5, "-o", str(file), "--end-effector", "tool0", *CRAFT, *second)
+    pose = {"xyz": [0.5, 0, 0], "rpy": [0, 1.5, 0]}
+    second = {"urdf": UR5, "prefix": "second_", "mount": pose}
+    document = assembled_parts(tmp_path, attached=[second])
     moves = {joint["name"]: joint["moves"] for joint in document["joints"]}
     assert sum(moves.values()) == 6
     assert all(name.startswith("second_") != moving for name, moving in moves.items())
@@ -143,8 +146,10 @@ def test_a_tool_is_fixed_to_the_end_effector(tmp_path: Path) -> None:
         '<robot name="t">' + link_text("flange", inertial_text(2.0, 0.01 * np.eye(3), "0 0 0.1"))
         + joint_text("tip_joint", "F", "flange", "tip", "0 0 0.3") + link_text("tip") + "</robot>"
     )  # fmt: skip
-    document = assembled("ets_vii", "-o", str(tmp_path / "out.urdf"), "--tool", str(tool),
-                   "--tool-mount", "0", "0", "0", "0", "1.5707963267948966", "0")  # fmt: skip
+    turned = {"xyz": [0, 0, 0], "rpy": [0, 1.5707963267948966, 0]}
+    part = {"urdf": str(tool), "prefix": "tool_", "mount": turned, "link": "end_effector"}
+    robot = {"urdf": "ets_vii", "end_effector": "tool_tip", "attached": [part]}
+    document = assembled_parts(tmp_path, **robot, spacecraft=None)
     model = FreeFloatingModel.from_urdf(tmp_path / "out.urdf")
     assert document["end_effector"] == model.end_effector == "tool_tip"
     bare = FreeFloatingModel.from_urdf(find_robot("ets_vii", Path()))
@@ -157,11 +162,8 @@ def test_a_tool_is_fixed_to_the_end_effector(tmp_path: Path) -> None:
     (("ur5_servicer/arc", "--mass", "3", "--inertia", "1,1,1"), "options"),
     ((UR5, "--end-effector", "tool0", "--size", "1", "1", "1"), "spacecraft.mass"),
     ((UR5, "--mass", "3", "--inertia", "1,1,1"), "end_effector"),
-    ((UR5, "--end-effector", "tool0", "--tool", "no_such"), "tool"),
-    ((UR5, "--end-effector", "tool0", "--second-arm", UR5, "--second-mount", *"000", "0", "0",
-      "45"), "second_mount"),
-    ((UR5, "--end-effector", "tool0", "--payload-mass", "1", "--payload-inertia", "1,1,1",
-      "--payload-mesh", "no_such.stl"), "payload.mesh"),
+    ((UR5, "--end-effector", "tool0", "--mass", "3", "--inertia", "1,1,1", "--mount", *"000",
+      "0", "0", "45"), "mount"),
 ])  # fmt: skip
 def test_invalid_options_are_refused(words: tuple[str, ...], key: str, tmp_path: Path) -> None:
     error = commands.error("assemble", *words, "-o", str(tmp_path / "out.urdf"))
@@ -183,9 +185,10 @@ def test_what_is_left_out_of_attached_files_is_named(tmp_path: Path) -> None:
     arm, out = robot("arm", drive.format("arm")), tmp_path / "out.urdf"
     plain = robot("plain", "<!-- nothing else -->")
     other = robot("other", drive.format("other") + "<gazebo><mu1>3</mu1></gazebo>" * 2)
-    words = arm, "-o", out, *CRAFT, "--end-effector", "arm_b"
-    document = assembled(*words, "--tool", plain, "--second-arm", other)
+    whole = {"urdf": str(arm), "end_effector": "arm_b"}
+    parts = [{"urdf": str(file), "prefix": f"{file.stem}_"} for file in (plain, other)]
+    document = assembled_parts(tmp_path, **whole, attached=parts)
     (warning,) = (text for text in document["warnings"] if "left out" in text)
     assert warning.startswith(f"{other}: <transmission>, <gazebo> ")
     assert [element.tag for element in ET.parse(out).getroot()].count("transmission") == 1
-    assert not any("left out" in text for text in assembled(*words)["warnings"])
+    assert not any("left out" in text for text in assembled_parts(tmp_path, **whole)["warnings"])

@@ -73,8 +73,9 @@ def test_quaternions_are_read_as_pinocchio_reads_them(
     model = ff.FreeFloatingModel.from_urdf(tmp_path / "robot.urdf", "tip")
     assert_same_robot(model, tmp_path / "robot.urdf", rng)
     written = tmp_path / "written.urdf"
-    words = ("--end-effector", "tip", "--payload-mass", 5, "--payload-inertia", "1,1,1")
-    document("assemble", tmp_path / "robot.urdf", *words, "-o", written)
+    section = "{urdf: robot.urdf, end_effector: tip, payload: {mass: 5, inertia: [1, 1, 1]}}"
+    (tmp_path / "parts.yaml").write_text(f"robot: {section}\n")
+    document("assemble", tmp_path / "parts.yaml", "-o", written)
     assert_same_robot(ff.FreeFloatingModel.from_urdf(written, "tip"), written, rng)
 
 
@@ -140,8 +141,10 @@ def test_a_capsule_stays_one_in_files_that_are_written(version: str, tmp_path: P
     (shape,) = model.description.links_by_name["ball"].collisions
     assert shape.geometry == Capsule(0.2, 1.5)
     assert len(model.warnings) == (0 if "1.1" in version else 1)
-    words = ("--end-effector", arm.end_effector, "--tool", tmp_path / "tool.urdf")
-    document("assemble", tmp_path / "arm.urdf", *words, "-o", tmp_path / "out.urdf")
+    attached = f"attached: [{{urdf: tool.urdf, link: {arm.end_effector}}}]"
+    section = f"{{urdf: arm.urdf, end_effector: {arm.end_effector}, {attached}}}"
+    (tmp_path / "parts.yaml").write_text(f"robot: {section}\n")
+    document("assemble", tmp_path / "parts.yaml", "-o", tmp_path / "out.urdf")
     text = (tmp_path / "out.urdf").read_text()
     theirs = pin.buildGeomFromUrdfString(pin.buildModelFromXML(text), text, pin.COLLISION)
     (capsule,) = [entry.geometry for entry in theirs.geometryObjects]
