@@ -1,10 +1,9 @@
-"""The objectives ``still`` and ``soonest`` and weighted ones, against sweeps of motions."""
+"""The objective ``still`` and weighted ones, against sweeps of motions."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-import yaml
 
 import freefloat as ff
 from freefloat.planning.simulated_branch import integrate_branch
@@ -47,22 +46,6 @@ def test_still_in_space_is_less_than_the_turns_of_samples() -> None:
 
 
 @pytest.mark.slow
-def test_the_soonest_start_is_reached_before_the_nearest_attitude() -> None:
-    present = {"from_attitude": [0.0, 0.0, 0.0, 1.0], "joints": [0.5, 0.8], "reorient": True}
-    content = yaml.safe_load(ff.load_scenario("planar_2dof/line").text)
-    content |= {"momentum": [0, 0, 0.1], "limits": {"joint_rate": 0.2}}
-    content["robot"]["urdf"] = "planar_2dof"
-    durations = []
-    for objective in ("soonest", "nearest"):
-        scenario = ff.load_scenario(content | {"search": present | {"objective": objective}})
-        search, limits = scenario.search(), scenario.limits()
-        found = ff.plan_manoeuvre(scenario.problem(), (), search, limits, reorient=True)
-        assert found.feasible, found.reason
-        durations.append(found.phases[0].duration)
-    assert durations[0] < 0.9 * durations[1]
-
-
-@pytest.mark.slow
 def test_weights_lead_from_the_margin_to_the_present_attitude() -> None:
     problem = ff.load_scenario("planar_3dof/parabola").problem()
     present = [0.0, 0.0, 0.0, 1.0]
@@ -92,6 +75,3 @@ def test_errors_of_weights() -> None:
     assert error_key(ff.Weights) == "search.objective"
     timed = ff.Search(ff.Weights(time=1.0))
     assert error_key(ff.plan, problem, timed, ff.Limits()) == "search.objective.time"
-    with pytest.raises(ff.InputError, match=r"search\.joints: .* for objective soonest"):
-        ff.Search("soonest", [0.0, 0.0, 0.0, 1.0], within=0.3)
-    assert error_key(lambda: ff.Search("soonest", joints=[0.5, 0.8])) == "search.from_attitude"

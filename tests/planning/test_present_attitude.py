@@ -22,7 +22,6 @@ from tests.motions import SEVEN, bundled, from_here
 from tests.plans import IDENTITY
 from tests.redundant import redundant
 
-OBJECTIVES = [name for name in NAMED if name != "soonest"]
 DECK_ARM = """<robot name="deck_arm">
 <link name="bus"><inertial><origin xyz="0.01 0 0"/><mass value="50"/>
 <inertia ixx="2" ixy="0" ixz="0" iyy="2" iyz="0" izz="2.2"/></inertial></link>
@@ -92,7 +91,7 @@ def with_ranges(text: str, motion: Motion, spare: float) -> str:
     return text
 
 
-@pytest.mark.parametrize("objective", OBJECTIVES)
+@pytest.mark.parametrize("objective", [*NAMED])
 def test_feasible_sets_without_volume_contain_the_present_attitude(
     objective: str,
 ) -> None:
@@ -163,7 +162,7 @@ def test_violations_lead_the_search_of_redundant_arms(objective: str) -> None:
 
 
 @pytest.mark.parametrize("measure", ["gjm", "system"])
-@pytest.mark.parametrize("objective", OBJECTIVES)
+@pytest.mark.parametrize("objective", [*NAMED])
 def test_narrow_ranges_of_headings_contain_the_present_one(objective: str, measure: str) -> None:
     """Joints that are given and a cone leave less than half a degree between two samples."""
     problem = bundled("planar_2dof/line")

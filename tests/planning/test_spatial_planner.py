@@ -48,8 +48,7 @@ def problem() -> ff.Problem:
 @cache
 def plan_for(objective: str) -> Plan:
     present = None if objective == "robust" else frozen(BAD)
-    joints = [0.3, -0.5, 1.1, 0.4, 0.9, -0.2] if objective == "soonest" else None
-    search = ff.Search(objective, present, SAMPLES, spare=0.0, joints=joints)
+    search = ff.Search(objective, present, SAMPLES, spare=0.0)
     return ff.plan(with_margin(MARGIN), search, threads=1)
 
 

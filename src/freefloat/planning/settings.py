@@ -38,10 +38,9 @@ class Search:
 
     Attributes:
         objective: The largest minimum margin, the feasible attitude nearest to ``from_attitude``,
-            the one deepest inside the feasible set, the one with the least turn of the spacecraft
-            along the motion, the one at whose start the arm is estimated to be soonest:
-            ``margin``, ``nearest``, ``robust``, ``still`` or ``soonest``; a sum with
-            :class:`Weights`; or another object of the class Objective.
+            the one deepest inside the feasible set, or the one with the least turn of the
+            spacecraft along the motion: ``margin``, ``nearest``, ``robust`` or ``still``; a sum
+            with :class:`Weights`; or another object of the class Objective.
         from_attitude: Present attitude of the spacecraft, x, y, z, w; one of the attitudes tried.
         joints: Present joints of the arm, in chain order or by name [rad or m]: of the arm
             configurations at every attitude only the closest is considered; all when left out.
@@ -76,8 +75,7 @@ class Search:
         spare = finite_number("search.spare", self.spare, accepted, 0.0, np.pi / 2.0)
         object.__setattr__(self, "spare", spare)
         objective = f"objective {self.objective.name}"
-        approaches = self.objective.approaches or self.objective.departs
-        reason = objective if approaches else None
+        reason = objective if self.objective.approaches else None
         if self.from_attitude is not None:
             attitude = unit_quaternion("search.from_attitude", self.from_attitude)
             object.__setattr__(self, "from_attitude", frozen(attitude))
@@ -95,9 +93,6 @@ class Search:
             reason = "a search within an angle"
         if reason is not None and self.from_attitude is None:
             raise InputError("search.from_attitude", f"it is missing, for {reason}", "x, y, z, w")
-        if self.objective.departs and self.joints is None:
-            reason = f"they are missing, for {objective}"
-            raise InputError("search.joints", reason, "present joints")
 
     @cached_property
     def domain(self) -> SearchDomain:
@@ -160,8 +155,6 @@ class Search:
             problem.attitude(self.from_attitude, key="search.from_attitude")
         if self.joints is None:
             return problem
-        if self.objective.departs:
-            problem.model.require_one_arm(f"the objective {self.objective.name}")
         joints = problem.model.joint_vector(self.joints, "search.joints")
         require_radians(problem.model, joints)
         return replace(problem, start_joints=joints)

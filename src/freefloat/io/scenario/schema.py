@@ -100,8 +100,7 @@ class SearchSection(Section):
 
     objective: ObjectiveName | WeightsSection = "margin"
     """``margin``: the largest; ``nearest``: to from_attitude; ``robust``: the deepest inside;
-    ``still``: the least turn of the spacecraft along the motion; ``soonest``: the start that the
-    arm reaches soonest from from_attitude and joints; or a map of weights."""
+    ``still``: the least turn of the spacecraft along the motion; or a map of weights."""
     from_attitude: Quaternion | None = None
     """Present attitude of the spacecraft: x, y, z, w."""
     samples: Annotated[int, Field(strict=True, ge=FEWEST_SAMPLES)] | None = None

@@ -155,9 +155,6 @@ def _with_candidate(plan: Plan, trials: Trials, passed: PassedTrial) -> Plan:
     search = plan.search
     if search.objective.approaches and search.from_attitude is not None:
         passed = moved_nearer(trials, search, search.from_attitude, passed)
-    elif search.objective.departs and plan.chosen is not None:
-        whole = replace(search, spare=0.0)
-        passed = moved_nearer(trials, whole, plan.chosen.motion.initial.attitude, passed)
     chosen, results = passed
     plan = replace(
         plan,

@@ -14,7 +14,6 @@ from freefloat.errors import InputError
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.candidates import Candidate
-from freefloat.planning.objectives.straight_ways import times_to_start
 from freefloat.so3 import Array, angle_between
 
 if TYPE_CHECKING:  # compiled kernels take half a second to import
@@ -98,7 +97,6 @@ class Objective(ABC):
         compares_motions: Whether its merits are those of each motion alone, whatever the others.
         approaches: Whether it looks for an attitude near ``from_attitude``, which must be given,
             that keeps the margin within ``spare``.
-        departs: Whether it needs ``from_attitude`` and ``joints``.
     """
 
     name: ClassVar[str] = ""
@@ -106,7 +104,6 @@ class Objective(ABC):
     measures_turn: ClassVar[bool] = False
     compares_motions: ClassVar[bool] = True
     approaches: ClassVar[bool] = False
-    departs: ClassVar[bool] = False
 
     @property
     def document(self) -> str | dict[str, Any]:
@@ -224,7 +221,3 @@ class Comparison:
             raise InputError(key, "the time counts, but joint rates have no limits",
                              "limits.joint_rate")  # fmt: skip
         return motions.rate_usage(self.limits.joint_rate)
-
-    def times_to_start(self, attitudes: Array) -> Array:
-        """Estimated times from the present state to attitudes (K, 4) of starts [s], shape (K,)."""
-        return times_to_start(self.problem, np.asarray(self.present), self.limits, attitudes)

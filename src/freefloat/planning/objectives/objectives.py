@@ -154,24 +154,6 @@ class Still(Objective):
 
 
 @dataclass(frozen=True)
-class Soonest(Objective):
-    """The start that the arm reaches soonest from ``from_attitude`` and ``joints``."""
-
-    name = "soonest"
-    criterion = "the start that the arm is estimated to reach soonest"
-    departs = True
-
-    def merits(self, compared: Comparison, attitudes: Array, motions: EnsembleResult) -> Array:
-        """See :class:`Objective`."""
-        times = compared.times_to_start(attitudes)[:, None]
-        return np.broadcast_to(-times, motions.minimum.shape)
-
-    def limited_reason(self, deviation: float | None, margin: str) -> str:
-        """See :class:`Objective`."""
-        return f"{self.criterion} of those found that keep the limits, {margin}"
-
-
-@dataclass(frozen=True)
 class Weights(Objective):
     """Weights of the terms of an objective; the sum of the terms is as large as possible.
 
@@ -220,7 +202,7 @@ class Weights(Objective):
 
 
 NAMED: dict[str, Objective] = {
-    objective.name: objective for objective in (Margin(), Nearest(), Robust(), Still(), Soonest())
+    objective.name: objective for objective in (Margin(), Nearest(), Robust(), Still())
 }
 """The objectives that scenario files name."""
 
