@@ -11,11 +11,11 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.beyond.studio.messages import State
+from freefloat.beyond.studio.path_analysis import PathAnalysis
+from freefloat.beyond.studio.robots import Robots
 from freefloat.io.scenario.scenario import parse_scenario
 from freefloat.robot.bundled import find_scenario
-from freefloat.studio.messages import State
-from freefloat.studio.path_analysis import PathAnalysis
-from freefloat.studio.robots import Robots
 
 
 def analysis(name: str, **changes: Any) -> tuple[PathAnalysis, State]:

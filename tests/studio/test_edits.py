@@ -10,10 +10,9 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.robot.bundled import find_scenario
-from freefloat.studio.analyses import analysis_of
-from freefloat.studio.edits import edited
-from freefloat.studio.messages import (
+from freefloat.beyond.studio.analyses import analysis_of
+from freefloat.beyond.studio.edits import edited
+from freefloat.beyond.studio.messages import (
     MoveHandle,
     SetDuration,
     SetMargin,
@@ -21,7 +20,8 @@ from freefloat.studio.messages import (
     State,
     TurnEnd,
 )  # fmt: skip
-from freefloat.studio.robots import Robots
+from freefloat.beyond.studio.robots import Robots
+from freefloat.robot.bundled import find_scenario
 from tests.errors import error_key
 
 ONE = {"gesture": "1", "done": True}

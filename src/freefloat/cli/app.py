@@ -8,6 +8,7 @@ import signal
 import sys
 import traceback
 from contextlib import suppress
+from importlib import import_module
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -25,7 +26,6 @@ from freefloat.cli.options import ListCommand
 from freefloat.cli.plan import plan
 from freefloat.cli.simulate import simulate
 from freefloat.cli.singularities import singularities
-from freefloat.cli.studio import studio
 from freefloat.cli.view import view
 from freefloat.cli.workspace import workspace
 from freefloat.errors import FreeFloatError, InputError
@@ -100,7 +100,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 _COMMANDS = (
-    models, info, workspace, singularities, simulate, plan, map_, view, studio,
+    models, info, workspace, singularities, simulate, plan, map_, view,
+    import_module("freefloat.beyond.studio.command").studio,  # what is beyond the paper, by name
     check, export, assemble, batch, schema,
 )  # fmt: skip
 for _command in _COMMANDS:

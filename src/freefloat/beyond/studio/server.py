@@ -18,7 +18,7 @@ from tornado.netutil import bind_sockets
 from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from freefloat.studio.session import Session
+from freefloat.beyond.studio.session import Session
 from freefloat.visualization.page.playback import PLAYER, VIEWER, licences
 from freefloat.visualization.page.server import HOST, first_free, local_hosts
 

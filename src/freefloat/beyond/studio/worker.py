@@ -8,11 +8,11 @@ from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
 
+from freefloat.beyond.studio.messages import Answer, State, Task, page_text
 from freefloat.errors import FreeFloatError
-from freefloat.studio.messages import Answer, State, Task, page_text
 
 if TYPE_CHECKING:  # the server, which starts the process, needs no planner
-    from freefloat.studio.analysis import Analysis
+    from freefloat.beyond.studio.analysis import Analysis
 
 
 def work(connection: Connection) -> None:
@@ -33,7 +33,7 @@ class _Superseded(Exception):
 
 class _Worker:
     def __init__(self, connection: Connection) -> None:
-        from freefloat.studio.robots import Robots
+        from freefloat.beyond.studio.robots import Robots
 
         self._connection = connection
         self._robots = Robots()
@@ -73,7 +73,7 @@ class _Worker:
         self._connection.send(replace(answer, reading=self._reading))
 
     def _answer(self) -> Answer | None:
-        from freefloat.studio.analyses import analysis_of
+        from freefloat.beyond.studio.analyses import analysis_of
 
         state, analysis = self._state, self._analysis
         if state is None:

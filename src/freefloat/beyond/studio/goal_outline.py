@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from freefloat.beyond.studio.outline import rounded_rpy
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.problem import Problem
 from freefloat.planning.goals.goal import Goal
 from freefloat.so3 import Array
-from freefloat.studio.outline import rounded_rpy
 from freefloat.visualization.scenes.overlays import thickness
 
 

@@ -9,13 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.errors import FreeFloatError, InputError
-from freefloat.robot.bundled import bundled_scenarios
-from freefloat.rotations import Rotation
-from freefloat.so3 import heading_quaternion
-from freefloat.studio.document import Document
-from freefloat.studio.edits import edited
-from freefloat.studio.messages import (
+from freefloat.beyond.studio.document import Document
+from freefloat.beyond.studio.edits import edited
+from freefloat.beyond.studio.messages import (
     Answer,
     Choose,
     Edit,
@@ -27,7 +23,11 @@ from freefloat.studio.messages import (
     page_text,
     parse_message,
 )
-from freefloat.studio.process import WorkerProcess
+from freefloat.beyond.studio.process import WorkerProcess
+from freefloat.errors import FreeFloatError, InputError
+from freefloat.robot.bundled import bundled_scenarios
+from freefloat.rotations import Rotation
+from freefloat.so3 import heading_quaternion
 
 _MOST_STEPS = 200
 """Edits that can be undone."""

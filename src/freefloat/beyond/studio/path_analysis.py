@@ -7,6 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
+from freefloat.beyond.studio.analysis import Analysis, Attitude
+from freefloat.beyond.studio.attitudes import ball, best_sample, dial
+from freefloat.beyond.studio.messages import Answer, State
+from freefloat.beyond.studio.motions import (
+    best_motion,
+    limits_answer,
+    motion_within_limits,
+)
+from freefloat.beyond.studio.outline import outline
+from freefloat.beyond.studio.robots import Robots
 from freefloat.concurrency import Progress
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.limits.check import check_limits
@@ -20,16 +30,6 @@ from freefloat.planning.reasons import reach_message
 from freefloat.planning.simulated_branch import SimulatedBranch
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.space.mapping import sample_attitudes
-from freefloat.studio.analysis import Analysis, Attitude
-from freefloat.studio.attitudes import ball, best_sample, dial
-from freefloat.studio.messages import Answer, State
-from freefloat.studio.motions import (
-    best_motion,
-    limits_answer,
-    motion_within_limits,
-)
-from freefloat.studio.outline import outline
-from freefloat.studio.robots import Robots
 
 _ATTITUDES, _HEADINGS = (128, 1024, 8192), (120, 360)
 """Sizes of the maps of a scenario, one after another."""

@@ -10,9 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.errors import InputError
-from freefloat.io.scenario.path_schema import PathSection
-from freefloat.studio.messages import (
+from freefloat.beyond.studio.messages import (
     Edit,
     MoveHandle,
     SetDuration,
@@ -20,6 +18,8 @@ from freefloat.studio.messages import (
     SetMomentum,
     TurnEnd,
 )
+from freefloat.errors import InputError
+from freefloat.io.scenario.path_schema import PathSection
 
 Content = Mapping[str, Any]
 _DIGITS = 6

@@ -46,9 +46,9 @@ def studio(
 
     Example: freefloat studio planar_3dof/parabola -o plans
     """
+    from freefloat.beyond.studio.redirect import redirect_page
+    from freefloat.beyond.studio.server import serve_studio
     from freefloat.io.scenario.scenario import load_scenario
-    from freefloat.studio.redirect import redirect_page
-    from freefloat.studio.server import serve_studio
     from freefloat.visualization.page.server import has_display, open_browser
 
     load_scenario(scenario)  # its errors belong on the terminal

@@ -5,6 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import cast
 
+from freefloat.beyond.studio.analysis import Analysis, Attitude
+from freefloat.beyond.studio.goal_outline import goal_outline
+from freefloat.beyond.studio.messages import Answer, State
+from freefloat.beyond.studio.motions import limits_answer
+from freefloat.beyond.studio.robots import Robots
 from freefloat.concurrency import Progress
 from freefloat.errors import InputError
 from freefloat.io.scenario.scenario import Scenario
@@ -12,11 +17,6 @@ from freefloat.motion.motion import Motion
 from freefloat.planning.goals.goal import Goal
 from freefloat.planning.goals.goal_motion import GoalMotion, goal_problem
 from freefloat.planning.goals.mover import move, sketch
-from freefloat.studio.analysis import Analysis, Attitude
-from freefloat.studio.goal_outline import goal_outline
-from freefloat.studio.messages import Answer, State
-from freefloat.studio.motions import limits_answer
-from freefloat.studio.robots import Robots
 
 
 class GoalAnalysis(Analysis):

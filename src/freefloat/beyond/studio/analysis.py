@@ -5,6 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from pathlib import Path
 
+from freefloat.beyond.studio.messages import Answer, State
+from freefloat.beyond.studio.motions import motion_answer, place, playback_of
 from freefloat.concurrency import Progress
 from freefloat.io.records.results import save
 from freefloat.io.scenario.scenario import Scenario
@@ -13,8 +15,6 @@ from freefloat.motion.problem import Problem
 from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.planning.plan import Plan
 from freefloat.so3 import Array
-from freefloat.studio.messages import Answer, State
-from freefloat.studio.motions import motion_answer, place, playback_of
 from freefloat.visualization.page.playback import Playback
 
 Attitude = tuple[float, ...] | None

@@ -10,9 +10,9 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 
+from freefloat.beyond.studio.messages import Answer, State, Task
+from freefloat.beyond.studio.worker import work
 from freefloat.process_starts import isolated_starts
-from freefloat.studio.messages import Answer, State, Task
-from freefloat.studio.worker import work
 
 _PATIENCE = 180.0
 """Time without an answer after which a busy worker is replaced [s]; compiling takes 30 s."""

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from freefloat.beyond.studio.attitudes import best_columns
 from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.limits import Limits
@@ -20,7 +21,6 @@ from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.simulated_branch import SimulatedBranch, integrate_branch
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.so3 import Array
-from freefloat.studio.attitudes import best_columns
 from freefloat.visualization.page.playback import Playback
 from freefloat.visualization.scenes.scene import motion_scene
 from freefloat.visualization.slices import rotation_vectors

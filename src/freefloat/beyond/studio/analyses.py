@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from freefloat.beyond.studio.analysis import Analysis
+from freefloat.beyond.studio.goal_analysis import GoalAnalysis
+from freefloat.beyond.studio.messages import State
+from freefloat.beyond.studio.path_analysis import PathAnalysis
+from freefloat.beyond.studio.robots import Robots
 from freefloat.io.scenario.scenario import parse_scenario
-from freefloat.studio.analysis import Analysis
-from freefloat.studio.goal_analysis import GoalAnalysis
-from freefloat.studio.messages import State
-from freefloat.studio.path_analysis import PathAnalysis
-from freefloat.studio.robots import Robots
 
 
 def analysis_of(state: State, robots: Robots) -> Analysis:

@@ -1,0 +1,1 @@
+"""What is beyond the paper; the planner does not know it."""
