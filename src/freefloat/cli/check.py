@@ -14,11 +14,9 @@ from rich.text import Text
 
 from freefloat.cli.console import DONE, NEGATIVE, Console, table
 from freefloat.cli.options import Json, MotionFile, Quiet
-from freefloat.errors import finite_number
 
 if TYPE_CHECKING:
     from freefloat.verification.comparisons import Check
-    from freefloat.verification.gravity import GravityRun
     from freefloat.verification.report import CheckReport
 
 _Engine = Annotated[
@@ -28,20 +26,11 @@ _Engine = Annotated[
         help="Repeat the motion with MuJoCo, too; pip install 'freefloat[mujoco]'.",
     ),
 ]
-_Gravity = Annotated[
-    float | None,
-    typer.Option(
-        metavar="KM",
-        help="With another engine: report the effect of gravity gradient on a plan or a "
-        "simulation in a circular orbit about the Earth of this radius [km]; 6778 is 400 km high.",
-    ),
-]
 
 
 def check(
     file: MotionFile,
     engine: _Engine = None,
-    gravity: _Gravity = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -54,7 +43,7 @@ def check(
     Exit code 1: something is wrong; 2: the file is another one, or the engine cannot repeat the
     motion.
 
-    Example: freefloat check plan.h5 --engine mujoco --gravity 6778
+    Example: freefloat check plan.h5 --engine mujoco
     """
     from freefloat.io.hdf5 import AlteredFileError
     from freefloat.io.records.results import GIVEN, UNVERIFIED, load
@@ -65,13 +54,12 @@ def check(
     from freefloat.verification.report import PINOCCHIO, CheckReport
 
     require_engine(engine or PINOCCHIO)
-    radius = None if gravity is None else _metres(gravity)
     console = Console(as_json, quiet)
     with console.progress("recomputing what the file states"):
         try:
             result: Any = load(file)
-            with error_context(file, options=("engine", "gravity")):
-                report = verify(result, engine or PINOCCHIO, gravity=radius)
+            with error_context(file, options=("engine",)):
+                report = verify(result, engine or PINOCCHIO)
             report = replace(
                 report, not_verified=(*report.not_verified, *UNVERIFIED),
                 given=(*GIVEN, *report.given),
@@ -81,15 +69,6 @@ def check(
     console.json({"file": str(file), **report.to_dict()})
     console.tables(_tables(report, file))
     raise typer.Exit(DONE if report.passed else NEGATIVE)
-
-
-def _metres(gravity: float) -> float:
-    """The radius of an orbit [m] given in km."""
-    from freefloat.verification.gravity import HIGHEST, LOWEST
-
-    low, high = LOWEST / 1000.0, HIGHEST / 1000.0
-    accepted = f"the radius of an orbit, {low:g} to {high:g} km"
-    return 1000.0 * finite_number("gravity", gravity, accepted, low, high)
 
 
 def _tables(report: CheckReport, file: Path) -> Iterator[RenderableType]:
@@ -120,8 +99,6 @@ def _tables(report: CheckReport, file: Path) -> Iterator[RenderableType]:
     if certificate is not None:
         yield f"Between points: {certificate.method} ({certificate.intervals:,} intervals)."
         yield f"Integrated again: {certificate.integrator}."
-    if report.gravity is not None:
-        yield from _gravity_lines(report.gravity)
     yield from _names("Not verified", report.not_verified)
     yield from _names("Given, not verified", report.given)
     if report.passed:
@@ -137,19 +114,6 @@ def _names(title: str, names: Iterable[str]) -> Iterator[str]:
     """A line of names, if there are any."""
     if names:
         yield f"{title}: {', '.join(names)}."
-
-
-def _gravity_lines(run: GravityRun) -> Iterator[str]:
-    """The effect of gravity gradient."""
-    yield (
-        f"Gravity gradient at {run.radius / 1000.0:g} km, joints as recorded: the final attitude "
-        f"changes by {math.degrees(run.attitude):.3g} deg, the end-effector by "
-        f"{1000.0 * run.position:.3g} mm."
-    )
-    yield (
-        f"Kept on the path: the momentum changes by {run.momentum:.3g} N m s, the smallest margin "
-        f"is {run.margin:.6g}."
-    )
 
 
 def _outcome(entry: Check) -> Text:

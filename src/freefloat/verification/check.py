@@ -17,11 +17,10 @@ from freefloat.records import Known
 from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.verification.engine_runs import require_engine
 from freefloat.verification.goal_motions import goal_report
-from freefloat.verification.gravity import CircularOrbit
 from freefloat.verification.manoeuvre import manoeuvre_report
 from freefloat.verification.margin_maps import map_report
 from freefloat.verification.path_motions import plan_report, simulation_report
-from freefloat.verification.report import MUJOCO, PINOCCHIO, CheckReport
+from freefloat.verification.report import PINOCCHIO, CheckReport
 from freefloat.verification.singularity_map import singularity_map_report
 
 _REPORTS: dict[type, Callable[..., tuple[CheckReport, Known]]] = {
@@ -33,16 +32,9 @@ _REPORTS: dict[type, Callable[..., tuple[CheckReport, Known]]] = {
     HeadingMap: map_report,
     SingularityMap: singularity_map_report,
 }
-_IN_ORBIT = Plan, Simulation
-"""Results whose motion is also simulated in orbit."""
 
 
-def check(
-    result: Answer | MarginMap | SingularityMap,
-    engine: str = PINOCCHIO,
-    *,
-    gravity: float | None = None,
-) -> CheckReport:
+def check(result: Answer | MarginMap | SingularityMap, engine: str = PINOCCHIO) -> CheckReport:
     """Verify a plan, a manoeuvre, a simulation, a motion to a goal or a map.
 
     The motion, of a simulation the chosen one, is compared with the equations, the path and the
@@ -55,13 +47,10 @@ def check(
         result: The record, computed or loaded from a file.
         engine: Everything is always recomputed with freefloat's own dynamics, on Pinocchio;
             ``"mujoco"`` repeats the motion with MuJoCo's kinematics and dynamics in addition.
-        gravity: With another engine, and for plans and simulations: report the effect of gravity
-            gradient on a circular orbit about the Earth of this radius [m], see
-            :class:`~freefloat.verification.gravity.GravityRun`.
 
     Raises:
         InputError: If this is no result, the engine is unknown, not installed, has no model of the
-            robot or is given for a map, or gravity does not apply.
+            robot or is given for a map.
 
     Example:
         >>> problem = ff.load_scenario("planar_2dof/line").problem()
@@ -74,21 +63,12 @@ def check(
         accepted = "a Plan, a Simulation, another answer of planning or a map"
         raise InputError("result", problem, accepted)
     require_engine(engine)
-    orbit = None if gravity is None else CircularOrbit(gravity)
-    if orbit is not None and engine == PINOCCHIO:
-        raise InputError("gravity", "it needs another engine", f"engine {MUJOCO}")
-    if orbit is not None and type(result) not in _IN_ORBIT:
-        problem = f"a {type(result).__name__} was given"
-        raise InputError("gravity", problem, "a plan or a simulation")
-    report, known = recomputed(result, engine, orbit)
+    report, known = recomputed(result, engine)
     return report.comparing(result, known)
 
 
 def recomputed(
-    result: Answer | MarginMap | SingularityMap,
-    engine: str = PINOCCHIO,
-    orbit: CircularOrbit | None = None,
+    result: Answer | MarginMap | SingularityMap, engine: str = PINOCCHIO
 ) -> tuple[CheckReport, Known]:
     """A report without the comparison of stated numbers, and what is recomputed of these."""
-    arguments = (engine,) if orbit is None else (engine, orbit)
-    return _REPORTS[type(result)](result, *arguments)
+    return _REPORTS[type(result)](result, engine)

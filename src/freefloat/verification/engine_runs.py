@@ -15,7 +15,6 @@ from freefloat.verification.engines import mujoco
 from freefloat.verification.engines.forward import ForwardRun, Reference
 from freefloat.verification.engines.mujoco import InverseRun
 from freefloat.verification.engines.mujoco_model import Engine
-from freefloat.verification.gravity import CircularOrbit, GravityRun, gravity_run
 from freefloat.verification.report import ENGINES, MUJOCO, PINOCCHIO
 
 _WRENCH = 1e-4
@@ -38,12 +37,10 @@ class EngineRuns:
     Attributes:
         inverse: Inverse dynamics.
         forward: Integration by MuJoCo.
-        gravity: Effect of gravity gradient.
     """
 
     inverse: InverseRun | None = None
     forward: ForwardRun | None = None
-    gravity: GravityRun | None = None
 
 
 def require_engine(engine: str) -> None:
@@ -58,23 +55,18 @@ def require_engine(engine: str) -> None:
         require_extra("mujoco", "mujoco")
 
 
-def engine_runs(motion: Motion, orbit: CircularOrbit | None = None) -> EngineRuns:
+def engine_runs(motion: Motion) -> EngineRuns:
     """Repeat a motion with MuJoCo.
 
     Args:
         motion: The recorded motion.
-        orbit: Simulate it with gravity gradient, too.
 
     Raises:
         InputError: If MuJoCo has no model of the robot.
     """
     reference, robot = Reference.of(motion), Engine(motion.problem.system)
-    inverse = mujoco.inverse_run(motion, robot)
-    orbits = [None] if orbit is None else [None, orbit]
-    states = [mujoco.final_state(motion, robot, reference, each) for each in orbits]
-    forward = ForwardRun.of(motion, states[0], reference.steps)
-    gravity = None if orbit is None else gravity_run(motion, orbit, *states)
-    return EngineRuns(inverse, forward, gravity)
+    inverse, end = mujoco.inverse_run(motion, robot), mujoco.final_state(motion, robot, reference)
+    return EngineRuns(inverse, ForwardRun.of(motion, end, reference.steps))
 
 
 def engine_checks(motion: Motion, runs: EngineRuns) -> list[Check]:

@@ -28,7 +28,6 @@ from freefloat.verification.comparisons import (
     start_check,
 )
 from freefloat.verification.engine_runs import EngineRuns, engine_checks, engine_runs
-from freefloat.verification.gravity import CircularOrbit
 from freefloat.verification.limit_checks import limit_checks
 from freefloat.verification.motions import (
     bound_checks,
@@ -39,15 +38,12 @@ from freefloat.verification.motions import (
 from freefloat.verification.report import PINOCCHIO, CheckReport
 
 
-def plan_report(
-    plan: Plan, engine: str, orbit: CircularOrbit | None = None, phase: Plan | None = None
-) -> tuple[CheckReport, Known]:
+def plan_report(plan: Plan, engine: str, phase: Plan | None = None) -> tuple[CheckReport, Known]:
     """All checks of a plan, and what is recomputed of its numbers.
 
     Args:
         plan: The record, computed or loaded from a file.
         engine: As for :func:`~freefloat.verification.check.check`.
-        orbit: Report the effect of gravity gradient there.
         phase: The plan recomputed, of phases that are not searched for.
     """
     chosen, searched = plan.chosen, phase is None
@@ -77,7 +73,7 @@ def plan_report(
         if not plan.feasible:
             yield Check("feasible", False, plan.reason, False)
 
-    report, results = _report(plan, chosen, plan.feasible, True, stated, engine, orbit)
+    report, results = _report(plan, chosen, plan.feasible, True, stated, engine)
     motion = chosen.motion
     known |= _known_motion(plan, chosen, results)
     if report.certificate is not None:
@@ -89,9 +85,7 @@ def plan_report(
     return report, Known(Plan, known)
 
 
-def simulation_report(
-    simulation: Simulation, engine: str, orbit: CircularOrbit | None = None
-) -> tuple[CheckReport, Known]:
+def simulation_report(simulation: Simulation, engine: str) -> tuple[CheckReport, Known]:
     """All checks of a simulation, and what is recomputed; arguments as for :func:`plan_report`."""
     chosen, feasible = simulation.chosen, simulation.feasible
 
@@ -101,7 +95,7 @@ def simulation_report(
             if branch is not chosen:
                 yield from completed(f"branches.{number}.motion", _motion_check, branch, number)
 
-    report, results = _report(simulation, chosen, feasible, chosen.feasible, others, engine, orbit)
+    report, results = _report(simulation, chosen, feasible, chosen.feasible, others, engine)
     known = _known_motion(simulation, chosen, results) | {
         "branches": tuple(map(known_branch, simulation.branches)),
         "verdicts": _verdicts(simulation, results),
@@ -180,7 +174,6 @@ def _report(
     keeps_margin: bool,
     stated: Callable[[], Iterable[Check]],
     engine: str,
-    orbit: CircularOrbit | None,
 ) -> tuple[CheckReport, tuple[LimitResult, ...]]:
     """The checks of a motion, of what else its result states, and by another engine.
 
@@ -191,7 +184,6 @@ def _report(
         keeps_margin: Whether it is to keep its margin.
         stated: Checks of what the result states beyond the motion.
         engine: Name of the engine.
-        orbit: Report the effect of gravity gradient there.
 
     Returns:
         The report, and the limits along the motion where any were to be kept.
@@ -204,7 +196,7 @@ def _report(
         return CheckReport(result.kind, (start_check(motion), *stated())), results
     if not (span := span_check(motion)).passed:
         return CheckReport(result.kind, (span,)), results
-    runs = EngineRuns() if engine == PINOCCHIO else engine_runs(motion, orbit)
+    runs = EngineRuns() if engine == PINOCCHIO else engine_runs(motion)
     certificate = certify(motion)
     checks = (
         *completed("certificate", certificate_checks, certificate, motion, keeps_margin),
@@ -214,5 +206,5 @@ def _report(
         *engine_checks(motion, runs),
     )
     return CheckReport(
-        result.kind, checks, certificate, limits, runs.inverse, runs.forward, runs.gravity, engine
+        result.kind, checks, certificate, limits, runs.inverse, runs.forward, engine
     ), results

@@ -14,7 +14,6 @@ from freefloat.verification.leaves import compare
 if TYPE_CHECKING:
     from freefloat.verification.engines.forward import ForwardRun
     from freefloat.verification.engines.mujoco import InverseRun
-    from freefloat.verification.gravity import GravityRun
 
 PINOCCHIO = "pinocchio"
 MUJOCO = "mujoco"
@@ -33,7 +32,6 @@ class CheckReport:
         limits: Recomputed limits of the motion.
         inverse: Inverse dynamics of MuJoCo along the motion; None if it was not used.
         forward: The engine's own integration of the motion; None without one.
-        gravity: Effect of gravity gradient; None if it was not requested.
         engine: Name of that engine.
         not_verified: Names of stated values that were not recomputed, or not to all digits.
         given: Names of stated values that are part of the question, like robot and scenario.
@@ -45,7 +43,6 @@ class CheckReport:
     limits: tuple[LimitResult, ...] = field(default=(), repr=False)
     inverse: InverseRun | None = field(default=None, repr=False)
     forward: ForwardRun | None = field(default=None, repr=False)
-    gravity: GravityRun | None = field(default=None, repr=False)
     engine: str | None = None
     not_verified: tuple[str, ...] = ()
     given: tuple[str, ...] = ()
@@ -86,6 +83,6 @@ class CheckReport:
     def _engine_document(self) -> dict[str, Any] | None:
         if self.forward is None:
             return None
-        runs = {"inverse": self.inverse, "forward": self.forward, "gravity": self.gravity}
+        runs = {"inverse": self.inverse, "forward": self.forward}
         documents = {name: None if run is None else asdict(run) for name, run in runs.items()}
         return {"name": self.engine, **documents}

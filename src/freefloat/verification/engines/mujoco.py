@@ -18,7 +18,6 @@ from freefloat.verification.engines.forward import (
     known_span,
 )
 from freefloat.verification.engines.mujoco_model import Engine
-from freefloat.verification.gravity import CircularOrbit
 
 _INSTANTS = 61
 _SAMPLES = 15
@@ -147,10 +146,8 @@ def forward_run(motion: Motion, engine: Engine, *, steps: int | None = None) -> 
     return ForwardRun.of(motion, final_state(motion, engine, reference), reference.steps)
 
 
-def final_state(
-    motion: Motion, engine: Engine, reference: Reference, orbit: CircularOrbit | None = None
-) -> State:
-    """The state at the end of such a simulation, with gravity gradient if an orbit is given.
+def final_state(motion: Motion, engine: Engine, reference: Reference) -> State:
+    """The state at the end of such a simulation.
 
     The servos are computed-torque controllers on MuJoCo's own mass matrix.
     """
@@ -168,10 +165,7 @@ def final_state(
             + stiff * (reference(t) - ahead)
         )
         base = -np.linalg.solve(M[:6, :6], M[:6, 6:] @ acceleration + bias[:6])
-        if orbit is not None:
-            engine.apply_gravity_gradient(orbit, t)
         engine.step(M[6:, :6] @ base + M[6:, 6:] @ acceleration + bias[6:])
-    engine.data.xfrc_applied[:] = 0.0
     drift = reference.last * motion.problem.path.drift
     attitude = np.roll(data.qpos[3:7], -1)
     return State(reference.last, attitude, np.array(data.qpos[7:]), data.qpos[:3] - drift)

@@ -21,7 +21,6 @@ from freefloat.errors import InputError, require_extra
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array
-from freefloat.verification.gravity import CircularOrbit
 
 _LIGHTEST = 1e-9
 """Mass and inertia of links in the reader [kg, kg m²], until theirs are set."""
@@ -179,14 +178,6 @@ class Engine:
         time, _ = self.model.dof_solref[6]
         inertia = impedance / (1.0 - impedance) / batch.expand("dof_invweight0")[:, 6:]
         return inertia, 2.0 / (width * time)
-
-    def apply_gravity_gradient(self, orbit: CircularOrbit, t: float) -> None:
-        """Set the forces and torques on all bodies at the present state and a time [s]."""
-        model, data = self.model, self.data
-        axes = data.ximat.reshape(-1, 3, 3)
-        inertias = axes * model.body_inertia[:, None] @ axes.swapaxes(1, 2)
-        data.xfrc_applied[:, :3] = orbit.forces(t, model.body_mass, data.xipos)
-        data.xfrc_applied[:, 3:] = orbit.torque(t, inertias)
 
     @contextmanager
     def _wheels(self) -> Iterator[None]:
