@@ -13,7 +13,13 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 TEXT = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
-RECIPES = dict(re.findall(r"^### An? (.+?)\n.*?```diff\n(.*?)```", TEXT, re.MULTILINE | re.DOTALL))
+RECIPES = dict(
+    re.findall(r"^### An? (.+?)\n.*?```diff\n(.*?)```", TEXT, re.MULTILINE | re.DOTALL)
+) | {
+    file.stem.replace("_", " "): file.read_text("utf-8")
+    for file in Path(__file__).with_name("recipes").glob("*.patch")
+}
+"""The recipe that CONTRIBUTING shows, and those that it links."""
 MOST_FILES = 3
 """Files under ``src`` that a recipe may change."""
 KERNELS = "src/freefloat/ensemble/kernels/"
