@@ -1,6 +1,6 @@
 """Malicious and damaged files are read, or refused in one message, without other effects.
 
-``scripts/fuzz.py``, which a test of CONTRIBUTING runs, does so with mutated files of every kind.
+``scripts/lab/fuzz.py`` does so with mutated files of every kind; a test of CONTRIBUTING runs it.
 """
 
 from __future__ import annotations

@@ -86,7 +86,7 @@ def test_the_two_real_arms_have_the_published_masses_and_lengths() -> None:
 
 
 PLANNED = ("planar_2dof/line", "ur5_servicer/inspect", "panda_servicer/line", "ssrms/transfer")
-"""One scenario with limits of each robot; scripts/verify_plans.py plans all of them, and
+"""One scenario with limits of each robot; scripts/lab/verify_plans.py plans all of them, and
 docs/how-to/limits.md that of ETS-VII."""
 
 

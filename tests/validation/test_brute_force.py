@@ -14,7 +14,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from tests.motions import bundled
 from tests.validation.comparisons import assert_agrees
 
-SCRIPT = Path(__file__).parents[2] / "scripts" / "verify_planar_ranges.py"
+SCRIPT = Path(__file__).parents[2] / "scripts" / "lab" / "verify_planar_ranges.py"
 
 
 @pytest.fixture(scope="module")

@@ -1,8 +1,8 @@
 """Change modules in small ways and count how many of the changes the tests notice.
 
-``python scripts/mutate.py --module motion.integration --mutants 30 --seed 1`` draws 30 mutants of a
-module or package at random and runs its tests on each until one fails. It works in a copy of the
-checkout; every test run is a fork of one process that has the libraries loaded. A mutant whose
+``python scripts/lab/mutate.py --module motion.integration --mutants 30 --seed 1`` draws 30 mutants
+of a module or package at random and runs its tests on each until one fails. It works in a copy of
+the checkout; every test run is a fork of one process that has the libraries loaded. A mutant whose
 tests take far longer than they should counts as killed.
 
 Equivalent mutants survive: ``<`` for ``<=`` between computed numbers, another order of a
@@ -31,7 +31,7 @@ from typing import Any, NoReturn
 
 from mutants import Mutant, mutants_of
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 RANGES = "tests/validation/test_brute_force.py::test_random_ranges_agree_with_brute_force"
 KINDS = "tests/test_result_kinds.py -k 'not page and not figure'"
 LOADED = "tests/cli/test_manoeuvre.py::test_a_loaded_motion_knows_what_moves_its_arm"

@@ -1,4 +1,6 @@
-"""Which lines of ``src`` the tests run, kernels included: ``python scripts/measure_coverage.py``.
+"""Which lines of ``src`` the tests run, kernels included.
+
+``python scripts/lab/measure_coverage.py``.
 
 Coverage does not see compiled code; the tests of the kernels run them as plain Python, too.
 Processes that tests start are measured. Needs ``pip install 'coverage>=7.10'`` and about twenty
@@ -13,7 +15,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 SETTINGS = """\
 [run]
 source = {root}/src

@@ -1,4 +1,4 @@
-"""Compare ensembles with precise motions: ``python scripts/verify_ensemble.py``.
+"""Compare ensembles with precise motions: ``python scripts/lab/verify_ensemble.py``.
 
 Motions of six bundled robots from random attitudes, of all arm branches, are integrated by both
 methods. Minima of the measure must agree to 1e-4 of the largest one of a robot, and so must endings

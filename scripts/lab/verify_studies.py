@@ -1,4 +1,6 @@
-"""Compare runs that ensembles decide with runs on their own: ``python scripts/verify_studies.py``.
+"""Compare runs that ensembles decide with runs on their own.
+
+``python scripts/lab/verify_studies.py``.
 
 Momentum, duration, attitude, margin and the robot (masses of links, payload, spacecraft, mount)
 vary in studies of four robots. Verdicts must be equal and minimum margins agree to 1e-4; so must

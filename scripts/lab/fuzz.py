@@ -1,6 +1,6 @@
 """Read many mutated files of every kind and count the outcomes.
 
-Usage: python scripts/fuzz.py [--inputs N] [--seed S] [--kinds KIND...] [--keep FOLDER]
+Usage: python scripts/lab/fuzz.py [--inputs N] [--seed S] [--kinds KIND...] [--keep FOLDER]
 
 Two processes read them, one input after the other, each in at most 10 s and 1.5 GB. A file may be
 read, or refused with one message; everything else is a failure, printed with the input's number
@@ -24,7 +24,7 @@ from random import Random
 from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 sys.dont_write_bytecode = True
 
 from fuzzing.kinds import KINDS, MEMORY, OUTCOMES, READ, REFUSED, Watch, outcome  # noqa: E402

@@ -1,6 +1,6 @@
 """Plan every bundled scenario, save the plan, and check the file with both engines.
 
-Usage: python scripts/verify_plans.py [FOLDER] [SCENARIO...]
+Usage: python scripts/lab/verify_plans.py [FOLDER] [SCENARIO...]
 
 Plans that are in the folder already are not computed again. Exit code 1 when a check fails.
 """

@@ -5,8 +5,8 @@
 (c) Nearest feasible attitudes, from random ones and from the paper's infeasible one, are never
 farther than the fine map's nearest feasible sample, for each branch and two margins.
 (d) All of 2,000 random attitudes within the radius of a robust plan keep the margin.
-``python scripts/verify_map.py`` prints a table and ends with 1 if a check fails; ``--samples`` is
-the size of the fine map, ``--seed`` chooses other attitudes, ``--threads`` how many cores to use.
+``python scripts/lab/verify_map.py`` prints a table and ends with 1 if a check fails; ``--samples``
+is the size of the fine map, ``--seed`` chooses others, ``--threads`` is the number of threads.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Brute force integrates the motions from every quarter of a degree by a fixed-step method of its own
 and bisects each heading at which S_min crosses S0 with precise motions. Both must agree in every
-range limit to 0.05 degrees. ``python scripts/verify_planar_ranges.py --cases 200`` prints a
+range limit to 0.05 degrees. ``python scripts/lab/verify_planar_ranges.py --cases 200`` prints a
 table; ``--seed`` chooses other cases.
 """
 
@@ -34,7 +34,7 @@ from freefloat.regions.planar_regions import PlanarArm, point_3_on_path
 from freefloat.regions.workspace import workspace_regions
 from freefloat.so3 import heading_quaternion
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from tests.robots import planar_robot
 

@@ -2,8 +2,8 @@
 
 One arm follows a line, the other a joint curve, or with ``--both`` a line of its own; the robots
 have 4 to 14 joints, some of them prismatic, half of them momentum, wheels and a drift.
-``python scripts/verify_arms.py --cases 40`` prints the largest deviations; exit code 1 if one is
-larger than allowed.
+``python scripts/lab/verify_arms.py --cases 40`` prints the largest deviations; exit code 1 if one
+is larger than allowed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from freefloat.so3 import angle_between
 from freefloat.verification.engines.mujoco import forward_run
 from freefloat.verification.engines.mujoco_model import Engine
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from tests.two_arms import own_motion, random_case, tip_errors
 
 ALLOWED = {

@@ -1,6 +1,6 @@
 """Install freefloat for several versions of Python, and with the oldest dependencies, and use it.
 
-    python scripts/verify_installations.py python3.11 python3.12 python3.13
+    python scripts/lab/verify_installations.py python3.11 python3.12 python3.13
 
 Each version gets a virtual environment with the newest dependencies, the first one another with the
 oldest that ``pyproject.toml`` permits, chosen by uv. In each of them commands plan, check, export,
@@ -15,7 +15,7 @@ import tempfile
 import venv
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 COMMANDS = (
     "plan planar_2dof/line -o plane.h5",
     "check plane.h5",

@@ -4,7 +4,7 @@ Every motion is looked at at 20,000 instants of its control points alone, and re
 free simulation. With ``--fixed-base`` OMPL's RRT-Connect plans for a spacecraft that does not move
 (``pip install ompl``), and its paths are followed by one that drifts.
 
-    python scripts/measure_goals.py [NAME ...] [--kinds client narrow] [--goals 30]
+    python scripts/lab/measure_goals.py [NAME ...] [--kinds client narrow] [--goals 30]
 """
 
 from __future__ import annotations

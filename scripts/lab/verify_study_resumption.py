@@ -1,9 +1,9 @@
 """Kill a study at random moments, continue it, and compare its rows with those of a whole one.
 
-``python scripts/verify_study_resumption.py [kills]``: 20,000 runs of the bundled Monte Carlo, on
-this computer and on a Dask scheduler with two workers in turn, killed thirty times if nothing else
-is said: the command, a worker, or both. A row that was committed must stay as it is; work that is
-repeated is that of the chunks in flight. Exit code 1: a row differs, was lost or computed twice.
+``python scripts/lab/verify_study_resumption.py [kills]``: 20,000 runs of the bundled Monte Carlo,
+on this computer and on a Dask scheduler with two workers in turn, killed thirty times if nothing
+else is said: the command, a worker, or both. A row that was committed must stay as it is; work that
+is repeated is that of the chunks in flight. Exit code 1: a row differs, was lost or computed twice.
 """
 
 from __future__ import annotations

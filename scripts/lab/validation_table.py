@@ -1,6 +1,6 @@
 """Run the tests in tests/validation and print, or write into README and docs, their deviations.
 
-Usage: python scripts/validation_table.py [--write]
+Usage: python scripts/lab/validation_table.py [--write]
 
 Exit code 1 when a comparison fails.
 """
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 START, END = "<!-- validation: start -->\n", "<!-- validation: end -->\n"
 
 

@@ -4,7 +4,7 @@ Random planar problems get random limits of pointing and of the spacecraft's tur
 bind. The sweep integrates a motion from every twentieth of a degree in many spans and looks at the
 angles at their ends by its own kinematics. Verdicts may differ within 0.01 degrees of a limit only;
 elsewhere a precise motion with 6,000 samples decides which of both is wrong.
-``python scripts/verify_pointing_limits.py --cases 200`` prints a summary.
+``python scripts/lab/verify_pointing_limits.py --cases 200`` prints a summary.
 """
 
 from __future__ import annotations

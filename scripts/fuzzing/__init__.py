@@ -1,1 +1,0 @@
-"""Mutated files of every kind, and the outcomes of reading them, for ``scripts/fuzz.py``."""

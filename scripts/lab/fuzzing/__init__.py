@@ -1,0 +1,1 @@
+"""Mutated files of every kind, and the outcomes of reading them, for ``scripts/lab/fuzz.py``."""
