@@ -15,7 +15,7 @@ import yaml
 from scipy.io import loadmat
 
 import freefloat as ff
-from freefloat.io.formats.ros2 import ros2_text
+from freefloat.beyond.formats.ros2 import ros2_text
 from freefloat.io.formats.trajectory import Trajectory, even_times
 from freefloat.io.formats.trajectory_tables import csv_text, json_text, write_mat
 from freefloat.planning.simulated_branch import SimulatedBranch

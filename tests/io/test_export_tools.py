@@ -16,8 +16,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.io.formats.mjcf_file import mjcf_text
-from freefloat.io.formats.ros2 import ros2_goal_text
+from freefloat.beyond.formats.mjcf_file import mjcf_text
+from freefloat.beyond.formats.ros2 import ros2_goal_text
 from freefloat.io.formats.trajectory import Header, Trajectory
 from freefloat.motion.motion import Motion
 from freefloat.so3 import angle_between

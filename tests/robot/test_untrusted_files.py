@@ -12,8 +12,8 @@ import psutil
 import pytest
 
 import freefloat as ff
-from freefloat.robot.formats import reader_process
-from freefloat.robot.formats.xacro import read
+from freefloat.beyond.formats.xacro import read
+from freefloat.robot import reader_process
 from tests.errors import error_key
 
 XACRO = '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'

@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 import freefloat as ff
-from freefloat.robot.formats.xacro import read
+from freefloat.beyond.formats.xacro import read
 from tests.commands import document, error, run
 from tests.errors import error_key
 from tests.spart_robots import ROBOTS

@@ -8,7 +8,6 @@ import signal
 import sys
 import traceback
 from contextlib import suppress
-from importlib import import_module
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -29,6 +28,7 @@ from freefloat.cli.singularities import singularities
 from freefloat.cli.view import view
 from freefloat.cli.workspace import workspace
 from freefloat.errors import FreeFloatError, InputError
+from freefloat.kinds import beyond
 
 _FIRST_STEPS = """\
 freefloat finds the spacecraft attitudes from which a free-floating arm can follow a path without
@@ -101,7 +101,7 @@ app = typer.Typer(
 )
 _COMMANDS = (
     models, info, workspace, singularities, simulate, plan, map_, view,
-    import_module("freefloat.beyond.studio.command").studio,  # what is beyond the paper, by name
+    beyond("studio.command", "studio"),
     check, export, assemble, batch, schema,
 )  # fmt: skip
 for _command in _COMMANDS:

@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 
 from freefloat.errors import ModelError
-from freefloat.robot.formats.reader_process import Argument
 from freefloat.robot.not_read import NotRead
+from freefloat.robot.reader_process import Argument
 from freefloat.robot.shapes import Shape
 from freefloat.rotations import Rotation
 from freefloat.so3 import Array, Pose

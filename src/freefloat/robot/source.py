@@ -10,8 +10,9 @@ from numbers import Real
 from pathlib import Path
 
 from freefloat.errors import InputError, ModelError, require_extra, require_type
+from freefloat.kinds import READERS
 from freefloat.robot.bundled import is_file, read_text
-from freefloat.robot.formats.reader_process import UrdfText, run_reader
+from freefloat.robot.reader_process import UrdfText, run_reader
 
 _URDF = "a file, XML text, or a name such as spatial_6dof"
 _MJCF = re.compile(r"\s*+(?>(?:<\?.*?\?>|<!--.*?-->)\s*+)*+<mujoco\b", re.DOTALL)
@@ -105,12 +106,10 @@ class RobotSource:
             require_extra("xacro", "xacro")
             folders = {name: os.path.abspath(folder) for name, folder in self.packages.items()}
             arguments = {name: _text(value) for name, value in self.arguments.items()}
-            return run_reader(
-                "freefloat.robot.formats.xacro", file, packages=folders, arguments=arguments
-            )
+            return run_reader(READERS["xacro"], file, packages=folders, arguments=arguments)
         if mjcf:
             require_extra("mujoco", "mujoco")
-            return run_reader("freefloat.robot.formats.mjcf", file, root=self.root)
+            return run_reader(READERS["mjcf"], file, root=self.root)
         return UrdfText(text)
 
     def mesh_name(self, name: str) -> str:

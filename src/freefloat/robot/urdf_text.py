@@ -8,8 +8,8 @@ from typing import Any
 from lxml import etree
 
 from freefloat.errors import ModelError
-from freefloat.robot.formats.reader_process import UrdfText
 from freefloat.robot.not_read import shown_tag
+from freefloat.robot.reader_process import UrdfText
 
 Element = Any
 """An lxml element."""

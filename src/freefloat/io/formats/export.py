@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
 from enum import StrEnum
@@ -11,13 +12,10 @@ from typing import Any
 
 from freefloat.errors import InputError, require_extra, require_type
 from freefloat.io.files import written_beside
-from freefloat.io.formats.attitude_ephemeris import attitude_ephemeris_text
-from freefloat.io.formats.mcap_file import write_mcap
-from freefloat.io.formats.mjcf_file import mjcf_text
 from freefloat.io.formats.resting_arms import with_resting_arms
-from freefloat.io.formats.ros2 import ros2_goal_text, ros2_text
 from freefloat.io.formats.trajectory import HEADER, J2000, Header, Trajectory
 from freefloat.io.formats.trajectory_tables import csv_text, json_text, write_mat
+from freefloat.kinds import later
 from freefloat.motion.motion import Motion
 from freefloat.planning.answer import Answer, PhaseResult
 
@@ -68,16 +66,19 @@ SUFFIXES = ", ".join(dict.fromkeys(kind.suffix for kind in Format))
 """Suffixes of file names, for messages."""
 
 
-TEXTS = {
+TEXTS: dict[Format, Callable[[Trajectory], str]] = {
     Format.CSV: csv_text,
     Format.JSON: json_text,
-    Format.ROS2: ros2_text,
-    Format.ROS2_GOAL: ros2_goal_text,
-    Format.AEM: attitude_ephemeris_text,
-    Format.MJCF: mjcf_text,
+    Format.ROS2: later("formats.ros2", "ros2_text"),
+    Format.ROS2_GOAL: later("formats.ros2", "ros2_goal_text"),
+    Format.AEM: later("formats.attitude_ephemeris", "attitude_ephemeris_text"),
+    Format.MJCF: later("formats.mjcf_file", "mjcf_text"),
 }
 """Functions that return a trajectory as text, by format."""
-_WRITERS = {Format.MAT: write_mat, Format.MCAP: write_mcap}
+_WRITERS: dict[Format, Callable[[Path, Trajectory], None]] = {
+    Format.MAT: write_mat,
+    Format.MCAP: later("formats.mcap_file", "write_mcap"),
+}
 """Functions that write a trajectory to a file, by format."""
 
 

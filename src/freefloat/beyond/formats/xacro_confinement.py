@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from freefloat.beyond.formats.xacro_expressions import evaluate
 from freefloat.errors import ModelError, one_line
-from freefloat.robot.formats.xacro_expressions import evaluate
 
 _MODULE = ("safe_eval", "parse")
 """Functions of the module xacro that are replaced."""

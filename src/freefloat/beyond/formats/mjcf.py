@@ -12,9 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.errors import ModelError, one_line
-from freefloat.robot.bundled import is_file
-from freefloat.robot.formats.mjcf_bodies import (
+from freefloat.beyond.formats.mjcf_bodies import (
     SLIDE,
     bodies_in_world,
     body_name,
@@ -25,8 +23,10 @@ from freefloat.robot.formats.mjcf_bodies import (
     moving_joint,
     root_body,
 )
-from freefloat.robot.formats.mjcf_not_read import SHAPES, not_read
-from freefloat.robot.formats.reader_process import MEMORY, UrdfText
+from freefloat.beyond.formats.mjcf_not_read import SHAPES, not_read
+from freefloat.errors import ModelError, one_line
+from freefloat.robot.bundled import is_file
+from freefloat.robot.reader_process import MEMORY, UrdfText
 
 _EFFORT, _VELOCITY = "1e9", "1e9"
 """Limits that MJCF does not have."""

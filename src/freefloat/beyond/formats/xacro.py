@@ -1,7 +1,7 @@
 """URDF text of xacro files; runs in a process of its own.
 
 A xacro file is a program in a small language; it may read XML and YAML files, and nothing else. Its
-expressions are evaluated by :mod:`~freefloat.robot.formats.xacro_expressions`, and the functions
+expressions are evaluated by :mod:`~freefloat.beyond.formats.xacro_expressions`, and the functions
 that can be called are xacro's.
 """
 
@@ -14,12 +14,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from freefloat.beyond.formats.xacro_confinement import confine, require_confinable
+from freefloat.beyond.formats.xacro_expressions import evaluate
 from freefloat.errors import ModelError, did_you_mean, one_line
 from freefloat.robot.bundled import read_text
-from freefloat.robot.formats.reader_process import Argument, UrdfText
-from freefloat.robot.formats.xacro_confinement import confine, require_confinable
-from freefloat.robot.formats.xacro_expressions import evaluate
 from freefloat.robot.mesh_files import NAMED_PACKAGE, PACKAGES, find_package
+from freefloat.robot.reader_process import Argument, UrdfText
 
 _PREFIX = re.compile(r"<class '[^']*'>: ")
 """Name of an exception's class in messages of xacro."""

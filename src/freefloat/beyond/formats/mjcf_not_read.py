@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
+from freefloat.beyond.formats.mjcf_bodies import SLIDE, WORLD, body_name, joint_name, joints_of
 from freefloat.robot.bundled import read_text
-from freefloat.robot.formats.mjcf_bodies import SLIDE, WORLD, body_name, joint_name, joints_of
 from freefloat.robot.not_read import NotRead
 
 Lines = Mapping[tuple[str, str], int]

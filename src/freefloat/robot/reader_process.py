@@ -28,7 +28,7 @@ MEMORY = 2_000_000_000
 """Address space that a reader may use [bytes]."""
 _LARGEST = 20_000_000
 """Largest number of characters of a URDF."""
-_MAIN = "from freefloat.robot.formats.reader_process import main; main()"
+_MAIN = "from freefloat.robot.reader_process import main; main()"
 _END_WITH_PARENT = 1
 """PR_SET_PDEATHSIG of Linux."""
 

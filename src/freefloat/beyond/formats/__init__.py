@@ -1,0 +1,1 @@
+"""Formats of other tools: xacro, MuJoCo, ROS 2, CCSDS."""

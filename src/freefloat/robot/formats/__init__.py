@@ -1,1 +1,0 @@
-"""Robots in other formats: xacro and MJCF."""
