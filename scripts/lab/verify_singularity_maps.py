@@ -13,8 +13,8 @@ import time
 import numpy as np
 
 import freefloat as ff
+from freefloat.beyond.joint_space.singularity_map import Kind
 from freefloat.dynamics.joint_space import joint_box
-from freefloat.singularities.singularity_map import Kind
 from freefloat.singularities.singularity_polynomial import determinants
 
 MAPS = {

@@ -53,9 +53,9 @@ from .robot.source import RobotSource as RobotSource
 
 # Beyond the paper: joint space
 from .singularities.singularity_polynomial import SingularityPolynomial as SingularityPolynomial
-from .singularities.singularity_map import singularity_map as singularity_map
-from .singularities.singularity_components import singularity_components as singularity_components
-from .singularities.singularity_distance import distance_to_singularity as distance_to_singularity
+from .beyond.joint_space.singularity_map import singularity_map as singularity_map
+from .beyond.joint_space.components import singularity_components as singularity_components
+from .beyond.joint_space.distance import distance_to_singularity as distance_to_singularity
 
 # Beyond the paper: surroundings and limits
 from .robot.shapes import Box as Box

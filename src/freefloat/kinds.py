@@ -1,24 +1,103 @@
-"""What is beyond the paper, found by name: the planner imports nothing of it."""
+"""Kinds of results, and what is beyond the paper, by name: imported when they are asked for."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
+
+from freefloat.errors import InputError
 
 READERS = {"xacro": "freefloat.beyond.formats.xacro", "mjcf": "freefloat.beyond.formats.mjcf"}
 """Modules whose function ``read`` returns the URDF of a file."""
 
 
-def beyond(module: str, name: str) -> Any:
-    """An object of a module of ``freefloat.beyond``, which is imported now."""
-    return getattr(import_module(f"freefloat.beyond.{module}"), name)
+def named(place: str) -> Any:
+    """An object of freefloat, such as ``beyond.studio.command:studio``."""
+    module, name = place.split(":")
+    return getattr(import_module(f"freefloat.{module}"), name)
 
 
-def later(module: str, name: str) -> Callable[..., Any]:
-    """A function of a module of ``freefloat.beyond``, which is imported at the first call."""
+def later(place: str) -> Callable[..., Any]:
+    """A function that is imported at its first call."""
 
     def function(*arguments: Any) -> Any:
-        return beyond(module, name)(*arguments)
+        return named(place)(*arguments)
 
     return function
+
+
+@dataclass(frozen=True)
+class ResultKind:
+    """Names of what belongs to a kind of results.
+
+    Attributes:
+        record: The class.
+        figures: Function of a result, a number of threads and the progress.
+        scene: Function of a result and a title.
+        report: Function of a result and an engine; empty for records that are not saved.
+        decode: Function of the tree of a file and its robot; empty where a scenario is needed.
+    """
+
+    record: str
+    figures: str
+    scene: str
+    report: str = ""
+    decode: str = ""
+
+
+_FIGURES, _SCENES = "visualization.figures.figures:", "visualization.scenes.result_scenes:"
+_VERIFICATION, _JOINT_SPACE = "verification.", "beyond.joint_space."
+RESULT_KINDS = {
+    "plan": ResultKind(
+        "planning.plan:Plan", f"{_FIGURES}plan_figures", f"{_SCENES}plan_scene",
+        f"{_VERIFICATION}path_motions:plan_report",
+    ),
+    "motion": ResultKind(
+        "planning.simulation:Simulation", f"{_FIGURES}simulation_figures",
+        f"{_SCENES}simulation_scene", f"{_VERIFICATION}path_motions:simulation_report",
+    ),
+    "goal": ResultKind(
+        "planning.goals.goal_motion:GoalMotion", f"{_FIGURES}goal_figures",
+        f"{_SCENES}goal_scene", f"{_VERIFICATION}goal_motions:goal_report",
+    ),
+    "manoeuvre": ResultKind(
+        "planning.phases.manoeuvre:Manoeuvre", f"{_FIGURES}manoeuvre_figures",
+        f"{_SCENES}manoeuvre_scene", f"{_VERIFICATION}manoeuvre:manoeuvre_report",
+    ),
+    "attitude map": ResultKind(
+        "planning.space.attitude_map:AttitudeMap", f"{_FIGURES}attitude_map_figures",
+        "visualization.scenes.map_scene:map_scene", f"{_VERIFICATION}margin_maps:map_report",
+    ),
+    "map": ResultKind(
+        "planning.plane.heading_map:HeadingMap", f"{_FIGURES}heading_map_figures",
+        "visualization.scenes.heading_scene:heading_scene",
+        f"{_VERIFICATION}margin_maps:map_report",
+    ),
+    "singularity map": ResultKind(
+        f"{_JOINT_SPACE}singularity_map:SingularityMap", f"{_JOINT_SPACE}figures:map_figures",
+        f"{_JOINT_SPACE}scene:singularity_scene",
+        f"{_JOINT_SPACE}verification:singularity_map_report",
+        f"{_JOINT_SPACE}verification:decoded",
+    ),
+}  # fmt: skip
+"""Kinds of results that are saved, by the attribute ``kind`` of their records."""
+_MOTION = ResultKind(
+    "motion.motion:Motion", f"{_FIGURES}drawn_motion_figures", f"{_SCENES}single_motion_scene"
+)
+
+
+def kind_of(result: object, *, saved: bool = False) -> ResultKind:
+    """The kind of a result; a bare motion has one, too, unless it must be one that is saved.
+
+    Raises:
+        InputError: If the object is no result.
+    """
+    kinds: list[ResultKind] = [*RESULT_KINDS.values(), *(() if saved else (_MOTION,))]
+    place = f"{type(result).__module__}:{type(result).__name__}"
+    for kind in kinds:
+        if place == f"freefloat.{kind.record}":
+            return kind
+    names = ", ".join(kind.record.partition(":")[2] for kind in kinds)
+    raise InputError("result", f"a {type(result).__name__} was given", names)

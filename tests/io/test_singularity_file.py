@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.beyond.joint_space.singularity_map import Kind, SingularityMap
 from freefloat.io.hdf5 import AlteredFileError
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.singularities.singularity_map import Kind, SingularityMap
 from tests.result_files import altered, replaced
 from tests.robots import random_robot
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.beyond.joint_space.singularity_map import Kind, SingularityMap
 from freefloat.dynamics.joint_space import joint_box
-from freefloat.singularities.singularity_map import Kind, SingularityMap
 from tests.errors import error_key
 from tests.motions import bundled
 from tests.robots import random_robot

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.singularities.singularity_map import SingularityMap
-from freefloat.visualization.figures.singularity_figures import singularity_figures
-from freefloat.visualization.scenes.joint_sections import reference_configuration
+from freefloat.beyond.joint_space.figures import singularity_figures
+from freefloat.beyond.joint_space.joint_sections import reference_configuration
+from freefloat.beyond.joint_space.singularity_map import SingularityMap
 from tests.motions import bundled
 
 RESOLUTIONS = {"planar_3dof/parabola": 1.0, "spatial_6dof/line": 8.0}

@@ -10,10 +10,10 @@ import pytest
 from playwright.sync_api import Browser
 
 import freefloat as ff
-from freefloat.singularities.singularity_map import SingularityMap
+from freefloat.beyond.joint_space import scene as scenes
+from freefloat.beyond.joint_space.joint_sections import influential_joints, section
+from freefloat.beyond.joint_space.singularity_map import SingularityMap
 from freefloat.visualization.page.playback import Playback
-from freefloat.visualization.scenes import singularity_scene as scenes
-from freefloat.visualization.scenes.joint_sections import influential_joints, section
 from tests.browser import differing, opened
 from tests.motions import bundled
 

@@ -24,11 +24,10 @@ from freefloat.cli.models import models, schema
 from freefloat.cli.options import ListCommand
 from freefloat.cli.plan import plan
 from freefloat.cli.simulate import simulate
-from freefloat.cli.singularities import singularities
 from freefloat.cli.view import view
 from freefloat.cli.workspace import workspace
 from freefloat.errors import FreeFloatError, InputError
-from freefloat.kinds import beyond
+from freefloat.kinds import named
 
 _FIRST_STEPS = """\
 freefloat finds the spacecraft attitudes from which a free-floating arm can follow a path without
@@ -100,8 +99,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 _COMMANDS = (
-    models, info, workspace, singularities, simulate, plan, map_, view,
-    beyond("studio.command", "studio"),
+    models, info, workspace, named("beyond.joint_space.command:singularities"),
+    simulate, plan, map_, view, named("beyond.studio.command:studio"),
     check, export, assemble, batch, schema,
 )  # fmt: skip
 for _command in _COMMANDS:

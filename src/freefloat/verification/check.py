@@ -2,39 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Any
 
-from freefloat.errors import InputError
+from freefloat.kinds import kind_of, named
 from freefloat.planning.answer import Answer
-from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.planning.margin_map import MarginMap
-from freefloat.planning.phases.manoeuvre import Manoeuvre
-from freefloat.planning.plan import Plan
-from freefloat.planning.plane.heading_map import HeadingMap
-from freefloat.planning.simulation import Simulation
-from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.records import Known
-from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.verification.engine_runs import require_engine
-from freefloat.verification.goal_motions import goal_report
-from freefloat.verification.manoeuvre import manoeuvre_report
-from freefloat.verification.margin_maps import map_report
-from freefloat.verification.path_motions import plan_report, simulation_report
 from freefloat.verification.report import PINOCCHIO, CheckReport
-from freefloat.verification.singularity_map import singularity_map_report
-
-_REPORTS: dict[type, Callable[..., tuple[CheckReport, Known]]] = {
-    Plan: plan_report,
-    Simulation: simulation_report,
-    GoalMotion: goal_report,
-    Manoeuvre: manoeuvre_report,
-    AttitudeMap: map_report,
-    HeadingMap: map_report,
-    SingularityMap: singularity_map_report,
-}
 
 
-def check(result: Answer | MarginMap | SingularityMap, engine: str = PINOCCHIO) -> CheckReport:
+def check(result: Answer | MarginMap | Any, engine: str = PINOCCHIO) -> CheckReport:
     """Verify a plan, a manoeuvre, a simulation, a motion to a goal or a map.
 
     The motion, of a simulation the chosen one, is compared with the equations, the path and the
@@ -58,17 +36,15 @@ def check(result: Answer | MarginMap | SingularityMap, engine: str = PINOCCHIO) 
         >>> report.passed
         True
     """
-    if type(result) not in _REPORTS:
-        problem = f"a {type(result).__name__} was given"
-        accepted = "a Plan, a Simulation, another answer of planning or a map"
-        raise InputError("result", problem, accepted)
+    kind_of(result, saved=True)
     require_engine(engine)
     report, known = recomputed(result, engine)
     return report.comparing(result, known)
 
 
 def recomputed(
-    result: Answer | MarginMap | SingularityMap, engine: str = PINOCCHIO
+    result: Answer | MarginMap | Any, engine: str = PINOCCHIO
 ) -> tuple[CheckReport, Known]:
     """A report without the comparison of stated numbers, and what is recomputed of these."""
-    return _REPORTS[type(result)](result, engine)
+    report: tuple[CheckReport, Known] = named(kind_of(result, saved=True).report)(result, engine)
+    return report

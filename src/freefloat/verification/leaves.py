@@ -15,8 +15,8 @@ import numpy as np
 
 from freefloat.records import Known, Origin, Quantity, Tree
 from freefloat.so3 import Array, BoolArray
+from freefloat.verification.codec import CODEC
 from freefloat.verification.comparisons import Check
-from freefloat.verification.kinds import CODEC
 
 
 class _Rule(NamedTuple):

@@ -69,15 +69,15 @@ SUFFIXES = ", ".join(dict.fromkeys(kind.suffix for kind in Format))
 TEXTS: dict[Format, Callable[[Trajectory], str]] = {
     Format.CSV: csv_text,
     Format.JSON: json_text,
-    Format.ROS2: later("formats.ros2", "ros2_text"),
-    Format.ROS2_GOAL: later("formats.ros2", "ros2_goal_text"),
-    Format.AEM: later("formats.attitude_ephemeris", "attitude_ephemeris_text"),
-    Format.MJCF: later("formats.mjcf_file", "mjcf_text"),
+    Format.ROS2: later("beyond.formats.ros2:ros2_text"),
+    Format.ROS2_GOAL: later("beyond.formats.ros2:ros2_goal_text"),
+    Format.AEM: later("beyond.formats.attitude_ephemeris:attitude_ephemeris_text"),
+    Format.MJCF: later("beyond.formats.mjcf_file:mjcf_text"),
 }
 """Functions that return a trajectory as text, by format."""
 _WRITERS: dict[Format, Callable[[Path, Trajectory], None]] = {
     Format.MAT: write_mat,
-    Format.MCAP: later("formats.mcap_file", "write_mcap"),
+    Format.MCAP: later("beyond.formats.mcap_file:write_mcap"),
 }
 """Functions that write a trajectory to a file, by format."""
 

@@ -20,7 +20,7 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.settings import Search
 from freefloat.records import Tree
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.verification.kinds import CODEC
+from freefloat.verification.codec import CODEC
 
 
 def decode_manoeuvre(tree: Tree, scenario: Scenario) -> Manoeuvre:

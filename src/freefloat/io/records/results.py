@@ -25,6 +25,7 @@ from freefloat.io.scenario.arms_section import paths_of_arms
 from freefloat.io.scenario.scenario import Scenario, parse_scenario
 from freefloat.io.scenario.scene_section import parse_shapes, shapes_text
 from freefloat.io.scenario.writing import scenario_of
+from freefloat.kinds import RESULT_KINDS, ResultKind, kind_of, named
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.phases.manoeuvre import Manoeuvre
@@ -32,9 +33,7 @@ from freefloat.planning.settings import Search
 from freefloat.records import Quantity, Tree
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import read_urdf
-from freefloat.singularities.singularity_map import SingularityMap
-from freefloat.verification.kinds import CODEC, KINDS, Result
-from freefloat.verification.singularity_map import singularity_map_checks
+from freefloat.verification.codec import CODEC
 
 FORMAT_VERSION = 3
 _PREFIX = "freefloat "
@@ -51,7 +50,7 @@ _INVALID = (InputError, KeyError, ValueError, IndexError, TypeError, AttributeEr
 """Errors of a file whose content does not fit together."""
 
 
-def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> None:
+def save(result: Any, path: str | Path, scenario: Scenario | None = None) -> None:
     """Write a result to a file: whole, or not at all.
 
     Args:
@@ -72,7 +71,7 @@ def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> 
     require_type("output", path, str | os.PathLike, "the name of an HDF5 file")
     path = Path(path)
     require_result_name(path)
-    _require_result(result)
+    kind_of(result, saved=True)
     problem = getattr(result, "problem", None)
     described = None if problem is None else _describe(result, scenario)
     holder: Any = problem or result
@@ -82,14 +81,6 @@ def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> 
     tree: Tree = {"format": _PREFIX + result.kind, "version": FORMAT_VERSION, **_software()}
     tree |= {name: Quantity(np.array(text, dtype=object)) for name, text in texts.items()}
     write_hdf5(path, tree | {"result": CODEC.encode(result)})
-
-
-def _require_result(result: object) -> None:
-    """Raise an InputError unless this is a record of one of the kinds."""
-    if type(result) not in KINDS.values():
-        *others, last = (entry.__name__ for entry in KINDS.values())
-        problem = f"a {type(result).__name__} was given"
-        raise InputError("result", problem, f"a {', '.join(others)} or {last}")
 
 
 def _describe(result: Any, scenario: Scenario | None) -> Scenario:
@@ -143,7 +134,7 @@ def _origin(model: FreeFloatingModel, scenario: Scenario | None) -> dict[str, An
     }
 
 
-def load(path: str | Path) -> Result:
+def load(path: str | Path) -> Any:
     """Result of a file: a record of the class that was saved.
 
     Raises:
@@ -171,28 +162,28 @@ def load(path: str | Path) -> Result:
         raise AlteredFileError(key, problem, _ACCEPTED, str(path)) from error
 
 
-def _kind_of(tree: Tree, path: Path) -> type[Result]:
-    """The class of the result of a file."""
+def _kind_of(tree: Tree, path: Path) -> ResultKind:
+    """The kind of the result of a file."""
     name, number = tree.get("format"), tree.get("version")
     problem = "it is an HDF5 file of another kind"
     if isinstance(name, str) and name.startswith(_PREFIX):
         kind = name.removeprefix(_PREFIX)
-        if kind in KINDS and number == FORMAT_VERSION:
-            return KINDS[kind]
+        if kind in RESULT_KINDS and number == FORMAT_VERSION:
+            return RESULT_KINDS[kind]
         problem = f"it is a {name} file, format {number}"
     raise InputError("file", problem, _ACCEPTED, str(path))
 
 
-def _load_record(tree: Tree, kind: type[Result]) -> Result:
+def _load_record(tree: Tree, kind: ResultKind) -> Any:
     model = _read_robot(tree)
-    scenario = None if kind is SingularityMap else _read_scenario(tree, model)
+    scenario = None if kind.decode else _read_scenario(tree, model)
     known = {"format", "version", "result", "document", *_software(), *_origin(model, scenario)}
     if unknown := tree.keys() - known:
         raise ValueError(f"it has an unknown part {min(unknown)}")
     if scenario is None:
-        result: Result = _decode_singularity_map(tree["result"], model)
+        result: Any = named(kind.decode)(tree["result"], model)
     else:
-        result = _decode(kind, tree["result"], scenario)
+        result = _decode(named(kind.record), tree["result"], scenario)
     _require_same(tree["result"], CODEC.encode(result), "result")
     document = json.loads(_text(tree, "document"))
     recomputed_document = json.loads(json.dumps(result.to_dict()))
@@ -222,22 +213,13 @@ def _require_same(stated: Any, read: Any, place: str) -> None:
         raise ValueError(f"its part {place} contradicts other parts")
 
 
-def _decode(kind: type[Result], tree: Tree, scenario: Scenario) -> Result:
+def _decode(kind: type[Any], tree: Tree, scenario: Scenario) -> Any:
     if kind is Manoeuvre:
         return decode_manoeuvre(tree, scenario)
     problem, search, limits = scenario.problem(), scenario.search(), scenario.limits()
     if "search" in kind.__dataclass_fields__:
         problem = search.applied_to(problem)
     return CODEC.decode(kind, tree, {Problem: problem, Search: search, Limits: limits})
-
-
-def _decode_singularity_map(tree: Tree, model: FreeFloatingModel) -> SingularityMap:
-    """A map of the joint space, compared with the robot."""
-    result = CODEC.decode(SingularityMap, tree, {FreeFloatingModel: model})
-    for check in singularity_map_checks(result):
-        if not check.passed:
-            raise ValueError(f"it is no map of its robot: {check.reason}")
-    return result
 
 
 def _read_robot(tree: Tree) -> FreeFloatingModel:

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
 from math import tau
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from freefloat.concurrency import Progress
-from freefloat.errors import InputError, UnreachableError
+from freefloat.errors import UnreachableError
+from freefloat.kinds import kind_of, named
 from freefloat.limits.check import attitude_limits
 from freefloat.limits.limits import Limits
 from freefloat.limits.result import violated
@@ -31,7 +33,6 @@ from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.planning.touching.touch_points import motion_through
 from freefloat.regions.planar_regions import has_two_angle_form
 from freefloat.regions.workspace import Workspace, workspace_regions
-from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.visualization.figure_style import Figures, styled
 from freefloat.visualization.figures.joint_space_figure import joint_space_figure
 from freefloat.visualization.figures.manoeuvre_figure import manoeuvre_figure
@@ -39,7 +40,6 @@ from freefloat.visualization.figures.map_figures import histogram_figure, slices
 from freefloat.visualization.figures.motion_figures import angles_figure, motion_figures
 from freefloat.visualization.figures.planar_figures import headings_figure
 from freefloat.visualization.figures.scene_figures import snapshots_figure
-from freefloat.visualization.figures.singularity_figures import singularity_figures
 from freefloat.visualization.figures.touch_points_figure import touch_points_figure
 from freefloat.visualization.figures.workspace_figure import workspace_figure
 from freefloat.visualization.scenes.drawn_path import with_drawn_path
@@ -67,7 +67,7 @@ _TITLE_HEIGHT = 0.15
 
 
 def figures(
-    result: Answer | MarginMap | SingularityMap | Motion,
+    result: Answer | MarginMap | Motion | Any,
     *,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -95,10 +95,7 @@ def figures(
         >>> plan = ff.plan(ff.load_scenario("planar_2dof/line").problem())
         >>> ff.figures(plan)["motion"].savefig("motion.pdf")
     """
-    if type(result) not in _FIGURES:
-        accepted = ", ".join(kind.__name__ for kind in _FIGURES)
-        raise InputError("result", f"a {type(result).__name__} was given", accepted)
-    drawings = _FIGURES[type(result)](result, threads, progress).drawings
+    drawings = named(kind_of(result).figures)(result, threads, progress).drawings
     return Figures({name: partial(_titled, name, draw) for name, draw in drawings.items()})
 
 
@@ -117,7 +114,8 @@ def _of_phase(phase: str, draw: Callable[[], Figure]) -> Figure:
     return figure
 
 
-def _motion_figures(motion: Motion, threads: int | None, progress: Progress | None) -> Figures:
+def drawn_motion_figures(motion: Motion, threads: int | None, progress: Progress | None) -> Figures:
+    """The figures of a motion."""
     drawn = with_drawn_path(motion)
     closest = closest_approach(drawn, drawn.problem.margin.measure)
     return _snapshots(drawn) | motion_figures(drawn, closest)
@@ -138,49 +136,48 @@ def _workspace(problem: Problem) -> Workspace:
     return workspace_regions(problem)
 
 
-def _simulation_figures(
+def simulation_figures(
     simulation: Simulation, threads: int | None, progress: Progress | None
 ) -> Figures:
+    """The figures of a simulation."""
     motion = simulation.motion
-    return _motion_figures(motion, threads, progress) | _angles(motion, simulation.limits)
+    return drawn_motion_figures(motion, threads, progress) | _angles(motion, simulation.limits)
 
 
-def _goal_figures(result: GoalMotion, threads: int | None, progress: Progress | None) -> Figures:
+def goal_figures(result: GoalMotion, threads: int | None, progress: Progress | None) -> Figures:
+    """The figures of a motion to a goal."""
     motion = result.phases[0].shown_motion
     if motion is None:
         return Figures({})
-    return _motion_figures(motion, threads, progress) | _angles(motion, result.limits)
+    return drawn_motion_figures(motion, threads, progress) | _angles(motion, result.limits)
 
 
-def _manoeuvre_figures(
+def manoeuvre_figures(
     manoeuvre: Manoeuvre, threads: int | None, progress: Progress | None
 ) -> Figures:
+    """The figures of a manoeuvre."""
     moves = any(phase.motion is not None for phase in manoeuvre.phases)
     drawn = Figures({"manoeuvre": partial(manoeuvre_figure, manoeuvre)} if moves else {})
     name = next((phase.name for phase in manoeuvre.phases if phase.kind == "path"), "path")
-    first = _plan_figures(manoeuvre.path, threads, progress).drawings
+    first = plan_figures(manoeuvre.path, threads, progress).drawings
     return drawn | Figures({key: partial(_of_phase, name, draw) for key, draw in first.items()})
 
 
-def _attitude_map_figures(
+def attitude_map_figures(
     result: AttitudeMap, threads: int | None, progress: Progress | None
 ) -> Figures:
+    """The figures of a map of attitudes."""
     touched = Figures(
         {"touch_points": partial(touch_points_figure, result)} if result.touch else {}
     )
     return _map_figures(result, result.limits, map_marks(result), threads, progress) | touched
 
 
-def _heading_map_figures(
+def heading_map_figures(
     result: HeadingMap, threads: int | None, progress: Progress | None
 ) -> Figures:
+    """The figures of a map over headings."""
     return Figures({"headings": partial(headings_figure, result)} if result.branches else {})
-
-
-def _singularity_map_figures(
-    result: SingularityMap, threads: int | None, progress: Progress | None
-) -> Figures:
-    return singularity_figures(result)
 
 
 def _map_figures(
@@ -200,7 +197,8 @@ def _map_figures(
     return Figures(drawings)
 
 
-def _plan_figures(plan: Plan, threads: int | None, progress: Progress | None) -> Figures:
+def plan_figures(plan: Plan, threads: int | None, progress: Progress | None) -> Figures:
+    """The figures of a plan."""
     problem, chosen = plan.problem, plan.chosen
     drawn = Figures({})
     if problem.model.has_one_arm:
@@ -276,16 +274,3 @@ def _infeasible_motion(problem: Problem, entry: BranchRanges) -> Motion | None:
     except UnreachableError:
         return None
     return next((b.motion for b in branches if b.branch.index == entry.branch), None)
-
-
-_FIGURES: dict[type, Callable[..., Figures]] = {
-    Plan: _plan_figures,
-    Manoeuvre: _manoeuvre_figures,
-    Simulation: _simulation_figures,
-    GoalMotion: _goal_figures,
-    Motion: _motion_figures,
-    AttitudeMap: _attitude_map_figures,
-    HeadingMap: _heading_map_figures,
-    SingularityMap: _singularity_map_figures,
-}
-"""Functions of a result, a number of threads and the progress, by the class of the result."""

@@ -22,7 +22,6 @@ from freefloat.io.files import written_beside
 from freefloat.motion.motion import Motion
 from freefloat.planning.answer import Answer
 from freefloat.planning.margin_map import MarginMap
-from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.visualization.page.server import open_browser
 from freefloat.visualization.scenes import meshcat
 from freefloat.visualization.scenes.description import Samples
@@ -225,7 +224,7 @@ def show(
 
 
 def playback(
-    result: Answer | MarginMap | SingularityMap | Motion | Mapping[str, Motion],
+    result: Answer | MarginMap | Motion | Mapping[str, Motion] | Any,
     title: str = "freefloat",
 ) -> Playback:
     """The playback of a result.

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from freefloat.errors import InputError, require_type
+from freefloat.kinds import kind_of, named
 from freefloat.limits.limits import Limits
 from freefloat.motion.motion import Motion
 from freefloat.planning.goals.goal_motion import GoalMotion
 from freefloat.planning.phases.manoeuvre import Manoeuvre
 from freefloat.planning.plan import Plan
-from freefloat.planning.plane.heading_map import HeadingMap
 from freefloat.planning.simulation import Simulation
-from freefloat.planning.space.attitude_map import AttitudeMap
-from freefloat.singularities.singularity_map import SingularityMap
-from freefloat.visualization.scenes.heading_scene import heading_scene
-from freefloat.visualization.scenes.map_scene import map_scene
 from freefloat.visualization.scenes.scene import Place, motion_scene
 from freefloat.visualization.scenes.scene_builder import Scene
-from freefloat.visualization.scenes.singularity_scene import singularity_scene
 
 
 def result_scene(result: Any, title: str) -> Scene:
@@ -33,31 +28,32 @@ def result_scene(result: Any, title: str) -> Scene:
             accepted = "a Motion for each name, such as simulate(...).chosen.motion"
             require_type(f"motions.{name}", motion, Motion, accepted)
         return motion_scene(dict(result), title)
-    if type(result) not in _SCENES:
-        accepted = ", ".join(kind.__name__ for kind in _SCENES)
-        raise InputError("result", f"a {type(result).__name__} was given", accepted)
-    return _SCENES[type(result)](result, title)
+    scene: Scene = named(kind_of(result).scene)(result, title)
+    return scene
 
 
-def _motion_scene(motion: Motion, title: str) -> Scene:
+def single_motion_scene(motion: Motion, title: str) -> Scene:
+    """The scene of a motion."""
     return motion_scene({"motion": motion}, title)
 
 
-def _simulation_scene(simulation: Simulation, title: str) -> Scene:
+def simulation_scene(simulation: Simulation, title: str) -> Scene:
     """The scene of all arm branches, the chosen one first."""
     branches = sorted(simulation.branches, key=lambda branch: branch is not simulation.chosen)
     motions = {branch.title: branch.motion for branch in branches}
     return motion_scene(motions, title, _pointing(simulation.limits))
 
 
-def _plan_scene(plan: Plan, title: str) -> Scene:
+def plan_scene(plan: Plan, title: str) -> Scene:
+    """The scene of the chosen motion of a plan; an InputError without one."""
     if plan.chosen is None:
         raise InputError("plan", f"it has no motion: {plan.reason}", "a plan with a motion")
     name = plan.chosen.title + ("" if plan.feasible else f", {plan.violation or 'infeasible'}")
     return motion_scene({name: plan.chosen.motion}, title, _pointing(plan.limits))
 
 
-def _goal_scene(result: GoalMotion, title: str) -> Scene:
+def goal_scene(result: GoalMotion, title: str) -> Scene:
+    """The scene of a motion to a goal; an InputError without one."""
     motion = result.phases[0].shown_motion
     if motion is None:
         accepted = "a goal with a motion"
@@ -88,16 +84,3 @@ def manoeuvre_scene(manoeuvre: Manoeuvre, title: str) -> Scene:
 
 def _pointing(limits: Limits | None) -> tuple[Any, ...]:
     return () if limits is None else limits.pointing
-
-
-_SCENES: dict[type, Callable[[Any, str], Scene]] = {
-    Motion: _motion_scene,
-    Plan: _plan_scene,
-    Manoeuvre: manoeuvre_scene,
-    Simulation: _simulation_scene,
-    GoalMotion: _goal_scene,
-    AttitudeMap: map_scene,
-    HeadingMap: heading_scene,
-    SingularityMap: singularity_scene,
-}
-"""Functions that return the scene of a result and a title, by the class of the result."""

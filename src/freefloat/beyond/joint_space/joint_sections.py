@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.attitude_grids import low_discrepancy
+from freefloat.beyond.joint_space.singularity_map import SingularityMap
 from freefloat.errors import finite_vector
 from freefloat.singularities.joint_polynomial import JointPolynomial
-from freefloat.singularities.singularity_map import SingularityMap
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import digits
 

@@ -18,10 +18,10 @@ import numpy.typing as npt
 import scipy
 
 from freefloat.attitude_grids import low_discrepancy
+from freefloat.beyond.joint_space.singularity_map import Kind, SingularityMap
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.errors import require_type
 from freefloat.ik.branches import arm_branches
-from freefloat.singularities.singularity_map import Kind, SingularityMap
 from freefloat.so3 import UPRIGHT, Array, IntArray
 
 _Labels = npt.NDArray[np.int32]

@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from freefloat.beyond.joint_space.singularity_map import Kind, SingularityMap, singularity_map
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.errors import InputError
-from freefloat.records import Known, Origin
-from freefloat.singularities.singularity_map import Kind, SingularityMap, singularity_map
+from freefloat.records import Known, Origin, Tree
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.singularities.singularity_polynomial import SingularityPolynomial, determinants
 from freefloat.so3 import Array
+from freefloat.verification.codec import CODEC
 from freefloat.verification.comparisons import Check
 from freefloat.verification.report import PINOCCHIO, CheckReport
 
@@ -48,6 +50,15 @@ def singularity_map_report(found: SingularityMap, engine: str) -> tuple[CheckRep
         known["nodes"] = again.nodes
     report = CheckReport(found.kind, tuple(singularity_map_checks(found)))
     return report, Known(SingularityMap, known)
+
+
+def decoded(tree: Tree, model: FreeFloatingModel) -> SingularityMap:
+    """The map of a file, compared with the robot; a ValueError if it is not the robot's."""
+    result = CODEC.decode(SingularityMap, tree, {FreeFloatingModel: model})
+    for check in singularity_map_checks(result):
+        if not check.passed:
+            raise ValueError(f"it is no map of its robot: {check.reason}")
+    return result
 
 
 def singularity_map_checks(found: SingularityMap) -> Iterator[Check]:

@@ -26,9 +26,9 @@ from freefloat.cli.robots import (
 from freefloat.errors import InputError, finite_number
 
 if TYPE_CHECKING:
+    from freefloat.beyond.joint_space.components import SingularityComponents
+    from freefloat.beyond.joint_space.singularity_map import SingularityMap
     from freefloat.singularities.global_maximum import GlobalMaximum
-    from freefloat.singularities.singularity_components import SingularityComponents
-    from freefloat.singularities.singularity_map import SingularityMap
 
 _KINDS = {
     "positive": "free of singularities, det A > 0",
@@ -86,9 +86,9 @@ def singularities(
 
     Example: freefloat singularities ets_vii --fix q1=0 --resolution 6 --plots figures
     """
+    from freefloat.beyond.joint_space.components import singularity_components
+    from freefloat.beyond.joint_space.singularity_map import singularity_map
     from freefloat.singularities.global_maximum import guaranteed_magnitude
-    from freefloat.singularities.singularity_components import singularity_components
-    from freefloat.singularities.singularity_map import singularity_map
 
     console = Console(as_json, quiet)
     loaded = load_robot(console, robot, end_effector, FileOptions(root, package, xacro))

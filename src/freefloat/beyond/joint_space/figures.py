@@ -16,7 +16,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from freefloat.singularities.singularity_map import Kind, SingularityMap
+from freefloat.beyond.joint_space.joint_sections import (
+    Section,
+    influential_joints,
+    joint_unit,
+    section,
+)
+from freefloat.beyond.joint_space.singularity_map import Kind, SingularityMap
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (
     BLACK,
@@ -26,12 +32,6 @@ from freefloat.visualization.figure_style import (
     axis_label,
     new_figure,
     styled,
-)
-from freefloat.visualization.scenes.joint_sections import (
-    Section,
-    influential_joints,
-    joint_unit,
-    section,
 )
 
 _RASTER = 360
@@ -45,6 +45,11 @@ _LABELS = ("det A > 0", "det A < 0", "singular or undecided")
 _PAIRED = 4
 """Joints of which all pairs are shown."""
 _CAPTION_LENGTH = 110
+
+
+def map_figures(found: SingularityMap, *_: Any) -> Figures:
+    """The figures of a map of the joint space."""
+    return singularity_figures(found)
 
 
 def singularity_figures(found: SingularityMap, at: npt.ArrayLike | None = None) -> Figures:

@@ -12,8 +12,14 @@ import numpy as np
 import numpy.typing as npt
 from contourpy import contour_generator
 
+from freefloat.beyond.joint_space.joint_sections import (
+    Section,
+    influential_joints,
+    joint_unit,
+    section,
+)
+from freefloat.beyond.joint_space.singularity_map import Kind, SingularityMap
 from freefloat.errors import InputError
-from freefloat.singularities.singularity_map import Kind, SingularityMap
 from freefloat.so3 import Array, IntArray
 from freefloat.visualization.figure_style import digits
 from freefloat.visualization.scenes.description import (
@@ -22,12 +28,6 @@ from freefloat.visualization.scenes.description import (
     SceneDescription,
     TitledScene,
     View,
-)
-from freefloat.visualization.scenes.joint_sections import (
-    Section,
-    influential_joints,
-    joint_unit,
-    section,
 )
 from freefloat.visualization.scenes.overlays import tube
 from freefloat.visualization.scenes.scene_builder import (
