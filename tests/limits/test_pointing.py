@@ -119,6 +119,18 @@ def test_compiled_precise_and_sampled_extremes_agree(name: str, drift: float) ->
             assert bool(result.endings[k] == COMPLETED) is kept
 
 
+def test_a_turn_through_half_a_revolution_is_one_of_180_degrees() -> None:
+    """Where the angle from the first attitude has a kink, between the steps of the integrator."""
+    problem = ff.load_scenario("planar_3dof/parabola").problem()
+    problem = problem.replace(momentum=np.array([0.0, 0.0, 6.0]))  # turns by more, about z
+    attitudes, joints = starts(problem, 24)
+    limits = AttitudeLimits(base_turn=np.radians(178.0))
+    result = EnsembleIntegrator(problem, 1, limits=limits).integrate(attitudes, joints)
+    through = result.endings == LIMITED
+    assert through.sum() > 10
+    np.testing.assert_allclose(result.slacks[through, -1], -np.cos(np.radians(89.0)), atol=1e-12)
+
+
 @pytest.mark.slow
 def test_plain_and_compiled_kernels_agree() -> None:
     problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()

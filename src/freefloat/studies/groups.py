@@ -145,7 +145,8 @@ class Group:
         values = LimitValues.empty(len(motions), len(self.recorded.names))
         keeping = ((known.ratios <= 1.0) & known.certain).all(axis=1)
         kept = np.flatnonzero(motions.feasible & keeping)
-        for chosen in np.split(kept, range(_RECORDED, len(kept), _RECORDED)):
+        parts = range(_RECORDED, len(kept), _RECORDED)
+        for chosen in np.split(kept, parts) if len(kept) else ():
             found = self.recorded.values(
                 disturbed[chosen], motions.attitudes[chosen], motions.joints[chosen], threads
             )

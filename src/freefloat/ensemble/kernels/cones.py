@@ -18,7 +18,7 @@ from freefloat.lockstep.lanes import (
     Float,
     Mask,
     any_of,
-    magnitude,
+    maximum,
     select,
     sqrt,
 )
@@ -89,7 +89,8 @@ def slack(robot: Robot, cones: Cones, i: int, y: Table, work: Workspace) -> Floa
     body = int(table[i, BODY])
     if body < 0:
         x0 = vector(work.initial[0], work.initial[1], work.initial[2])
-        return magnitude(dot(x, x0) + e * work.initial[3]) * scale - table[i, BOUND]
+        half = dot(x, x0) + e * work.initial[3]  # negative beyond half a turn
+        return maximum(half * scale, 0.0) - table[i, BOUND]
     t = y[4 + robot.n] * (cones.duration * table[i, OF_POINT])
     target = get_vector(table, i, TARGET) - vector(work.h[6], work.h[7], work.h[8]) * t
     target = to_spacecraft(x * scale, e * scale, target)
