@@ -45,3 +45,11 @@ def test_many_runs_are_drawn_as_density() -> None:
     panel = study_figure(table, {"T": "T [s]"}).axes[2]
     assert panel.collections[0].get_array().sum() == 1200
     assert [line.get_ydata()[0] for line in panel.lines] == [60.0]
+
+
+def test_runs_of_which_none_has_a_margin_have_a_figure() -> None:
+    table = {**TABLE, "verdict": np.full(3, "error", dtype=object), "margin": np.full(3, np.nan),
+             "margin_required": np.full(3, np.nan)}  # fmt: skip
+    figure = study_figure(table, {"timing.duration": "T [s]"})
+    assert not figure.axes[0].patches
+    assert len(figure.axes[2].lines[0].get_ydata()) == 3

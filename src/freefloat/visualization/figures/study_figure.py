@@ -137,6 +137,8 @@ def _draw_histogram(axes: Any, margins: Array, verdicts: Column) -> None:
     parts = {verdict: part for verdict, part in parts.items() if len(part)}
     axes.set_ylabel("runs")
     axes.xaxis.set_major_locator(MaxNLocator(5))
+    if not parts:
+        return
     axes.hist(
         [*parts.values()], _BINS, stacked=True, color=[_MARKS[verdict][1] for verdict in parts],
         label=[f"{verdict} ({len(part):,})" for verdict, part in parts.items()],
