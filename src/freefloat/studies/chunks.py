@@ -10,7 +10,6 @@ from freefloat.studies.columns import Columns
 from freefloat.studies.ensembles import Chunk, integrated
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.study import Command, Study
-from freefloat.studies.track_runs import track_chunks, tracked
 
 _SLOW_CHUNK = 64
 """Runs of a chunk where bodies are compared, which takes far longer than all else."""
@@ -25,6 +24,8 @@ def chunks(study: Study, groups: IntArray, missing: IntArray) -> Iterator[Chunk]
         missing: Numbers of runs, ascending.
     """
     if study.content.command is Command.TRACK:
+        from freefloat.studies.track_runs import track_chunks  # imports slowly
+
         return track_chunks(study, missing)
     size = _SLOW_CHUNK if study.compares_bodies else ensembles.CHUNK
     return ensembles.chunks(groups, missing, size)
@@ -38,5 +39,8 @@ def computed(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> 
         chunk: The runs.
         threads: Number of threads; default is one per core.
     """
-    work = tracked if study.study.content.command is Command.TRACK else integrated
-    return work(study, chunk, threads)
+    if study.study.content.command is Command.TRACK:
+        from freefloat.studies.track_runs import tracked
+
+        return tracked(study, chunk, threads)
+    return integrated(study, chunk, threads)

@@ -17,17 +17,22 @@ from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.motion.motion import Ending
 from freefloat.robot.joint_ranges import range_ratios
 from freefloat.so3 import Array, IntArray
-from freefloat.studies.columns import FEASIBLE, INFEASIBLE, NUMBER, UNCHECKED, Column, Columns
-from freefloat.studies.grouping import group_of
-from freefloat.studies.groups import Group
-from freefloat.studies.portable import PortableStudy
-from freefloat.studies.values import (
+from freefloat.studies.columns import (
+    FEASIBLE,
+    INFEASIBLE,
     LIMITING,
     LIMITS_REASON,
     MARGIN_LIMITS,
     MARGIN_REASON,
+    NUMBER,
     SINGULARITY_LIMITS,
+    UNCHECKED,
+    Column,
+    Columns,
 )
+from freefloat.studies.grouping import group_of
+from freefloat.studies.groups import Group
+from freefloat.studies.portable import PortableStudy
 
 CHUNK = 4096
 """Runs that are integrated and stored together."""

@@ -7,23 +7,25 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from freefloat.concurrency import available_cores
 from freefloat.so3 import IntArray
-from freefloat.studies.columns import ERROR, NUMBER, Column
+from freefloat.studies.columns import ERROR, NUMBER, Column, finite
 from freefloat.studies.database import StudyDatabase, open_results
 from freefloat.studies.folder import DATABASE
 from freefloat.studies.portable import PortableStudy, study_files
 from freefloat.studies.process_pool import FEW, start_seconds
 from freefloat.studies.results import StudyResult
-from freefloat.studies.run import RunResult, execute, finite
 from freefloat.studies.run_values import FEWEST, group_numbers, why_alone
 from freefloat.studies.runner import has_undisturbed_file
 from freefloat.studies.study import Command, Study
 from freefloat.studies.tables import save_tables
+
+if TYPE_CHECKING:
+    from freefloat.studies.run import RunResult
 
 _TRACKED = 16
 """Closed loops that are timed."""
@@ -264,6 +266,8 @@ class _Trial:
         self, numbers: IntArray, save: bool = False
     ) -> tuple[float, float, list[RunResult]]:
         """Time to load what runs need, mean time of a run after it [s], and the runs."""
+        from freefloat.studies.run import execute  # imports slowly
+
         places = np.linspace(0, len(numbers) - 1, min(_SAMPLES, len(numbers))).astype(int)
         runs, times = list[RunResult](), list[float]()
         for number in numbers[places].tolist():

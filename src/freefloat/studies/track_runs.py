@@ -12,11 +12,10 @@ import numpy as np
 from freefloat.concurrency import available_cores
 from freefloat.errors import FreeFloatError
 from freefloat.so3 import IntArray
-from freefloat.studies.columns import NUMBER, Columns
+from freefloat.studies.columns import NUMBER, Columns, finite
 from freefloat.studies.ensembles import NO_ROWS, Chunk
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.records import followed_motion
-from freefloat.studies.run import finite
 from freefloat.studies.study import Study
 from freefloat.studies.track_section import is_accepted
 from freefloat.studies.values import tracking_values

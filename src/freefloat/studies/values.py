@@ -25,14 +25,16 @@ from freefloat.planning.simulation import Simulation
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.robot.joint_ranges import range_ratios
 from freefloat.so3 import degrees
-from freefloat.studies.columns import FEASIBLE, INFEASIBLE
+from freefloat.studies.columns import (
+    FEASIBLE,
+    INFEASIBLE,
+    LIMITING,
+    LIMITS_REASON,
+    MARGIN_LIMITS,
+    MARGIN_REASON,
+    SINGULARITY_LIMITS,
+)
 from freefloat.verification.tracking import Tracking, track_many
-
-MARGIN_REASON, LIMITS_REASON = "The margin is not kept.", "Limits are not kept: {}."
-"""Why a motion that completes is infeasible."""
-LIMITING, MARGIN_LIMITS, SINGULARITY_LIMITS = "{} of {}", "margin", "singularity"
-"""What limits a motion: a limit and a joint, or another place; the margin; where it ends."""
-
 
 def record_values(record: Any) -> dict[str, Any]:
     """The results of a simulation, a map, or what ``plan`` finds."""
