@@ -142,8 +142,8 @@ def batch(
 
 def _write_run(study: Study, number: int, file: Path, console: Console) -> None:
     """Execute one run of a study and write its result file."""
-    from freefloat.studies.portable import PortableStudy
     from freefloat.studies.columns import finite
+    from freefloat.studies.portable import PortableStudy
     from freefloat.studies.run import execute
 
     if number >= study.count:

@@ -17,7 +17,7 @@ from freefloat.so3 import UPRIGHT, Array, frozen
 
 _SAMPLES, _REFINED = 4096, 8
 """Samples of the joint space, and those from which each extremum is refined."""
-_MOST_STEPS, _DIFFERENCE, _FLATTEST = 60, 5e-6, 1e-4
+_MOST_STEPS, _DIFFERENCE, _FLATTEST = 60, 5e-6, 1e-5
 """Newton's method: largest number of steps, differences [rad or m] of derivatives, and smallest
 second derivative, relative to the largest."""
 _LONGEST, _SHORTEST = 0.5, 1e-7
@@ -170,8 +170,8 @@ def _minima(model: FreeFloatingModel, function: Function, points: Array) -> Arra
     Prismatic joints stay in their ranges. All points take a step at a time, the best of several
     along Newton's direction, until none gets lower.
     """
-    lower, upper = (np.where(model.prismatic, bound, side * np.inf)
-                    for bound, side in zip(model.joint_ranges, (-1.0, 1.0), strict=True))  # fmt: skip
+    bounds = zip(model.joint_ranges, (-np.inf, np.inf), strict=True)
+    lower, upper = (np.where(model.prismatic, bound, free) for bound, free in bounds)
     points, values = points.copy(), function(points)
     left = np.arange(len(points))
     for _ in range(_MOST_STEPS):

@@ -19,7 +19,7 @@ from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import UPRIGHT
 from freefloat.studies.bounds import is_bound
-from freefloat.studies.document import scenario_from, with_values
+from freefloat.studies.document import with_values
 from freefloat.studies.groups import Group, Start
 from freefloat.studies.records import branch_choice
 from freefloat.studies.robot_values import (
@@ -84,8 +84,8 @@ def _group(study: Study, number: int, reasons: list[str]) -> Group | None:
     own = {key: value for key, value in parameters.items() if not fits_ensembles(key, listed)}
     nominal = {key: value for key, value in parameters.items() if is_bound(key) and key not in own}
     own |= nominal | nominal_values(parameters, study.base)
-    document = study.posed(with_values(study.base, own))
-    scenario = scenario_from(document, study.base_source.absolute())
+    document = with_values(study.base, own)
+    scenario = study.scenario_of(document)
     problem = scenario.problem()
     if not problem.model.has_one_arm:
         reasons.append("several arms move")
@@ -174,7 +174,7 @@ def _varied_robot(study: Study, document: dict[str, Any], scenario: Scenario) ->
         own = {key: value for key, value in values if key.split(".")[0] == "robot"}
         if not isinstance(own.get(SCALE_MASS, {}), dict):
             own[SCALE_MASS] = 1.0
-        return scenario_from(with_values(document, own), study.base_source.absolute()).model()
+        return study.scenario_of(with_values(document, own)).model()
 
     model, search, present = scenario.model(), scenario.search(), None
     if _moves_with_robot(scenario) and search.joints is not None:  # without, there is no path

@@ -15,7 +15,6 @@ from freefloat.limits.recorded_limits import RECORDED, RecordedLimits
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array
-from freefloat.studies.document import scenario_from
 from freefloat.studies.study import Study
 
 
@@ -34,7 +33,7 @@ class Unvaried:
     @classmethod
     def of(cls, study: Study) -> Unvaried | None:
         """That of a study; None where limits choose the motion, which only precise ones show."""
-        scenario = scenario_from(study.posed(study.base), study.base_source.absolute())
+        scenario = study.scenario_of(study.base)
         problem = scenario.search().applied_to(scenario.problem())
         if problem.start_joints is not None:
             return cls(problem, None)

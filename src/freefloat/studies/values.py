@@ -36,6 +36,7 @@ from freefloat.studies.columns import (
 )
 from freefloat.verification.tracking import Tracking, track_many
 
+
 def record_values(record: Any) -> dict[str, Any]:
     """The results of a simulation, a map, or what ``plan`` finds."""
     return _VALUES[type(record)](record)
