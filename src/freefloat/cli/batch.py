@@ -94,9 +94,9 @@ def batch(
     if dry_run:
         loading = time.process_time()
         with console.progress("timing runs"):
-            estimate = estimate_study(
-                loaded, output, workers=workers, scheduler=scheduler, report=report
-            ).after(loading)
+            estimate = estimate_study(loaded, output, workers=workers, scheduler=scheduler).after(
+                loading
+            )
         if as_json:  # a million runs take gigabytes
             console.json(estimate.to_dict())
         console.tables(_estimate_tables(estimate))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
@@ -171,17 +170,6 @@ def _end_with(lifeline: Connection) -> None:
 
 def _start() -> None:
     """The first task of each worker."""
-
-
-def start_seconds(study: PortableStudy) -> float:
-    """Time until a worker has started [s]."""
-    begin = time.perf_counter()
-    with _pool(study, 1) as (_, (start,)):
-        try:
-            start.result()
-        except BrokenExecutor:
-            raise _no_workers() from None
-        return time.perf_counter() - begin
 
 
 def _execute(work: Callable[[PortableStudy, Task], Result], task: Task) -> Result:
