@@ -157,15 +157,6 @@ def estimate_study(
     )
 
 
-def seconds_one_by_one(study: Study, workers: int | None) -> float | None:
-    """Expected time of all runs one by one, on so many workers [s]; None if none can be timed."""
-    try:
-        timed = _time_runs(PortableStudy(study), np.arange(study.count), False)
-    except _NoneTimed:
-        return None
-    return timed.each * study.count / min(workers or available_cores(), available_cores())
-
-
 @dataclass(frozen=True)
 class _Timed:
     """Some runs that were timed.

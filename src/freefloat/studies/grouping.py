@@ -18,9 +18,8 @@ from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import UPRIGHT
-from freefloat.studies.bounds import is_bound
 from freefloat.studies.document import with_values
-from freefloat.studies.groups import Group, Start
+from freefloat.studies.groups import Group, Start, Unvaried, limits_of_runs
 from freefloat.studies.records import branch_choice
 from freefloat.studies.robot_values import (
     SCALE_MASS,
@@ -28,9 +27,8 @@ from freefloat.studies.robot_values import (
     nominal_values,
     vary_robots,
 )
-from freefloat.studies.run_values import fits_ensembles
+from freefloat.studies.run_values import fits_ensembles, is_bound
 from freefloat.studies.study import START_KEYS, Study
-from freefloat.studies.unvaried import Unvaried, limits_of_runs
 
 
 def _begins_stricter(group: Group, number: int) -> bool:
