@@ -104,9 +104,9 @@ def why_run_by_run(study: Study) -> str | None:
     if not reasons and not len(together):
         reasons = [f"fewer than {FEWEST} runs differ in nothing but values that ensembles vary"]
     if study.content.command is Command.SIMULATE and study.count >= FEWEST:
-        from freefloat.studies.grouping import why_apart  # compiled kernels
+        from freefloat.studies.grouping import grouped  # compiled kernels
 
-        reasons += why_apart(study, int(together[0]) if len(together) else 0)
+        reasons += grouped(study, int(together[0]) if len(together) else 0)[1]
     return "; ".join(reasons) or None
 
 
@@ -183,9 +183,9 @@ def _time_chunks(sent: PortableStudy, missing: IntArray, threads: int) -> _Timed
     alone = missing[(groups[missing] < 0) & (not track)]
     if len(alone) == len(missing):
         return _Timed(count=len(missing), left=missing)
-    from freefloat.studies.chunks import chunks, computed  # compiled kernels
+    from freefloat.studies.ensembles import computed, study_chunks  # compiled kernels
 
-    todo, times = chunks(study, groups, missing), list[float]()
+    todo, times = study_chunks(study, groups, missing), list[float]()
     first = next(todo, None)
     if first is None:
         return _Timed(count=len(missing), left=missing)

@@ -57,16 +57,11 @@ def _begins_stricter(group: Group, number: int) -> bool:
 
 def group_of(study: Study, number: int) -> Group | None:
     """The group whose first run has a number; None where its runs are executed one by one."""
-    return _grouped(study, number)[0]
-
-
-def why_apart(study: Study, number: int) -> list[str]:
-    """Why runs of the group whose first run has a number are executed one by one."""
-    return _grouped(study, number)[1]
+    return grouped(study, number)[0]
 
 
 @lru_cache(maxsize=4)
-def _grouped(study: Study, number: int) -> tuple[Group | None, list[str]]:
+def grouped(study: Study, number: int) -> tuple[Group | None, list[str]]:
     """The group whose first run has a number, if any; why its runs are executed one by one."""
     reasons: list[str] = []
     try:

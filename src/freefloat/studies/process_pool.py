@@ -58,14 +58,10 @@ def completed_in_pool(
         while suspects:
             again, started = yield from _completed(work, study, suspects, 1)
             if again and not started:
-                raise _no_workers()
+                accepted = 'a script that calls it below `if __name__ == "__main__":`'
+                raise InputError("workers", "worker processes end as they start", accepted)
             yield from ((task, None) for task in again)
         begun, _ = yield from _completed(work, study, waiting, min(workers, len(waiting)))
-
-
-def _no_workers() -> InputError:
-    accepted = 'a script that calls it below `if __name__ == "__main__":`'
-    return InputError("workers", "worker processes end as they start", accepted)
 
 
 def _completed(

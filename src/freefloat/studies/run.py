@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from freefloat.errors import FreeFloatError, InputError
-from freefloat.io.files import written_beside
+from freefloat.io.files import file_errors, written_beside
 from freefloat.io.records.results import save
 from freefloat.io.scenario.scenario import Scenario
 from freefloat.studies.columns import ERROR, UNCHECKED, finite
 from freefloat.studies.document import error_of_study
-from freefloat.studies.folder import FILES, folder_errors
+from freefloat.studies.folder import FILES, WRITABLE
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.records import computed_record, followed_motion
 from freefloat.studies.study import UNDISTURBED, Command, Study
@@ -47,7 +47,7 @@ class RunResult:
             return self
         name = f"{'undisturbed' if self.number == UNDISTURBED else f'{self.number:05d}'}.h5"
         file = folder / FILES / name
-        with folder_errors(folder / FILES):
+        with file_errors("output", folder / FILES, WRITABLE):
             file.parent.mkdir(exist_ok=True)
             with written_beside(file) as temporary:
                 temporary.write_bytes(self.content)

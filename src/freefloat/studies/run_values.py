@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,12 @@ import numpy as np
 from freefloat.motion.pointing import Keep, PointingLimit
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, BoolArray, IntArray
-from freefloat.studies.columns import Column, as_numbers
+from freefloat.studies.columns import NUMBER, Column, Columns, as_numbers
 from freefloat.studies.robot_values import MASS_FACTORS, SCALE_MASS, is_robot_key, uniform_factors
 from freefloat.studies.study import START_KEYS, Command, Study
 
+NO_ROWS: Columns = {NUMBER: ()}
+"""Results of no run."""
 FRACTION = "margin.fraction"
 _BOUND = re.compile(
     r"limits\.(base_rate|base_turn_deg|joint_(rate|torque)(\..+)?|pointing\.\d+\.angle_deg)"
@@ -41,6 +44,19 @@ _UNIT = 1e-2
 """Deviation of a quaternion's norm from one that scenarios accept."""
 _LEVEL = 1e-9
 """Components x, y of the quaternions of planar attitudes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Chunk:
+    """Runs that are integrated together.
+
+    Attributes:
+        first: Number of the first run of their group.
+        numbers: Their numbers, ascending.
+    """
+
+    first: int
+    numbers: IntArray
 
 
 def is_bound(key: str) -> bool:

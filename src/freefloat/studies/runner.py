@@ -164,9 +164,12 @@ class _Execution:
         groups = group_numbers(study)
         if study.content.command is not Command.TRACK and not (groups[missing] >= 0).any():
             return
-        from freefloat.studies.chunks import chunks, computed  # compiled kernels import slowly
+        from freefloat.studies.ensembles import (  # compiled kernels import slowly
+            computed,
+            study_chunks,
+        )
 
-        todo = chunks(study, groups, missing)
+        todo = study_chunks(study, groups, missing)
         if self.scheduler is None and study.compares_bodies and self.workers > 1:
             work = partial(computed, threads=1)
             with closing(completed_in_pool(work, self.sent, [*todo], self.workers)) as tasks:

@@ -138,39 +138,24 @@ def _verdict(answer: Answer) -> dict[str, Any]:
     return {"verdict": FEASIBLE if answer.feasible else INFEASIBLE, "reason": answer.reason}
 
 
-def _attitude_map_values(result: AttitudeMap) -> dict[str, Any]:
-    """The values of a map of attitudes."""
-    return {
-        **_map_values(result),
-        "robust_radius_deg": result.robust and degrees(result.robust.radius),
-        **(_attitude(result.best.attitude.tolist()) if result.best else {}),
-        "measure": result.problem.margin.measure.name,
-    }
-
-
-def _heading_map_values(result: HeadingMap) -> dict[str, Any]:
-    """The values of a map of headings."""
-    values = _map_values(result)
-    if result.robust is not None:
-        values["robust_radius_deg"] = degrees(result.robust.radius)
-    if result.best is not None:
-        values["heading_deg"] = degrees(result.best.heading)
-        values |= _attitude(result.best.attitude.tolist())
-    return values
-
-
 def _map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
-    """The values that both kinds of maps have."""
-    feasible = result.feasible_found
-    return {
+    """The values of a map."""
+    feasible, best = result.feasible_found, result.best
+    values = {
         "verdict": FEASIBLE if feasible else INFEASIBLE,
         "reason": "" if feasible else "no attitude tried keeps the margin",
-        "margin": result.best and result.best.minimum_margin,
+        "margin": best and best.minimum_margin,
         "margin_required": result.problem.margin.threshold,
         "feasible_fraction": result.feasible_fraction,
         "motion_fraction": result.motion_fraction,
-        "branch": result.best and result.best.branch,
+        "branch": best and best.branch,
+        "robust_radius_deg": result.robust and degrees(result.robust.radius),
     }
+    if isinstance(result, AttitudeMap):
+        values["measure"] = result.problem.margin.measure.name
+    elif result.best is not None:
+        values["heading_deg"] = degrees(result.best.heading)
+    return values | (_attitude(best.attitude.tolist()) if best else {})
 
 
 def _motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
@@ -253,7 +238,7 @@ _VALUES: dict[type, Callable[[Any], dict[str, Any]]] = {
     GoalMotion: _goal_values,
     Manoeuvre: _manoeuvre_values,
     Simulation: _simulation_values,
-    AttitudeMap: _attitude_map_values,
-    HeadingMap: _heading_map_values,
+    AttitudeMap: _map_values,
+    HeadingMap: _map_values,
 }
 """Functions that return the values of a result, by its class."""
