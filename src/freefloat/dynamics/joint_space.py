@@ -158,20 +158,24 @@ def _extremum(
     """
     scale, ends = sign * (float(np.abs(function(starts)).max()) or 1.0), starts
     for stage in smooth or (function,):
-        ends = _minima(model, lambda q, f=stage: f(q) / scale, ends)
+        ends = _minima(model, stage, scale, ends)
     values = function(ends)
     best = (sign * values).argmin()
     return float(values[best]), ends[best]
 
 
-def _minima(model: FreeFloatingModel, function: Function, points: Array) -> Array:
-    """Local minima (K, n) of a function of magnitude 1 from points (K, n), by Newton's method.
+def _minima(model: FreeFloatingModel, measure: Function, scale: float, points: Array) -> Array:
+    """Local minima (K, n) of a function over its scale from points (K, n), by Newton's method.
 
     Prismatic joints stay in their ranges. All points take a step at a time, the best of several
     along Newton's direction, until none gets lower.
     """
     bounds = zip(model.joint_ranges, (-np.inf, np.inf), strict=True)
     lower, upper = (np.where(model.prismatic, bound, free) for bound, free in bounds)
+
+    def function(joints: Array) -> Array:
+        return np.asarray(measure(joints) / scale)
+
     points, values = points.copy(), function(points)
     left = np.arange(len(points))
     for _ in range(_MOST_STEPS):
