@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.dynamics.joint_space import largest_measure
+from freefloat.dynamics.joint_space import largest_measure, sampled_reach
 from freefloat.dynamics.momentum import inertia_matrices, system_matrix
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from tests.prismatic import BUS, TOOL, prismatic_robot
 from tests.robots import in_units, joint_values, random_robot, robots
 
 TOUCH_POINT = np.array([0.1, 2.0, 3.3076, -2.6104, 2.2981, 1.4288])
@@ -104,6 +105,14 @@ def test_rounding_does_not_change_the_largest_sigma() -> None:
     models = [ff.FreeFloatingModel.from_urdf("ssrms", scale_mass=scale) for scale in (1.0, 3.0)]
     largest = [largest_measure(m, ff.singularity_measure(m, "pose", "sigma")) for m in models]
     assert largest[0] == pytest.approx(largest[1], rel=1e-7)
+
+
+def test_the_reach_of_prismatic_joints_ends_at_their_limits() -> None:
+    """The spacecraft recoils: the centre of mass stays, the joints' box shrinks by bus / total."""
+    model = ff.FreeFloatingModel.from_urdf(prismatic_robot(), "hand")
+    corner = np.linalg.norm(np.abs(model.joint_ranges).max(axis=0))
+    farthest = corner * BUS / (BUS + TOOL)
+    assert sampled_reach(model, ff.Task.POSITION) == pytest.approx((0.0, farthest), abs=1e-7)
 
 
 def factors(model: ff.FreeFloatingModel, q: np.ndarray) -> tuple[float, float, float]:

@@ -78,7 +78,7 @@ def test_workers_import_nothing_from_the_current_folder(
 def test_workers_that_end_as_they_start_are_an_input_error(tmp_path: Path) -> None:
     """As those of a script that begins its study again when a worker imports it."""
     file = write_study(tmp_path, PATHS, base=SHORT, cases=500)
-    words = ["batch", str(file), "-o", str(tmp_path / "out"), "--dry-run"]
+    words = ["batch", str(file), "-o", str(tmp_path / "out")]
     script = tmp_path / "script.py"
     script.write_text(f"from freefloat.cli.app import app\napp({words})\n")
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)

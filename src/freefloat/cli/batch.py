@@ -94,9 +94,9 @@ def batch(
     if dry_run:
         loading = time.process_time()
         with console.progress("timing runs"):
-            estimate = estimate_study(
-                loaded, output, workers=workers, scheduler=scheduler, report=report
-            ).after(loading)
+            estimate = estimate_study(loaded, output, workers=workers, scheduler=scheduler).after(
+                loading
+            )
         if as_json:  # a million runs take gigabytes
             console.json(estimate.to_dict())
         console.tables(_estimate_tables(estimate))
@@ -142,8 +142,9 @@ def batch(
 
 def _write_run(study: Study, number: int, file: Path, console: Console) -> None:
     """Execute one run of a study and write its result file."""
+    from freefloat.studies.columns import finite
     from freefloat.studies.portable import PortableStudy
-    from freefloat.studies.run import execute, finite
+    from freefloat.studies.run import execute
 
     if number >= study.count:
         raise InputError("run", f"{number} was given", f"0 to {study.count - 1}, a run")

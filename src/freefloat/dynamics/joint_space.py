@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import scipy
 
 from freefloat.attitude_grids import low_discrepancy
 from freefloat.dynamics.measures import SingularityMeasure
@@ -18,6 +17,13 @@ from freefloat.so3 import UPRIGHT, Array, frozen
 
 _SAMPLES, _REFINED = 4096, 8
 """Samples of the joint space, and those from which each extremum is refined."""
+_MOST_STEPS, _DIFFERENCE, _FLATTEST = 60, 5e-6, 1e-5
+"""Newton's method: largest number of steps, differences [rad or m] of derivatives, and smallest
+second derivative, relative to the largest."""
+_LONGEST, _SHORTEST = 0.5, 1e-7
+"""Longest and shortest step [rad or m]."""
+_FRACTIONS = 4.0 ** np.arange(1.0, -4.0, -1.0)
+"""Of Newton's step, the lengths that are tried."""
 Function = Callable[[Array], Any]
 """Of joint values of shape (n,), or (K, n)."""
 
@@ -50,7 +56,7 @@ def joint_space_extremes(
 ) -> Extremes:  # fmt: skip
     """The extremes of a function of the joints over the joint space, see :func:`joint_box`.
 
-    The best of ``samples`` points of a low-discrepancy sequence are refined by a quasi-Newton
+    The best of ``samples`` points of a low-discrepancy sequence are refined by Newton's
     method.
 
     Args:
@@ -130,12 +136,6 @@ def joint_box(
     return lower, upper
 
 
-def optimizer_bounds(model: FreeFloatingModel) -> list[tuple[float | None, float | None]]:
-    """Bounds of the joints for optimizers: :func:`joint_box`, but revolute joints may revolve."""
-    arm = model.bodies[1:]
-    return [(body.lower, body.upper) if body.prismatic else (None, None) for body in arm]
-
-
 def _sorted_samples(
     model: FreeFloatingModel, function: Function, samples: int
 ) -> tuple[Array, Array]:
@@ -153,17 +153,63 @@ def _extremum(
 ) -> tuple[float, Array]:  # fmt: skip
     """The smallest local minimum of a function from several starts, and its joint values.
 
-    With the sign -1 the largest maximum. On a kink rounding decides where the optimizer ends, so
-    that smooth functions lead there.
+    With the sign -1 the largest maximum. On a kink rounding decides where the search ends, so that
+    smooth functions lead there.
     """
     scale, ends = sign * (float(np.abs(function(starts)).max()) or 1.0), starts
     for stage in smooth or (function,):
-        ends = np.array([
-            # SLSQP: L-BFGS-B uses threaded BLAS for its tiny matrices, which takes far longer
-            scipy.optimize.minimize(lambda q, f=stage: f(q) / scale, end, method="SLSQP",
-                     bounds=optimizer_bounds(model), options={"ftol": 1e-15}).x
-            for end in ends
-        ])  # fmt: skip
+        ends = _minima(model, stage, scale, ends)
     values = function(ends)
     best = (sign * values).argmin()
     return float(values[best]), ends[best]
+
+
+def _minima(model: FreeFloatingModel, measure: Function, scale: float, points: Array) -> Array:
+    """Local minima (K, n) of a function over its scale from points (K, n), by Newton's method.
+
+    Prismatic joints stay in their ranges. All points take a step at a time, the best of several
+    along Newton's direction, until none gets lower.
+    """
+    bounds = zip(model.joint_ranges, (-np.inf, np.inf), strict=True)
+    lower, upper = (np.where(model.prismatic, bound, free) for bound, free in bounds)
+
+    def function(joints: Array) -> Array:
+        return np.asarray(measure(joints) / scale)
+
+    points, values = points.copy(), function(points)
+    left = np.arange(len(points))
+    for _ in range(_MOST_STEPS):
+        at = points[left]
+        gradients, curvatures = _derivatives(function, at, values[left])
+        stay = np.where(gradients > 0.0, at <= lower, at >= upper)
+        gradients[stay] = 0.0
+        curvatures[stay[:, :, None] | stay[:, None, :]] = 0.0
+        rates, axes = np.linalg.eigh(curvatures)
+        rates = np.maximum(np.abs(rates), _FLATTEST * np.abs(rates).max(axis=1, keepdims=True))
+        along = np.einsum("kji,kj->ki", axes, gradients) / np.maximum(rates, _FLATTEST)
+        steps = -np.einsum("kij,kj->ki", axes, along)
+        steps /= np.maximum(1.0, np.linalg.norm(steps, axis=1, keepdims=True) / _LONGEST)
+        trials = np.clip(at + _FRACTIONS[:, None, None] * steps, lower, upper)
+        found = function(trials.reshape(-1, at.shape[1])).reshape(len(_FRACTIONS), -1)
+        best, every = found.argmin(axis=0), np.arange(len(left))
+        lowered = found[best, every] < values[left]
+        points[left[lowered]] = trials[best, every][lowered]
+        values[left[lowered]] = found[best, every][lowered]
+        left = left[lowered & (np.abs(steps).max(axis=1) > _SHORTEST)]
+        if not len(left):
+            break
+    return points
+
+
+def _derivatives(function: Function, points: Array, values: Array) -> tuple[Array, Array]:
+    """Gradients (K, n) and second derivatives (K, n, n) of a function by differences."""
+    n = points.shape[1]
+    first, second = np.triu_indices(n)
+    single = _DIFFERENCE * np.eye(n)
+    offsets = np.concatenate([single, -single, single[first] + single[second]])
+    around = function((points[:, None] + offsets).reshape(-1, n)).reshape(len(points), -1)
+    ahead, behind, pairs = np.split(around, (n, 2 * n), axis=1)
+    curvatures = np.empty((len(points), n, n))
+    mixed = pairs - ahead[:, first] - ahead[:, second] + values[:, None]
+    curvatures[:, first, second] = curvatures[:, second, first] = mixed / _DIFFERENCE**2
+    return (ahead - behind) / (2.0 * _DIFFERENCE), curvatures

@@ -28,7 +28,7 @@ _REDUCTION = 4
 """Reduction of the number of attitudes in searches whose arm branches have no closed form."""
 _AMPLE = 1e9
 """Largest multiple of a margin, which may be zero."""
-_MOST, _FEWEST, _CHUNKS = 128, 16, 4
+_MOST, _FEWEST, _CHUNKS = 512, 16, 2
 """Numbers of attitudes whose arm branches a thread looks for at once, and of such chunks of it."""
 _ATTITUDE_SIZE, _MOTION_SIZE, _JOINT_SIZE = 500, 200, 40
 """Memory of a map for an attitude, for each of its motions, and for each joint of these, with the

@@ -67,7 +67,7 @@ def require_writable(key: str, path: Path) -> None:
     Its folder must exist. A link to a file that is missing is refused: following it would make a
     file elsewhere.
     """
-    with _errors_of(key, path, _FILE):
+    with file_errors(key, path, _FILE):
         if path.is_symlink() and not path.exists():
             raise InputError(key, f"{path} is a link to a missing file", _FILE)
         if path.exists() and not path.is_file():
@@ -84,7 +84,7 @@ def make_folder(key: str, folder: Path) -> None:
     Raises:
         InputError: If it cannot be made or written to.
     """
-    with _errors_of(key, folder, _FOLDER):
+    with file_errors(key, folder, _FOLDER):
         folder.mkdir(exist_ok=True)
         _require_folder(folder)
 
@@ -97,7 +97,7 @@ def _require_folder(folder: Path) -> None:
 
 
 @contextmanager
-def _errors_of(key: str, path: Path, accepted: str) -> Iterator[None]:
+def file_errors(key: str, path: Path, accepted: str) -> Iterator[None]:
     """Raise errors of the file system as those of an argument."""
     try:
         yield

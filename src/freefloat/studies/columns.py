@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -16,6 +17,10 @@ INTEGER, REAL, TEXT, BOOLEAN = "INTEGER", "REAL", "TEXT", "BOOLEAN"
 """Types of columns, by their names in the database."""
 UNCHECKED = "not considered"
 """Of contact between bodies, in the rows of studies whose runs do not consider it."""
+MARGIN_REASON, LIMITS_REASON = "The margin is not kept.", "Limits are not kept: {}."
+"""Why a motion that completes is infeasible."""
+LIMITING, MARGIN_LIMITS, SINGULARITY_LIMITS = "{} of {}", "margin", "singularity"
+"""What limits a motion: a limit and a joint, or another place; the margin; where it ends."""
 NUMBER = "number"
 """The first column; parameters follow, then results."""
 _FIRST = {
@@ -92,6 +97,15 @@ def _row(value: Any, shape: tuple[int, ...]) -> Any:
     if numbers and all(map(_is_number, entries)):
         return value
     return np.full(shape, np.nan)
+
+
+def finite(value: Any) -> Any:
+    """Replace numbers that JSON does not know by None."""
+    if isinstance(value, dict):
+        return {key: finite(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _is_number(value: Any) -> bool:

@@ -16,7 +16,6 @@ import numpy as np
 
 from freefloat.concurrency import Progress
 from freefloat.errors import InputError
-from freefloat.io.hdf5 import is_whole
 from freefloat.studies.columns import (
     BOOLEAN,
     FAMILIES,
@@ -68,10 +67,14 @@ class StudyDatabase:
     @property
     def has_undisturbed_file(self) -> bool:
         """Whether the file of the undisturbed simulation is there, as it was written."""
+        from freefloat.io.hdf5 import is_whole  # imports slowly
+
         return is_whole(self.folder / FILES / "undisturbed.h5")
 
     def worst_without_file(self, count: int) -> list[int]:
         """Numbers of those of the ``count`` runs with the smallest margins without a whole file."""
+        from freefloat.io.hdf5 import is_whole  # imports slowly
+
         query = "SELECT number, file FROM runs WHERE margin IS NOT NULL ORDER BY margin, number"
         ranked = self.rows.query(f"{query} LIMIT {count}")
         return [number for number, file in ranked if not (file and is_whole(self.folder / file))]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import compress
 from typing import Any
@@ -17,35 +16,60 @@ from freefloat.ensemble.many_motions import ManyMotions
 from freefloat.motion.motion import Ending
 from freefloat.robot.joint_ranges import range_ratios
 from freefloat.so3 import Array, IntArray
-from freefloat.studies.columns import FEASIBLE, INFEASIBLE, NUMBER, UNCHECKED, Column, Columns
-from freefloat.studies.grouping import group_of
-from freefloat.studies.groups import Group
-from freefloat.studies.portable import PortableStudy
-from freefloat.studies.values import (
+from freefloat.studies.columns import (
+    FEASIBLE,
+    INFEASIBLE,
     LIMITING,
     LIMITS_REASON,
     MARGIN_LIMITS,
     MARGIN_REASON,
+    NUMBER,
     SINGULARITY_LIMITS,
+    UNCHECKED,
+    Column,
+    Columns,
 )
+from freefloat.studies.grouping import group_of
+from freefloat.studies.groups import Group
+from freefloat.studies.portable import PortableStudy
+from freefloat.studies.run_values import NO_ROWS, Chunk
+from freefloat.studies.study import Command, Study
 
 CHUNK = 4096
 """Runs that are integrated and stored together."""
-NO_ROWS: Columns = {NUMBER: ()}
-"""Results of no run."""
+_SLOW_CHUNK = 64
+"""Runs of a chunk where bodies are compared, which takes far longer than all else."""
 
 
-@dataclass(frozen=True, eq=False)
-class Chunk:
-    """Runs that are integrated together.
+def study_chunks(study: Study, groups: IntArray, missing: IntArray) -> Iterator[Chunk]:
+    """Yield the missing runs that are computed side by side, some at a time.
 
-    Attributes:
-        first: Number of the first run of their group.
-        numbers: Their numbers, ascending.
+    Args:
+        study: The study.
+        groups: Number of the group of each run, see :func:`.run_values.group_numbers`.
+        missing: Numbers of runs, ascending.
     """
+    if study.content.command is Command.TRACK:
+        from freefloat.studies.track_runs import track_chunks  # imports slowly
 
-    first: int
-    numbers: IntArray
+        return track_chunks(study, missing)
+    size = _SLOW_CHUNK if study.compares_bodies else CHUNK
+    return chunks(groups, missing, size)
+
+
+def computed(study: PortableStudy, chunk: Chunk, threads: int | None = None) -> Columns:
+    """Compute the runs of a chunk; return the rows of those that are decided.
+
+    Args:
+        study: The study.
+        chunk: The runs.
+        threads: Number of threads; default is one per core.
+    """
+    if study.study.content.command is Command.TRACK:
+        from freefloat.studies.track_runs import tracked
+
+        return tracked(study, chunk, threads)
+    return integrated(study, chunk, threads)
 
 
 def chunks(groups: IntArray, missing: IntArray, size: int = CHUNK) -> Iterator[Chunk]:

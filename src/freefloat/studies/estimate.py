@@ -6,24 +6,19 @@ import time
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from freefloat.concurrency import available_cores
 from freefloat.so3 import IntArray
-from freefloat.studies.columns import ERROR, NUMBER, Column
-from freefloat.studies.database import StudyDatabase, open_results
+from freefloat.studies.columns import ERROR, NUMBER, finite
+from freefloat.studies.database import open_results
 from freefloat.studies.folder import DATABASE
 from freefloat.studies.portable import PortableStudy, study_files
-from freefloat.studies.process_pool import FEW, start_seconds
-from freefloat.studies.results import StudyResult
-from freefloat.studies.run import RunResult, execute, finite
 from freefloat.studies.run_values import FEWEST, group_numbers, why_alone
 from freefloat.studies.runner import has_undisturbed_file
 from freefloat.studies.study import Command, Study
-from freefloat.studies.tables import save_tables
 
 _TRACKED = 16
 """Closed loops that are timed."""
@@ -42,9 +37,7 @@ class StudyEstimate:
         run_seconds: Expected time of a run on a core [s]; None if no run could be timed.
         files: Number of result files that are written after the runs.
         file_seconds: Expected time of such a file on a core [s].
-        start_seconds: Expected time until kernels and robot are loaded and workers have started
-            [s].
-        end_seconds: Expected time of tables, Sobol indices and report [s].
+        start_seconds: Expected time until kernels and robot are loaded [s].
         seconds: Expected duration of the study [s]; with a scheduler on one worker; None if no run
             could be timed.
         basis: What was timed, or why there is no estimate.
@@ -57,7 +50,6 @@ class StudyEstimate:
     files: int = 0
     file_seconds: float = 0.0
     start_seconds: float = 0.0
-    end_seconds: float = 0.0
     seconds: float | None = None
     basis: str | None = None
 
@@ -91,7 +83,6 @@ class StudyEstimate:
             "start_up_seconds": self.start_seconds,
             "files": self.files,
             "file_seconds_each": self.file_seconds,
-            "end_seconds": self.end_seconds,
             "timed": self.basis,
             "run_by_run": self.run_by_run,
             "contact_unchecked": self.study.contact_unchecked,
@@ -113,9 +104,9 @@ def why_run_by_run(study: Study) -> str | None:
     if not reasons and not len(together):
         reasons = [f"fewer than {FEWEST} runs differ in nothing but values that ensembles vary"]
     if study.content.command is Command.SIMULATE and study.count >= FEWEST:
-        from freefloat.studies.grouping import why_apart  # compiled kernels
+        from freefloat.studies.grouping import grouped  # compiled kernels
 
-        reasons += why_apart(study, int(together[0]) if len(together) else 0)
+        reasons += grouped(study, int(together[0]) if len(together) else 0)[1]
     return "; ".join(reasons) or None
 
 
@@ -125,16 +116,14 @@ def estimate_study(
     *,
     workers: int | None = None,
     scheduler: str | None = None,
-    report: bool = False,
 ) -> StudyEstimate:
-    """Estimate how long a study will take, by a little of each of its steps in another folder.
+    """Estimate how long a study will take, by a few of its runs and result files.
 
     Args:
         study: The study.
         folder: Folder with finished runs.
         workers: Number of processes on this machine; default is one per core.
         scheduler: Address of a Dask scheduler whose workers are used instead.
-        report: Whether the report is written.
     """
     finished, named = np.zeros(0, np.int64), 0
     if folder is not None and (Path(folder) / DATABASE).is_file():
@@ -148,188 +137,107 @@ def estimate_study(
         return replace(estimate, seconds=0.0, run_seconds=0.0)
     files = study.kept_files if study.kept_files < study.count else 0
     files = max(0, files - named) + (bool(study.kept_files) and has_undisturbed_file(study))
-    parallel = min(count or 1, available_cores())
-    with TemporaryDirectory(prefix="freefloat-") as place:
-        return _Trial(study, Path(place), parallel).timed(estimate, missing, files, report)
+    parallel, sent = min(count or 1, available_cores()), PortableStudy(study)
+    chunks = _time_chunks(sent, missing, parallel)
+    try:
+        alone = _time_runs(sent, chunks.left, study.kept_files >= study.count)
+        written = _time_runs(sent, missing[:files], True)
+    except _NoneTimed as error:
+        return replace(estimate, basis=str(error))
+    start = chunks.start + alone.start + written.start
+    seconds = chunks.each * (len(missing) - chunks.count) + alone.each * chunks.count
+    return replace(
+        estimate,
+        run_seconds=seconds / len(missing),
+        files=files,
+        file_seconds=written.each,
+        start_seconds=start,
+        seconds=start + (seconds + written.each * files) / parallel,
+        basis=" and ".join(part.basis for part in (chunks, alone) if part.basis),
+    )
 
 
 def seconds_one_by_one(study: Study, workers: int | None) -> float | None:
-    """Expected time of all runs one by one, on so many workers [s]; None if none can be timed."""
-    side_by_side = min(workers or available_cores(), available_cores())
-    with TemporaryDirectory(prefix="freefloat-") as place:
-        try:
-            _, each, _ = _Trial(study, Path(place), side_by_side).executed(np.arange(study.count))
-        except _NoneTimed:
-            return None
-    return each * study.count / side_by_side
+    """Expected duration of a study whose runs all go one by one [s]; None if all tried are errors.
 
-
-@dataclass(frozen=True, eq=False)
-class _Trial:
-    """Some runs of a study in a folder of their own, each step of them timed.
-
-    Attributes:
+    Args:
         study: The study.
-        folder: The folder.
-        workers: Number of processes that compute side by side.
+        workers: Number of processes; default is one per core.
     """
-
-    study: Study
-    folder: Path
-    workers: int
-
-    @cached_property
-    def _sent(self) -> PortableStudy:
-        return PortableStudy(self.study)
-
-    def timed(
-        self, estimate: StudyEstimate, missing: IntArray, files: int, report: bool
-    ) -> StudyEstimate:
-        """The estimate for missing runs, and files after them."""
-        with open_results(self.folder, self.study, ()) as database:
-            try:
-                chunks = self._chunks(database, missing)
-                alone = self._runs(database, missing, len(missing) - chunks.count)
-                written = self._files(missing, files)
-            except _NoneTimed as error:
-                return replace(estimate, basis=str(error))
-            end = self._end(database, len(missing), report)
-        steps = chunks, alone, written
-        start, seconds = (sum(getattr(step, name) for step in steps) for name in ("start", "wall"))
-        return replace(
-            estimate,
-            run_seconds=(chunks.seconds + alone.seconds) / len(missing),
-            files=files,
-            file_seconds=written.seconds / max(files, 1),
-            start_seconds=start,
-            end_seconds=end,
-            seconds=start + seconds + end,
-            basis=" and ".join(step.basis for step in steps if step.basis),
-        )
-
-    def _chunks(self, database: StudyDatabase, missing: IntArray) -> _Step:
-        """Runs that are computed side by side: one chunk to load, and another that is timed."""
-        groups, track = group_numbers(self.study), self.study.content.command is Command.TRACK
-        count = len(missing) if track else int((groups[missing] >= 0).sum())
-        if not count:
-            return _Step()
-        from freefloat.studies.chunks import chunks, computed  # compiled kernels
-
-        pooled = self.study.compares_bodies and self.workers > 1
-        threads = 1 if pooled else self.workers
-        todo, timed = chunks(self.study, groups, missing), list[tuple[float, int, Column]]()
-        first = next(todo, None)
-        if first is None:
-            return _Step()
-        for chunk in (first, next(todo, first)):
-            some = replace(chunk, numbers=chunk.numbers[:_TRACKED]) if track else chunk
-            begin = time.perf_counter()
-            rows = dict(computed(self._sent, some, threads))
-            numbers = rows.pop(NUMBER)
-            if len(numbers) and len(timed):
-                database.add(numbers, rows)
-            timed.append((time.perf_counter() - begin, len(some.numbers), numbers))
-        (cold, size, _), (warm, length, numbers) = timed
-        seconds, start = warm / length * count * threads, max(0.0, cold - warm * size / length)
-        wall = seconds / self.workers + (self._start + start if pooled else 0.0)
-        return _Step(
-            count * len(numbers) // length,
-            seconds,
-            wall,
-            start,
-            f"{len(numbers)} runs {'side by side' if track else 'of an ensemble'}",
-        )
-
-    def _runs(self, database: StudyDatabase, missing: IntArray, count: int) -> _Step:
-        """Runs on their own."""
-        numbers = np.setdiff1d(missing, database.rows.column(NUMBER))
-        if not count or not len(numbers):
-            return _Step()
-        save = self.study.kept_files >= self.study.count
-        cold, each, runs = self.executed(numbers, save)
-        for run in runs:
-            database.add([run.number], {name: [value] for name, value in run.values.items()})
-        wall = self._wall(count, count * each, cold)
-        listed = ", ".join(str(run.number) for run in runs)
-        return _Step(count, count * each, wall, cold, f"run{'s' * (len(runs) > 1)} {listed}")
-
-    def _files(self, missing: IntArray, count: int) -> _Step:
-        """Result files that are written after the runs."""
-        if not count:
-            return _Step()
-        cold, each, _ = self.executed(missing, save=True)
-        return _Step(count, count * each, self._wall(count, count * each, cold), cold)
-
-    def executed(
-        self, numbers: IntArray, save: bool = False
-    ) -> tuple[float, float, list[RunResult]]:
-        """Time to load what runs need, mean time of a run after it [s], and the runs."""
-        places = np.linspace(0, len(numbers) - 1, min(_SAMPLES, len(numbers))).astype(int)
-        runs, times = list[RunResult](), list[float]()
-        for number in numbers[places].tolist():
-            begin = time.perf_counter()
-            runs.append(execute(self._sent, number, save).written(self.folder))
-            times.append(time.perf_counter() - begin)
-            if len(times) > 1 and sum(times) > _ENOUGH:
-                break
-        if all(run.values["verdict"] == ERROR for run in runs):
-            reason = f"run {runs[0].number}: {runs[0].values['error']}"
-            raise _NoneTimed(f"no run could be timed, {reason}")
-        each = float(np.mean(times[1:] or times))
-        return max(0.0, times[0] - each), each, runs
-
-    @cached_property
-    def _start(self) -> float:
-        """Time until a worker has started [s]."""
-        return start_seconds(self._sent)
-
-    def _wall(self, count: int, seconds: float, cold: float) -> float:
-        """The time of so many tasks side by side that take so long on a core [s].
-
-        Of few tasks this process executes those that are left when workers have started.
-        """
-        workers, few = min(self.workers, count), count <= FEW
-        if few and (workers == 1 or seconds < 1.0):
-            return seconds
-        start = self._start + cold
-        if not few:
-            return start + seconds / workers
-        return min(seconds, max(start, (seconds + (workers - 1) * start) / workers))
-
-    def _end(self, database: StudyDatabase, count: int, report: bool) -> float:
-        """The time of tables, Sobol indices and report [s]."""
-        times = []
-        for _ in range(2):
-            begin = time.perf_counter()
-            save_tables(self.folder, database.rows)
-            times.append(time.perf_counter() - begin)
-        load, tables = max(0.0, times[0] - times[1]), times[1] * count / max(1, len(database.rows))
-        result, begin = StudyResult(self.study, database.rows, self.folder), time.perf_counter()
-        if report:
-            from freefloat.studies.report import save_report  # imports slowly
-
-            save_report(result)
-        _ = result.sensitivities
-        return load + tables + time.perf_counter() - begin
+    try:
+        timed = _time_runs(PortableStudy(study), np.arange(study.count), False)
+    except _NoneTimed:
+        return None
+    parallel = min(workers or available_cores(), available_cores())
+    return timed.start + timed.each * study.count / parallel
 
 
 @dataclass(frozen=True)
-class _Step:
-    """Expected times of a step: on all cores together, of the clock, and to load [s].
+class _Timed:
+    """Some runs that were timed.
 
     Attributes:
-        count: Number of runs or files.
-        seconds: Time of these on a core.
-        wall: Time until all are computed.
-        start: Time before the first.
+        each: Time of a run on a core [s].
+        start: Time before the first [s].
         basis: What was timed.
+        count: Number of runs that are left for a step after it.
+        left: Numbers of some of these.
     """
 
-    count: int = 0
-    seconds: float = 0.0
-    wall: float = 0.0
+    each: float = 0.0
     start: float = 0.0
     basis: str = ""
+    count: int = 0
+    left: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+
+
+def _time_chunks(sent: PortableStudy, missing: IntArray, threads: int) -> _Timed:
+    """Time runs that are computed side by side: one chunk to load, and another."""
+    study, groups = sent.study, group_numbers(sent.study)
+    track = study.content.command is Command.TRACK
+    alone = missing[(groups[missing] < 0) & (not track)]
+    if len(alone) == len(missing):
+        return _Timed(count=len(missing), left=missing)
+    from freefloat.studies.ensembles import computed, study_chunks  # compiled kernels
+
+    todo, times = study_chunks(study, groups, missing), list[float]()
+    first = next(todo, None)
+    if first is None:
+        return _Timed(count=len(missing), left=missing)
+    for chunk in (first, next(todo, first)):
+        some = replace(chunk, numbers=chunk.numbers[:_TRACKED]) if track else chunk
+        begin = time.perf_counter()
+        numbers = np.asarray(computed(sent, some, threads)[NUMBER], dtype=int)
+        times.append(time.perf_counter() - begin)
+    cold, warm = times
+    basis = f"{len(numbers)} runs {'side by side' if track else 'of an ensemble'}"
+    left = np.concatenate([alone, np.setdiff1d(some.numbers, numbers)])
+    undecided = 1.0 - len(numbers) / len(some.numbers)
+    count = len(alone) + round(undecided * (len(missing) - len(alone)))
+    each = warm * threads / len(some.numbers)
+    return _Timed(each, max(0.0, cold - warm), basis if len(numbers) else "", count, left)
+
+
+def _time_runs(sent: PortableStudy, numbers: IntArray, save: bool) -> _Timed:
+    """Time some of the runs on their own, with their result files if these are saved."""
+    from freefloat.studies.run import RunResult, execute  # imports slowly
+
+    if not len(numbers):
+        return _Timed()
+    places = np.linspace(0, len(numbers) - 1, min(_SAMPLES, len(numbers))).astype(int)
+    runs, times = list[RunResult](), list[float]()
+    for number in numbers[places].tolist():
+        begin = time.perf_counter()
+        runs.append(execute(sent, number, save))
+        times.append(time.perf_counter() - begin)
+        if len(times) > 1 and sum(times) > _ENOUGH:
+            break
+    if all(run.values["verdict"] == ERROR for run in runs):
+        reason = f"run {runs[0].number}: {runs[0].values['error']}"
+        raise _NoneTimed(f"no run could be timed, {reason}")
+    each = float(np.mean(times[1:] or times))
+    listed = ", ".join(str(run.number) for run in runs)
+    return _Timed(each, max(0.0, times[0] - each), f"run{'s' * (len(runs) > 1)} {listed}")
 
 
 class _NoneTimed(Exception):

@@ -12,9 +12,8 @@ from freefloat.io.scenario.schema import ScenarioFile
 from freefloat.io.scenario.yaml import validated
 from freefloat.robot.parts import inertia_matrix
 from freefloat.so3 import Array, IntArray, unit_quaternion
-from freefloat.studies.columns import as_numbers
 from freefloat.studies.document import error_of_study
-from freefloat.studies.robot_values import INERTIA, are_inertias
+from freefloat.studies.robot_values import INERTIA
 from freefloat.studies.study import START_KEYS, Study
 from freefloat.studies.track_section import TRACK, require_track_values
 
@@ -28,8 +27,8 @@ def check_extreme_runs(study: Study) -> None:
     """Check that numbers of varied keys are accepted in the runs where they are extreme.
 
     These are the smallest and largest number of each component, the shortest and longest
-    quaternion, and a list that is the inertia of no body. Values that the study lists one by one,
-    and what is accepted only together with those of other keys, are a matter of each run.
+    quaternion. Values that the study lists one by one, and what is accepted only together with
+    others, are a matter of each run.
 
     Raises:
         InputError: The first error, with its run.
@@ -91,8 +90,6 @@ def _extreme_runs(study: Study, key: str) -> Iterator[int]:
                 found = sign * float(column[place]), int(numbers[place])
                 extremes[name, sign] = min(extremes.get((name, sign), found), found)
     yield from (number for _, number in extremes.values())
-    if _owner(key)[1] == INERTIA:
-        yield from _without_inertia(study, _owner(key)[0])
 
 
 def _blocks(study: Study, key: str) -> Iterator[tuple[IntArray, Array]]:
@@ -106,31 +103,3 @@ def _blocks(study: Study, key: str) -> Iterator[tuple[IntArray, Array]]:
     for first in range(0, study.count, _BLOCK):
         count = min(_BLOCK, study.count - first)
         yield np.arange(first, first + count), section.draws(seed, key, first, count)
-
-
-def _without_inertia(study: Study, owner: str) -> Iterator[int]:
-    """The number of the first run in which a list is the inertia of no body, if there is one.
-
-    Args:
-        study: The study.
-        owner: The key of the list, which varies as a whole or by its entries.
-    """
-    try:
-        base = np.array(_value_at(study.base, owner), dtype=float)
-    except (KeyError, ValueError, TypeError):  # it varies as a whole, or is an error of all runs
-        base = np.zeros(3)
-    for first in range(0, study.count, _BLOCK):
-        count = min(_BLOCK, study.count - first)
-        varied = study.variation.values(first, count)
-        values = np.tile(base, (count, *[1] * base.ndim))
-        if owner in varied:
-            values = as_numbers(varied[owner], np.shape(varied[owner][0]))
-        for key, column in varied.items():
-            if key.startswith(f"{owner}."):
-                values[:, int(key.rpartition(".")[2])] = as_numbers(column, ())
-        if values.shape[1:] in ((3,), (6,)):
-            known = np.isfinite(values).all(axis=1)
-            wrong = known & ~are_inertias(np.where(known[:, None], values, 1.0))
-            if wrong.any():
-                yield first + int(wrong.argmax())
-                return

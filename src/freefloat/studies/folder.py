@@ -9,7 +9,7 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 
 from freefloat.errors import InputError
-from freefloat.io.files import make_folder
+from freefloat.io.files import file_errors, make_folder
 
 DATABASE, LOCK, FILES = "study.sqlite", "study.lock", "cases"
 """Names of the database, of the lock while the study runs, and of the folder of result files."""
@@ -17,6 +17,7 @@ PARQUET, CSV, REPORT, FIGURE = "cases.parquet", "cases.csv", "report.html", "sum
 """Names of the tables, of the report, and of its figure without a suffix."""
 _OUTPUTS = (f"{DATABASE}*", f"{LOCK}*", PARQUET, CSV, REPORT, f"{FIGURE}.*")
 """Patterns of the names of files in the folder."""
+WRITABLE = "a writable folder with space"
 _NO_LINK = "no link, whose file would be overwritten; or another folder"
 
 
@@ -29,7 +30,7 @@ def prepare_folder(folder: Path) -> None:
     """
     make_folder("output", folder)
     cases = folder / FILES
-    with folder_errors(folder):
+    with file_errors("output", folder, WRITABLE):
         places = [(path, path.is_file()) for name in _OUTPUTS for path in folder.glob(name)]
         for path, usable in [(cases, cases.is_dir()), *places]:
             if path.is_symlink():
@@ -71,13 +72,3 @@ def locked(folder: Path) -> Iterator[None]:
 def _remove(path: Path) -> None:
     with suppress(OSError):  # an open file cannot be removed everywhere
         path.unlink()
-
-
-@contextmanager
-def folder_errors(path: Path) -> Iterator[None]:
-    """Raise errors of the file system as errors of the output folder."""
-    try:
-        yield
-    except OSError as error:
-        accepted = "a writable folder with space"
-        raise InputError("output", f"{path}: {error.strerror}", accepted) from None

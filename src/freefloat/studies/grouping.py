@@ -18,9 +18,8 @@ from freefloat.io.scenario.scenario import Scenario
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import UPRIGHT
-from freefloat.studies.bounds import is_bound
-from freefloat.studies.document import scenario_from, with_values
-from freefloat.studies.groups import Group, Start
+from freefloat.studies.document import with_values
+from freefloat.studies.groups import Group, Start, Unvaried, limits_of_runs
 from freefloat.studies.records import branch_choice
 from freefloat.studies.robot_values import (
     SCALE_MASS,
@@ -28,9 +27,8 @@ from freefloat.studies.robot_values import (
     nominal_values,
     vary_robots,
 )
-from freefloat.studies.run_values import fits_ensembles
+from freefloat.studies.run_values import fits_ensembles, is_bound
 from freefloat.studies.study import START_KEYS, Study
-from freefloat.studies.unvaried import Unvaried, limits_of_runs
 
 
 def _begins_stricter(group: Group, number: int) -> bool:
@@ -59,16 +57,11 @@ def _begins_stricter(group: Group, number: int) -> bool:
 
 def group_of(study: Study, number: int) -> Group | None:
     """The group whose first run has a number; None where its runs are executed one by one."""
-    return _grouped(study, number)[0]
-
-
-def why_apart(study: Study, number: int) -> list[str]:
-    """Why runs of the group whose first run has a number are executed one by one."""
-    return _grouped(study, number)[1]
+    return grouped(study, number)[0]
 
 
 @lru_cache(maxsize=4)
-def _grouped(study: Study, number: int) -> tuple[Group | None, list[str]]:
+def grouped(study: Study, number: int) -> tuple[Group | None, list[str]]:
     """The group whose first run has a number, if any; why its runs are executed one by one."""
     reasons: list[str] = []
     try:
@@ -84,8 +77,8 @@ def _group(study: Study, number: int, reasons: list[str]) -> Group | None:
     own = {key: value for key, value in parameters.items() if not fits_ensembles(key, listed)}
     nominal = {key: value for key, value in parameters.items() if is_bound(key) and key not in own}
     own |= nominal | nominal_values(parameters, study.base)
-    document = study.posed(with_values(study.base, own))
-    scenario = scenario_from(document, study.base_source.absolute())
+    document = with_values(study.base, own)
+    scenario = study.scenario_of(document)
     problem = scenario.problem()
     if not problem.model.has_one_arm:
         reasons.append("several arms move")
@@ -174,7 +167,7 @@ def _varied_robot(study: Study, document: dict[str, Any], scenario: Scenario) ->
         own = {key: value for key, value in values if key.split(".")[0] == "robot"}
         if not isinstance(own.get(SCALE_MASS, {}), dict):
             own[SCALE_MASS] = 1.0
-        return scenario_from(with_values(document, own), study.base_source.absolute()).model()
+        return study.scenario_of(with_values(document, own)).model()
 
     model, search, present = scenario.model(), scenario.search(), None
     if _moves_with_robot(scenario) and search.joints is not None:  # without, there is no path

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
@@ -59,14 +58,10 @@ def completed_in_pool(
         while suspects:
             again, started = yield from _completed(work, study, suspects, 1)
             if again and not started:
-                raise _no_workers()
+                accepted = 'a script that calls it below `if __name__ == "__main__":`'
+                raise InputError("workers", "worker processes end as they start", accepted)
             yield from ((task, None) for task in again)
         begun, _ = yield from _completed(work, study, waiting, min(workers, len(waiting)))
-
-
-def _no_workers() -> InputError:
-    accepted = 'a script that calls it below `if __name__ == "__main__":`'
-    return InputError("workers", "worker processes end as they start", accepted)
 
 
 def _completed(
@@ -171,17 +166,6 @@ def _end_with(lifeline: Connection) -> None:
 
 def _start() -> None:
     """The first task of each worker."""
-
-
-def start_seconds(study: PortableStudy) -> float:
-    """Time until a worker has started [s]."""
-    begin = time.perf_counter()
-    with _pool(study, 1) as (_, (start,)):
-        try:
-            start.result()
-        except BrokenExecutor:
-            raise _no_workers() from None
-        return time.perf_counter() - begin
 
 
 def _execute(work: Callable[[PortableStudy, Task], Result], task: Task) -> Result:

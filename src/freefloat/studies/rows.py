@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 from freefloat.errors import InputError
 from freefloat.studies.columns import BOOLEAN, BOOLEANS, FOUND, NUMBER, TEXT, in_order
+from freefloat.studies.folder import WRITABLE
 
-_WRITABLE = "a writable folder with space"
 _OF_FILE_SYSTEM = (
     "SQLITE_FULL",
     "SQLITE_IOERR",
@@ -116,7 +116,7 @@ def database_errors(file: Path) -> Iterator[None]:
     except (sqlite3.Error, UnicodeDecodeError, MemoryError) as error:
         accepted = f"a database as it was written; to start over: rm {quote(str(file))}*"
         if getattr(error, "sqlite_errorname", "").startswith(_OF_FILE_SYSTEM):
-            accepted = _WRITABLE
+            accepted = WRITABLE
         raise InputError("output", f"{file}: {str(error) or 'it is damaged'}", accepted) from None
     except OSError as error:
-        raise InputError("output", f"{file.parent}: {error.strerror}", _WRITABLE) from None
+        raise InputError("output", f"{file.parent}: {error.strerror}", WRITABLE) from None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import tempfile
 import time
 from dataclasses import dataclass, field, replace
@@ -12,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from freefloat.errors import FreeFloatError, InputError
-from freefloat.io.files import written_beside
+from freefloat.io.files import file_errors, written_beside
 from freefloat.io.records.results import save
 from freefloat.io.scenario.scenario import Scenario
-from freefloat.studies.columns import ERROR, UNCHECKED
+from freefloat.studies.columns import ERROR, UNCHECKED, finite
 from freefloat.studies.document import error_of_study
-from freefloat.studies.folder import FILES, folder_errors
+from freefloat.studies.folder import FILES, WRITABLE
 from freefloat.studies.portable import PortableStudy
 from freefloat.studies.records import computed_record, followed_motion
 from freefloat.studies.study import UNDISTURBED, Command, Study
@@ -48,7 +47,7 @@ class RunResult:
             return self
         name = f"{'undisturbed' if self.number == UNDISTURBED else f'{self.number:05d}'}.h5"
         file = folder / FILES / name
-        with folder_errors(folder / FILES):
+        with file_errors("output", folder / FILES, WRITABLE):
             file.parent.mkdir(exist_ok=True)
             with written_beside(file) as temporary:
                 temporary.write_bytes(self.content)
@@ -106,15 +105,6 @@ def _computed(study: Study, number: int) -> tuple[dict[str, Any], Any]:
     record = computed_record(study.content.command, source, **inputs)
     contact = {} if study.contact_unchecked is None else {"contact": UNCHECKED}
     return finite(record_values(record)) | contact, record
-
-
-def finite(value: Any) -> Any:
-    """Replace numbers that JSON does not know by None."""
-    if isinstance(value, dict):
-        return {key: finite(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return [finite(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _file_content(record: Any, scenario: Scenario) -> bytes:

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from freefloat.motion.pointing import Keep, PointingLimit
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, BoolArray, IntArray
-from freefloat.studies.bounds import is_bound
-from freefloat.studies.columns import as_numbers
+from freefloat.studies.columns import NUMBER, Column, Columns, as_numbers
 from freefloat.studies.robot_values import MASS_FACTORS, SCALE_MASS, is_robot_key, uniform_factors
 from freefloat.studies.study import START_KEYS, Command, Study
 
+NO_ROWS: Columns = {NUMBER: ()}
+"""Results of no run."""
+FRACTION = "margin.fraction"
+_BOUND = re.compile(
+    r"limits\.(base_rate|base_turn_deg|joint_(rate|torque)(\..+)?|pointing\.\d+\.angle_deg)"
+)
+"""Scenario keys of bounds of limits that may differ in an ensemble."""
 VECTORS = {"momentum": "momenta", "wheels.momentum": "wheels", "drift": "drifts"}
 """Scenario keys of vectors, and what they are in ensembles; entries vary, too, as momentum.2."""
 NUMBERS = {"timing.duration": "durations", "margin.value": "thresholds"}
@@ -35,6 +44,24 @@ _UNIT = 1e-2
 """Deviation of a quaternion's norm from one that scenarios accept."""
 _LEVEL = 1e-9
 """Components x, y of the quaternions of planar attitudes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Chunk:
+    """Runs that are integrated together.
+
+    Attributes:
+        first: Number of the first run of their group.
+        numbers: Their numbers, ascending.
+    """
+
+    first: int
+    numbers: IntArray
+
+
+def is_bound(key: str) -> bool:
+    """Whether a key is that of a bound, of a limit or of the margin, that may differ."""
+    return key == FRACTION or _BOUND.fullmatch(key) is not None
 
 
 def fits_ensembles(key: str, listed: Mapping[str, Sequence[Any]]) -> bool:
@@ -150,3 +177,54 @@ def _accepted(name: str, array: Array, problem: Problem) -> BoolArray:
             tilt = seen[:, 2:] if name == "drifts" else seen[:, :2]
             accepted &= (np.abs(tilt) <= (_LEVEL if name == "attitudes" else 0.0)).all(axis=1)
     return np.asarray(accepted)
+
+
+def bound_ratios(
+    values: Mapping[str, Column], nominal: Mapping[str, float], count: int
+) -> tuple[dict[str, Array], BoolArray]:
+    """Nominal bounds over those of runs by key, and whether all of a run are accepted.
+
+    Args:
+        values: Values by key.
+        nominal: Nominal values of the keys of bounds that vary.
+        count: Number of runs.
+    """
+    ratios, fits = dict[str, Array](), np.ones(count, dtype=bool)
+    for key, value in nominal.items():
+        bounds = as_numbers(values[key], ())
+        most = 180.0 if key.endswith("_deg") else 1.0 if key == FRACTION else _LARGEST
+        with np.errstate(invalid="ignore"):
+            accepted = (bounds > 0.0) & (bounds < most) & (value > 0.0)
+        fits &= accepted
+        ratios[key] = np.where(accepted, value, 1.0) / np.where(accepted, bounds, 1.0)
+    return ratios, fits
+
+
+def limit_scales(
+    ratios: Mapping[str, Array],
+    limits: Mapping[str, tuple[str, ...]],
+    pointing: Sequence[PointingLimit],
+) -> Array | None:
+    """Factors on the ratios of Q quantities of limits, shape (K, Q); None where none varies.
+
+    Args:
+        ratios: Nominal bounds over those of K runs by key.
+        limits: Joints, or other names, of the quantities of each limit.
+        pointing: The limits of axes.
+    """
+    if not ratios:
+        return None
+    quantities = [
+        (limit, str(number), place)
+        for limit, places in limits.items()
+        for number, place in enumerate(places)
+    ]
+    scales = np.ones((len(next(iter(ratios.values()))), len(quantities)))
+    for key, ratio in ratios.items():
+        _, name, *others = key.split(".", 2)
+        entry = "".join(others).removesuffix(".angle_deg")
+        for column, (limit, *names) in zip(scales.T, quantities, strict=True):
+            if limit == name.removesuffix("_deg") and (not entry or entry in names):
+                outside = limit == "pointing" and pointing[int(names[0])].keep is Keep.OUTSIDE
+                column *= 1.0 / ratio if outside else ratio
+    return scales

@@ -9,6 +9,7 @@ from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from freefloat.concurrency import Progress, available_cores, require_memory
 from freefloat.errors import InputError, finite_number, require_extra, require_type, whole_number
@@ -18,11 +19,13 @@ from freefloat.studies.folder import DATABASE
 from freefloat.studies.portable import PortableStudy, study_files
 from freefloat.studies.process_pool import completed_in_pool
 from freefloat.studies.results import StudyResult
-from freefloat.studies.run import RunResult, error_values, execute, execute_into
 from freefloat.studies.run_values import group_numbers
 from freefloat.studies.study import START_KEYS, UNDISTURBED, Command, Study
 from freefloat.studies.tables import save_tables
 from freefloat.studies.tally import Tally
+
+if TYPE_CHECKING:
+    from freefloat.studies.run import RunResult
 
 _WORKER_SIZE = 200_000_000
 """Memory of a worker [bytes]."""
@@ -161,9 +164,12 @@ class _Execution:
         groups = group_numbers(study)
         if study.content.command is not Command.TRACK and not (groups[missing] >= 0).any():
             return
-        from freefloat.studies.chunks import chunks, computed  # compiled kernels import slowly
+        from freefloat.studies.ensembles import (  # compiled kernels import slowly
+            computed,
+            study_chunks,
+        )
 
-        todo = chunks(study, groups, missing)
+        todo = study_chunks(study, groups, missing)
         if self.scheduler is None and study.compares_bodies and self.workers > 1:
             work = partial(computed, threads=1)
             with closing(completed_in_pool(work, self.sent, [*todo], self.workers)) as tasks:
@@ -219,6 +225,8 @@ class _Execution:
         """Execute runs side by side, and write their files if they are to be saved."""
         if not numbers:
             return
+        from freefloat.studies.run import RunResult, error_values, execute, execute_into
+
         folder = self.database.folder
         if self.scheduler is None:
             here = partial(execute_into, folder=folder) if save_files else execute

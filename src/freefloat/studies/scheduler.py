@@ -16,10 +16,10 @@ from distributed.comm.addressing import get_address_host_port
 from distributed.comm.core import connect
 
 from freefloat.errors import InputError
-from freefloat.studies.chunks import computed
 from freefloat.studies.columns import Columns
-from freefloat.studies.ensembles import Chunk
+from freefloat.studies.ensembles import computed
 from freefloat.studies.portable import PortableStudy
+from freefloat.studies.run_values import Chunk
 
 _TIMEOUT = 10.0
 """Time to wait for a scheduler and its first worker [s]."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -231,7 +231,18 @@ class Study:
         Raises:
             InputError: If its values are not accepted, or its file of path samples is missing.
         """
-        return scenario_from(self.posed(self.document(number)), self.base_source)
+        return self.scenario_of(self.document(number))
+
+    def scenario_of(self, document: dict[str, Any]) -> Scenario:
+        """The scenario that runs pose with some data; an unvaried robot is read once.
+
+        Raises:
+            InputError: As :meth:`scenario`.
+        """
+        scenario = scenario_from(self.posed(document), self.base_source.absolute())
+        if document.get("robot") != self.base.get("robot"):
+            return scenario
+        return replace(scenario, robot=self.base_robot)
 
     def start(self, number: int) -> dict[str, Any]:
         """The start of a simulation: attitude or heading_deg, and branch if it is set."""

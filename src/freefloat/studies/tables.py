@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +21,7 @@ _CASE = "case"
 """Name of the column of numbers in tables."""
 _SPECIAL = re.compile('[,"\r\n]')
 """What a CSV cell has in quotes alone."""
-
-_QUOTED = r"^'([=+\-@\t\r\n])"
-"""Beginning of a text to which :func:`cell_text` added an apostrophe."""
+_Columns = Sequence[Sequence[Any]]
 
 
 def save_tables(
@@ -41,24 +40,21 @@ def save_tables(
         InputError: If they cannot be written.
     """
     types = {_CASE if name == NUMBER else name: kind for name, kind in rows.types.items()}
-    query = f"{rows.selection(rows.types)} ORDER BY number"
-    with written_beside(folder / CSV) as beside:
-        with beside.open("w", encoding="utf-8", newline="") as stream:
-            stream.write(",".join(_cells(list(types), TEXT)))
-            count = len(rows)
-            for place, block in enumerate(rows.blocks(query)):
-                progress(place * BLOCK / count)
-                columns = map(_cells, zip(*block, strict=True), types.values())
-                stream.write("\n" + "\n".join(map(",".join, zip(*columns, strict=True))))
-            stream.write("\n")
-        try:
-            require_extra("parquet", "pyarrow")
-        except MissingExtraError:
-            parquet = None
-        else:
-            parquet = folder / PARQUET
-            _save_parquet(parquet, beside, types)
-    return {"parquet": parquet, "csv": folder / CSV}
+    query, count = f"{rows.selection(rows.types)} ORDER BY number", len(rows)
+    with ExitStack() as stack:
+        parquet = stack.enter_context(_parquet(folder / PARQUET, types))
+        beside = stack.enter_context(written_beside(folder / CSV))
+        stream = stack.enter_context(beside.open("w", encoding="utf-8", newline=""))
+        stream.write(",".join(_cells(list(types), TEXT)))
+        for place, block in enumerate(rows.blocks(query)):
+            progress(place * BLOCK / count)
+            columns = [*zip(*block, strict=True)]
+            if parquet is not None:
+                parquet(columns)
+            cells = map(_cells, columns, types.values())
+            stream.write("\n" + "\n".join(map(",".join, zip(*cells, strict=True))))
+        stream.write("\n")
+    return {"parquet": None if parquet is None else folder / PARQUET, "csv": folder / CSV}
 
 
 def _cells(values: Sequence[Any], kind: str) -> list[str]:
@@ -81,25 +77,38 @@ def _cell(value: Any, kind: str) -> str:
     return '"{}"'.format(text.replace('"', '""')) if _SPECIAL.search(text) else text
 
 
-def _save_parquet(file: Path, table: Path, kinds: Mapping[str, str]) -> None:
-    """Write a CSV table as a Parquet file, with types of its columns; empty cells are null."""
+@contextmanager
+def _parquet(file: Path, kinds: Mapping[str, str]) -> Iterator[Callable[[_Columns], None] | None]:
+    """Writes columns of rows to a Parquet file with types; None without PyArrow."""
+    try:
+        require_extra("parquet", "pyarrow")
+    except MissingExtraError:
+        yield None
+        return
     import pyarrow
-    from pyarrow import compute, parquet
-    from pyarrow import csv as reader
+    from pyarrow.parquet import ParquetWriter
 
     arrow = {TEXT: pyarrow.string(), INTEGER: pyarrow.int64(), BOOLEAN: pyarrow.bool_()}
-    fields = [(name, arrow.get(kind, pyarrow.float64())) for name, kind in kinds.items()]
-    schema, texts = pyarrow.schema(fields), [name for name, kind in kinds.items() if kind == TEXT]
-    cells = reader.ConvertOptions(column_types=schema, null_values=[""], strings_can_be_null=True)
-    names = reader.ReadOptions(column_names=list(kinds), skip_rows=1)
-    lines = reader.ParseOptions(newlines_in_values=True)
+    schema = pyarrow.schema([(name, arrow.get(kind, pyarrow.float64()))
+                             for name, kind in kinds.items()])  # fmt: skip
+    texts = [name for name, kind in kinds.items() if kind == TEXT]
+
+    def write(columns: _Columns) -> None:
+        values = zip(map(_nullable, columns, kinds.values()), schema.types, strict=True)
+        arrays = [pyarrow.array(column, type=kind) for column, kind in values]
+        writer.write_batch(pyarrow.record_batch(arrays, schema=schema))
+
     with (
-        reader.open_csv(table, names, lines, cells) as batches,
         written_beside(file) as beside,
-        parquet.ParquetWriter(beside, schema, use_dictionary=texts) as writer,
+        ParquetWriter(beside, schema, use_dictionary=texts) as writer,
     ):
-        for batch in batches:
-            for name in texts:  # as they were before cell_text
-                plain = compute.replace_substring_regex(batch[name], _QUOTED, r"\1")
-                batch = batch.set_column(schema.get_field_index(name), schema.field(name), plain)
-            writer.write_batch(batch)
+        yield write
+
+
+def _nullable(values: Sequence[Any], kind: str) -> Sequence[Any]:
+    """Values of a column with None for empty texts, and truth values for their numbers."""
+    if kind == TEXT:
+        return [value or None for value in values]
+    if kind == BOOLEAN:
+        return [None if value is None else bool(value) for value in values]
+    return values

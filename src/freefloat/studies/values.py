@@ -25,13 +25,16 @@ from freefloat.planning.simulation import Simulation
 from freefloat.planning.space.attitude_map import AttitudeMap
 from freefloat.robot.joint_ranges import range_ratios
 from freefloat.so3 import degrees
-from freefloat.studies.columns import FEASIBLE, INFEASIBLE
+from freefloat.studies.columns import (
+    FEASIBLE,
+    INFEASIBLE,
+    LIMITING,
+    LIMITS_REASON,
+    MARGIN_LIMITS,
+    MARGIN_REASON,
+    SINGULARITY_LIMITS,
+)
 from freefloat.verification.tracking import Tracking, track_many
-
-MARGIN_REASON, LIMITS_REASON = "The margin is not kept.", "Limits are not kept: {}."
-"""Why a motion that completes is infeasible."""
-LIMITING, MARGIN_LIMITS, SINGULARITY_LIMITS = "{} of {}", "margin", "singularity"
-"""What limits a motion: a limit and a joint, or another place; the margin; where it ends."""
 
 
 def record_values(record: Any) -> dict[str, Any]:
@@ -135,39 +138,24 @@ def _verdict(answer: Answer) -> dict[str, Any]:
     return {"verdict": FEASIBLE if answer.feasible else INFEASIBLE, "reason": answer.reason}
 
 
-def _attitude_map_values(result: AttitudeMap) -> dict[str, Any]:
-    """The values of a map of attitudes."""
-    return {
-        **_map_values(result),
-        "robust_radius_deg": result.robust and degrees(result.robust.radius),
-        **(_attitude(result.best.attitude.tolist()) if result.best else {}),
-        "measure": result.problem.margin.measure.name,
-    }
-
-
-def _heading_map_values(result: HeadingMap) -> dict[str, Any]:
-    """The values of a map of headings."""
-    values = _map_values(result)
-    if result.robust is not None:
-        values["robust_radius_deg"] = degrees(result.robust.radius)
-    if result.best is not None:
-        values["heading_deg"] = degrees(result.best.heading)
-        values |= _attitude(result.best.attitude.tolist())
-    return values
-
-
 def _map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
-    """The values that both kinds of maps have."""
-    feasible = result.feasible_found
-    return {
+    """The values of a map."""
+    feasible, best = result.feasible_found, result.best
+    values = {
         "verdict": FEASIBLE if feasible else INFEASIBLE,
         "reason": "" if feasible else "no attitude tried keeps the margin",
-        "margin": result.best and result.best.minimum_margin,
+        "margin": best and best.minimum_margin,
         "margin_required": result.problem.margin.threshold,
         "feasible_fraction": result.feasible_fraction,
         "motion_fraction": result.motion_fraction,
-        "branch": result.best and result.best.branch,
+        "branch": best and best.branch,
+        "robust_radius_deg": result.robust and degrees(result.robust.radius),
     }
+    if isinstance(result, AttitudeMap):
+        values["measure"] = result.problem.margin.measure.name
+    elif result.best is not None:
+        values["heading_deg"] = degrees(result.best.heading)
+    return values | (_attitude(best.attitude.tolist()) if best else {})
 
 
 def _motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
@@ -250,7 +238,7 @@ _VALUES: dict[type, Callable[[Any], dict[str, Any]]] = {
     GoalMotion: _goal_values,
     Manoeuvre: _manoeuvre_values,
     Simulation: _simulation_values,
-    AttitudeMap: _attitude_map_values,
-    HeadingMap: _heading_map_values,
+    AttitudeMap: _map_values,
+    HeadingMap: _map_values,
 }
 """Functions that return the values of a result, by its class."""
