@@ -116,7 +116,7 @@ def batch(
             with console.progress("timing runs"):
                 seconds = seconds_one_by_one(loaded, workers) if loaded.count >= _MANY else None
             duration = "" if seconds is None else f"; up to about {time_text(seconds)}"
-            say(f"{loaded.source}: run by run, because {reason}{duration}")
+            say(f"{loaded.source}: runs on their own, because {reason}{duration}")
         result = run_in_stages(
             loaded, output, workers, scheduler, _fraction(until), report, console.progress
         )
@@ -190,15 +190,16 @@ def _estimate_tables(estimate: StudyEstimate) -> Iterator[RenderableType]:
     if study.count > _MAX_ROWS:
         yield f"and {study.count - _MAX_ROWS:,} more"
     if estimate.run_by_run is not None:
-        yield f"run by run, because {estimate.run_by_run}"
+        yield f"runs on their own, because {estimate.run_by_run}"
     if study.contact_unchecked is not None:
         yield study.contact_unchecked
     if estimate.run_seconds is not None and estimate.seconds is not None:
         workers = "one worker" if estimate.workers in (None, 1) else f"{estimate.workers} workers"
-        files = f", {estimate.files:,} files" if estimate.files else ""
+        files = f", {estimate.files:,} files of {time_text(estimate.file_seconds)}"
         yield (
             f"{estimate.missing:,} to run, about {time_text(estimate.run_seconds)} each on a core"
-            f"{files}: about {time_text(estimate.seconds)} with {workers}"
+            f"{files if estimate.files else ''}, {time_text(estimate.start_seconds)} to start: "
+            f"about {time_text(estimate.seconds)} with {workers}"
         )
     else:
         yield f"{estimate.missing:,} to run; no estimate: {estimate.basis}"

@@ -123,6 +123,11 @@ class Group:
     robot: VariedRobot
     stricter: bool = False
 
+    @property
+    def starts_by_models(self) -> bool:
+        """Whether runs with robots of their own begin where the model of each says."""
+        return self.start.is_best or self.problem.redundant
+
     def integrate(self, numbers: IntArray, threads: int) -> tuple[IntArray, ManyMotions]:
         """Integrate runs; return the numbers of those whose values fit, and their motions."""
         first = int(numbers[0])

@@ -96,8 +96,9 @@ def sensitivities(study: Study) -> list[Sensitivity]:
 
     They are those of 2,048 pairs of draws and their mixtures, integrated beside the runs of the
     study. Those so near to margin or limits that a precise motion would decide count as they
-    are. Empty for studies that ensembles do not decide, or that list values; without those of
-    feasibility where limits need precise or recorded motions, and of what does not vary.
+    are. Empty for studies that ensembles do not decide, that list values, or in which the arm
+    branches of thousands of robots would be looked for one by one; without those of feasibility
+    where limits need precise or recorded motions, and of what does not vary.
     """
     if study.variation.listed or group_numbers(study)[0] < 0:
         return []
@@ -105,7 +106,7 @@ def sensitivities(study: Study) -> list[Sensitivity]:
 
     mixed = _MixedStudy(study.source, study.content, study.base_source, study.base)
     group, keys = group_of(mixed, 0), list(study.content.vary)
-    if group is None:
+    if group is None or (group.starts_by_models and any(key.startswith("robot.") for key in keys)):
         return []
     decides = not (group.others or group.recorded.names)
     group = replace(group, recorded=group.recorded.without)
