@@ -126,6 +126,19 @@ def test_a_heading_is_for_planar_tasks(tmp_path: Path) -> None:
     assert error_key(a_study, tmp_path, LISTED, base=base) == "heading_deg"
 
 
+def test_limits_of_links_that_the_robot_does_not_have_are_refused_before_the_runs(
+    tmp_path: Path,
+) -> None:
+    antenna = {
+        "body": "mast",
+        "axis": [1, 0, 0],
+        "target": {"direction": [0, 1, 0]},
+        "angle_deg": 9,
+    }
+    base = BASE | {"limits": {"pointing": [antenna]}}
+    assert error_key(a_study, tmp_path, LISTED, base=base) == "limits.pointing.0.body"
+
+
 def test_a_base_without_a_valid_run_is_an_error(tmp_path: Path) -> None:
     broken = BASE | {"margin": {"measure": "system"}}
     with pytest.raises(InputError) as caught:

@@ -49,6 +49,7 @@ def load_study(name: str | Path) -> Study:
         check_extreme_runs(study)
         _check_branch(study)
         _check_links(study)
+        _check_limits(study)
     except InputError as error:
         raise error.found_in(str(source)) from None
     return study
@@ -183,6 +184,18 @@ def _check_links(study: Study) -> None:
         if link not in links:
             source = study.source if key.startswith("vary.") else str(study.base_source)
             raise InputError(key, "the robot has no such link", ", ".join(links), source)
+
+
+def _check_limits(study: Study) -> None:
+    """Check that the robot has what limits of the base scenario name, unless that varies."""
+    vary = study.content.vary
+    if not study.base.get("limits") or "robot.urdf" in vary or _error_of_base(study) is not None:
+        return
+    try:
+        scenario_from(study.base, study.base_source).limits()
+    except InputError as error:
+        if not any(f"{error.key}.".startswith(f"{key}.") for key in vary):
+            raise
 
 
 def _error_of_base(study: Study) -> InputError | None:
