@@ -18,7 +18,6 @@ from freefloat.ensemble.result import EnsembleResult
 from freefloat.ensemble.systems import Systems
 from freefloat.ensemble.tolerances import STEP_TOLERANCE
 from freefloat.errors import InputError, finite_number, whole_number
-from freefloat.lockstep.lanes import WIDTH
 from freefloat.motion.margin import ROUNDING
 from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
@@ -26,8 +25,8 @@ from freefloat.so3 import Array
 
 _CHUNK = 1024
 """Largest number of motions between two reports of progress or checks for an interruption."""
-_CHUNKS = 2
-"""Chunks for each thread of few motions: at the end of each, lanes are idle."""
+_FEWEST = 64
+"""Smallest number of motions of a thread: at the end of its work, lanes are idle."""
 
 
 class EnsembleIntegrator:
@@ -124,7 +123,7 @@ class EnsembleIntegrator:
         )
         properties = 0 if robots is None else robots.shape[1]
         result = EnsembleResult.empty((K,), n, len(self._spares))
-        chunk = min(_CHUNK, max(-(-K // (_CHUNKS * self.threads)), 4 * WIDTH))
+        chunk = min(_CHUNK, max(-(-K // self.threads), _FEWEST))
 
         def integrate_chunk(first: int) -> None:
             integrate_many(

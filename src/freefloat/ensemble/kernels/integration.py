@@ -71,52 +71,44 @@ def integrate_many(
     """
     work = workspace_in_tables(workspace)
     problem = problem_in_tables(problem, motions.robots, work)
-    waiting, repeated = beyond - first, 0
-    begun = _STRICTER if motions.stricter else 1.0
-    queue, factors = np.arange(first, beyond), np.full(waiting, begun)
-    again, stricter = np.empty(waiting, np.int64), np.empty(waiting)
-    owners, steps = np.empty(WIDTH, np.int64), np.empty(WIDTH, np.int64)
-    peaks = np.empty((waiting, len(workspace.peaks)))
-    for repeats in (True, False):
-        following = busy = min(WIDTH, waiting)
-        for lane in range(following):
-            owners[lane], steps[lane] = queue[lane], 0
-            load_motion(problem, motions, queue[lane], lane, factors[lane] * tolerance, work)
-        for lane in range(following, WIDTH):
-            owners[lane] = -1
-        while busy > 0:
-            arrived, singular = attempt(problem, motions.extremes, work)
-            below = bits(work.status[LOWEST] < motions.stop_below)
-            for lane in range(WIDTH):
-                k, bit = owners[lane], 1 << lane
-                if k < 0:
-                    continue
-                steps[lane] += 1
-                ending = _CONTINUES
-                if singular & bit:
-                    ending = SINGULAR
-                elif below & bit:
-                    ending = MARGIN
-                elif arrived & bit or steps[lane] == 1:
-                    ending = go_on(problem, motions.goals[k], arrived & bit != 0, lane, work)
-                elif steps[lane] > _MAX_STEPS:
-                    ending = FAILED
-                if ending == _CONTINUES:
-                    continue
-                store(problem, motions, k, lane, ending, steps[lane], work, peaks[k - first], out)
-                factor = stricter_factor(motions, k, lane, work, out) if repeats else 1.0
-                if factor < begun:
-                    again[repeated], stricter[repeated] = k, factor
-                    repeated += 1
-                owners[lane], steps[lane] = -1, 0
-                if following == waiting:
-                    busy -= 1
-                    continue
-                owners[lane] = queue[following]
-                factor = factors[following] * tolerance
-                load_motion(problem, motions, owners[lane], lane, factor, work)
-                following += 1
-        queue, factors, waiting = again, stricter, repeated
+    begun, following = _STRICTER if motions.stricter else 1.0, min(first + WIDTH, beyond)
+    busy = following - first
+    owners, steps = np.full(WIDTH, -1), np.zeros(WIDTH, np.int64)
+    factors, peaks = np.full(WIDTH, begun), np.empty((beyond - first, len(workspace.peaks)))
+    for lane in range(busy):
+        owners[lane] = first + lane
+        load_motion(problem, motions, owners[lane], lane, begun * tolerance, work)
+    while busy > 0:
+        arrived, singular = attempt(problem, motions.extremes, work)
+        below = bits(work.status[LOWEST] < motions.stop_below)
+        for lane in range(WIDTH):
+            k, bit = owners[lane], 1 << lane
+            if k < 0:
+                continue
+            steps[lane] += 1
+            ending = _CONTINUES
+            if singular & bit:
+                ending = SINGULAR
+            elif below & bit:
+                ending = MARGIN
+            elif arrived & bit or steps[lane] == 1:
+                ending = go_on(problem, motions.goals[k], arrived & bit != 0, lane, work)
+            elif steps[lane] > _MAX_STEPS:
+                ending = FAILED
+            if ending == _CONTINUES:
+                continue
+            store(problem, motions, k, lane, ending, steps[lane], work, peaks[k - first], out)
+            steps[lane] = 0
+            again = stricter_factor(motions, k, lane, work, out) if factors[lane] == begun else 1.0
+            factors[lane] = begun
+            if again < begun:
+                factors[lane] = again
+            elif following < beyond:
+                owners[lane], following = following, following + 1
+            else:
+                owners[lane], busy = -1, busy - 1
+                continue
+            load_motion(problem, motions, owners[lane], lane, factors[lane] * tolerance, work)
     if motions.extremes:
         evaluate_peaks(problem, motions, first, peaks, work, out)
 
