@@ -88,17 +88,27 @@ def integrate_motion(
     tolerance = finite_number("tolerance", tolerance, accepted, _FINEST, _ROUGHEST)
     end = problem.path.duration if end is None else end
     first = _first_node(problem, attitude, joints, start, end)
-    if problem.redundancy is not None and problem.redundancy.metric is Metric.BASE:
-        tolerance = max(_AT_KINKS * tolerance, _FINEST)
-    rows, ending = _integrate(problem, ArcFlow(problem), first, end, tolerance)
-    rows[:, 5 + problem.model.arm_dof :] = problem.arms.at(rows[:, 0])
-    motion = Motion(problem, ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])
-    if not problem.redundant:  # det S* has a sign
-        determinant = partial(generalized_determinant, problem.model, task=problem.task)
-        motion = _cut(motion, determinant, 0.0, Ending.SINGULAR)
+    motion = motion_from(problem, first, end, tolerance)
     if stop_at_margin and problem.margin.threshold:
         motion = _cut(motion, problem.margin.measure, problem.margin.threshold, Ending.MARGIN)
     return motion
+
+
+def motion_from(problem: Problem, node: Array, end: float, tolerance: float) -> Motion:
+    """The motion from time, attitude and joints (5 + n,), which are not checked, to a time [s].
+
+    Raises:
+        IntegrationError: If the integrator fails for a reason other than a singularity.
+    """
+    if problem.redundancy is not None and problem.redundancy.metric is Metric.BASE:
+        tolerance = max(_AT_KINKS * tolerance, _FINEST)
+    rows, ending = _integrate(problem, ArcFlow(problem), node, end, tolerance)
+    rows[:, 5 + problem.model.arm_dof :] = problem.arms.at(rows[:, 0])
+    motion = Motion(problem, ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])
+    if problem.redundant:
+        return motion
+    determinant = partial(generalized_determinant, problem.model, task=problem.task)
+    return _cut(motion, determinant, 0.0, Ending.SINGULAR)  # det S* has a sign
 
 
 def _first_node(

@@ -40,8 +40,6 @@ _RESTING = 1e-8
 """Error of joint rates times the duration that is rounding [rad, m]."""
 _SECOND = 1e-6
 """Difference of the second integration [rad, m]."""
-_HALVING = 1e-4
-"""Change of its end when its steps are halved [rad, m]."""
 _MAGNITUDE = 10.0
 """Factor between errors of the same order of magnitude."""
 _SMALL = 1e-7
@@ -223,13 +221,11 @@ def _rounding(motion: Motion) -> float:
 
 def _second_checks(second: Comparison) -> list[Check]:
     """Check the differences from a second integration."""
-    halving = max(second.halving_attitude, second.halving_joints)
     return [
-        error_check("attitude, integrated again", second.attitude,
-                    max(_SECOND, 8.0 * second.halving_attitude), "rad", second.attitude_time),
-        error_check("joints, integrated again", second.joints,
-                    max(_SECOND, 8.0 * second.halving_joints), "rad or m", second.joints_time),
-        error_check("step halving", halving, _HALVING, "rad or m", second.until),
+        error_check("attitude, integrated again", second.attitude, _SECOND, "rad",
+                    second.attitude_time),
+        error_check("joints, integrated again", second.joints, _SECOND, "rad or m",
+                    second.joints_time),
     ]  # fmt: skip
 
 
